@@ -1,0 +1,38 @@
+"""Floor 0: values that every room uses. No planning, no files of the user, no plugins."""
+
+from navstack.core.angles import angle_between, normalize_angle
+from navstack.core.costs import FREE, INSCRIBED, LETHAL, UNKNOWN, describe_cost
+from navstack.core.events import Event, Listener
+from navstack.core.footprint import Footprint
+from navstack.core.frames import FrameTree
+from navstack.core.geometry import Pose2D, Transform2D, Twist2D
+from navstack.core.grid import Bounds, Costmap, GridGeometry, OccupancyGrid, Window
+from navstack.core.path import Path
+from navstack.core.sensing import LaserScan, PointCloud, RobotState, SensorData
+
+__all__ = [
+    "FREE",
+    "INSCRIBED",
+    "LETHAL",
+    "UNKNOWN",
+    "Bounds",
+    "Costmap",
+    "Event",
+    "Footprint",
+    "FrameTree",
+    "GridGeometry",
+    "LaserScan",
+    "Listener",
+    "OccupancyGrid",
+    "Path",
+    "PointCloud",
+    "Pose2D",
+    "RobotState",
+    "SensorData",
+    "Transform2D",
+    "Twist2D",
+    "Window",
+    "angle_between",
+    "describe_cost",
+    "normalize_angle",
+]

@@ -1,0 +1,87 @@
+"""The robot's outline: a polygon around its centre, with the two radii that costmap_2d derives from it.
+
+Source of the rules: costmap_2d/src/footprint.cpp (16-gon from a radius, padding away from zero per axis, inscribed and
+circumscribed radius over vertices and edges).
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from navstack.core.errors import InputError
+from navstack.core.geometry import Pose2D
+
+CIRCLE_VERTICES = 16
+
+
+class Footprint:
+    """Outline `vertices` (n, 2) float64, metres, in the robot's frame, padding included. Immutable."""
+
+    def __init__(self, vertices: NDArray[np.float64], padding: float = 0.0) -> None:
+        """`vertices` (n, 2) without padding; `padding` (m) moves each vertex away from zero along each axis.
+
+        Raises InputError for fewer than three points, points that are not finite, and outlines without area or that
+        cross themselves.
+        """
+        points = np.array(vertices, np.float64)
+        if points.ndim != 2 or points.shape[1] != 2 or len(points) < 3:
+            raise InputError(
+                f"a footprint needs at least three points [x, y], not {len(points)}; give [[x, y], [x, y], [x, y], ..]",
+                points=points.tolist(),
+            )
+        if not np.isfinite(points).all() or not math.isfinite(padding):
+            raise InputError("a footprint's points and padding must be finite numbers", points=points.tolist())
+        # sign0: a coordinate of exactly zero is not moved
+        points = points + np.sign(points) * padding
+        polygon = shapely.Polygon(points)
+        if not polygon.is_valid or polygon.area <= 0.0:
+            raise InputError(
+                "the footprint's outline crosses itself or has no area; list its corners in order around the robot",
+                points=points.tolist(),
+            )
+        points.setflags(write=False)
+        self.vertices: NDArray[np.float64] = points
+        self.padding = padding
+        origin = shapely.Point(0.0, 0.0)
+        radii = np.hypot(points[:, 0], points[:, 1])
+        self.inscribed_radius = float(polygon.exterior.distance(origin))
+        self.circumscribed_radius = float(radii.max())
+        self.contains_center = bool(polygon.covers(origin))
+
+    @classmethod
+    def from_radius(cls, radius: float, padding: float = 0.0) -> Footprint:
+        """A circle of `radius` (m) as costmap_2d draws it: a regular 16-gon."""
+        if not (math.isfinite(radius) and radius > 0.0):
+            raise InputError(f"robot_radius must be a positive number of metres, not {radius}", radius=radius)
+        angles = np.arange(CIRCLE_VERTICES) * (2.0 * np.pi / CIRCLE_VERTICES)
+        return cls(np.column_stack((radius * np.cos(angles), radius * np.sin(angles))), padding)
+
+    @cached_property
+    def polygon(self) -> shapely.Polygon:
+        """The outline as a shapely polygon, in the robot's frame."""
+        return shapely.Polygon(self.vertices)
+
+    def at(self, pose: Pose2D) -> NDArray[np.float64]:
+        """Vertices (n, 2) in the frame of `pose` (m)."""
+        c, s = math.cos(pose.yaw), math.sin(pose.yaw)
+        out = np.empty_like(self.vertices)
+        out[:, 0] = pose.x + c * self.vertices[:, 0] - s * self.vertices[:, 1]
+        out[:, 1] = pose.y + s * self.vertices[:, 0] + c * self.vertices[:, 1]
+        return out
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Footprint) and np.array_equal(self.vertices, other.vertices)
+
+    def __hash__(self) -> int:
+        return hash(self.vertices.tobytes())
+
+    def __repr__(self) -> str:
+        return (
+            f"Footprint({len(self.vertices)} vertices, inscribed {self.inscribed_radius:.4f} m, "
+            f"circumscribed {self.circumscribed_radius:.4f} m)"
+        )

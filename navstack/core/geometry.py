@@ -1,0 +1,89 @@
+"""Poses, velocities and rigid transforms in the plane. Metres, radians, counter-clockwise."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core.angles import normalize_angle
+
+
+class Pose2D(NamedTuple):
+    """Position (m) and heading (rad) in some frame."""
+
+    x: float
+    y: float
+    yaw: float = 0.0
+
+    def distance_to(self, other: Pose2D) -> float:
+        """Euclidean distance between the two positions, in metres."""
+        return math.hypot(other.x - self.x, other.y - self.y)
+
+    def is_finite(self) -> bool:
+        """False when a coordinate is NaN or infinite."""
+        return math.isfinite(self.x) and math.isfinite(self.y) and math.isfinite(self.yaw)
+
+
+class Twist2D(NamedTuple):
+    """Velocity in the robot's own frame: forward and left (m/s), counter-clockwise (rad/s)."""
+
+    vx: float = 0.0
+    vy: float = 0.0
+    wz: float = 0.0
+
+    @property
+    def speed(self) -> float:
+        """Translational speed, m/s."""
+        return math.hypot(self.vx, self.vy)
+
+    def is_finite(self) -> bool:
+        """False when a component is NaN or infinite."""
+        return math.isfinite(self.vx) and math.isfinite(self.vy) and math.isfinite(self.wz)
+
+
+class Transform2D(NamedTuple):
+    """Pose of a frame B in a frame A; `apply` takes coordinates in B to coordinates in A."""
+
+    x: float = 0.0
+    y: float = 0.0
+    yaw: float = 0.0
+
+    def apply(self, pose: Pose2D) -> Pose2D:
+        """`pose` given in B, expressed in A."""
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        return Pose2D(
+            self.x + c * pose.x - s * pose.y, self.y + s * pose.x + c * pose.y, normalize_angle(self.yaw + pose.yaw)
+        )
+
+    def apply_points(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points (n, 2) given in B, expressed in A: a new (n, 2) array."""
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        out = np.empty((len(points), 2))
+        out[:, 0] = self.x + c * points[:, 0] - s * points[:, 1]
+        out[:, 1] = self.y + s * points[:, 0] + c * points[:, 1]
+        return out
+
+    def apply_poses(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Poses (n, 3) = x, y, yaw given in B, expressed in A: a new (n, 3) array, yaw in (-pi, pi]."""
+        out = np.empty((len(poses), 3))
+        out[:, :2] = self.apply_points(poses[:, :2])
+        yaw = poses[:, 2] + self.yaw
+        out[:, 2] = -((-yaw + np.pi) % (2.0 * np.pi) - np.pi)
+        return out
+
+    def inverse(self) -> Transform2D:
+        """The transform that takes coordinates in A to coordinates in B."""
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        return Transform2D(-(c * self.x + s * self.y), s * self.x - c * self.y, normalize_angle(-self.yaw))
+
+    def __matmul__(self, other: Transform2D) -> Transform2D:
+        """`A<-B @ B<-C = A<-C`."""
+        pose = self.apply(Pose2D(other.x, other.y, other.yaw))
+        return Transform2D(pose.x, pose.y, pose.yaw)
+
+    def is_identity(self) -> bool:
+        """True when nothing would move."""
+        return self.x == 0.0 and self.y == 0.0 and self.yaw == 0.0

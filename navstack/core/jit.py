@@ -1,0 +1,102 @@
+"""`@kernel`: numba, loaded when the first kernel runs, cached where that is possible, never required to be.
+
+- Importing a module of kernels costs nothing: numba (half a second) is imported, and the whole chain of kernels that call
+  each other is bound, at the first call.
+- The cache lives in the user's cache folder under a key made of the size and time of every kernel file of the package, so
+  that a change in a kernel that another file calls is seen too (numba looks only at the file of the caller).
+- Where nothing can be written, kernels are compiled anew in each process.
+- NAVSTACK_BOUNDSCHECK=1 compiles every kernel with bounds checks, into a cache of its own.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import threading
+from collections.abc import Callable
+from functools import cache, update_wrapper
+from pathlib import Path
+from typing import Any, Generic, ParamSpec, TypeVar, cast
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+_LOCK = threading.RLock()
+_PACKAGE = Path(__file__).resolve().parent.parent
+
+
+def boundscheck_enabled() -> bool:
+    """True when NAVSTACK_BOUNDSCHECK asks for bounds checks."""
+    return os.environ.get("NAVSTACK_BOUNDSCHECK", "") not in ("", "0")
+
+
+class Kernel(Generic[P, R]):
+    """A function for numba; compiled at its first call."""
+
+    def __init__(self, function: Callable[P, R]) -> None:
+        self.function = function
+        self._compiled: Callable[P, R] | None = None
+        update_wrapper(self, function)
+
+    def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
+        compiled = self._compiled
+        if compiled is None:
+            compiled = self.compiled()
+        return compiled(*args, **kwargs)
+
+    def compiled(self) -> Callable[P, R]:
+        """Numba's dispatcher; use it where a tenth of a microsecond per call counts."""
+        if self._compiled is None:
+            with _LOCK:
+                if self._compiled is None:
+                    dispatcher = _dispatcher(self.function)
+                    self._compiled = dispatcher
+                    # kernels that this one calls by their global names: numba must find dispatchers there
+                    names = self.function.__globals__
+                    for name in self.function.__code__.co_names:
+                        other = names.get(name)
+                        if isinstance(other, Kernel):
+                            names[name] = cast("Kernel[..., Any]", other).compiled()
+        return self._compiled
+
+
+def kernel(function: Callable[P, R]) -> Kernel[P, R]:
+    """Decorator: compile with numba in nopython mode, releasing the GIL. No fastmath, no threads: reproducible to the bit."""
+    return Kernel(function)
+
+
+def _dispatcher(function: Callable[P, R]) -> Callable[P, R]:
+    import numba
+    import numba.core.config
+
+    config: Any = numba.core.config
+
+    options: dict[str, Any] = {"nogil": True, "boundscheck": boundscheck_enabled(), "error_model": "numpy"}
+    folder = _cache_folder()
+    if folder is not None:
+        before = config.CACHE_DIR
+        config.CACHE_DIR = folder  # read by numba while it decorates; put back for the user's own functions
+        try:
+            return cast("Callable[P, R]", numba.njit(cache=True, **options)(function))
+        except (RuntimeError, OSError):
+            pass  # no place to cache in: compile without
+        finally:
+            config.CACHE_DIR = before
+    return cast("Callable[P, R]", numba.njit(**options)(function))
+
+
+@cache
+def _cache_folder() -> str | None:
+    """The folder for this state of the kernels, None when none can be written to."""
+    digest = hashlib.sha256(b"boundscheck" if boundscheck_enabled() else b"")
+    for file in sorted(_PACKAGE.rglob("*_kernels.py")):
+        status = file.stat()
+        digest.update(f"{file.relative_to(_PACKAGE)}:{status.st_size}:{status.st_mtime_ns};".encode())
+    base = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME")
+    try:
+        root = Path(base) if base else Path.home() / ".cache"
+        folder = root / "navstack" / f"kernels-{digest.hexdigest()[:16]}"
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, RuntimeError):
+        return None
+    return str(folder) if os.access(folder, os.W_OK | os.X_OK) else None

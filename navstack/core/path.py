@@ -1,0 +1,41 @@
+"""A path: poses in a frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core.geometry import Pose2D, Transform2D
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Path:
+    """Poses (n, 3) float64 = x, y (m), yaw (rad), in `frame`."""
+
+    poses: NDArray[np.float64]
+    frame: str = "map"
+
+    def __post_init__(self) -> None:
+        if self.poses.ndim != 2 or self.poses.shape[1] != 3:
+            raise ValueError(f"a path is an array of shape (n, 3), not {self.poses.shape}")
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    def __getitem__(self, index: int) -> Pose2D:
+        x, y, yaw = self.poses[index]
+        return Pose2D(float(x), float(y), float(yaw))
+
+    @property
+    def length(self) -> float:
+        """Sum of the distances between successive positions, in metres."""
+        if len(self.poses) < 2:
+            return 0.0
+        step = np.diff(self.poses[:, :2], axis=0)
+        return float(np.hypot(step[:, 0], step[:, 1]).sum())
+
+    def transformed(self, transform: Transform2D, frame: str) -> Path:
+        """The same path in `frame`, given the pose of this path's frame in it."""
+        return Path(transform.apply_poses(self.poses), frame)

@@ -1,0 +1,139 @@
+"""Registries: plugins by name, with their ROS names as aliases, from this package and from others' entry points."""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from typing import Generic, TypeVar
+
+from navstack.core.errors import UnknownPluginError
+from navstack.interfaces import Critic, GlobalPlanner, Layer, LocalPlanner, RecoveryBehavior
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class PluginEntry(Generic[T]):
+    """A registered plugin."""
+
+    name: str
+    cls: type[T]
+    aliases: tuple[str, ...]
+    origin: str
+    """`navstack` or the distribution that brought it by entry point."""
+
+
+def normalize(name: str) -> str:
+    """`costmap_2d::StaticLayer` and `costmap_2d/StaticLayer` are one name."""
+    return name.strip().replace("::", "/")
+
+
+class Registry(Generic[T]):
+    """Plugins of one kind.
+
+    Built-in ones register themselves by decorator when their room is imported, which happens at the first look-up;
+    others come by the entry point group `navstack.<kind>s`, each entry being a class and its name the plugin's. A third
+    party's class may have an attribute `PLUGIN_ALIASES` with further names.
+    """
+
+    def __init__(self, kind: str, group: str, room: str) -> None:
+        self.kind = kind
+        self.group = group
+        self._room = room
+        self._entries: dict[str, PluginEntry[T]] = {}
+        self._lookup: dict[str, str] = {}
+        self._loaded = False
+
+    def register(self, name: str, *, aliases: tuple[str, ...] = ()) -> Callable[[type[T]], type[T]]:
+        """Class decorator. A name or alias that is taken is an error."""
+
+        def decorate(cls: type[T]) -> type[T]:
+            self.add(name, cls, aliases=aliases)
+            return cls
+
+        return decorate
+
+    def add(self, name: str, cls: type[T], *, aliases: tuple[str, ...] = (), origin: str = "navstack") -> None:
+        """Registers `cls`; raises ValueError when a name is taken by another class."""
+        names = [normalize(n) for n in (name, *aliases)]
+        for n in names:
+            taken = self._lookup.get(n)
+            if taken is not None:
+                other = self._entries[taken].cls
+                raise ValueError(
+                    f'the {self.kind} name "{n}" is taken by {other.__module__}.{other.__qualname__}; '
+                    f"{cls.__module__}.{cls.__qualname__} needs another"
+                )
+        self._entries[names[0]] = PluginEntry(names[0], cls, tuple(names[1:]), origin)
+        for n in names:
+            self._lookup[n] = names[0]
+
+    def get(self, name: str) -> PluginEntry[T]:
+        """The plugin of that name or alias; raises UnknownPluginError with what was meant and what there is."""
+        self._load()
+        found = self._lookup.get(normalize(name))
+        if found is None:
+            known = sorted(self._entries)
+            close = self.suggest(name)
+            hint = f'; did you mean "{close}"?' if close else ""
+            listed = ", ".join(known) or "none"
+            raise UnknownPluginError(
+                f'there is no {self.kind} "{name}"{hint} Known: {listed}'
+                if hint
+                else f'there is no {self.kind} "{name}"; known: {listed}',
+                kind=self.kind,
+                plugin=name,
+                known=known,
+                suggestion=close,
+            )
+        return self._entries[found]
+
+    def suggest(self, name: str) -> str | None:
+        """The registered name or alias nearest to a misspelt one."""
+        self._load()
+        by_lower = {n.lower(): n for n in self._lookup}
+        close = difflib.get_close_matches(normalize(name).lower(), list(by_lower), n=1, cutoff=0.6)
+        return by_lower[close[0]] if close else None
+
+    def __contains__(self, name: str) -> bool:
+        self._load()
+        return normalize(name) in self._lookup
+
+    def __iter__(self) -> Iterator[PluginEntry[T]]:
+        self._load()
+        return iter(sorted(self._entries.values(), key=lambda e: e.name))
+
+    def _load(self) -> None:
+        if self._loaded:
+            return
+        self._loaded = True
+        importlib.import_module(self._room)
+        for point in entry_points(group=self.group):
+            cls: type[T] = point.load()
+            origin = point.dist.name if point.dist else "entry point"
+            self.add(point.name, cls, aliases=tuple(getattr(cls, "PLUGIN_ALIASES", ())), origin=origin)
+
+
+LAYERS: Registry[Layer] = Registry("costmap layer", "navstack.layers", "navstack.costmap")
+GLOBAL_PLANNERS: Registry[GlobalPlanner] = Registry(
+    "global planner", "navstack.global_planners", "navstack.global_planner"
+)
+LOCAL_PLANNERS: Registry[LocalPlanner] = Registry("local planner", "navstack.local_planners", "navstack.local_planner")
+CRITICS: Registry[Critic] = Registry("critic", "navstack.critics", "navstack.local_planner")
+RECOVERY_BEHAVIORS: Registry[RecoveryBehavior] = Registry(
+    "recovery behavior", "navstack.recovery_behaviors", "navstack.recovery"
+)
+
+REGISTRIES: tuple[
+    Registry[Layer] | Registry[GlobalPlanner] | Registry[LocalPlanner] | Registry[Critic] | Registry[RecoveryBehavior],
+    ...,
+] = (
+    LAYERS,
+    GLOBAL_PLANNERS,
+    LOCAL_PLANNERS,
+    CRITICS,
+    RECOVERY_BEHAVIORS,
+)
