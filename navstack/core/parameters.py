@@ -61,3 +61,10 @@ def param(
     bounds: dict[str, Any] = {k: v for k, v in {"ge": ge, "gt": gt, "le": le, "lt": lt}.items() if v is not None}
     extra: dict[str, Any] = {"unit": unit, "ros_differs": ros_differs}
     return Field(default, description=meaning, json_schema_extra=extra, **bounds)
+
+
+class PluginSpec(ParamModel):
+    """One entry of a plugin list: `{name: inflation_layer, type: "costmap_2d::InflationLayer"}`."""
+
+    name: str = Field(description="instance name, which is also the namespace of its parameters", min_length=1)
+    type: str = Field(description="plugin type, by its ROS name or navstack's", min_length=1)
