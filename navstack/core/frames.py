@@ -77,8 +77,9 @@ class FrameTree:
     def latest_stamp(self, target: str, source: str) -> float:
         """The newest time (s) at which the two frames are connected; inf when only static ones lie between."""
         newest = float("inf")
+        common = self._common_ancestor(clean_frame(target), clean_frame(source))
         for name in (clean_frame(target), clean_frame(source)):
-            while name in self._edges:
+            while name != common and name in self._edges:
                 edge = self._edges[name]
                 if not edge.static:
                     newest = min(newest, edge.stamps[-1])
@@ -96,16 +97,30 @@ class FrameTree:
         if stamp is None:
             stamp = self.latest_stamp(target, source)
             tolerance_s = float("inf")
-        root_target, up_target = self._to_root(target, stamp, tolerance_s)
-        root_source, up_source = self._to_root(source, stamp, tolerance_s)
-        if root_target != root_source:
+        common = self._common_ancestor(target, source)
+        if common is None:
             known = ", ".join(self.frames()) or "none"
             raise FrameError(
                 f'no transform from "{source}" to "{target}": they are not connected (frames: {known})',
                 target=target,
                 source=source,
             )
-        return up_source if up_target.is_identity() else up_target.inverse() @ up_source
+        up_source = self._up_to(common, source, stamp, tolerance_s)
+        if common == target:
+            return up_source
+        return self._up_to(common, target, stamp, tolerance_s).inverse() @ up_source
+
+    def _common_ancestor(self, a: str, b: str) -> str | None:
+        above: set[str] = {a}
+        while a in self._edges:
+            a = self._edges[a].parent
+            above.add(a)
+        while b not in above:
+            edge = self._edges.get(b)
+            if edge is None:
+                return None
+            b = edge.parent
+        return b
 
     def _edge(self, parent: str, child: str, static: bool) -> _Edge:
         edge = self._edges.get(child)
@@ -120,14 +135,14 @@ class FrameTree:
             edge = self._edges[child] = _Edge(parent, static)
         return edge
 
-    def _to_root(self, name: str, stamp: float, tolerance_s: float) -> tuple[str, Transform2D]:
+    def _up_to(self, ancestor: str, name: str, stamp: float, tolerance_s: float) -> Transform2D:
         total = IDENTITY
-        while name in self._edges:
+        while name != ancestor:
             edge = self._edges[name]
             step = edge.transforms[0] if edge.static else self._at(name, edge, stamp, tolerance_s)
             total = step if total.is_identity() else step @ total
             name = edge.parent
-        return name, total
+        return total
 
     @staticmethod
     def _at(name: str, edge: _Edge, stamp: float, tolerance_s: float) -> Transform2D:

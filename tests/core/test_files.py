@@ -1,0 +1,34 @@
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from navstack.core.errors import OutputError
+from navstack.core.files import ensure_directory, write_text, written_whole
+
+
+def test_nothing_half_written(tmp_path: Path) -> None:
+    target = tmp_path / "log.txt"
+    write_text(target, "old")
+    with pytest.raises(RuntimeError), written_whole(target) as beside:
+        beside.write_text("half")
+        raise RuntimeError("power cut")
+    assert target.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_a_folder_that_cannot_be(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match="--out"):
+        ensure_directory(tmp_path / "file" / "out")
+    with pytest.raises(OutputError, match="cannot write"):
+        write_text(tmp_path / "absent" / "x.txt", "")
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_a_folder_without_permission(tmp_path: Path) -> None:
+    tmp_path.chmod(0o500)
+    with pytest.raises(OutputError, match="permission"):
+        ensure_directory(tmp_path)

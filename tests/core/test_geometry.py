@@ -1,0 +1,108 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from navstack.core import Bounds, Costmap, Footprint, GridGeometry, Path, Pose2D, Transform2D, Window, normalize_angle
+from navstack.core.errors import InputError
+from tests.conftest import golden_files
+
+
+@settings(deadline=None, derandomize=True)
+@given(st.floats(-1e4, 1e4))
+def test_normalized_angles_lie_in_the_half_open_circle(angle: float) -> None:
+    turned = normalize_angle(angle)
+    assert -math.pi < turned <= math.pi
+    assert math.isclose(math.cos(turned), math.cos(angle), abs_tol=1e-9)
+    assert math.isclose(math.sin(turned), math.sin(angle), abs_tol=1e-9)
+
+
+def test_pi_stays_and_minus_pi_becomes_pi() -> None:
+    assert normalize_angle(math.pi) == math.pi
+    assert normalize_angle(-math.pi) == math.pi
+    turned = Transform2D(0, 0, math.pi).apply_poses(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, math.pi]]))
+    assert turned[0, 2] == math.pi
+    assert abs(turned[1, 2]) < 1e-12
+
+
+@settings(deadline=None, derandomize=True)
+@given(st.integers(0, 79), st.integers(0, 49), st.sampled_from([0.05, 0.1, 0.025, 1.0]), st.floats(-50, 50))
+def test_cells_round_trip(ix: int, iy: int, resolution: float, origin: float) -> None:
+    geometry = GridGeometry(80, 50, resolution, origin, -origin)
+    assert geometry.world_to_cell(*geometry.cell_to_world(ix, iy)) == (ix, iy)
+
+
+def test_outside_and_not_finite_are_no_cell() -> None:
+    geometry = GridGeometry(4, 3, 0.5)
+    assert geometry.world_to_cell(1.99, 1.49) == (3, 2)
+    for point in [(-1e-9, 0), (2.0, 0), (0, 1.5), (math.nan, 0), (0, math.inf)]:
+        assert geometry.world_to_cell(*point) is None
+    assert geometry.world_to_cell_unbounded(-0.1, 2.0) == (-1, 4)
+
+
+def test_window_of_bounds_includes_both_corners_and_is_clipped() -> None:
+    geometry = GridGeometry(10, 10, 1.0)
+    assert geometry.window_of(Bounds(1.5, 2.5, 3.5, 3.5)) == Window(1, 2, 4, 4)
+    assert geometry.window_of(Bounds(-5, -5, 50, 50)) == geometry.window
+    assert geometry.window_of(Bounds()).is_empty
+
+
+@pytest.mark.parametrize("resolution", [0.0, -1.0, math.nan, math.inf])
+def test_a_grid_needs_a_resolution(resolution: float) -> None:
+    with pytest.raises(ValueError, match="resolution"):
+        GridGeometry(1, 1, resolution)
+
+
+def test_costmap_refuses_the_wrong_array() -> None:
+    with pytest.raises(ValueError, match="uint8"):
+        Costmap(GridGeometry(3, 2, 1.0), np.zeros((3, 2), np.uint8))
+
+
+def test_path_length_and_shape() -> None:
+    path = Path(np.array([[0.0, 0, 0], [3, 4, 0], [3, 5, 0]]))
+    assert path.length == 6.0
+    assert path[1] == Pose2D(3, 4, 0)
+    with pytest.raises(ValueError, match="shape"):
+        Path(np.zeros((3, 2)))
+
+
+@pytest.mark.parametrize("file", golden_files("primitives.npz"), ids=lambda f: f.name)
+def test_footprint_radii_match_cpp(file) -> None:
+    with np.load(file) as data:
+        for radius, padding, inscribed, circumscribed in data["footprint_radius"]:
+            footprint = Footprint.from_radius(radius, padding)
+            assert footprint.inscribed_radius == pytest.approx(inscribed, abs=1e-12)
+            assert footprint.circumscribed_radius == pytest.approx(circumscribed, abs=1e-12)
+
+
+@pytest.mark.parametrize("file", golden_files("costmap_seq_*.npz"), ids=lambda f: f.name)
+def test_padded_footprint_matches_cpp(file) -> None:
+    with np.load(file) as data:
+        np.testing.assert_allclose(Footprint.from_radius(0.18, 0.01).vertices, data["footprint"], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("points", "match"),
+    [
+        ([[0, 0], [1, 0]], "at least three points"),
+        ([[0, 0], [1, 0], [2, 0]], "area"),
+        ([[0, 0], [1, 1], [1, 0], [0, 1]], "crosses itself"),
+        ([[0, 0], [1, 0], [math.nan, 1]], "finite"),
+    ],
+)
+def test_impossible_footprints(points: list[list[float]], match: str) -> None:
+    with pytest.raises(InputError, match=match):
+        Footprint(np.array(points, float))
+
+
+def test_footprint_at_a_pose() -> None:
+    footprint = Footprint(np.array([[1.0, 0.0], [-1.0, 1.0], [-1.0, -1.0]]))
+    np.testing.assert_allclose(
+        footprint.at(Pose2D(2.0, 3.0, math.pi / 2)), [[2.0, 4.0], [1.0, 2.0], [3.0, 2.0]], atol=1e-12
+    )
+    assert footprint.contains_center
+    assert not Footprint(np.array([[1.0, 0.0], [2.0, 0.0], [1.5, 1.0]])).contains_center
