@@ -1,0 +1,5 @@
+"""`python -m navstack` is the `navstack` command."""
+
+from navstack.cli import main
+
+main()

@@ -1,0 +1,106 @@
+"""The `navstack` command and what it does with failures.
+
+Exit codes: 0 every goal SUCCEEDED, 1 a goal did not, 2 the input was wrong, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from typing import Any
+
+import click
+import typer
+
+from navstack.cli import check, info, plan, plot, simulate
+
+EXIT_GOAL_FAILED = 1
+EXIT_WRONG_INPUT = 2
+EXIT_INTERRUPTED = 130
+
+app = typer.Typer(
+    name="navstack",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="markdown",
+    pretty_exceptions_enable=False,
+    help="move_base without ROS: plan, simulate and understand navigation from the YAML files of your robot.",
+    epilog="Exit codes: 0 every goal SUCCEEDED, 1 a goal did not, 2 the input was wrong.",
+)
+app.command("plan")(plan.plan)
+app.command("simulate")(simulate.simulate)
+app.command("plot")(plot.plot)
+app.command("check")(check.check)
+app.command("info")(info.info)
+
+
+def _version(value: bool) -> None:
+    if value:
+        from navstack import __version__
+
+        print(f"navstack {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def root(
+    version: bool = typer.Option(False, "--version", callback=_version, is_eager=True, help="Print the version."),
+) -> None:
+    """Options of the command itself."""
+
+
+def run(arguments: list[str]) -> int:
+    """Runs one command line; the exit code."""
+    as_json = "--json" in arguments
+    try:
+        code = app(args=arguments, prog_name="navstack", standalone_mode=False)
+        return code if isinstance(code, int) else 0
+    except click.exceptions.NoArgsIsHelpError as exc:
+        print(exc.format_message())
+        return EXIT_WRONG_INPUT
+    except click.exceptions.Abort:
+        return _interrupted()
+    except KeyboardInterrupt:
+        return _interrupted()
+    except click.ClickException as exc:
+        context = getattr(exc, "ctx", None)
+        hint = f'Try "{context.command_path} --help".' if context is not None else ""
+        return _report(as_json, 9001, "INVALID_INPUT", exc.format_message(), {}, hint)
+    except BrokenPipeError:
+        return EXIT_WRONG_INPUT
+    except Exception as exc:
+        from navstack.core.errors import NavError
+
+        if not isinstance(exc, NavError):
+            raise
+        return _report(as_json, exc.code, exc.name, exc.message, exc.as_dict(), "", exit_code_of(exc))
+
+
+def exit_code_of(error: Exception) -> int:
+    """A planner that finds no way between two good places is a failed goal; everything else is wrong input."""
+    from navstack.core.errors import NoValidPathError, PlanningTimeoutError
+
+    return EXIT_GOAL_FAILED if isinstance(error, (NoValidPathError, PlanningTimeoutError)) else EXIT_WRONG_INPUT
+
+
+def _interrupted() -> int:
+    print("interrupted", file=sys.stderr)
+    return EXIT_INTERRUPTED
+
+
+def _report(
+    as_json: bool,
+    code: int,
+    name: str,
+    message: str,
+    data: dict[str, Any],
+    hint: str,
+    exit_code: int = EXIT_WRONG_INPUT,
+) -> int:
+    if as_json:
+        print(json.dumps({"error": {**data, "code": code, "name": name, "message": message}}))
+    else:
+        from navstack.cli.output import print_error
+
+        print_error(message, hint)
+    return exit_code

@@ -1,0 +1,64 @@
+"""What users type: poses, obstacles, maps."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from navstack.core.errors import InputError, MapError
+
+if TYPE_CHECKING:
+    from navstack.core import OccupancyGrid, Pose2D
+
+
+def _numbers(text: str, argument: str, shape: str, counts: tuple[int, ...]) -> list[float]:
+    parts = [part.strip() for part in text.split(",")]
+    values: list[float] = []
+    for part in parts:
+        try:
+            value = float(part)
+        except ValueError:
+            raise InputError(
+                f'{argument} "{text}": "{part}" is not a number; give {shape}', argument=argument, value=text
+            ) from None
+        if not math.isfinite(value):
+            raise InputError(
+                f'{argument} "{text}": {part} is not a finite number; give {shape}', argument=argument, value=text
+            )
+        values.append(value)
+    if len(values) not in counts:
+        raise InputError(f'{argument} "{text}" has {len(values)} numbers; give {shape}', argument=argument, value=text)
+    return values
+
+
+def parse_pose(text: str, argument: str) -> Pose2D:
+    """`x,y` or `x,y,yaw` -> pose (m, rad); yaw 0 when left out."""
+    from navstack.core import Pose2D, normalize_angle
+
+    values = _numbers(text, argument, "x,y or x,y,yaw in metres and radians, such as 29.75,7.95,1.57", (2, 3))
+    return Pose2D(values[0], values[1], normalize_angle(values[2]) if len(values) == 3 else 0.0)
+
+
+def parse_obstacle(text: str) -> tuple[float, float, float]:
+    """`x,y,r` -> a disc (m)."""
+    x, y, r = _numbers(text, "--obstacle", "x,y,r in metres, such as 3.0,1.5,0.2", (3,))
+    if r <= 0.0:
+        raise InputError(f'--obstacle "{text}": the radius must be positive', argument="--obstacle", value=text)
+    return x, y, r
+
+
+def map_of(name: str) -> tuple[Path, OccupancyGrid]:
+    """A map by file or by the name of a packaged one."""
+    from navstack import maps
+    from navstack.map_io import load_map
+
+    path = Path(name)
+    if not path.exists() and path.suffix == "" and path.parent == Path():
+        known = maps.map_names()
+        if name not in known:
+            raise MapError(
+                f'there is no file and no packaged map "{name}"; packaged: {", ".join(known)}', map=name, known=known
+            )
+        path = maps.map_path(name)
+    return path, load_map(path)

@@ -1,0 +1,35 @@
+"""`navstack check`: every finding about parameters, with file, line and column."""
+
+from __future__ import annotations
+
+import typer
+
+SEVERITY_STYLE = {"error": "bold red", "warning": "yellow", "info": "cyan"}
+
+
+def check(
+    params: list[str] = typer.Argument(..., help="A packaged set, a folder, or files in the order of loading."),
+    set_: list[str] = typer.Option([], "--set", metavar="KEY=VALUE", help="Override a parameter."),
+    distro: str | None = typer.Option(None, "--distro", help="noetic or indigo: which scoring scale is meant."),
+    json_: bool = typer.Option(False, "--json", help="One JSON document on stdout."),
+) -> int:
+    """Load parameters and say everything that can be said about them."""
+    from navstack.cli.output import print_json, stdout
+    from navstack.configuration import check_parameters
+
+    findings = check_parameters(params, overrides=set_, distro=distro)
+    errors = sum(f.severity == "error" for f in findings)
+    if json_:
+        print_json({"findings": [f.as_dict() for f in findings]})
+        return 2 if errors else 0
+    from rich.markup import escape
+
+    out = stdout()
+    for f in findings:
+        style = SEVERITY_STYLE[f.severity]
+        out.print(f"{escape(f.location)}: [{style}]{f.severity}[/]: {escape(f.message)} [dim]({escape(f.rule)})[/]")
+        if f.suggestion:
+            out.print(f"    [dim]->[/] {escape(f.suggestion)}")
+    warnings = sum(f.severity == "warning" for f in findings)
+    out.print(f"{errors} errors, {warnings} warnings, {len(findings) - errors - warnings} notes")
+    return 2 if errors else 0

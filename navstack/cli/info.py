@@ -1,0 +1,63 @@
+"""`navstack info`: what is installed and what there is to choose from."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import typer
+
+
+def collect() -> dict[str, Any]:
+    """Versions, plugins by kind, packaged maps and parameter sets."""
+    import platform
+    from importlib.metadata import PackageNotFoundError, version
+
+    from navstack import __version__, maps
+    from navstack.params import parameter_sets
+    from navstack.plugins import REGISTRIES
+
+    versions = {"navstack": __version__, "python": platform.python_version()}
+    for name in ("numpy", "numba", "scipy", "shapely", "matplotlib", "pydantic", "pillow", "pyyaml", "typer", "rich"):
+        try:
+            versions[name] = version(name)
+        except PackageNotFoundError:
+            versions[name] = "not installed"
+    plugins = {
+        registry.kind: [
+            {"name": entry.name, "aliases": list(entry.aliases), "origin": entry.origin} for entry in registry
+        ]
+        for registry in REGISTRIES
+    }
+    return {
+        "versions": versions,
+        "plugins": plugins,
+        "maps": list(maps.map_names()),
+        "parameters": list(parameter_sets()),
+    }
+
+
+def info(json_: bool = typer.Option(False, "--json", help="One JSON document on stdout.")) -> None:
+    """Versions, registered plugins with their ROS names, packaged maps and parameter sets."""
+    from navstack.cli.output import print_json, stdout
+
+    found = collect()
+    if json_:
+        print_json(found)
+        return
+    from rich.table import Table
+
+    out = stdout()
+    out.print("  ".join(f"{name} {number}" for name, number in found["versions"].items()))
+    table = Table("plugin", "name", "also known as", "from", title="plugins", title_justify="left")
+    for kind, entries in found["plugins"].items():
+        for i, entry in enumerate(entries):
+            table.add_row(
+                kind if i == 0 else "",
+                entry["name"],
+                ", ".join(entry["aliases"]),
+                entry["origin"],
+                end_section=i == len(entries) - 1,
+            )
+    out.print(table)
+    out.print("maps:", ", ".join(found["maps"]))
+    out.print("parameter sets:", ", ".join(found["parameters"]))

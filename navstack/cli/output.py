@@ -1,0 +1,59 @@
+"""What every command prints with: tables on stdout, logs and progress on stderr, JSON alone on stdout."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+@cache
+def stdout() -> Console:
+    """Where results go."""
+    from rich.console import Console
+
+    return Console(highlight=False, soft_wrap=True)
+
+
+@cache
+def stderr() -> Console:
+    """Where everything else goes."""
+    from rich.console import Console
+
+    return Console(stderr=True, highlight=False, soft_wrap=True)
+
+
+def print_error(message: str, hint: str = "") -> None:
+    """`error: ..` in red; the way out below it."""
+    from rich.markup import escape
+
+    stderr().print(f"[bold red]error:[/] {escape(message)}")
+    if hint:
+        stderr().print(escape(hint))
+
+
+def print_note(message: str) -> None:
+    """A line for people, on stderr."""
+    from rich.markup import escape
+
+    stderr().print(f"[dim]note:[/] {escape(message)}")
+
+
+def print_json(document: Mapping[str, Any]) -> None:
+    """One JSON document on stdout; what is not finite becomes null."""
+    from navstack.core.errors import jsonable
+
+    json.dump(jsonable(dict(document)), sys.stdout, allow_nan=False)
+    sys.stdout.write("\n")
+
+
+def as_json_text(document: Mapping[str, Any]) -> str:
+    """The same document for a file, indented."""
+    from navstack.core.errors import jsonable
+
+    return json.dumps(jsonable(dict(document)), indent=2, allow_nan=False) + "\n"

@@ -1,0 +1,171 @@
+"""`navstack simulate`: drive a simulated robot to its goals."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from navstack.scenario import RunResult, Scenario
+
+STATE_STYLE = {"SUCCEEDED": "green", "PREEMPTED": "yellow"}
+
+
+def simulate(
+    map_: str = typer.Argument(
+        "office", metavar="[MAP.yaml]", help="A map_server YAML, or the name of a packaged map."
+    ),
+    start: str | None = typer.Option(None, "--start", metavar="X,Y[,YAW]", help="Where the robot stands (m, rad)."),
+    goal: list[str] = typer.Option(
+        [], "--goal", metavar="X,Y[,YAW]", help="Where it is to go (m, rad); repeat for more."
+    ),
+    params: list[str] = typer.Option(
+        ["turtlebot"], "--params", metavar="NAME|DIR|FILE", help="A packaged set, a folder, or files in order (repeat)."
+    ),
+    set_: list[str] = typer.Option([], "--set", metavar="KEY=VALUE", help="Override a parameter (repeat)."),
+    distro: str | None = typer.Option(
+        None,
+        "--distro",
+        metavar="noetic|indigo",
+        help="Whose scoring scale: noetic's, or that of releases before 2018.",
+    ),
+    seed: int = typer.Option(0, "--seed", help="Of the noise; the same seed gives the same run.", min=0),
+    obstacle: list[str] = typer.Option(
+        [], "--obstacle", metavar="X,Y,R", help="A round obstacle that is not on the map."
+    ),
+    time_limit: float = typer.Option(600.0, "--time-limit", help="Simulated seconds a goal may take.", min=0.1),
+    out: Path = typer.Option(
+        Path("navstack_run"), "--out", metavar="DIR", help="Folder of record, log, summary, picture."
+    ),
+    json_: bool = typer.Option(False, "--json", help="One JSON document on stdout."),
+) -> int:
+    """Drive a simulated robot through its goals; without arguments, a turtlebot through a packaged office."""
+    from navstack.cli.output import as_json_text, print_json
+    from navstack.core.files import ensure_directory, write_text
+    from navstack.plot import plot_run
+
+    scenario = _scenario(map_, start, goal, params, set_, distro, seed, obstacle, time_limit)
+    folder = ensure_directory(out)
+    result = _run(scenario, quiet=json_)
+    assert result.recorder is not None
+    files = {what: str(name) for what, name in result.recorder.save(folder).items()}
+    picture = folder / "run.png"
+    plot_run(result.recorder.record(), picture)
+    files |= {"picture": str(picture), "summary": str(folder / "summary.json")}
+    document = {**result.as_dict(), "files": files}
+    write_text(folder / "summary.json", as_json_text(document))
+    if json_:
+        print_json(document)
+    else:
+        _print(result, document)
+    return 0 if result.succeeded else 1
+
+
+def _scenario(
+    map_name: str,
+    start: str | None,
+    goal: list[str],
+    params: list[str],
+    overrides: list[str],
+    distro: str | None,
+    seed: int,
+    obstacle: list[str],
+    time_limit: float,
+) -> Scenario:
+    from navstack import maps
+    from navstack.cli.arguments import map_of, parse_obstacle, parse_pose
+    from navstack.cli.output import print_note
+    from navstack.configuration import load_configuration
+    from navstack.core.errors import InputError
+    from navstack.scenario import Scenario
+
+    start_pose = parse_pose(start, "--start") if start is not None else None
+    goals = tuple(parse_pose(g, "--goal") for g in goal)
+    obstacles = tuple(parse_obstacle(o) for o in obstacle)
+    path, grid = map_of(map_name)
+    if start_pose is None or not goals:
+        packaged = maps.places(map_name) if map_name in maps.map_names() else None
+        if packaged is None:
+            missing = "--start" if start_pose is None else "--goal"
+            raise InputError(
+                f"{path.name} says nothing about where to start and go: give {missing} x,y[,yaw]", argument=missing
+            )
+        start_pose = start_pose or packaged.start
+        goals = goals or packaged.goals
+    configuration = load_configuration(params, overrides=overrides, distro=distro)
+    for finding in configuration.findings:
+        if finding.severity == "warning":
+            print_note(f"{finding.location}: {finding.message}")
+    return Scenario(
+        map=grid,
+        configuration=configuration,
+        start=start_pose,
+        goals=goals,
+        obstacles=obstacles,
+        seed=seed,
+        time_limit_s=time_limit,
+        names={"map": path.name, "params": [Path(p).name for p in params], "overrides": list(overrides)},
+    )
+
+
+def _run(scenario: Scenario, *, quiet: bool) -> RunResult:
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from navstack.cli.output import stderr
+    from navstack.scenario import run_scenario
+
+    # how long the tour will take is not known: the bar counts goals, the text the simulated time
+    columns = (
+        TextColumn("goal {task.fields[goal]} of {task.total:.0f}"),
+        BarColumn(),
+        TextColumn("{task.fields[now]:7.1f} s simulated"),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=stderr(), transient=True, disable=quiet or not stderr().is_terminal) as bar:
+        task = bar.add_task("", total=len(scenario.goals), goal=1, now=0.0)
+        shown = -1.0
+
+        def progress(now: float, goal: int) -> None:
+            nonlocal shown
+            if now - shown >= 1.0:
+                shown = now
+                bar.update(task, completed=goal, goal=goal + 1, now=now)
+
+        return run_scenario(scenario, progress=progress)
+
+
+def _print(result: RunResult, document: dict[str, Any]) -> None:
+    from rich.markup import escape
+    from rich.table import Table
+
+    from navstack.cli.output import stdout
+
+    out = stdout()
+    table = Table("goal", "state", "text", title="goals", title_justify="left")
+    for name in ("time", "driven", "left", "recoveries"):
+        table.add_column(name, justify="right")
+    for goal in result.goals:
+        style = STATE_STYLE.get(goal.state, "bold red")
+        table.add_row(
+            f"{goal.goal.x:g}, {goal.goal.y:g}, {goal.goal.yaw:.2f}",
+            f"[{style}]{goal.state}[/]",
+            escape(goal.text),
+            f"{goal.time_s:.1f} s",
+            f"{goal.path_length_m:.2f} m",
+            f"{goal.distance_left_m:.2f} m",
+            str(goal.recoveries),
+        )
+    out.print(table)
+    for goal in result.goals:
+        if not goal.succeeded:
+            out.print(
+                f"goal {goal.goal.x:g}, {goal.goal.y:g}: {goal.error_name} ({goal.error_code}): {escape(goal.message)}"
+            )
+    out.print(
+        f"{result.simulated_s:.1f} s simulated in {result.wall_s:.2f} s: {result.real_time_factor:.0f} times real time; "
+        f"{result.collisions} collisions; seed {result.seed}"
+    )
+    for what, name in document["files"].items():
+        out.print(f"{what}: {name}")

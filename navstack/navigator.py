@@ -1,0 +1,162 @@
+"""Parameters + registries -> a running MoveBase: the only file that puts the parts together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from navstack.configuration import Configuration, CostmapConfiguration, PluginChoice
+from navstack.core import Footprint, FrameTree, Listener, OccupancyGrid, Pose2D, Transform2D
+from navstack.core.errors import InputError, StartOccupiedError, StartOutsideMapError
+from navstack.costmap import LayeredCostmap, LayerSpec
+from navstack.interfaces import Plan, Robot
+from navstack.move_base import MoveBase
+from navstack.sim import SimulatedRobot, World
+
+
+def build_costmap(
+    name: str, configuration: CostmapConfiguration, frames: FrameTree, static_map: OccupancyGrid | None
+) -> LayeredCostmap:
+    """`global_costmap` or `local_costmap`, with the layers its parameters name."""
+    return LayeredCostmap(
+        name,
+        configuration.params,
+        [LayerSpec(layer.name, layer.cls, layer.params) for layer in configuration.layers],
+        footprint=configuration.footprint,
+        frames=frames,
+        static_map=static_map,
+    )
+
+
+def build_move_base(
+    configuration: Configuration,
+    robot: Robot,
+    *,
+    static_map: OccupancyGrid | None = None,
+    listeners: Sequence[Listener] = (),
+) -> MoveBase:
+    """A goal manager that drives `robot` with the planners, costmaps and recoveries that `configuration` names.
+
+    `static_map` is what map_server would publish; None for a robot without a map.
+    """
+    return MoveBase(
+        configuration.move_base,
+        robot=robot,
+        global_costmap=build_costmap("global_costmap", configuration.global_costmap, robot.frames, static_map),
+        local_costmap=build_costmap("local_costmap", configuration.local_costmap, robot.frames, static_map),
+        global_planner=configuration.global_planner.cls(configuration.global_planner.params),
+        local_planner=configuration.local_planner.cls(configuration.local_planner.params),
+        recoveries=[choice.cls(choice.name, choice.params) for choice in configuration.recoveries],
+        listeners=listeners,
+    )
+
+
+def true_footprint(configuration: Configuration) -> Footprint:
+    """The robot's outline without the padding that costmaps add."""
+    return configuration.local_costmap.true_footprint
+
+
+def simulated_robot(
+    configuration: Configuration,
+    static_map: OccupancyGrid,
+    start: Pose2D,
+    *,
+    obstacles: Sequence[tuple[float, float, float]] = (),
+    seed: int = 0,
+) -> SimulatedRobot:
+    """A robot at `start` (map frame) among the map's walls and `obstacles` (x, y, radius; m), as `navstack: sim:` says.
+
+    Raises StartOutsideMapError or StartOccupiedError when it cannot stand there.
+    """
+    footprint = true_footprint(configuration)
+    world = World(static_map, obstacles)
+    if not start.is_finite():
+        raise InputError(f"the start {tuple(start)} is not finite; give x,y,yaw in metres and radians", pose=start)
+    if not world.contains(start):
+        left, right, bottom, top = static_map.geometry.extent
+        raise StartOutsideMapError(
+            f"the start ({start.x:g}, {start.y:g}) lies outside the map, which covers x {left:g} .. {right:g}, "
+            f"y {bottom:g} .. {top:g} m",
+            pose=start,
+        )
+    if not world.is_free(footprint, start):
+        raise StartOccupiedError(
+            f"the robot does not fit at the start ({start.x:g}, {start.y:g}, {start.yaw:g}): its outline "
+            f"(circumscribed radius {footprint.circumscribed_radius:.2f} m) touches an obstacle; "
+            f"{_nearest_free(world, footprint, start)}",
+            pose=start,
+        )
+    return SimulatedRobot(
+        configuration.navstack.sim,
+        world,
+        footprint,
+        start,
+        seed=seed,
+        base_frame=configuration.local_costmap.params.robot_base_frame,
+        odom_frame=odometry_frame(configuration),
+        map_frame=configuration.global_costmap.params.global_frame,
+    )
+
+
+def odometry_frame(configuration: Configuration) -> str:
+    """The frame odometry lives in: the local costmap's, unless that is the map's own."""
+    local = configuration.local_costmap.params.global_frame
+    return local if local != configuration.global_costmap.params.global_frame else "odom"
+
+
+def _nearest_free(world: World, footprint: Footprint, pose: Pose2D) -> str:
+    """A hint where the robot would fit, searched on rings around `pose`."""
+    import math
+
+    for ring in range(1, 21):
+        radius = 0.1 * ring
+        for k in range(6 * ring):
+            angle = 2.0 * math.pi * k / (6 * ring)
+            near = Pose2D(pose.x + radius * math.cos(angle), pose.y + radius * math.sin(angle), pose.yaw)
+            if world.contains(near) and world.is_free(footprint, near):
+                return f"it would fit at ({near.x:.2f}, {near.y:.2f})"
+    return "it fits nowhere within 2 m"
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedPath:
+    """A plan and the costmap it was made on."""
+
+    plan: Plan
+    costmap: LayeredCostmap
+    planner: str
+
+
+def plan_on_map(
+    configuration: Configuration,
+    static_map: OccupancyGrid,
+    start: Pose2D,
+    goal: Pose2D,
+    *,
+    planner: PluginChoice | None = None,
+    keep_potential: bool = False,
+) -> PlannedPath:
+    """One plan on the global costmap of a robot that stands at `start` and has seen nothing but the map.
+
+    Poses in the map's frame. Raises a PlanningError with code and data when there is none.
+    """
+    for what, pose in (("start", start), ("goal", goal)):
+        if not pose.is_finite():
+            raise InputError(f"the {what} {tuple(pose)} is not finite; give x,y,yaw in metres and radians", pose=pose)
+    if static_map.geometry.world_to_cell(start.x, start.y) is None and static_map.origin_yaw == 0.0:
+        left, right, bottom, top = static_map.geometry.extent
+        raise StartOutsideMapError(
+            f"the start ({start.x:g}, {start.y:g}) lies outside the map, which covers x {left:g} .. {right:g}, "
+            f"y {bottom:g} .. {top:g} m",
+            pose=start,
+        )
+    frames = FrameTree()
+    params = configuration.global_costmap.params
+    frames.set_static(params.global_frame, params.robot_base_frame, Transform2D(start.x, start.y, start.yaw))
+    costmap = build_costmap("global_costmap", configuration.global_costmap, frames, static_map)
+    costmap.update(0.0)
+    choice = planner or configuration.global_planner
+    plan = choice.cls(choice.params).make_plan(
+        costmap.master, start, goal, footprint=costmap.footprint, keep_potential=keep_potential
+    )
+    return PlannedPath(plan, costmap, choice.name)
