@@ -1,3 +1,145 @@
-"""navstack: move_base without ROS."""
+"""navstack: move_base without ROS.
+
+Everything a script needs is here; it is imported when it is first used.
+
+    import navstack as nav
+
+    grid = nav.load_map(nav.map_path("office"))
+    robot_yaml = nav.load_configuration(["turtlebot"])
+    start, goal = nav.places("office").start, nav.places("office").goals[0]
+    print(nav.plan_on_map(robot_yaml, grid, start, goal).plan.path.length)
+
+    robot = nav.simulated_robot(robot_yaml, grid, start)
+    move_base = nav.build_move_base(robot_yaml, robot, static_map=grid)
+    handle = move_base.send_goal(goal)
+    while not handle.is_done:
+        robot.advance_to(move_base.next_due(robot.time))
+        move_base.tick(robot.time)
+    print(handle.status.name, handle.text)
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
+
+_WHERE = {
+    "navstack.core": (
+        "Costmap",
+        "Event",
+        "Footprint",
+        "FrameTree",
+        "GridGeometry",
+        "LaserScan",
+        "Listener",
+        "OccupancyGrid",
+        "Path",
+        "PointCloud",
+        "Pose2D",
+        "RobotState",
+        "Transform2D",
+        "Twist2D",
+    ),
+    "navstack.core.errors": ("NavError",),
+    "navstack.configuration": ("Configuration", "check_parameters", "load_configuration"),
+    "navstack.costmap": ("LayeredCostmap",),
+    "navstack.map_io": ("load_map", "save_map"),
+    "navstack.maps": ("map_names", "map_path", "places"),
+    "navstack.move_base": ("GoalHandle", "GoalStatus", "MoveBase"),
+    "navstack.navigator": ("build_costmap", "build_move_base", "plan_on_map", "simulated_robot"),
+    "navstack.plugins": ("CRITICS", "GLOBAL_PLANNERS", "LAYERS", "LOCAL_PLANNERS", "RECOVERY_BEHAVIORS"),
+    "navstack.record": ("Record",),
+    "navstack.scenario": ("RunResult", "Scenario", "run_scenario"),
+    "navstack.sim": ("SimulatedRobot", "World"),
+}
+_MODULE_OF = {name: module for module, names in _WHERE.items() for name in names}
+
+if TYPE_CHECKING:
+    from navstack.configuration import Configuration, check_parameters, load_configuration
+    from navstack.core import (
+        Costmap,
+        Event,
+        Footprint,
+        FrameTree,
+        GridGeometry,
+        LaserScan,
+        Listener,
+        OccupancyGrid,
+        Path,
+        PointCloud,
+        Pose2D,
+        RobotState,
+        Transform2D,
+        Twist2D,
+    )
+    from navstack.core.errors import NavError
+    from navstack.costmap import LayeredCostmap
+    from navstack.map_io import load_map, save_map
+    from navstack.maps import map_names, map_path, places
+    from navstack.move_base import GoalHandle, GoalStatus, MoveBase
+    from navstack.navigator import build_costmap, build_move_base, plan_on_map, simulated_robot
+    from navstack.plugins import CRITICS, GLOBAL_PLANNERS, LAYERS, LOCAL_PLANNERS, RECOVERY_BEHAVIORS
+    from navstack.record import Record
+    from navstack.scenario import RunResult, Scenario, run_scenario
+    from navstack.sim import SimulatedRobot, World
+
+__all__ = [
+    "CRITICS",
+    "GLOBAL_PLANNERS",
+    "LAYERS",
+    "LOCAL_PLANNERS",
+    "RECOVERY_BEHAVIORS",
+    "Configuration",
+    "Costmap",
+    "Event",
+    "Footprint",
+    "FrameTree",
+    "GoalHandle",
+    "GoalStatus",
+    "GridGeometry",
+    "LaserScan",
+    "LayeredCostmap",
+    "Listener",
+    "MoveBase",
+    "NavError",
+    "OccupancyGrid",
+    "Path",
+    "PointCloud",
+    "Pose2D",
+    "Record",
+    "RobotState",
+    "RunResult",
+    "Scenario",
+    "SimulatedRobot",
+    "Transform2D",
+    "Twist2D",
+    "World",
+    "__version__",
+    "build_costmap",
+    "build_move_base",
+    "check_parameters",
+    "load_configuration",
+    "load_map",
+    "map_names",
+    "map_path",
+    "places",
+    "plan_on_map",
+    "run_scenario",
+    "save_map",
+    "simulated_robot",
+]
+
+
+def __getattr__(name: str) -> Any:
+    module = _MODULE_OF.get(name)
+    if module is None:
+        raise AttributeError(f"module 'navstack' has no attribute {name!r}")
+    value = getattr(importlib.import_module(module), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -9,7 +9,6 @@ import json
 import sys
 from typing import Any
 
-import click
 import typer
 
 from navstack.cli import check, info, plan, plot, simulate
@@ -55,14 +54,11 @@ def run(arguments: list[str]) -> int:
     try:
         code = app(args=arguments, prog_name="navstack", standalone_mode=False)
         return code if isinstance(code, int) else 0
-    except click.exceptions.NoArgsIsHelpError as exc:
-        print(exc.format_message())
-        return EXIT_WRONG_INPUT
-    except click.exceptions.Abort:
+    except (typer.Abort, KeyboardInterrupt):
         return _interrupted()
-    except KeyboardInterrupt:
-        return _interrupted()
-    except click.ClickException as exc:
+    except typer.TyperException as exc:
+        if not exc.format_message():  # `navstack` alone: typer has printed the help already
+            return EXIT_WRONG_INPUT
         context = getattr(exc, "ctx", None)
         hint = f'Try "{context.command_path} --help".' if context is not None else ""
         return _report(as_json, 9001, "INVALID_INPUT", exc.format_message(), {}, hint)
