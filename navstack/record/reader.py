@@ -1,0 +1,350 @@
+"""Looks back at a recorded run: typed, lazy where it is large, and never a reason to open the file by hand."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import (
+    Costmap,
+    Event,
+    Footprint,
+    GridGeometry,
+    LaserScan,
+    OccupancyGrid,
+    Pose2D,
+    Transform2D,
+    Twist2D,
+    Window,
+)
+from navstack.core.errors import InputError, RecordError
+from navstack.interfaces import LocalPlan
+from navstack.record import format as fmt
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RecordedPlan:
+    """A global plan: found at `t` (s) for goal number `goal`, poses (n, 3) x, y, yaw in `frame`."""
+
+    t: float
+    poses: NDArray[np.float64]
+    frame: str
+    goal: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RecordedLocalPlan:
+    """A local plan at `t` (s). `plan` holds the table of samples in single precision, or None where it was not kept."""
+
+    t: float
+    plan: LocalPlan
+    tried: int
+    """Samples tried in that cycle."""
+    rejected: int
+    """Those that a critic or a limit ruled out."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RecordedScan:
+    """A scan taken at `t` (s) with the robot at `pose` in the global frame."""
+
+    t: float
+    scan: LaserScan
+    pose: Pose2D
+
+
+class Record:
+    """A recorded run. Metres, radians, seconds of the run's clock; "at t" means the last one not later than t."""
+
+    def __init__(
+        self,
+        meta: dict[str, Any],
+        events: list[dict[str, Any]],
+        arrays: dict[str, NDArray[Any]],
+        path: Path | None = None,
+    ) -> None:
+        """From the members of a file (`navstack.record.format`), checked before; use `Record.load`."""
+        self.path = path
+        self.meta = meta
+        self.arrays = arrays
+        """Every table and array of the file by name, as `navstack.record.format` describes them."""
+        frames = meta["frames"]
+        self.global_frame: str = frames["global"]
+        self.local_frame: str = frames["local"]
+        self.base_frame: str = frames["base"]
+        self.scenario: dict[str, Any] = meta["scenario"]
+        self.results: list[dict[str, Any]] = meta["results"]
+        self.footprint = Footprint(np.array(meta["footprint"], np.float64))
+        self.map: OccupancyGrid | None = None
+        if meta["map"] is not None:
+            m = meta["map"]
+            ny, nx = arrays["map"].shape
+            geometry = GridGeometry(nx, ny, float(m["resolution"]), float(m["origin_x"]), float(m["origin_y"]))
+            self.map = OccupancyGrid(arrays["map"], geometry, float(m["origin_yaw"]), str(m["frame"]))
+        self.events: tuple[Event, ...] = tuple(Event(float(e["time"]), e["kind"], e["text"], e["data"]) for e in events)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Record:
+        """The run in a file, or in a folder that holds `run.npz`.
+
+        Raises RecordError for what is missing, truncated, damaged, foreign, or of a newer format version.
+        """
+        file = fmt.locate(Path(path))
+        members = fmt.read(file)
+        try:
+            return cls(*members, file)
+        except (InputError, ValueError, TypeError, KeyError) as exc:
+            raise RecordError(
+                f"{file} is damaged or not a recorded run ({exc}); record the run again", path=str(file)
+            ) from exc
+
+    # --- the robot ----------------------------------------------------------------------------------------------------
+
+    @property
+    def samples(self) -> NDArray[np.void]:
+        """The table of control cycles: `record.samples["x"]`, `pandas.DataFrame(record.samples)`."""
+        return self.arrays["samples"]
+
+    @property
+    def times(self) -> NDArray[np.float64]:
+        """(n,) s."""
+        return self.samples["t"]
+
+    @cached_property
+    def poses(self) -> NDArray[np.float64]:
+        """(n, 3) x, y, yaw in the global frame."""
+        return self._columns("x", "y", "yaw")
+
+    @cached_property
+    def odom_poses(self) -> NDArray[np.float64]:
+        """(n, 3) x, y, yaw in the local frame, as odometry had it."""
+        return self._columns("odom_x", "odom_y", "odom_yaw")
+
+    @cached_property
+    def velocities(self) -> NDArray[np.float64]:
+        """(n, 3) vx, vy, wz in the robot's frame, as odometry had them."""
+        return self._columns("vx", "vy", "wz")
+
+    @cached_property
+    def commands(self) -> NDArray[np.float64]:
+        """(n, 3) vx, vy, wz that were commanded, in the robot's frame."""
+        return self._columns("cmd_vx", "cmd_vy", "cmd_wz")
+
+    @cached_property
+    def map_to_odom(self) -> NDArray[np.float64]:
+        """(n, 3) x, y, yaw of the local frame in the global frame."""
+        return self._columns("map_to_odom_x", "map_to_odom_y", "map_to_odom_yaw")
+
+    @property
+    def states(self) -> NDArray[np.str_]:
+        """(n,) state of the goal manager, by name."""
+        return self.samples["state"]
+
+    @property
+    def goal_indices(self) -> NDArray[np.int32]:
+        """(n,) number of the goal that was being driven to, -1 none."""
+        return self.samples["goal"]
+
+    @property
+    def duration(self) -> float:
+        """Time between the first and the last sample, s."""
+        return float(self.times[-1] - self.times[0]) if len(self.times) else 0.0
+
+    @property
+    def path_length(self) -> float:
+        """Length of the driven path, m."""
+        step = np.diff(self.poses[:, :2], axis=0)
+        return float(np.hypot(step[:, 0], step[:, 1]).sum())
+
+    def index_at(self, t: float) -> int:
+        """Row of the last sample not later than `t`; the first one before that. Raises RecordError without samples."""
+        if not len(self.times):
+            raise RecordError("this run has no samples: it was stopped before the first control cycle")
+        return max(_last_at(self.times, t), 0)
+
+    def pose_at(self, t: float) -> Pose2D:
+        """The robot in the global frame."""
+        x, y, yaw = self.poses[self.index_at(t)]
+        return Pose2D(float(x), float(y), float(yaw))
+
+    def map_to_odom_at(self, t: float) -> Transform2D:
+        """Pose of the local frame in the global frame."""
+        x, y, yaw = self.map_to_odom[self.index_at(t)]
+        return Transform2D(float(x), float(y), float(yaw))
+
+    def to_global(self, frame: str, t: float) -> Transform2D:
+        """Takes coordinates in `frame` (global or local) to the global frame, as the transform was at `t`."""
+        return self.map_to_odom_at(t) if frame == self.local_frame != self.global_frame else Transform2D()
+
+    # --- goals, plans, contacts ---------------------------------------------------------------------------------------
+
+    @property
+    def goal_times(self) -> NDArray[np.float64]:
+        """(g,) when each goal was accepted, s."""
+        return self.arrays["goals"]["t"]
+
+    @cached_property
+    def goals(self) -> NDArray[np.float64]:
+        """(g, 3) x, y, yaw in the global frame."""
+        return self._columns("x", "y", "yaw", table="goals")
+
+    @property
+    def collision_times(self) -> NDArray[np.float64]:
+        """(c,) s."""
+        return self.arrays["collisions"]["t"]
+
+    @cached_property
+    def collisions(self) -> NDArray[np.float64]:
+        """(c, 3) x, y, yaw of the robot in the global frame when its footprint touched something."""
+        return self._columns("x", "y", "yaw", table="collisions")
+
+    @cached_property
+    def plans(self) -> tuple[RecordedPlan, ...]:
+        """Every global plan, in order of time."""
+        poses = self.arrays["plan_poses"]
+        return tuple(
+            RecordedPlan(
+                float(row["t"]), poses[row["first"] : row["first"] + row["count"]], str(row["frame"]), int(row["goal"])
+            )
+            for row in self.arrays["plans"]
+        )
+
+    def plan_at(self, t: float) -> RecordedPlan | None:
+        """The global plan in force."""
+        i = _last_at(self.arrays["plans"]["t"], t)
+        return self.plans[i] if i >= 0 else None
+
+    def events_of(self, *kinds: str) -> list[Event]:
+        """The events of some kinds, in order of time."""
+        return [event for event in self.events if event.kind in kinds]
+
+    # --- local plans --------------------------------------------------------------------------------------------------
+
+    @property
+    def critics(self) -> tuple[str, ...]:
+        """Names of the critics that scored, in the order of their columns."""
+        return tuple(self.meta["critics"])
+
+    @property
+    def local_plan_times(self) -> NDArray[np.float64]:
+        """(m,) s."""
+        return self.arrays["local_plans"]["t"]
+
+    def local_plan(self, index: int) -> RecordedLocalPlan:
+        """Local plan number `index`, with its table of samples."""
+        row = self.arrays["local_plans"][index]
+        table = slice(row["first"], row["first"] + row["count"])
+        poses = slice(row["first_pose"], row["first_pose"] + row["poses"])
+        scored = bool(row["count"])
+        notes = self.meta["local_plan_notes"].get(str(index % len(self.local_plan_times)), ())
+        plan = LocalPlan(
+            command=Twist2D(float(row["vx"]), float(row["vy"]), float(row["wz"])),
+            mode=str(row["mode"]),
+            samples=self.arrays["local_plan_samples"][table].astype(np.float64) if scored else None,
+            critics=self.critics if scored else (),
+            costs=self.arrays["local_plan_costs"][table].astype(np.float64) if scored else None,
+            scales=self.arrays["local_plan_scales"][index].astype(np.float64) if scored else None,
+            totals=self.arrays["local_plan_totals"][table].astype(np.float64) if scored else None,
+            rejected_by=self.arrays["local_plan_rejected_by"][table] if scored else None,
+            best=int(row["best"]),
+            trajectory=self.arrays["local_plan_poses"][poses].astype(np.float64) if row["poses"] else None,
+            notes=tuple(notes),
+        )
+        return RecordedLocalPlan(float(row["t"]), plan, int(row["tried"]), int(row["rejected"]))
+
+    def local_plan_at(self, t: float) -> RecordedLocalPlan | None:
+        """The local plan in force."""
+        i = _last_at(self.local_plan_times, t)
+        return self.local_plan(i) if i >= 0 else None
+
+    # --- costmaps -----------------------------------------------------------------------------------------------------
+
+    @property
+    def costmap_names(self) -> tuple[str, ...]:
+        """Costmaps that were recorded: usually "global" and "local"."""
+        return tuple(self.meta["costmaps"])
+
+    def costmap_times(self, name: str) -> NDArray[np.float64]:
+        """(u,) times of the updates of a costmap, s; empty when it was not recorded."""
+        return self.arrays[f"costmaps/{name}"]["t"] if name in self.costmap_names else np.empty(0)
+
+    def costmap_at(self, name: str, t: float) -> Costmap | None:
+        """A costmap as it was, in its own frame; None before its first update or when it was not recorded."""
+        last = _last_at(self.costmap_times(name), t)
+        if last < 0:
+            return None
+        rows = self.arrays[f"costmaps/{name}"]
+        first = last
+        while not _is_whole(rows[first]):
+            first -= 1
+        *_, (_, costmap) = self._replay(name, first, last + 1)
+        return costmap
+
+    def costmap_updates(self, name: str) -> Iterator[tuple[float, Costmap]]:
+        """Time and state of a costmap after each update. The same Costmap is patched and handed out again: copy to keep."""
+        return self._replay(name, 0, len(self.costmap_times(name)))
+
+    def _replay(self, name: str, first: int, end: int) -> Iterator[tuple[float, Costmap]]:
+        costmap: Costmap | None = None
+        if first == end:
+            return
+        rows = self.arrays[f"costmaps/{name}"]
+        cells = self.arrays[f"costmaps/{name}_cells"]
+        for row in rows[first:end]:
+            window = Window(int(row["x0"]), int(row["y0"]), int(row["x1"]), int(row["y1"]))
+            shape = (window.y1 - window.y0, window.x1 - window.x0)
+            patch = cells[row["first"] : row["first"] + shape[0] * shape[1]].reshape(shape)
+            if costmap is None or _is_whole(row):
+                geometry = GridGeometry(
+                    int(row["nx"]),
+                    int(row["ny"]),
+                    float(row["resolution"]),
+                    float(row["origin_x"]),
+                    float(row["origin_y"]),
+                )
+                costmap = Costmap(geometry, patch.copy(), self.meta["costmaps"][name])
+            else:
+                costmap.data[window.slices] = patch
+            yield float(row["t"]), costmap
+
+    # --- scans --------------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def scans(self) -> tuple[RecordedScan, ...]:
+        """Every scan that was kept, in order of time."""
+        out: list[RecordedScan] = []
+        for row in self.arrays["scans"]:
+            topic, frame = self.meta["scan_sources"][row["source"]]
+            scan = LaserScan(
+                ranges=self.arrays["scan_ranges"][row["first"] : row["first"] + row["count"]],
+                angle_min=float(row["angle_min"]),
+                angle_increment=float(row["angle_increment"]),
+                range_min=float(row["range_min"]),
+                range_max=float(row["range_max"]),
+                stamp=float(row["t"]),
+                frame=str(frame),
+                topic=str(topic),
+                height=float(row["height"]),
+            )
+            out.append(RecordedScan(float(row["t"]), scan, Pose2D(float(row["x"]), float(row["y"]), float(row["yaw"]))))
+        return tuple(out)
+
+    def _columns(self, *names: str, table: str = "samples") -> NDArray[np.float64]:
+        rows = self.arrays[table]
+        return np.column_stack([rows[name] for name in names])
+
+
+def _last_at(times: NDArray[np.float64], t: float) -> int:
+    """Index of the last time not later than `t`, -1 when all are later."""
+    return int(np.searchsorted(times, t, side="right")) - 1
+
+
+def _is_whole(row: NDArray[np.void] | np.void) -> bool:
+    return bool(row["x0"] == 0 and row["y0"] == 0 and row["x1"] == row["nx"] and row["y1"] == row["ny"])
