@@ -1,0 +1,118 @@
+"""The commands on good input, as a user runs them."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from navstack import __version__
+from navstack.cli.app import run
+
+
+@pytest.fixture
+def in_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_simulate_without_arguments(in_folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert run(["simulate"]) == 0
+    out = capfd.readouterr().out
+    assert out.count("SUCCEEDED") == 3
+    folder = in_folder / "navstack_run"
+    assert {p.name for p in folder.iterdir()} == {"run.npz", "run.log", "run.png", "summary.json"}
+    summary = json.loads((folder / "summary.json").read_text())
+    assert [g["state"] for g in summary["goals"]] == ["SUCCEEDED"] * 3
+    assert summary["collisions"] == 0
+    with Image.open(folder / "run.png") as picture:
+        assert min(picture.size) > 400
+
+
+def test_simulate_json_is_alone_on_stdout(in_folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    code = run(["simulate", "--start", "3,3", "--goal", "4,3", "--json", "--seed", "7", "--out", "out"])
+    captured = capfd.readouterr()
+    document = json.loads(captured.out)
+    assert code == (0 if document["goals"][0]["state"] == "SUCCEEDED" else 1)
+    assert set(document) == {
+        "goals",
+        "simulated_s",
+        "wall_s",
+        "real_time_factor",
+        "collisions",
+        "seed",
+        "files",
+    }
+    assert document["seed"] == 7
+    wanted = "goal state text error_code error_name time_s path_length_m distance_left_m yaw_left_rad recoveries"
+    assert set(wanted.split()) <= set(document["goals"][0])
+    for name in document["files"].values():
+        assert Path(name).is_file()
+
+
+def test_plan_json_and_files(in_folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    from navstack.maps import places
+
+    office = places("office")
+    start, goal = (f"{p.x},{p.y},{p.yaw}" for p in (office.start, office.goals[0]))
+    assert run(["plan", "office", "--start", start, "--goal", goal, "--json", "--out", "out"]) == 0
+    document = json.loads(capfd.readouterr().out)
+    assert {"planner", "length_m", "cost", "time_ms", "cells_expanded", "poses"} <= set(document)
+    assert document["poses"][-1] == pytest.approx(list(office.goals[0]))
+    assert document["length_m"] >= office.start.distance_to(office.goals[0]) - 0.1
+    assert {p.name for p in (in_folder / "out").iterdir()} == {"plan.png", "plan.json"}
+    assert json.loads(Path("out/plan.json").read_text())["poses"] == document["poses"]
+
+
+def test_plan_with_another_planner(in_folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    from navstack.maps import places
+
+    office = places("office")
+    start, goal = (f"{p.x},{p.y}" for p in (office.start, office.goals[0]))
+    for planner in ("global_planner", "navfn/NavfnROS"):
+        assert run(["plan", "office", "--start", start, "--goal", goal, "--planner", planner, "--json"]) == 0
+        assert json.loads(capfd.readouterr().out)["planner"] in ("global_planner", "navfn")
+
+
+def test_plot_draws_the_same_picture_again(in_folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    run(["simulate", "--start", "3,3", "--goal", "4,3", "--out", "run"])
+    first = Path("run/run.png").read_bytes()
+    Path("run/run.png").unlink()
+    capfd.readouterr()
+    assert run(["plot", "run"]) == 0
+    assert Path("run/run.png").read_bytes() == first
+    assert run(["plot", "run", "--out", "again.svg", "--animate", "--json"]) == 0
+    files = json.loads(capfd.readouterr().out.splitlines()[-1])["files"]
+    assert Path("again.svg").read_text().lstrip().startswith("<?xml")
+    with Image.open(files["animation"]) as movie:
+        assert getattr(movie, "n_frames", 1) > 1
+
+
+def test_check_says_the_turtlebot_is_fine(capfd: pytest.CaptureFixture[str]) -> None:
+    assert run(["check", "turtlebot"]) == 0
+    assert "0 errors" in capfd.readouterr().out
+    assert run(["check", "turtlebot", "--json"]) == 0
+    for finding in json.loads(capfd.readouterr().out)["findings"]:
+        wanted = {"severity", "rule", "file", "line", "column", "key", "message", "suggestion"}
+        assert wanted <= set(finding)
+
+
+def test_info(capfd: pytest.CaptureFixture[str]) -> None:
+    assert run(["info", "--json"]) == 0
+    found = json.loads(capfd.readouterr().out)
+    assert found["versions"]["navstack"] == __version__
+    assert {"office", "maze", "warehouse"} <= set(found["maps"])
+    assert "turtlebot" in found["parameters"]
+    planners = {p["name"]: p["aliases"] for p in found["plugins"]["global planner"]}
+    assert "navfn/NavfnROS" in planners["navfn"]
+    assert run(["info"]) == 0
+    assert "navfn/NavfnROS" in capfd.readouterr().out
+
+
+def test_python_minus_m() -> None:
+    out = subprocess.run([sys.executable, "-m", "navstack", "--version"], capture_output=True, text=True, check=True)
+    assert out.stdout.strip() == f"navstack {__version__}"

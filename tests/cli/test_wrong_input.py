@@ -1,0 +1,235 @@
+"""Every wrong input gets one clear message, exit code 2 (or the goal's own failure), no traceback, nothing half-written."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from navstack.cli.app import run
+
+GOOD = {"image": "map.png", "resolution": 0.05, "origin": [0.0, 0.0, 0.0], "negate": 0}
+GOOD |= {"occupied_thresh": 0.65, "free_thresh": 0.196}
+
+
+def write_map(folder: Path, *, drop: str | None = None, **changes: object) -> Path:
+    """A walled room of 6 x 4 m, split by a wall at x = 4 m that nothing passes; unknown beyond x = 5.5 m."""
+    pixels = np.full((80, 120), 254, np.uint8)
+    pixels[:, 110:] = 205
+    pixels[[0, -1], :] = 0
+    pixels[:, [0, 80, -1]] = 0
+    Image.fromarray(pixels).save(folder / "map.png")
+    entries = {k: v for k, v in (GOOD | changes).items() if k != drop}
+    text = "".join(f"{k}: {v}\n" for k, v in entries.items())
+    path = folder / "map.yaml"
+    path.write_text(text)
+    return path
+
+
+class Outcome:
+    def __init__(self, code: int, out: str, err: str) -> None:
+        self.code, self.out, self.err = code, out, err
+
+
+@pytest.fixture
+def navstack(capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments: object) -> Outcome:
+        code = run([str(a) for a in arguments])
+        captured = capfd.readouterr()
+        assert "Traceback" not in captured.err
+        return Outcome(code, captured.out, captured.err)
+
+    return call
+
+
+GOOD_PLAN = ("--start", "1,1", "--goal", "3,3")
+
+
+@pytest.mark.parametrize(
+    ("content", "match"),
+    [
+        (None, "map.yaml"),
+        ("", "empty"),
+        ("- a\n- b\n", "mapping"),
+        ("image: [\n", "map.yaml"),
+    ],
+)
+def test_map_yaml_that_is_none(navstack, tmp_path: Path, content: str | None, match: str) -> None:
+    path = tmp_path / "map.yaml"
+    if content is not None:
+        path.write_text(content)
+    outcome = navstack("plan", path, *GOOD_PLAN)
+    assert outcome.code == 2
+    assert match in outcome.err
+
+
+@pytest.mark.parametrize("key", ["image", "resolution", "origin"])
+def test_map_yaml_lacks_a_key(navstack, tmp_path: Path, key: str) -> None:
+    outcome = navstack("plan", write_map(tmp_path, drop=key), *GOOD_PLAN)
+    assert outcome.code == 2
+    assert key in outcome.err
+    assert "map.yaml" in outcome.err
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "line"),
+    [
+        ("resolution", 0, 2),
+        ("resolution", ".nan", 2),
+        ("resolution", -0.05, 2),
+        ("resolution", "fine", 2),
+        ("image", "absent.png", 1),
+        ("origin", "[0, 0]", 3),
+    ],
+)
+def test_map_yaml_with_a_bad_value_names_the_line(navstack, tmp_path: Path, key: str, value: object, line: int) -> None:
+    outcome = navstack("plan", write_map(tmp_path, **{key: value}), *GOOD_PLAN)
+    assert outcome.code == 2
+    assert f"map.yaml:{line}" in outcome.err
+    assert key in outcome.err
+
+
+def test_corrupt_image(navstack, tmp_path: Path) -> None:
+    path = write_map(tmp_path)
+    (tmp_path / "map.png").write_bytes(b"\x89PNG\r\n\x1a\n but not one")
+    outcome = navstack("plan", path, *GOOD_PLAN)
+    assert outcome.code == 2
+    assert "map.png" in outcome.err
+
+
+@pytest.mark.parametrize(
+    ("start", "goal", "words", "name"),
+    [
+        ("50,1", "3,3", "start", "START_OUTSIDE_MAP"),
+        ("1,1", "3,-7", "goal", "GOAL_OUTSIDE_MAP"),
+        ("1,1", "4.02,2", "goal", "GOAL_OCCUPIED"),
+        ("4.02,2", "1,1", "start", "START_OCCUPIED"),
+        ("1,1", "5.8,2", "unknown", "GOAL_OCCUPIED"),
+        ("nan,1", "3,3", "--start", "INVALID_INPUT"),
+        ("1,1", "3,inf", "--goal", "INVALID_INPUT"),
+        ("1;1", "3,3", "--start", "INVALID_INPUT"),
+        ("1,1,0,0", "3,3", "--start", "INVALID_INPUT"),
+        ("1,1", "x,3", "--goal", "INVALID_INPUT"),
+    ],
+)
+def test_bad_poses(navstack, tmp_path: Path, start: str, goal: str, words: str, name: str) -> None:
+    arguments = ("plan", write_map(tmp_path), "--start", start, "--goal", goal)
+    outcome = navstack(*arguments)
+    assert outcome.code == 2
+    assert words in outcome.err
+    as_json = navstack(*arguments, "--json")
+    document = json.loads(as_json.out)
+    assert document["error"]["name"] == name
+    assert document["error"]["message"]
+
+
+def test_not_connected_is_a_failed_goal(navstack, tmp_path: Path) -> None:
+    path = write_map(tmp_path)
+    outcome = navstack("plan", path, "--start", "1,1", "--goal", "5,2", "--json")
+    assert outcome.code == 1
+    assert json.loads(outcome.out)["error"]["name"] == "NO_VALID_PATH"
+
+
+def test_simulate_a_goal_that_cannot_be_reached(navstack, tmp_path: Path) -> None:
+    path = write_map(tmp_path)
+    outcome = navstack("simulate", path, "--start", "1,1", "--goal", "5,2", "--out", tmp_path / "out", "--json")
+    assert outcome.code == 1
+    goal = json.loads(outcome.out)["goals"][0]
+    assert goal["state"] == "ABORTED"
+    assert goal["text"] == "Failed to find a valid plan. Even after executing recovery behaviors."
+    assert goal["error_name"] == "NO_VALID_PATH"
+    assert goal["recoveries"] > 0
+
+
+def test_simulate_from_inside_a_wall(navstack, tmp_path: Path) -> None:
+    outcome = navstack("simulate", write_map(tmp_path), "--start", "4.02,2", "--goal", "1,1", "--out", tmp_path / "out")
+    assert outcome.code == 2
+    assert "does not fit" in outcome.err
+    assert "would fit at" in outcome.err
+    assert not (tmp_path / "out").exists() or not list((tmp_path / "out").iterdir())
+
+
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        ("base_global_planner=navfn/NavFnROS", "NavfnROS"),
+        ("DWAPlannerROS/max_vel_x=fast", "max_vel_x"),
+        ("local_costmap/robot_radius=-0.2", "robot_radius"),
+        ("local_costmap/footprint=[[0,0],[1,0]]", "footprint"),
+        ("global_costmap/plugins=static_layer", "plugins"),
+        ("no equals sign", "--set"),
+    ],
+)
+def test_bad_parameters(navstack, tmp_path: Path, override: str, words: str) -> None:
+    outcome = navstack("plan", write_map(tmp_path), *GOOD_PLAN, "--set", override)
+    assert outcome.code == 2
+    assert words in outcome.err
+
+
+def test_a_typo_is_reported_and_does_not_stop(navstack, tmp_path: Path) -> None:
+    outcome = navstack("check", "turtlebot", "--set", "DWAPlannerROS/max_vel_xx=0.4", "--json")
+    assert outcome.code == 0
+    findings = json.loads(outcome.out)["findings"]
+    assert any(f["severity"] == "warning" and "max_vel_xx" in f["message"] for f in findings)
+
+
+def test_unknown_packaged_names(navstack) -> None:
+    outcome = navstack("simulate", "offic")
+    assert outcome.code == 2
+    assert "office" in outcome.err
+    outcome = navstack("simulate", "--params", "turtlebt")
+    assert outcome.code == 2
+    assert "turtlebot" in outcome.err
+
+
+def test_unknown_planner(navstack, tmp_path: Path) -> None:
+    outcome = navstack("plan", write_map(tmp_path), *GOOD_PLAN, "--planner", "navfm")
+    assert outcome.code == 2
+    assert "navfn" in outcome.err
+
+
+@pytest.mark.parametrize("obstacle", ["1,2", "1,2,0", "1,2,-1", "a,b,c"])
+def test_bad_obstacles(navstack, tmp_path: Path, obstacle: str) -> None:
+    outcome = navstack("simulate", write_map(tmp_path), "--start", "1,1", "--goal", "2,2", "--obstacle", obstacle)
+    assert outcome.code == 2
+    assert "--obstacle" in outcome.err
+
+
+def test_an_output_folder_that_cannot_be_written(navstack, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    outcome = navstack(
+        "simulate", write_map(tmp_path), "--start", "1,1", "--goal", "2,2", "--out", tmp_path / "file" / "out"
+    )
+    assert outcome.code == 2
+    assert "--out" in outcome.err
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_an_output_folder_without_permission(navstack, tmp_path: Path) -> None:
+    folder = tmp_path / "locked"
+    folder.mkdir(mode=0o500)
+    outcome = navstack("plan", write_map(tmp_path), *GOOD_PLAN, "--out", folder)
+    assert outcome.code == 2
+    assert "--out" in outcome.err
+
+
+def test_a_record_that_is_none(navstack, tmp_path: Path) -> None:
+    (tmp_path / "run.npz").write_bytes(b"PK\x03\x04 cut short")
+    outcome = navstack("plot", tmp_path / "run.npz")
+    assert outcome.code == 2
+    assert "run.npz" in outcome.err
+    outcome = navstack("plot", tmp_path / "absent")
+    assert outcome.code == 2
+
+
+def test_wrong_use_of_the_command_line(navstack) -> None:
+    assert navstack("simulate", "--no-such-option").code == 2
+    assert navstack("plan").code == 2
+    outcome = navstack("plan", "--json")
+    assert json.loads(outcome.out)["error"]["code"] == 9001
