@@ -1,1 +1,8 @@
-"""Under construction."""
+"""The simulator: a robot's body, odometry and lidars in a world made of a map and round obstacles."""
+
+from navstack.sim.lidar import Lidar
+from navstack.sim.params import LidarParams, SimParams
+from navstack.sim.robot import Contact, SimulatedRobot
+from navstack.sim.world import World
+
+__all__ = ["Contact", "Lidar", "LidarParams", "SimParams", "SimulatedRobot", "World"]
