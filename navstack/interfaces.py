@@ -286,7 +286,7 @@ class Rollouts(NamedTuple):
     """K simulated trajectories of at most T points, in the costmap's frame; row k has `counts[k]` valid points."""
 
     samples: NDArray[np.float64]
-    """(K, 3) the velocities vx, vy, wz that were simulated."""
+    """(K, 3) the velocities vx, vy, wz of the first step, which would be commanded."""
     poses: NDArray[np.float64]
     """(K, T, 3) x, y, yaw; the first point is the present pose."""
     counts: NDArray[np.int64]
@@ -305,6 +305,8 @@ class ScoringContext:
     goal: Pose2D
     """The final goal."""
     limits: VelocityLimits
+    shared: dict[str, Any] = field(default_factory=dict[str, Any])
+    """What one critic computed and others may use in this cycle, by name (`path_grid`)."""
 
 
 class Critic(ABC):
