@@ -1,1 +1,8 @@
-"""Under construction."""
+"""Pictures of maps, costmaps, plans and runs. matplotlib is imported by the first picture, not by this module."""
+
+from navstack.plot.animate import animate_run
+from navstack.plot.costmap import plot_costmap
+from navstack.plot.plan import plot_plan
+from navstack.plot.run import plot_run
+
+__all__ = ["animate_run", "plot_costmap", "plot_plan", "plot_run"]

@@ -169,15 +169,16 @@ def record_run(seconds: float = 72.0, *, scans: bool = False, seed: int = 1) -> 
             goal += 1
             recorder.goal(t, Pose2D(*GOALS[goal]))
             recorder.on_event(Event(t, "goal", f"goal {goal + 1} accepted", {"goal": list(GOALS[goal])}))
-        window = Window(0, 0, 0, 0)
         if not seen and pose.distance_to(Pose2D(*OBSTACLE[:2])) < 2.5:
             seen = True
             master.data[:] = real_costs
-            window = None
         if i % 5 == 0:
-            recorder.costmap(t, "global", master, window if i else None)
+            ix, iy = g.world_to_cell(pose.x, pose.y) or (0, 0)
+            window = Window(max(ix - 60, 0), max(iy - 60, 0), min(ix + 61, g.nx), min(iy + 61, g.ny)) if i else None
+            recorder.costmap(t, "global", master, window)
             poses = path[i : ends[goal] + 1].copy()
-            poses[:, :2] += rng.normal(0.0, 0.01, 2)
+            along = np.linspace(0.0, 1.0, len(poses))[:, None]
+            poses[:, :2] += 4.0 * along * (1.0 - along) * rng.normal(0.0, 0.12, 2)
             recorder.plan(t, poses, "map")
             recorder.on_event(Event(t, "plan", f"plan of {len(poses)} poses", {"poses": len(poses)}))
         ox, oy = (math.floor((c - 2.0) / 0.05) * 0.05 for c in (odom.x, odom.y))

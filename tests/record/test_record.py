@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-import numpy as np
-
 from navstack.record import Record
 from tests.record import synthetic
 

@@ -1,0 +1,305 @@
+"""A run as a film: what the robot knew, where it was told to go, and where it went, frame by frame.
+
+The ground is drawn once; each frame restores it and draws a dozen artists over it, then goes to the encoder, so that
+memory stays flat. GIF needs nothing but pillow; MP4 needs the program ffmpeg.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import Costmap, Pose2D, Transform2D
+from navstack.core.errors import InputError, OutputError
+from navstack.core.files import ensure_directory, written_whole
+from navstack.plot import canvas, colors
+from navstack.plot.run import area_of_run, draw_ends, draw_map, draw_obstacles, headline, incidents
+from navstack.record import Record
+
+_HOLD_S = 2.0
+"""How long the last frame stays, in seconds of the film."""
+
+
+def animate_run(
+    record: Record,
+    path: str | os.PathLike[str],
+    *,
+    fps: float = 10.0,
+    speed: float = 4.0,
+    title: str | None = None,
+    dpi: float = 90.0,
+    progress: Callable[[int, int], None] | None = None,
+) -> Path:
+    """Writes a run as .gif or .mp4: `fps` frames a second, each second showing `speed` seconds of the run.
+
+    `progress(done, total)` is called once per frame. Raises OutputError: an ending that is neither, no ffmpeg for MP4, a
+    folder that cannot be written to; InputError for `fps` or `speed` that are not positive. Returns the file.
+    """
+    out = Path(path)
+    canvas.check_format(out, (".gif", ".mp4"))
+    for name, value in (("fps", fps), ("speed", speed)):
+        if not (np.isfinite(value) and value > 0.0):
+            raise InputError(f"{name} must be a positive number, not {value}", **{name: value})
+    if not len(record.times):
+        raise InputError("this run has no samples, so there is nothing to animate")
+    encoder = _ffmpeg(out) if out.suffix.lower() == ".mp4" else None
+    ensure_directory(out.parent)
+    with canvas.style():
+        film = _Film(record, title or headline(record), dpi)
+        times = _frame_times(record, fps, speed)
+        with written_whole(out) as beside:
+            if encoder is None:
+                _write_gif(film, times, fps, beside, progress)
+            else:
+                _write_mp4(film, times, fps, beside, progress, encoder)
+    return out
+
+
+def _frame_times(record: Record, fps: float, speed: float) -> NDArray[np.float64]:
+    first, last = float(record.times[0]), float(record.times[-1])
+    count = int(np.ceil((last - first) * fps / speed)) + 1
+    return np.minimum(first + np.arange(count) * (speed / fps), last)
+
+
+class _Film:
+    """Draws the frame of any time as pixels (h, w, 3) uint8; fastest when times only grow."""
+
+    def __init__(self, record: Record, title: str, dpi: float) -> None:
+        self.record = record
+        area = area_of_run(record)
+        self.picture = canvas.Picture(area, title=title, subtitle=" ")
+        self.picture.figure.set_dpi(dpi)
+        axes: Any = self.picture.axes
+        draw_map(axes, record, area)
+        entries: list[tuple[Any, str]] = []
+        self._layers = [_Layer(axes, record, name) for name in ("global", "local") if len(record.costmap_times(name))]
+        before = set(map(id, axes.get_children()))
+        obstacles = draw_obstacles(axes, record)
+        ends = draw_ends(axes, record, self.picture.points_per_m)
+        # on top of the costmaps, hence drawn anew in every frame
+        self._marks = sorted((a for a in axes.get_children() if id(a) not in before), key=lambda a: a.get_zorder())
+        for artist in self._marks:
+            artist.set_animated(True)
+        options: dict[str, Any] = {"animated": True}
+        empty = np.empty((0, 2))
+        self._plan = canvas.draw_line(axes, empty, colors.PLAN, width=1.8, zorder=4, **options)
+        self._trail = canvas.draw_line(axes, empty, colors.DRIVEN, width=2.2, casing=True, zorder=5, **options)
+        self._local = canvas.draw_line(axes, empty, colors.GREEN, width=2.2, zorder=5.5, **options)
+        self._footprint = canvas.draw_footprint(axes, record.footprint, Pose2D(0.0, 0.0), zorder=6)
+        self._footprint.set(animated=True, facecolor=colors.FOOTPRINT, linewidth=1.4)
+        self._nose = canvas.draw_line(axes, empty, colors.BLACK, width=1.6, zorder=6.1, **options)
+        marks = {"ls": "none", "animated": True}
+        (self._recoveries,) = axes.plot([], [], "D", ms=8, color=colors.RECOVERY, mec="white", mew=1.2, **marks)
+        (self._contacts,) = axes.plot([], [], "X", ms=11, color=colors.COLLISION, mec="black", mew=1.1, **marks)
+        entries += [(self._trail, "driven path"), (self._plan, "plan")]
+        if (record.arrays["local_plans"]["poses"] > 0).any():
+            entries.append((self._local, "chosen trajectory"))
+        entries.append((self._footprint, "footprint"))
+        entries += obstacles
+        entries += ends
+        self._incident_times = np.array([event.time for event in incidents(record)])
+        self._incident_at = np.array([record.pose_at(t)[:2] for t in self._incident_times]).reshape(-1, 2)
+        if len(self._incident_at):
+            entries.append((self._recoveries, "recovery"))
+        if len(record.collisions):
+            entries.append((self._contacts, "collision"))
+        bands, texts = canvas.cost_legend(None) if self._layers else canvas.occupancy_legend()
+        if any(layer.name == "local" for layer in self._layers):
+            entries.append((canvas.frame_handle(), "local costmap"))
+        self.picture.legend([h for h, _ in entries] + bands, [label for _, label in entries] + texts)
+        self._clock = self.picture.subtitle
+        self._clock.set_animated(True)
+        figure_canvas = self.picture.canvas
+        # animated artists are left out of draw(): what is drawn now is the ground of every frame
+        figure_canvas.draw()
+        self._ground = figure_canvas.copy_from_bbox(self.picture.figure.bbox)
+
+    def frame(self, t: float) -> NDArray[np.uint8]:
+        """The pixels of the run at time `t` (s)."""
+        record, axes = self.record, self.picture.axes
+        i = record.index_at(t)
+        x, y, yaw = (float(v) for v in record.poses[i])
+        pose = Pose2D(x, y, yaw)
+        self._trail.set_data(*record.poses[: i + 1, :2].T)
+        plan = record.plan_at(t)
+        points = np.empty((0, 3)) if plan is None else record.to_global(plan.frame, plan.t).apply_poses(plan.poses)
+        self._plan.set_data(*points[:, :2].T)
+        local = record.local_plan_at(t)
+        trajectory = None if local is None else local.plan.trajectory
+        points = np.empty((0, 3)) if trajectory is None else record.map_to_odom_at(t).apply_poses(trajectory)
+        self._local.set_data(*points[:, :2].T)
+        self._footprint.set_xy(record.footprint.at(pose))
+        reach = record.footprint.circumscribed_radius
+        self._nose.set_data([x, x + reach * np.cos(yaw)], [y, y + reach * np.sin(yaw)])
+        self._recoveries.set_data(*self._incident_at[self._incident_times <= t].T)
+        self._contacts.set_data(*record.collisions[record.collision_times <= t, :2].T)
+        v = record.velocities[i]
+        goal = int(record.goal_indices[i])
+        self._clock.set_text(
+            f"{t - float(record.times[0]):6.1f} s    {record.states[i]}"
+            + (f"    goal {goal + 1}" if goal >= 0 else "")
+            + f"    {np.hypot(v[0], v[1]):.2f} m/s  {v[2]:+.2f} rad/s"
+        )
+        surface = self.picture.canvas
+        surface.restore_region(self._ground)
+        for layer in self._layers:
+            layer.draw(t)
+        for artist in (
+            *(self._plan, self._trail, self._local, *self._marks),
+            *(self._recoveries, self._contacts, self._footprint, self._nose),
+        ):
+            axes.draw_artist(artist)
+        self.picture.figure.draw_artist(self._clock)
+        return np.asarray(surface.buffer_rgba())[:, :, :3].copy()
+
+
+class _Layer:
+    """A costmap over the map: what is free stays clear, a rolling one gets a frame around it."""
+
+    def __init__(self, axes: Any, record: Record, name: str) -> None:
+        self.name = name
+        self._record = record
+        self._axes = axes
+        self._times = record.costmap_times(name)
+        self._updates: Iterator[tuple[float, Costmap]] = iter(())
+        self._next = 0
+        self._colors = np.concatenate((colors.cost_colors(), np.full((256, 1), 255, np.uint8)), axis=1)
+        self._colors[0, 3] = 0
+        self._image: Any = None
+        self._border: Any = None
+
+    def draw(self, t: float) -> None:
+        """Draws the state at time `t`; nothing before the first update."""
+        wanted = int(np.searchsorted(self._times, t, side="right"))
+        if wanted < self._next:
+            self._image, self._next = None, 0
+        if self._next == 0:
+            self._updates = self._record.costmap_updates(self.name)
+        costmap: Costmap | None = None
+        while self._next < wanted:
+            _, costmap = next(self._updates)
+            self._next += 1
+        if costmap is not None:
+            self._show(costmap, t)
+        if self._image is not None:
+            self._axes.draw_artist(self._image)
+            if self.name == "local":
+                self._axes.draw_artist(self._border)
+
+    def _show(self, costmap: Costmap, t: float) -> None:
+        x0, x1, y0, y1 = costmap.geometry.extent
+        corners = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
+        if self._image is None:
+            self._image = canvas.draw_grid(
+                self._axes, self._colors[costmap.data], costmap.geometry, pose=self._pose(costmap, t)
+            )
+            (self._border,) = self._axes.fill(*corners.T, fill=False, edgecolor=colors.INK, lw=1.0, ls=(0, (3, 2)))
+            self._image.set_animated(True)
+            self._border.set_animated(True)
+        pose = self._pose(costmap, t)
+        self._image.set_data(self._colors[costmap.data])
+        self._image.set_extent((x0, x1, y0, y1))
+        self._image.set_transform(canvas.transform_of(pose) + self._axes.transData)
+        self._border.set_xy(pose.apply_points(corners))
+
+    def _pose(self, costmap: Costmap, t: float) -> Transform2D:
+        return self._record.to_global(costmap.frame, t)
+
+
+# --- encoders ---------------------------------------------------------------------------------------------------------
+
+
+def _write_gif(
+    film: _Film, times: NDArray[np.float64], fps: float, path: Path, progress: Callable[[int, int], None] | None
+) -> None:
+    from PIL import Image
+
+    palette = _palette([film.frame(float(t)) for t in times[:: max(1, len(times) // 5)]])
+
+    def frames() -> Iterator[Image.Image]:
+        for done, t in enumerate(times[1:], 2):
+            yield Image.fromarray(film.frame(float(t))).quantize(palette=palette, dither=Image.Dither.NONE)
+            if progress is not None:
+                progress(done, len(times))
+
+    first = Image.fromarray(film.frame(float(times[0]))).quantize(palette=palette, dither=Image.Dither.NONE)
+    if progress is not None:
+        progress(1, len(times))
+    shown = [max(2, round(100.0 / fps)) * 10] * len(times)
+    shown[-1] = int(_HOLD_S * 1000)
+    first.save(
+        path, format="GIF", save_all=True, append_images=frames(), duration=shown, loop=0, optimize=False, disposal=1
+    )
+
+
+def _palette(frames: list[NDArray[np.uint8]]) -> Any:
+    """One palette for the whole film: colours do not flicker, and equal pixels stay equal, which keeps the file small.
+
+    The colours that mean something are in it exactly; the shades between them share the rest.
+    """
+    from PIL import Image
+
+    exact = colors.exact_colors()
+    shades = Image.fromarray(np.concatenate(frames)).quantize(256 - len(exact), method=Image.Quantize.MEDIANCUT)
+    table = np.concatenate((exact.ravel(), np.array(shades.getpalette("RGB"), np.uint8)))
+    image = Image.new("P", (1, 1))
+    image.putpalette(table.tobytes())
+    return image
+
+
+def _ffmpeg(path: Path) -> str:
+    program = shutil.which("ffmpeg")
+    if program is None:
+        raise OutputError(
+            f"cannot write {path.name}: MP4 needs the program ffmpeg, which is not installed; "
+            f"install it or write {path.stem}.gif instead",
+            path=str(path),
+        )
+    return program
+
+
+def _write_mp4(
+    film: _Film,
+    times: NDArray[np.float64],
+    fps: float,
+    path: Path,
+    progress: Callable[[int, int], None] | None,
+    program: str,
+) -> None:
+    frame = film.frame(float(times[0]))
+    # H.264 with 4:2:0 colours wants even sizes
+    height, width = frame.shape[0] // 2 * 2, frame.shape[1] // 2 * 2
+    command = [
+        *(program, "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"),
+        *("-s", f"{width}x{height}", "-r", f"{fps:g}", "-i", "-", "-an", "-c:v", "libx264", "-pix_fmt", "yuv420p"),
+        *("-crf", "20", "-threads", "1", "-bitexact", "-map_metadata", "-1", "-movflags", "+faststart"),
+        *("-f", "mp4", str(path)),
+    ]
+    process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    assert process.stdin is not None
+    assert process.stderr is not None
+    held = round(_HOLD_S * fps)
+    try:
+        for done, t in enumerate(times, 1):
+            pixels = np.ascontiguousarray(film.frame(float(t))[:height, :width]).tobytes()
+            for _ in range(1 + (held if done == len(times) else 0)):
+                process.stdin.write(pixels)
+            if progress is not None:
+                progress(done, len(times))
+    except BrokenPipeError:
+        pass  # ffmpeg gave up: its own words say why
+    except BaseException:
+        process.kill()
+        raise
+    finally:
+        _, errors = process.communicate()
+    if process.returncode != 0:
+        reason = errors.decode(errors="replace").strip().splitlines() or ["no reason given"]
+        raise OutputError(f"ffmpeg could not write {path.name}: {reason[-1]}; write a .gif instead", path=str(path))

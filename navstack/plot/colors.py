@@ -1,0 +1,79 @@
+"""The colours of all pictures. Told apart by colour-blind people: Okabe and Ito's palette (2008) for what is drawn, and for
+the costmap under it a ramp of lightness, with unknown space on the blue-yellow axis that nearly everybody sees.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import FREE, INSCRIBED, LETHAL, UNKNOWN
+
+BLACK: Final = "#000000"
+ORANGE: Final = "#E69F00"
+SKY: Final = "#56B4E9"
+GREEN: Final = "#009E73"
+YELLOW: Final = "#F0E442"
+BLUE: Final = "#0072B2"
+VERMILLION: Final = "#D55E00"
+PURPLE: Final = "#CC79A7"
+
+DRIVEN: Final = BLUE
+PLAN: Final = ORANGE
+FOOTPRINT: Final = SKY
+START: Final = GREEN
+GOAL: Final = VERMILLION
+RECOVERY: Final = PURPLE
+COLLISION: Final = YELLOW
+OBSTACLE: Final = "#6B6B6B"
+INK: Final = "#333333"
+FAINT: Final = "#8A8A8A"
+
+PLANS: Final = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, BLACK, SKY)
+"""For several plans side by side, in this order."""
+
+FREE_RGB: Final = (255, 255, 255)
+LOW_RGB: Final = (240, 236, 249)
+HIGH_RGB: Final = (181, 165, 217)
+INSCRIBED_RGB: Final = (133, 112, 184)
+LETHAL_RGB: Final = (36, 31, 49)
+UNKNOWN_RGB: Final = (224, 217, 198)
+
+
+def cost_colors() -> NDArray[np.uint8]:
+    """(256, 3) RGB of every cost."""
+    table = np.empty((256, 3), np.uint8)
+    share = np.linspace(0.0, 1.0, INSCRIBED - 1)[:, None]
+    table[FREE] = FREE_RGB
+    table[FREE + 1 : INSCRIBED] = np.round((1.0 - share) * np.array(LOW_RGB) + share * np.array(HIGH_RGB))
+    table[INSCRIBED] = INSCRIBED_RGB
+    table[LETHAL] = LETHAL_RGB
+    table[UNKNOWN] = UNKNOWN_RGB
+    return table
+
+
+def paint_costs(costs: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """(ny, nx, 3) RGB of a costmap's cells."""
+    return cost_colors()[costs]
+
+
+def paint_occupancy(cells: NDArray[np.int8]) -> NDArray[np.uint8]:
+    """(ny, nx, 3) RGB of an occupancy grid's cells: free white, occupied dark, between by share, unknown sand."""
+    share = np.clip(cells, 0, 100)[..., None] / 100.0
+    rgb = np.round((1.0 - share) * np.array(FREE_RGB) + share * np.array(LETHAL_RGB)).astype(np.uint8)
+    rgb[cells < 0] = UNKNOWN_RGB
+    return rgb
+
+
+def hex_of(rgb: tuple[int, int, int]) -> str:
+    """`#rrggbb`, as matplotlib takes it."""
+    return "#{:02x}{:02x}{:02x}".format(*rgb)
+
+
+def exact_colors() -> NDArray[np.uint8]:
+    """(n, 3) RGB of everything that carries a meaning, a few dozen: what a palette of 256 must not blur."""
+    drawn = (BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILLION, PURPLE, OBSTACLE, INK, FAINT)
+    rgb = np.array([[int(c[i : i + 2], 16) for i in (1, 3, 5)] for c in drawn], np.uint8)
+    return np.unique(np.concatenate((rgb, cost_colors())), axis=0)

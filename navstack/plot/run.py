@@ -1,0 +1,217 @@
+"""The picture of a run: where it was to go, what was planned, where it went, and what got in the way."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import Bounds, Event, Pose2D, Transform2D
+from navstack.plot import canvas, colors
+from navstack.record import Record
+
+
+def plot_run(
+    record: Record,
+    path: str | os.PathLike[str],
+    *,
+    costmap: str | None = "global",
+    footprints: bool = True,
+    replans: bool = True,
+    title: str | None = None,
+    area: Bounds | None = None,
+    dpi: float = 130.0,
+) -> Path:
+    """Draws a run to a .png, .svg or .pdf, cut to where things happened or to `area` (m, global frame).
+
+    `costmap`: the one whose last state lies under it, None for the map alone. Raises OutputError. Returns the file.
+    """
+    out = Path(path)
+    canvas.check_format(out)
+    shown = area or area_of_run(record)
+    with canvas.style():
+        picture = canvas.Picture(shown, title=title or headline(record), subtitle=circumstances(record))
+        bands, texts = draw_ground(picture.axes, record, shown, costmap)
+        entries: list[tuple[Any, str]] = []
+        _draw_plans(picture.axes, record, entries, replans=replans)
+        if len(record.times):
+            line = canvas.draw_line(picture.axes, record.poses, colors.DRIVEN, width=2.2, casing=True, zorder=5)
+            entries.insert(0, (line, "driven path"))
+        if footprints:
+            _draw_footprints(picture.axes, record, entries)
+        entries += draw_obstacles(picture.axes, record)
+        entries += draw_ends(picture.axes, record, picture.points_per_m)
+        _draw_incidents(picture.axes, record, entries)
+        picture.legend([handle for handle, _ in entries] + bands, [label for _, label in entries] + texts)
+        return canvas.save(picture.figure, out, dpi)
+
+
+# --- words ------------------------------------------------------------------------------------------------------------
+
+
+def headline(record: Record) -> str:
+    """How it went, in a line."""
+    results = record.results
+    parts: list[str] = []
+    if results:
+        reached = sum(result.get("state") == "SUCCEEDED" for result in results)
+        parts.append(f"{reached} of {len(results)} goal{'s' if len(results) != 1 else ''} reached")
+    if len(record.times):
+        parts.append(f"{record.path_length:.1f} m in {record.duration:.1f} s")
+    recoveries = len(incidents(record))
+    if recoveries:
+        parts.append(f"{recoveries} recover{'ies' if recoveries != 1 else 'y'}")
+    contacts = len(record.collision_times)
+    if contacts:
+        parts.append(f"{contacts} collision{'s' if contacts != 1 else ''}")
+    return ", ".join(parts) or "a run without a sample"
+
+
+def circumstances(record: Record) -> str:
+    """What it was run with, in a line: those of the usual keys that the scenario has."""
+    parts: list[str] = []
+    for key in ("map", "params", "robot", "planner", "distro", "seed"):
+        value = record.scenario.get(key)
+        values = value if isinstance(value, list) else [value]
+        if value in (None, "", []) or not all(isinstance(v, (str, int, float)) for v in values):
+            continue
+        text = ", ".join(Path(v).stem if isinstance(v, str) else str(v) for v in values[:3])
+        parts.append(f"{key} {text}{', ..' if len(values) > 3 else ''}")
+    return "   ".join(parts)
+
+
+# --- parts that the animation uses as well ----------------------------------------------------------------------------
+
+
+def area_of_run(record: Record, margin: float = 1.0) -> Bounds:
+    """Where things happened: start, goals, driven path, plans and contacts, with a margin (m)."""
+    parts: list[NDArray[np.float64]] = [record.poses, record.goals, record.collisions]
+    parts += [_global_poses(record, plan.poses, plan.frame, plan.t) for plan in record.plans]
+    area = canvas.area_of(parts, margin + record.footprint.circumscribed_radius)
+    if not area.is_empty:
+        return area
+    if record.map is not None:
+        return canvas.shaped(canvas.area_of_grid(record.map.geometry))
+    return Bounds(-3.0, -3.0, 3.0, 3.0)
+
+
+def draw_map(axes: Any, record: Record, area: Bounds) -> None:
+    """The map, turned about its corner when its origin has a yaw."""
+    grid = record.map
+    if grid is None:
+        return
+    g = grid.geometry
+    turn = Transform2D(g.origin_x, g.origin_y, grid.origin_yaw) @ Transform2D(-g.origin_x, -g.origin_y, 0.0)
+    canvas.draw_grid(axes, colors.paint_occupancy(grid.data), g, area=area, pose=turn)
+
+
+def draw_ground(axes: Any, record: Record, area: Bounds, costmap: str | None) -> tuple[list[Any], list[str]]:
+    """The map and the last state of a costmap over it; handles and labels for the legend."""
+    draw_map(axes, record, area)
+    times = record.costmap_times(costmap) if costmap else np.empty(0)
+    last = record.costmap_at(costmap, float(times[-1])) if costmap and len(times) else None
+    if last is None:
+        return ([], []) if record.map is None else canvas.occupancy_legend()
+    pose = record.to_global(last.frame, float(times[-1])) if len(record.times) else Transform2D()
+    canvas.draw_grid(axes, colors.paint_costs(last.data), last.geometry, area=area, pose=pose, zorder=0.5)
+    window = last.geometry.window_of(area) if pose.is_identity() else last.geometry.window
+    return canvas.cost_legend(last.data[window.slices])
+
+
+def draw_obstacles(axes: Any, record: Record) -> list[tuple[Any, str]]:
+    """Round obstacles of the scenario, which the map does not show."""
+    from matplotlib.patches import Circle
+
+    handle: Any = None
+    for obstacle in record.scenario.get("obstacles") or ():
+        try:
+            x, y, r = (float(v) for v in obstacle[:3])
+        except (TypeError, ValueError, KeyError):
+            continue
+        handle = axes.add_patch(
+            Circle((x, y), r, facecolor=colors.OBSTACLE, edgecolor="white", hatch="/////", lw=1.0, zorder=3)
+        )
+    return [(handle, "obstacle, not on the map")] if handle is not None else []
+
+
+def draw_ends(axes: Any, record: Record, points_per_m: float) -> list[tuple[Any, str]]:
+    """The start and the goals, numbered in the order in which they were given."""
+    entries: list[tuple[Any, str]] = []
+    if len(record.times):
+        x, y, yaw = (float(v) for v in record.poses[0])
+        canvas.draw_marks(axes, [(Pose2D(x, y, yaw), "S")], colors.START, points_per_m)
+        entries.append((canvas.disc(colors.START), "start"))
+    goals = [(Pose2D(*(float(v) for v in pose)), str(i + 1)) for i, pose in enumerate(record.goals)]
+    if goals:
+        canvas.draw_marks(axes, goals, colors.GOAL, points_per_m)
+        entries.append((canvas.disc(colors.GOAL), "goals, in order" if len(goals) > 1 else "goal"))
+    return entries
+
+
+def incidents(record: Record) -> list[Event]:
+    """The recoveries: one event each."""
+    return record.events_of("recovery")
+
+
+# --- parts of this picture --------------------------------------------------------------------------------------------
+
+
+def _draw_plans(axes: Any, record: Record, entries: list[tuple[Any, str]], *, replans: bool) -> None:
+    seen: set[int] = set()
+    first: Any = None
+    later: Any = None
+    for plan in record.plans:
+        poses = _global_poses(record, plan.poses, plan.frame, plan.t)
+        if plan.goal not in seen:
+            seen.add(plan.goal)
+            first = canvas.draw_line(
+                axes, poses, colors.PLAN, width=1.4, linestyle=(0, (4, 1.8)), dash_capstyle="butt", zorder=5.2
+            )
+        elif replans:
+            later = canvas.draw_line(axes, poses, colors.PLAN, width=0.7, alpha=0.4, zorder=3.5)
+    if first is not None:
+        entries.append((first, "first plan to each goal" if len(seen) > 1 else "first plan"))
+    if later is not None:
+        entries.append((later, "replans"))
+
+
+def _draw_footprints(axes: Any, record: Record, entries: list[tuple[Any, str]]) -> None:
+    poses = record.poses
+    if not len(poses):
+        return
+    step = np.hypot(*np.diff(poses[:, :2], axis=0).T) if len(poses) > 1 else np.empty(0)
+    along = np.concatenate(([0.0], np.cumsum(step)))
+    spacing = max(2.6 * record.footprint.circumscribed_radius, along[-1] / 40.0, 1e-6)
+    rows = set(np.searchsorted(along, np.arange(0.0, along[-1] + spacing, spacing)).clip(max=len(poses) - 1).tolist())
+    handle: Any = None
+    for row in sorted(rows | {len(poses) - 1}):
+        handle = canvas.draw_footprint(axes, record.footprint, Pose2D(*(float(v) for v in poses[row])))
+    entries.append((handle, "footprint"))
+
+
+def _draw_incidents(axes: Any, record: Record, entries: list[tuple[Any, str]]) -> None:
+    recoveries = incidents(record)
+    if recoveries and len(record.times):
+        at = _positions(record, [event.time for event in recoveries])
+        (marks,) = axes.plot(*at.T, "D", ms=8, color=colors.RECOVERY, mec="white", mew=1.2, ls="none", zorder=7)
+        entries.append((marks, f"recovery ({len(recoveries)})" if len(recoveries) > 1 else "recovery"))
+    contacts = record.collisions
+    if len(contacts):
+        (marks,) = axes.plot(
+            *contacts[:, :2].T, "X", ms=11, color=colors.COLLISION, mec="black", mew=1.1, ls="none", zorder=9.5
+        )
+        entries.append((marks, f"collision ({len(contacts)})" if len(contacts) > 1 else "collision"))
+
+
+def _positions(record: Record, times: Sequence[float]) -> NDArray[np.float64]:
+    return np.array([record.pose_at(t)[:2] for t in times], np.float64).reshape(-1, 2)
+
+
+def _global_poses(record: Record, poses: NDArray[np.float64], frame: str, t: float) -> NDArray[np.float64]:
+    if frame != record.local_frame or frame == record.global_frame or not len(record.times):
+        return poses
+    return record.to_global(frame, t).apply_poses(poses)
