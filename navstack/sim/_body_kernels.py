@@ -1,0 +1,259 @@
+# pyright: basic
+"""The body of the robot: velocities, motion, contact. One call drives many physics steps.
+
+Motion over a step of dt at constant (vx, vy, wz): the displacement is taken along the heading at half of the step,
+x += dt (vx cos(yaw + wz dt / 2) - vy sin(..)), yaw += wz dt (second-order Runge-Kutta).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from navstack.core.jit import kernel
+
+# layout of `state`
+X, Y, YAW = 0, 1, 2  # truth, map frame
+VX, VY, WZ = 3, 4, 5  # of the wheels
+LX, LY, LZ = 6, 7, 8  # what the velocity controller has come to under its lag
+OX, OY, OYAW = 9, 10, 11  # odometry, odom frame
+DISTANCE = 12  # travelled, m
+TOUCHING = 13  # 1 from a contact until it is left
+CX, CY, CYAW = 14, 15, 16  # pose of that contact
+STATE_SIZE = 17
+
+# no point of the footprint moves further than this between two tests for contact, m
+SWEEP_STEP = 0.005
+# a contact is left once a point of the footprint is this far from where it was, m
+RELEASE = 0.02
+# discs further away than this from where they were last chosen are not looked at, m
+HORIZON = 1.0
+
+
+@kernel
+def polygon_contains(polygon, x, y):
+    """True for a point inside the polygon (n, 2), by the even-odd rule."""
+    inside = False
+    j = polygon.shape[0] - 1
+    for i in range(polygon.shape[0]):
+        if (polygon[i, 1] > y) != (polygon[j, 1] > y):
+            at = polygon[i, 0] + (y - polygon[i, 1]) / (polygon[j, 1] - polygon[i, 1]) * (polygon[j, 0] - polygon[i, 0])
+            if x < at:
+                inside = not inside
+        j = i
+    return inside
+
+
+@kernel
+def segment_meets_square(x0, y0, x1, y1, left, bottom):
+    """True when the segment has a point in the unit square with that corner (Liang and Barsky, 1984)."""
+    t0, t1 = 0.0, 1.0
+    d = x1 - x0
+    if d == 0.0:
+        if x0 < left or x0 > left + 1.0:
+            return False
+    else:
+        a, b = (left - x0) / d, (left + 1.0 - x0) / d
+        t0, t1 = max(t0, min(a, b)), min(t1, max(a, b))
+    d = y1 - y0
+    if d == 0.0:
+        if y0 < bottom or y0 > bottom + 1.0:
+            return False
+    else:
+        a, b = (bottom - y0) / d, (bottom + 1.0 - y0) / d
+        t0, t1 = max(t0, min(a, b)), min(t1, max(a, b))
+    return t0 <= t1
+
+
+@kernel
+def polygon_on_cells(clear, polygon, cx, cy, radius):
+    """Index iy * nx + ix of an occupied cell that the polygon (n, 2) meets, -1 if there is none. All lengths in cells.
+
+    (cx, cy) and `radius` bound the polygon. Exact: a polygon meets a square if one of its edges does or the square's centre
+    is inside.
+    """
+    ny, nx = clear.shape
+    n = polygon.shape[0]
+    # the field at the centre often tells that nothing can be near
+    ix, iy = math.floor(cx), math.floor(cy)
+    if 0 <= ix < nx and 0 <= iy < ny and clear[iy, ix] - 1 >= radius:
+        return -1
+    x0, y0 = polygon[0, 0], polygon[0, 1]
+    x1, y1 = x0, y0
+    for i in range(1, n):
+        x0, x1 = min(x0, polygon[i, 0]), max(x1, polygon[i, 0])
+        y0, y1 = min(y0, polygon[i, 1]), max(y1, polygon[i, 1])
+    # a polygon far outside, or of any size, is clipped to the map before it becomes an integer
+    if x1 < 0.0 or y1 < 0.0 or x0 >= nx or y0 >= ny:
+        return -1
+    first_x, last_x = math.floor(max(x0, 0.0)), math.floor(min(x1, nx - 1.0))
+    first_y, last_y = math.floor(max(y0, 0.0)), math.floor(min(y1, ny - 1.0))
+    for iy in range(first_y, last_y + 1):
+        for ix in range(first_x, last_x + 1):
+            if clear[iy, ix] != 0:
+                continue
+            j = n - 1
+            for i in range(n):
+                if segment_meets_square(polygon[j, 0], polygon[j, 1], polygon[i, 0], polygon[i, 1], ix, iy):
+                    return iy * nx + ix
+                j = i
+            if polygon_contains(polygon, ix + 0.5, iy + 0.5):
+                return iy * nx + ix
+    return -1
+
+
+@kernel
+def polygon_to_point(polygon, x, y):
+    """Distance from the point to the polygon (n, 2), 0 inside."""
+    if polygon_contains(polygon, x, y):
+        return 0.0
+    best = math.inf
+    j = polygon.shape[0] - 1
+    for i in range(polygon.shape[0]):
+        ex, ey = polygon[i, 0] - polygon[j, 0], polygon[i, 1] - polygon[j, 1]
+        wx, wy = x - polygon[j, 0], y - polygon[j, 1]
+        length2 = ex * ex + ey * ey
+        t = min(max((wx * ex + wy * ey) / length2, 0.0), 1.0) if length2 > 0.0 else 0.0
+        best = min(best, (wx - t * ex) ** 2 + (wy - t * ey) ** 2)
+        j = i
+    return math.sqrt(best)
+
+
+@kernel
+def choose_discs(discs, x, y, reach, chosen):
+    """Writes the indices of the discs (k, 3) that come within `reach` (m) of the point; returns how many."""
+    count = 0
+    for k in range(discs.shape[0]):
+        dx, dy, far = discs[k, 0] - x, discs[k, 1] - y, reach + discs[k, 2]
+        if dx * dx + dy * dy < far * far:
+            chosen[count] = k
+            count += 1
+    return count
+
+
+@kernel
+def find_contact(clear, grid, discs, chosen, count, footprint, radius, x, y, yaw, placed):
+    """What the footprint (n, 2) touches at a pose in the map: cell index >= 0, disc -2 - k, or -1 for nothing.
+
+    `placed` (n, 2) is scratch.
+    """
+    n = footprint.shape[0]
+    resolution = grid[3]
+    c, s = math.cos(grid[2]), math.sin(grid[2])
+    gx = (c * (x - grid[0]) + s * (y - grid[1])) / resolution
+    gy = (c * (y - grid[1]) - s * (x - grid[0])) / resolution
+    c, s = math.cos(yaw - grid[2]), math.sin(yaw - grid[2])
+    for i in range(n):
+        placed[i, 0] = gx + (c * footprint[i, 0] - s * footprint[i, 1]) / resolution
+        placed[i, 1] = gy + (s * footprint[i, 0] + c * footprint[i, 1]) / resolution
+    cell = polygon_on_cells(clear, placed, gx, gy, radius / resolution)
+    if cell >= 0:
+        return cell
+    c, s = math.cos(yaw), math.sin(yaw)
+    for k in range(count):
+        disc = chosen[k]
+        dx, dy, r = discs[disc, 0] - x, discs[disc, 1] - y, discs[disc, 2]
+        if dx * dx + dy * dy > (radius + r) * (radius + r):
+            continue
+        if polygon_to_point(footprint, c * dx + s * dy, c * dy - s * dx) < r:
+            return -2 - disc
+    return -1
+
+
+@kernel
+def towards(value, target, most):
+    """`value` moved to `target` by no more than `most`."""
+    return value + min(max(target - value, -most), most)
+
+
+@kernel
+def wrapped(angle):
+    """`angle` (rad), at most a circle off, in (-pi, pi]."""
+    if angle > math.pi:
+        return angle - 2.0 * math.pi
+    if angle <= -math.pi:
+        return angle + 2.0 * math.pi
+    return angle
+
+
+@kernel
+def drive(state, command, steps, dt, limits, keep, noise, clear, grid, discs, footprint, radius, samples, contacts):
+    """Drives `steps` physics steps of `dt` (s) at `command` [vx, vy, wz]; returns the number of new contacts.
+
+    `state` (17,) is changed. `limits` = most change of vx, vy, wz in a step; `keep` = share of the velocity error that the
+    lag leaves after a step; `noise` (steps or 0, 6): relative errors of the true motion vx, vy, wz against the wheels', and
+    of the odometry against the wheels'. `samples` (>= steps, 9) receives true pose, odometry pose, velocity after each
+    step; `contacts` (>= steps, 2) int64 the step and what was hit (as `find_contact`).
+    """
+    hits = 0
+    n = footprint.shape[0]
+    placed = np.empty((n, 2))
+    chosen = np.empty(discs.shape[0], np.int64)
+    count = choose_discs(discs, state[X], state[Y], radius + HORIZON, chosen)
+    chosen_x, chosen_y = state[X], state[Y]
+    for step in range(steps):
+        for i in range(3):
+            state[LX + i] = command[i] + keep * (state[LX + i] - command[i])
+            state[VX + i] = towards(state[VX + i], state[LX + i], limits[i])
+        mx, my, mz = dt * state[VX], dt * state[VY], dt * state[WZ]
+        ox, oy, oz = mx, my, mz
+        if noise.shape[0] > 0:
+            mx, my, mz = mx * (1.0 + noise[step, 0]), my * (1.0 + noise[step, 1]), mz * (1.0 + noise[step, 2])
+            ox, oy, oz = ox * (1.0 + noise[step, 3]), oy * (1.0 + noise[step, 4]), oz * (1.0 + noise[step, 5])
+        c, s = math.cos(state[YAW] + 0.5 * mz), math.sin(state[YAW] + 0.5 * mz)
+        dx, dy = c * mx - s * my, s * mx + c * my
+        length = math.hypot(dx, dy)
+        moved = length + radius * abs(mz)
+        if moved > 0.0:
+            if math.hypot(state[X] + dx - chosen_x, state[Y] + dy - chosen_y) + length > HORIZON:
+                count = choose_discs(discs, state[X], state[Y], radius + length + HORIZON, chosen)
+                chosen_x, chosen_y = state[X], state[Y]
+            # swept: test the outline every SWEEP_STEP, unless all of the motion is known to be clear
+            parts = math.ceil(moved / SWEEP_STEP)
+            hit = -1
+            free = 0
+            for part in range(1, parts + 1):
+                f = part / parts
+                hit = find_contact(
+                    clear,
+                    grid,
+                    discs,
+                    chosen,
+                    count,
+                    footprint,
+                    radius,
+                    state[X] + f * dx,
+                    state[Y] + f * dy,
+                    state[YAW] + f * mz,
+                    placed,
+                )
+                if hit != -1:
+                    break
+                free = part
+            f = free / parts
+            state[X] += f * dx
+            state[Y] += f * dy
+            state[YAW] = wrapped(state[YAW] + f * mz)
+            state[DISTANCE] += f * length
+            c, s = math.cos(state[OYAW] + 0.5 * oz), math.sin(state[OYAW] + 0.5 * oz)
+            state[OX] += f * (c * ox - s * oy)
+            state[OY] += f * (s * ox + c * oy)
+            state[OYAW] = wrapped(state[OYAW] + f * oz)
+            if hit != -1:
+                for i in range(3):
+                    state[VX + i] = 0.0
+                    state[LX + i] = 0.0
+                if state[TOUCHING] == 0.0:
+                    state[TOUCHING] = 1.0
+                    state[CX], state[CY], state[CYAW] = state[X], state[Y], state[YAW]
+                    contacts[hits, 0], contacts[hits, 1] = step, hit
+                    hits += 1
+            elif state[TOUCHING] != 0.0:
+                turned = abs(wrapped(state[YAW] - state[CYAW]))
+                if math.hypot(state[X] - state[CX], state[Y] - state[CY]) + radius * turned > RELEASE:
+                    state[TOUCHING] = 0.0
+        samples[step, 0], samples[step, 1], samples[step, 2] = state[X], state[Y], state[YAW]
+        samples[step, 3], samples[step, 4], samples[step, 5] = state[OX], state[OY], state[OYAW]
+        samples[step, 6], samples[step, 7], samples[step, 8] = state[VX], state[VY], state[WZ]
+    return hits

@@ -1,0 +1,83 @@
+# pyright: basic
+"""Exact distance from an outline to the nearest obstacle."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from navstack.core.jit import kernel
+from navstack.sim._body_kernels import polygon_contains, polygon_to_point, segment_meets_square
+
+
+@kernel
+def point_to_square(x, y, left, bottom):
+    """Distance from the point to the unit square with that corner."""
+    dx = max(left - x, 0.0, x - left - 1.0)
+    dy = max(bottom - y, 0.0, y - bottom - 1.0)
+    return math.sqrt(dx * dx + dy * dy)
+
+
+@kernel
+def outline_to_square(outline, left, bottom):
+    """Distance from the outline (n, 2) to the unit square with that corner."""
+    n = outline.shape[0]
+    if n == 1:
+        return point_to_square(outline[0, 0], outline[0, 1], left, bottom)
+    j = n - 1
+    for i in range(n):
+        if segment_meets_square(outline[j, 0], outline[j, 1], outline[i, 0], outline[i, 1], left, bottom):
+            return 0.0
+        j = i
+    if polygon_contains(outline, left + 0.5, bottom + 0.5):
+        return 0.0
+    # apart: the nearest two points include a corner of one or the other
+    best = math.inf
+    for i in range(n):
+        best = min(best, point_to_square(outline[i, 0], outline[i, 1], left, bottom))
+    for i in range(4):
+        best = min(best, polygon_to_point(outline, left + (i & 1), bottom + (i >> 1)))
+    return best
+
+
+@kernel
+def clearance(clear, grid, discs, outline, x, y, yaw):
+    """Distance (m) from the outline (n, 2) (robot frame, m; n = 1: its position only) at a pose in the map, inf if alone."""
+    ny, nx = clear.shape
+    n = outline.shape[0]
+    resolution = grid[3]
+    placed = np.empty((n, 2))
+    c, s = math.cos(grid[2]), math.sin(grid[2])
+    gx = (c * (x - grid[0]) + s * (y - grid[1])) / resolution
+    gy = (c * (y - grid[1]) - s * (x - grid[0])) / resolution
+    c, s = math.cos(yaw - grid[2]), math.sin(yaw - grid[2])
+    radius = 0.0
+    for i in range(n):
+        placed[i, 0] = gx + (c * outline[i, 0] - s * outline[i, 1]) / resolution
+        placed[i, 1] = gy + (s * outline[i, 0] + c * outline[i, 1]) / resolution
+        radius = max(radius, math.hypot(placed[i, 0] - gx, placed[i, 1] - gy))
+    best = math.inf
+    # squares around the centre's cell, from the inside out, until none can be nearer
+    ix, iy = math.floor(gx), math.floor(gy)
+    farthest = max(max(abs(ix), abs(nx - 1 - ix)), max(abs(iy), abs(ny - 1 - iy)))
+    ring = 0
+    if 0 <= ix < nx and 0 <= iy < ny:
+        ring = int(clear[iy, ix])
+    else:
+        ring = max(max(-ix, ix - nx + 1), max(-iy, iy - ny + 1))
+    while ring <= farthest and ring - 1 - radius < best:
+        for row in range(max(iy - ring, 0), min(iy + ring, ny - 1) + 1):
+            whole = row == iy - ring or row == iy + ring
+            step = 1 if whole else max(2 * ring, 1)
+            for column in range(ix - ring, ix + ring + 1, step):
+                if 0 <= column < nx and clear[row, column] == 0:
+                    best = min(best, outline_to_square(placed, column, row))
+        ring += 1
+    best *= resolution
+    c, s = math.cos(yaw), math.sin(yaw)
+    for k in range(discs.shape[0]):
+        dx, dy = discs[k, 0] - x, discs[k, 1] - y
+        away = math.hypot(dx, dy) if n == 1 else polygon_to_point(outline, c * dx + s * dy, c * dy - s * dx)
+        best = min(best, max(away - discs[k, 2], 0.0))
+    return best

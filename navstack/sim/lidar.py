@@ -1,0 +1,66 @@
+"""A planar range finder: exact ranges, noise that depends on the seed and the number of the scan alone."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import LaserScan, Pose2D, Transform2D
+from navstack.sim._lidar_kernels import sweep
+from navstack.sim.params import LidarParams
+from navstack.sim.world import World
+
+_NO_NOISE = np.empty(0)
+_NO_LOSS = np.empty(0, np.bool_)
+
+
+class Lidar:
+    """Makes scans of a world from poses of the robot."""
+
+    def __init__(self, params: LidarParams, *, seed: int, number: int) -> None:
+        """`number` tells the lidars of one robot apart: each draws from a stream of its own."""
+        self.params = params
+        self.mounting = Transform2D(params.x, params.y, params.yaw)
+        angles = params.angle_min + params.angle_increment * np.arange(params.beams)
+        self._beams: NDArray[np.float64] = np.column_stack((np.cos(angles), np.sin(angles)))
+        self._seed = seed
+        self._number = number
+
+    def scan(self, world: World, base: Pose2D, index: int, stamp: float) -> LaserScan:
+        """Scan number `index`, taken with the robot's base at `base` (map frame) at `stamp` (s).
+
+        A pure function of its arguments and the seed: a scan that nobody asked for changes no other.
+        """
+        p = self.params
+        eye = Transform2D(*base) @ self.mounting
+        noise, kept = _NO_NOISE, _NO_LOSS
+        if p.range_noise > 0.0 or p.dropout > 0.0:
+            rng = np.random.Generator(np.random.PCG64([self._seed, 1 + self._number, index]))
+            if p.range_noise > 0.0:
+                noise = p.range_noise * rng.standard_normal(p.beams)
+            if p.dropout > 0.0:
+                kept = rng.random(p.beams) >= p.dropout
+        ranges = sweep(
+            world.clear,
+            world.grid,
+            world.discs,
+            np.array(eye),
+            self._beams,
+            p.angle_min,
+            p.angle_increment,
+            p.range_min,
+            p.range_max,
+            noise,
+            kept,
+        )
+        return LaserScan(
+            ranges=ranges,
+            angle_min=p.angle_min,
+            angle_increment=p.angle_increment,
+            range_min=p.range_min,
+            range_max=p.range_max,
+            stamp=stamp,
+            frame=p.frame,
+            topic=p.topic,
+            height=p.height,
+        )

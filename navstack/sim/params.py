@@ -1,0 +1,120 @@
+"""Parameters of the simulator: the `navstack: sim:` section of the YAML."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal
+
+from pydantic import field_validator
+
+from navstack.core.parameters import ParamModel, param
+
+ODOMETRY_LIMIT = 1.0
+
+
+class LidarParams(ParamModel):
+    """A planar range finder. The defaults are the turtlebot's depth camera seen as a laser."""
+
+    topic: str = param("scan", "topic of its scans, as named by an observation source")
+    frame: str = param("base_laser_link", "frame of its scans; a child of the base frame")
+    x: float = param(0.1, "mounting position ahead of the robot's centre", unit="m")
+    y: float = param(0.0, "mounting position to the left of the robot's centre", unit="m")
+    yaw: float = param(0.0, "mounting direction of the middle beam", unit="rad")
+    height: float = param(0.3, "height above the ground", unit="m", ge=0.0)
+    beams: int = param(640, "rays per scan", ge=1, le=100_000)
+    fov: float = param(
+        1.0,
+        "angle from the first beam to the last; a full circle (2 pi) is divided by the number of beams, so that no "
+        "direction is measured twice",
+        unit="rad",
+        gt=0.0,
+        le=6.283185307179587,
+    )
+    range_min: float = param(0.45, "nearer hits are reported as -inf (REP 117)", unit="m", ge=0.0)
+    range_max: float = param(6.0, "beams without a hit up to here are reported as +inf", unit="m", gt=0.0)
+    frequency: float = param(10.0, "scans per second", unit="Hz", gt=0.0)
+    range_noise: float = param(0.0, "standard deviation of the ranges", unit="m", ge=0.0)
+    dropout: float = param(0.0, "share of beams lost in each scan, reported as NaN", ge=0.0, le=1.0)
+
+    @property
+    def angle_increment(self) -> float:
+        """Angle between two neighbouring beams, rad."""
+        if self.beams == 1:
+            return self.fov
+        full_circle = self.fov > 2.0 * math.pi - 1e-6
+        return self.fov / (self.beams if full_circle else self.beams - 1)
+
+    @property
+    def angle_min(self) -> float:
+        """Direction of the first beam in the lidar's frame, rad."""
+        return -0.5 * self.angle_increment * (self.beams - 1)
+
+
+class SimParams(ParamModel):
+    """The simulated robot and its sensors.
+
+    The defaults are those of the simulator that the C++ stack was measured in: the base follows every command at once, at
+    50 Hz, with one forward-looking lidar, true odometry, and odom equal to map.
+    """
+
+    CHILD_FIELD: ClassVar[str | None] = "lidars"
+
+    kinematics: Literal["differential", "holonomic"] = param(
+        "differential", "differential: never moves sideways; holonomic: in every direction"
+    )
+    physics_frequency: float = param(50.0, "steps of the body per second", unit="Hz", gt=0.0, le=10_000.0)
+    acc_lim_x: float | None = param(
+        None, "greatest change of the forward velocity; none: follows the command at once", unit="m/s²", gt=0.0
+    )
+    acc_lim_y: float | None = param(None, "the same, sideways", unit="m/s²", gt=0.0)
+    acc_lim_theta: float | None = param(None, "the same, turning", unit="rad/s²", gt=0.0)
+    command_timeout: float | None = param(
+        None, "a command older than this stops the base; none: it is driven until the next", unit="s", gt=0.0
+    )
+    command_delay: float = param(0.0, "dead time between a command and the base", unit="s", ge=0.0)
+    velocity_lag: float = param(0.0, "time constant of the base's velocity controller", unit="s", ge=0.0)
+    wheel_slip: float = param(
+        0.0,
+        "standard deviation of the true motion against that of the wheels, relative, over a metre or a radian",
+        ge=0.0,
+        le=ODOMETRY_LIMIT,
+    )
+    odometry_noise: float = param(
+        0.0,
+        "standard deviation of the odometry against the true motion, relative, over a metre or a radian",
+        ge=0.0,
+        le=ODOMETRY_LIMIT,
+    )
+    localization: Literal["truth", "odometry"] = param(
+        "truth",
+        "truth: map -> odom makes up for the drift of the odometry, as fake_localization does; odometry: it stays as it was",
+    )
+    map_to_odom: list[float] = param([0.0, 0.0, 0.0], "pose [x, y, yaw] of the odometry frame in the map at the start")
+    lasers: list[str] = param(["laser"], "names of the lidars; each has its parameters in a namespace of that name")
+    lidars: dict[str, LidarParams] = param({}, "the parameters of each lidar, by name")
+
+    @classmethod
+    def child_models(cls, values: Mapping[str, Any]) -> dict[str, type[ParamModel]]:
+        """A `LidarParams` for every name in `lasers`."""
+        names = values.get("lasers", ["laser"])
+        return {name: LidarParams for name in names if isinstance(name, str)} if isinstance(names, list) else {}
+
+    @field_validator("map_to_odom")
+    @classmethod
+    def _three_numbers(cls, value: list[float]) -> list[float]:
+        if len(value) != 3:
+            raise ValueError(f"map_to_odom is [x, y, yaw] in m, m, rad, not {value}")
+        return value
+
+    @field_validator("lasers")
+    @classmethod
+    def _named_once(cls, value: list[str]) -> list[str]:
+        twice = sorted({name for name in value if value.count(name) > 1})
+        if twice:
+            raise ValueError(f"each lidar needs a name of its own; named twice: {', '.join(twice)}")
+        return value
+
+    def lidar(self, name: str) -> LidarParams:
+        """The parameters of one lidar; the defaults where it has no namespace."""
+        return self.lidars.get(name) or LidarParams()

@@ -1,0 +1,271 @@
+"""A robot in a simulated world: what `navstack.interfaces.Robot` asks for, and what only a simulator knows."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import Footprint, FrameTree, LaserScan, Pose2D, RobotState, Transform2D, Twist2D, normalize_angle
+from navstack.core.errors import InputError
+from navstack.sim import _body_kernels as body
+from navstack.sim.lidar import Lidar
+from navstack.sim.params import SimParams
+from navstack.sim.world import World
+
+_NO_NOISE = np.empty((0, 6))
+_STOP = Twist2D()
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """The robot touched something; it counts once until it is left."""
+
+    time: float
+    """Seconds."""
+    pose: Pose2D
+    """Of the robot, in the map, where it was stopped."""
+    kind: str
+    """`map` or `disc`."""
+    index: int
+    """Of the cell (iy * nx + ix) or of the disc."""
+    at: tuple[float, float]
+    """Centre of what was hit, in the map (m)."""
+
+
+class SimulatedRobot:
+    """A body, its odometry and its lidars in a `World`. Time is counted in whole physics steps; nothing here reads a clock.
+
+    A contact stops the robot where it was last free (to within 5 mm), wheels included. A run is a pure function of the
+    parameters, the world, the start, the seed and the commands.
+    """
+
+    def __init__(
+        self,
+        params: SimParams,
+        world: World,
+        footprint: Footprint,
+        start: Pose2D,
+        *,
+        seed: int = 0,
+        base_frame: str = "base_footprint",
+        odom_frame: str = "odom",
+        map_frame: str = "map",
+    ) -> None:
+        """`footprint` as it really is, without padding; `start` in the map (m, rad).
+
+        Raises InputError when the robot does not fit there, and for lidars that share a frame but not a place.
+        """
+        if not start.is_finite():
+            raise InputError(f"the start {tuple(start)} is not finite", pose=start)
+        touched = world.contact(footprint, start)
+        if touched is not None:
+            raise InputError(
+                f"the robot does not fit at the start ({start.x:g}, {start.y:g}, {start.yaw:g}): it touches the "
+                f"{touched[0]} at ({touched[2]:.2f}, {touched[3]:.2f})",
+                pose=start,
+            )
+        self.params = params
+        self.world = world
+        self.footprint = footprint
+        self.base_frame, self.odom_frame, self.map_frame = base_frame, odom_frame, map_frame
+        self.frames = FrameTree()
+        self.collisions: list[Contact] = []
+
+        self._step = 0
+        self._frequency = params.physics_frequency
+        self._dt = 1.0 / self._frequency
+        self._limits = np.array(
+            [
+                math.inf if limit is None else limit * self._dt
+                for limit in (params.acc_lim_x, params.acc_lim_y, params.acc_lim_theta)
+            ]
+        )
+        self._lag_keeps = math.exp(-self._dt / params.velocity_lag) if params.velocity_lag > 0.0 else 0.0
+        self._delay_steps = math.ceil(params.command_delay * self._frequency - 1e-9)
+        self._timeout_steps = (
+            None if params.command_timeout is None else math.ceil(params.command_timeout * self._frequency - 1e-9)
+        )
+        # (step from which it holds, command), oldest first; the first one is in force
+        self._commands: deque[tuple[int, Twist2D]] = deque([(0, _STOP)])
+        self._noisy = params.wheel_slip > 0.0 or params.odometry_noise > 0.0
+        self._rng = np.random.Generator(np.random.PCG64([seed, 0]))
+
+        offset = Transform2D(params.map_to_odom[0], params.map_to_odom[1], normalize_angle(params.map_to_odom[2]))
+        odometry = offset.inverse().apply(Pose2D(start.x, start.y, normalize_angle(start.yaw)))
+        self._state = np.zeros(body.STATE_SIZE)
+        self._state[body.X : body.YAW + 1] = start.x, start.y, normalize_angle(start.yaw)
+        self._state[body.OX : body.OYAW + 1] = odometry
+        self._samples = np.empty((0, 9))
+        self._contacts = np.empty((0, 2), np.int64)
+
+        self._drifts = self._noisy and params.localization == "truth"
+        if not self._drifts:
+            self.frames.set_static(map_frame, odom_frame, offset)
+        self._lidars = [Lidar(params.lidar(name), seed=seed, number=i) for i, name in enumerate(params.lasers)]
+        mounted: dict[str, Transform2D] = {}
+        for lidar in self._lidars:
+            frame = lidar.params.frame
+            if mounted.setdefault(frame, lidar.mounting) != lidar.mounting:
+                raise InputError(
+                    f'two lidars share the frame "{frame}" but not its place; give each a frame of its own', frame=frame
+                )
+            if frame != base_frame:
+                self.frames.set_static(base_frame, frame, lidar.mounting)
+            elif not lidar.mounting.is_identity():
+                raise InputError(
+                    f"the lidar's frame \"{frame}\" is the robot's own, yet it is mounted elsewhere; name another frame",
+                    frame=frame,
+                )
+        self._next_scan = [0] * len(self._lidars)
+        # (lidar, index, step, true pose of the base) of the scans nobody has fetched yet
+        self._pending: list[tuple[int, int, int, Pose2D]] = []
+        self._publish(0, self.pose, odometry)
+        self._take_scans(0, self.pose)
+
+    # --- time ---------------------------------------------------------------------------------------------------------
+
+    @property
+    def time(self) -> float:
+        """Seconds since the start: a whole number of physics steps."""
+        return self._step / self._frequency
+
+    def advance_to(self, time: float) -> NDArray[np.float64]:
+        """Drives on to the first physics step at or after `time` (s).
+
+        Returns the samples after each step, (n, 9): true x, y, yaw (map), odometry x, y, yaw (odom), vx, vy, wz. A view
+        that the next call overwrites.
+        """
+        if not math.isfinite(time):
+            raise InputError(f"cannot simulate until {time}", time=time)
+        first = self._step
+        last = max(first, math.ceil(time * self._frequency - 1e-6))
+        steps = last - first
+        if len(self._samples) < steps:
+            self._samples = np.empty((steps, 9))
+            self._contacts = np.empty((steps, 2), np.int64)
+        while self._step < last:
+            self._drive(self._commanded_until(last), first)
+        if steps:
+            self._observe(first, last)
+        return self._samples[:steps]
+
+    def _commanded_until(self, last: int) -> int:
+        """The step up to which the command in force at the present step holds."""
+        while len(self._commands) > 1 and self._commands[1][0] <= self._step:
+            self._commands.popleft()
+        until = min(last, self._commands[1][0]) if len(self._commands) > 1 else last
+        if self._timeout_steps is not None:
+            stale = self._commands[0][0] + self._timeout_steps
+            if stale <= self._step:
+                self._commands[0] = (self._commands[0][0], _STOP)
+            else:
+                until = min(until, stale)
+        return until
+
+    def _drive(self, until: int, first: int) -> None:
+        steps, done = until - self._step, self._step - first
+        samples = self._samples[done:]
+        hits = body.drive(
+            self._state,
+            np.array(self._commands[0][1]),
+            steps,
+            self._dt,
+            self._limits,
+            self._lag_keeps,
+            self._noise(steps) if self._noisy else _NO_NOISE,
+            self.world.clear,
+            self.world.grid,
+            self.world.discs,
+            self.footprint.vertices,
+            self.footprint.circumscribed_radius,
+            samples,
+            self._contacts,
+        )
+        for row in range(hits):
+            step, hit = int(self._contacts[row, 0]), int(self._contacts[row, 1])
+            kind, index, x, y = self.world.described(hit)
+            pose = Pose2D(*samples[step, :3].tolist())
+            self.collisions.append(Contact((self._step + step + 1) / self._frequency, pose, kind, index, (x, y)))
+        self._step = until
+
+    def _noise(self, steps: int) -> NDArray[np.float64]:
+        """Relative errors per step: variances add up to the parameter's square over the steps of a second."""
+        noise = self._rng.standard_normal((steps, 6)) * math.sqrt(self._frequency)
+        noise[:, :3] *= self.params.wheel_slip
+        noise[:, 3:] *= self.params.odometry_noise
+        return noise
+
+    # --- what the robot knows -----------------------------------------------------------------------------------------
+
+    def state(self) -> RobotState:
+        """Odometry: pose in the odometry frame, velocity of the wheels, at the present step."""
+        x, y, yaw = self._state[body.OX : body.OYAW + 1].tolist()
+        vx, vy, wz = self._state[body.VX : body.WZ + 1].tolist()
+        return RobotState(Pose2D(x, y, yaw), Twist2D(vx, vy, wz), self.time, self.odom_frame)
+
+    def scans(self) -> Sequence[LaserScan]:
+        """The scans that fell due since the last call, oldest first, each from where the robot was at its time."""
+        pending, self._pending = self._pending, []
+        return [
+            self._lidars[number].scan(self.world, pose, index, step / self._frequency)
+            for number, index, step, pose in pending
+        ]
+
+    def command(self, twist: Twist2D) -> None:
+        """Drive so from the present step on, after the dead time; a differential base ignores the sideways part."""
+        if not twist.is_finite():
+            raise InputError(f"cannot drive at {tuple(twist)}: a velocity is a finite number", command=twist)
+        if self.params.kinematics == "differential" and twist.vy != 0.0:
+            twist = Twist2D(twist.vx, 0.0, twist.wz)
+        step = self._step + self._delay_steps
+        if self._commands[-1][0] == step:
+            self._commands.pop()
+        self._commands.append((step, twist))
+
+    # --- what only a simulator knows ----------------------------------------------------------------------------------
+
+    @property
+    def pose(self) -> Pose2D:
+        """Where the robot truly is, in the map."""
+        x, y, yaw = self._state[body.X : body.YAW + 1].tolist()
+        return Pose2D(x, y, yaw)
+
+    @property
+    def distance_travelled(self) -> float:
+        """Length of the way truly driven, metres."""
+        return float(self._state[body.DISTANCE])
+
+    @property
+    def in_contact(self) -> bool:
+        """True from a contact until it is left."""
+        return bool(self._state[body.TOUCHING])
+
+    # --- publishing ---------------------------------------------------------------------------------------------------
+
+    def _observe(self, first: int, last: int) -> None:
+        """Publishes frames and takes the scans of the steps in (first, last]."""
+        samples = self._samples[: last - first].tolist()
+        for step, (x, y, yaw, ox, oy, oyaw, *_) in enumerate(samples, first + 1):
+            self._publish(step, Pose2D(x, y, yaw), Pose2D(ox, oy, oyaw))
+            self._take_scans(step, Pose2D(x, y, yaw))
+
+    def _publish(self, step: int, truth: Pose2D, odometry: Pose2D) -> None:
+        stamp = step / self._frequency
+        moved = Transform2D(*odometry)
+        self.frames.set(self.odom_frame, self.base_frame, moved, stamp)
+        if self._drifts:
+            self.frames.set(self.map_frame, self.odom_frame, Transform2D(*truth) @ moved.inverse(), stamp)
+
+    def _take_scans(self, step: int, pose: Pose2D) -> None:
+        for number, lidar in enumerate(self._lidars):
+            index = self._next_scan[number]
+            # a scan is taken at the first step that is not before its time
+            if step >= index * self._frequency / lidar.params.frequency - 1e-6:
+                self._pending.append((number, index, step, pose))
+                due = math.floor(step * lidar.params.frequency / self._frequency + 1e-6)
+                self._next_scan[number] = max(index, due) + 1

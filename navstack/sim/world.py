@@ -1,0 +1,132 @@
+"""What the simulated robot drives among: the occupied cells of a map, and round obstacles."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import Footprint, GridGeometry, OccupancyGrid, Pose2D
+from navstack.core.errors import InputError
+from navstack.sim import _body_kernels as body
+from navstack.sim import _clearance_kernels as kernels
+
+OCCUPIED = 100
+"""A cell of a map is a wall from this value on: what the static layer takes as lethal by default."""
+
+
+class World:
+    """A map and discs, in the map's frame (m).
+
+    Occupied cells are solid squares. Unknown cells, and everything outside the map, are empty: they hide nothing and hurt
+    nothing. The grid may be turned (`origin_yaw`).
+    """
+
+    def __init__(
+        self,
+        map: OccupancyGrid | None = None,
+        discs: NDArray[np.float64] | Sequence[Sequence[float]] = (),
+    ) -> None:
+        """`discs` (n, 3): x, y, radius (m); without a map the ground is empty.
+
+        Raises InputError for discs that are not finite or have no radius.
+        """
+        self.map = map if map is not None else OccupancyGrid(np.zeros((1, 1), np.int8), GridGeometry(1, 1, 1.0))
+        geometry = self.map.geometry
+        self.grid: NDArray[np.float64] = np.array(
+            [geometry.origin_x, geometry.origin_y, self.map.origin_yaw, geometry.resolution]
+        )
+        """[origin x, origin y, origin yaw, resolution] for the kernels."""
+        self.clear: NDArray[np.uint8] = _clear_squares(self.map.data >= OCCUPIED)
+        """(ny, nx): 0 = occupied, else c: the square of 2c-1 cells around the cell is free."""
+        self._discs = _checked_discs(discs)
+
+    @property
+    def discs(self) -> NDArray[np.float64]:
+        """(n, 3) x, y, radius (m) of the round obstacles; not to be written to."""
+        return self._discs
+
+    def move_discs(self, discs: NDArray[np.float64] | Sequence[Sequence[float]]) -> None:
+        """Puts the round obstacles elsewhere, all at once."""
+        self._discs = _checked_discs(discs)
+
+    def contains(self, pose: Pose2D) -> bool:
+        """True for a position on the map."""
+        gx, gy = self._cells(pose.x, pose.y)
+        return 0.0 <= gx < self.map.geometry.nx and 0.0 <= gy < self.map.geometry.ny
+
+    def is_free(self, footprint: Footprint, pose: Pose2D) -> bool:
+        """True when the outline at `pose` meets neither an occupied cell nor a disc."""
+        return self.contact(footprint, pose) is None
+
+    def contact(self, footprint: Footprint, pose: Pose2D) -> tuple[str, int, float, float] | None:
+        """What the outline at `pose` meets: ("map", iy * nx + ix, x, y) or ("disc", index, x, y) with its centre (m)."""
+        hit = int(
+            body.find_contact(
+                self.clear,
+                self.grid,
+                self._discs,
+                np.arange(len(self._discs)),
+                len(self._discs),
+                footprint.vertices,
+                footprint.circumscribed_radius,
+                pose.x,
+                pose.y,
+                pose.yaw,
+                np.empty_like(footprint.vertices),
+            )
+        )
+        return None if hit == -1 else self.described(hit)
+
+    def described(self, hit: int) -> tuple[str, int, float, float]:
+        """A kernel's answer in words: kind, index, and the centre of what was hit (m)."""
+        if hit < 0:
+            index = -2 - hit
+            return "disc", index, float(self._discs[index, 0]), float(self._discs[index, 1])
+        geometry = self.map.geometry
+        iy, ix = divmod(hit, geometry.nx)
+        u, v = (ix + 0.5) * geometry.resolution, (iy + 0.5) * geometry.resolution
+        c, s = math.cos(self.map.origin_yaw), math.sin(self.map.origin_yaw)
+        return "map", hit, geometry.origin_x + c * u - s * v, geometry.origin_y + s * u + c * v
+
+    def clearance(self, pose: Pose2D, footprint: Footprint | None = None) -> float:
+        """Distance (m) from the position, or from the outline there, to the nearest obstacle; 0 in contact, else exact.
+
+        inf when there is no obstacle at all.
+        """
+        outline = np.zeros((1, 2)) if footprint is None else footprint.vertices
+        return float(kernels.clearance(self.clear, self.grid, self._discs, outline, pose.x, pose.y, pose.yaw))
+
+    def _cells(self, x: float, y: float) -> tuple[float, float]:
+        geometry = self.map.geometry
+        c, s = math.cos(self.map.origin_yaw), math.sin(self.map.origin_yaw)
+        dx, dy = x - geometry.origin_x, y - geometry.origin_y
+        return (c * dx + s * dy) / geometry.resolution, (c * dy - s * dx) / geometry.resolution
+
+
+def _clear_squares(occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """Chessboard distance to the nearest occupied cell, at most 255."""
+    if not occupied.any():
+        return np.full(occupied.shape, 255, np.uint8)
+    from scipy.ndimage import distance_transform_cdt
+
+    distance = cast("NDArray[np.int32]", distance_transform_cdt(~occupied, metric="chessboard"))
+    return np.minimum(distance, 255).astype(np.uint8)
+
+
+def _checked_discs(discs: NDArray[np.float64] | Sequence[Sequence[float]]) -> NDArray[np.float64]:
+    try:
+        array = np.array(discs, np.float64).reshape(len(discs), 3)
+    except ValueError as exc:
+        raise InputError("round obstacles are rows x, y, radius (m)", obstacles=list(discs)) from exc
+    for x, y, r in array:
+        if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(r) and r > 0.0):
+            raise InputError(
+                f"the obstacle {x:g},{y:g},{r:g} is none: give x, y and a radius above 0, in metres",
+                obstacle=[float(x), float(y), float(r)],
+            )
+    array.setflags(write=False)
+    return array

@@ -1,0 +1,177 @@
+"""Ranges against a marcher of small steps, closed forms, noise, and what REP 117 says."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from navstack.core import OccupancyGrid, Pose2D
+from navstack.maps import map_names, places
+from navstack.sim import Lidar, LidarParams, World
+from tests.sim.worlds import ascii_map, random_map, to_world
+from tests.test_maps import read
+
+STEP = 0.01
+
+
+def occupied_at(grid: OccupancyGrid, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Occupancy at points of the map frame, by look-up."""
+    c, s = math.cos(grid.origin_yaw), math.sin(grid.origin_yaw)
+    dx, dy = x - grid.geometry.origin_x, y - grid.geometry.origin_y
+    ix = np.floor((c * dx + s * dy) / grid.geometry.resolution).astype(int)
+    iy = np.floor((c * dy - s * dx) / grid.geometry.resolution).astype(int)
+    inside = (ix >= 0) & (iy >= 0) & (ix < grid.geometry.nx) & (iy < grid.geometry.ny)
+    found = np.zeros(x.shape, bool)
+    found[inside] = grid.data[iy[inside], ix[inside]] >= 100
+    return found
+
+
+def march(world: World, eye: Pose2D, angles: NDArray[np.float64], reach: float) -> NDArray[np.float64]:
+    """Ranges by steps of 1 cm; inf beyond `reach`."""
+    t = np.arange(0.0, reach, STEP)
+    x = eye.x + np.outer(np.cos(eye.yaw + angles), t)
+    y = eye.y + np.outer(np.sin(eye.yaw + angles), t)
+    hit = occupied_at(world.map, x, y)
+    for dx, dy, r in world.discs:
+        hit |= (x - dx) ** 2 + (y - dy) ** 2 <= r * r
+    first = hit.argmax(axis=1)
+    return np.where(hit.any(axis=1), t[first], np.inf)
+
+
+def compare(world: World, eye: Pose2D, reach: float) -> None:
+    """The marcher finds a hit within a step behind the exact one; it may only miss corners shorter than its step."""
+    params = LidarParams(x=0.0, beams=360, fov=2 * math.pi, range_min=0.0, range_max=reach)
+    lidar = Lidar(params, seed=0, number=0)
+    exact = lidar.scan(world, eye, 0, 0.0).ranges.astype(float)
+    angles = params.angle_min + params.angle_increment * np.arange(params.beams)
+    marched = march(world, eye, angles, reach)
+    assert not np.isnan(exact).any()
+    assert (exact >= 0).all()
+    seen = np.isfinite(marched)
+    # never behind what the marcher found; a micrometre for float32
+    assert (exact[seen] <= marched[seen] + 1e-6).all()
+    agree = (np.where(seen, marched, reach) - np.where(np.isfinite(exact), exact, reach)) <= STEP + 1e-6
+    # where they differ by more, the exact hit is real: a point just behind it is occupied, the stretch is a cut corner
+    for i in np.nonzero(~agree)[0]:
+        x = eye.x + np.cos(eye.yaw + angles[i]) * (exact[i] + np.linspace(0.0, STEP, 2001))
+        y = eye.y + np.sin(eye.yaw + angles[i]) * (exact[i] + np.linspace(0.0, STEP, 2001))
+        inside = occupied_at(world.map, x, y)
+        for dx, dy, r in world.discs:
+            inside |= (x - dx) ** 2 + (y - dy) ** 2 <= r * r
+        assert inside.any(), (i, exact[i], marched[i])
+    assert agree.mean() > 0.9
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_equals_a_marcher_in_random_worlds(seed: int) -> None:
+    grid = random_map(seed, share=0.02 if seed % 2 else 0.15)
+    rng = np.random.default_rng(seed)
+    extent = grid.geometry.width_m
+    discs = [
+        [*to_world(grid, *rng.uniform(-1, extent + 1, 2).tolist()), float(rng.uniform(0.03, 0.4))] for _ in range(seed)
+    ]
+    world = World(grid, discs)
+    for _ in range(8):  # also from outside of the map
+        x, y = to_world(grid, *rng.uniform(-2, extent + 2, 2).tolist())
+        compare(world, Pose2D(x, y, float(rng.uniform(-4, 4))), reach=5.0)
+
+
+@pytest.mark.parametrize("name", map_names())
+def test_equals_a_marcher_on_the_packaged_maps(name: str) -> None:
+    world = World(read(name))
+    for pose in places(name).places.values():
+        compare(world, pose, reach=12.0)
+
+
+def test_along_the_axes_and_through_corners() -> None:
+    world = World(
+        ascii_map(
+            """
+            #######
+            #     #
+            #     #
+            #     #
+            #######
+            """.replace(" " * 12, "")
+        )
+    )
+    params = LidarParams(x=0.0, beams=8, fov=2 * math.pi, range_min=0.0, range_max=50.0, yaw=math.pi / 8)
+    ranges = Lidar(params, seed=0, number=0).scan(world, Pose2D(3.5, 2.5, 0.0), 0, 0.0).ranges
+    assert params.angle_min + params.yaw == pytest.approx(-0.75 * math.pi)
+    # south-west, south, south-east, east, north-east, north, north-west, west
+    diagonal = 1.5 * math.sqrt(2)
+    assert ranges == pytest.approx([diagonal, 1.5, diagonal, 2.5, diagonal, 1.5, diagonal, 2.5], abs=1e-5)
+
+
+def test_unknown_cells_hide_nothing() -> None:
+    world = World(ascii_map(" ??#"))
+    params = LidarParams(x=0.0, beams=1, range_min=0.0)
+    assert Lidar(params, seed=0, number=0).scan(world, Pose2D(0.5, 0.5, 0.0), 0, 0.0).ranges[0] == 2.5
+
+
+def test_too_near_is_minus_inf_and_nothing_is_plus_inf() -> None:
+    world = World(ascii_map("#     "), [[4.0, 0.5, 0.5]])
+    params = LidarParams(x=0.0, beams=2, fov=math.pi * 0.999, range_min=0.45, range_max=6.0)
+    forward = LidarParams(x=0.0, beams=1)
+    scan = Lidar(forward, seed=0, number=0).scan(world, Pose2D(2.0, 0.5, 0.0), 0, 0.0)
+    assert scan.ranges[0] == pytest.approx(1.5)
+    assert Lidar(forward, seed=0, number=0).scan(world, Pose2D(3.2, 0.5, 0.0), 0, 0.0).ranges[0] == -np.inf
+    assert Lidar(forward, seed=0, number=0).scan(world, Pose2D(4.1, 0.5, 0.0), 0, 0.0).ranges[0] == -np.inf
+    assert Lidar(params, seed=0, number=0).scan(world, Pose2D(2.0, 0.5, 0.0), 0, 0.0).ranges[0] == np.inf
+
+
+def test_mounting() -> None:
+    """A lidar at the stern looking back."""
+    world = World(ascii_map("#     #"))
+    params = LidarParams(x=-0.3, y=0.1, yaw=math.pi, beams=1, range_min=0.0)
+    scan = Lidar(params, seed=0, number=0).scan(world, Pose2D(3.0, 0.5, 0.0), 0, 1.5)
+    assert scan.ranges[0] == pytest.approx(1.7)
+    turned = Lidar(params, seed=0, number=0).scan(world, Pose2D(3.0, 0.5, math.pi), 0, 1.5)
+    assert turned.ranges[0] == pytest.approx(2.7)
+    assert (scan.stamp, scan.frame, scan.topic, scan.height) == (1.5, "base_laser_link", "scan", 0.3)
+
+
+def test_disc_in_closed_form() -> None:
+    """Ranges on a circle: d cos(a) - sqrt(r² - d² sin(a)²)."""
+    world = World(None, [[3.0, 0.0, 0.5]])
+    params = LidarParams(x=0.0, beams=201, fov=0.6, range_min=0.0)
+    ranges = Lidar(params, seed=0, number=0).scan(world, Pose2D(0.0, 0.0, 0.0), 0, 0.0).ranges
+    angles = params.angle_min + params.angle_increment * np.arange(201)
+    under = 0.25 - (3.0 * np.sin(angles)) ** 2
+    expected = np.where(under >= 0, 3.0 * np.cos(angles) - np.sqrt(np.maximum(under, 0)), np.inf)
+    np.testing.assert_allclose(ranges, expected, atol=1e-6)
+    assert np.isfinite(ranges).sum() == 111  # asin(1/6) = 0.167 rad on either side
+
+
+def test_a_full_circle_measures_no_direction_twice() -> None:
+    assert LidarParams(beams=360, fov=2 * math.pi).angle_increment == pytest.approx(math.radians(1))
+    assert LidarParams(beams=720, fov=4.71238).angle_increment == pytest.approx(4.71238 / 719)
+    assert LidarParams().angle_min == pytest.approx(-0.5)
+
+
+def test_noise_has_the_given_deviation_and_no_bias() -> None:
+    world = World(None, [[0.0, 0.0, 1.0]])
+    params = LidarParams(x=0.0, beams=1000, fov=0.0001, range_min=0.0, range_noise=0.03, dropout=0.2)
+    lidar = Lidar(params, seed=5, number=0)
+    ranges = np.concatenate([lidar.scan(world, Pose2D(-3.0, 0.0, 0.0), i, 0.0).ranges for i in range(40)])
+    lost = np.isnan(ranges)
+    n = len(ranges)
+    assert lost.mean() == pytest.approx(0.2, abs=4 * math.sqrt(0.16 / n))
+    errors = ranges[~lost].astype(float) - 2.0
+    assert errors.mean() == pytest.approx(0.0, abs=4 * 0.03 / math.sqrt(len(errors)))
+    assert errors.std() == pytest.approx(0.03, rel=4 / math.sqrt(2 * len(errors)))
+
+
+def test_noise_is_a_function_of_seed_lidar_and_number_of_the_scan() -> None:
+    world = World(None, [[0.0, 0.0, 1.0]])
+    params = LidarParams(x=0.0, beams=50, fov=0.1, range_noise=0.03, dropout=0.1)
+    at = Pose2D(-3.0, 0.0, 0.0)
+
+    def ranges(seed: int, number: int, index: int) -> bytes:
+        return Lidar(params, seed=seed, number=number).scan(world, at, index, 0.0).ranges.tobytes()
+
+    assert ranges(1, 0, 7) == ranges(1, 0, 7)
+    assert len({ranges(1, 0, 7), ranges(2, 0, 7), ranges(1, 1, 7), ranges(1, 0, 8)}) == 4

@@ -1,0 +1,297 @@
+"""The body against closed forms; frames, time, commands, contact."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from navstack.core import Footprint, GridGeometry, OccupancyGrid, Pose2D, Transform2D, Twist2D
+from navstack.core.errors import InputError
+from navstack.interfaces import Robot
+from navstack.sim import LidarParams, SimParams, SimulatedRobot, World
+from tests.sim.worlds import ascii_map
+
+CIRCLE = Footprint.from_radius(0.18)
+BOX = Footprint(np.array([[-0.3, -0.2], [0.3, -0.2], [0.3, 0.2], [-0.3, 0.2]]))
+
+
+def robot(params: SimParams | None = None, world: World | None = None, start: Pose2D = Pose2D(0, 0, 0), **kw: int):
+    return SimulatedRobot(params or SimParams(), world or World(), CIRCLE, start, **kw)
+
+
+def test_is_a_robot() -> None:
+    made: Robot = robot()
+    assert made.state().frame == "odom"
+
+
+# --- motion ---------------------------------------------------------------------------------------------------------
+
+
+def test_turning_circle() -> None:
+    """v = 0.5, w = 0.5: a circle of 1 m; after a full turn the robot is back."""
+    it = robot()
+    it.command(Twist2D(0.5, 0.0, 0.5))
+    samples = it.advance_to(4 * math.pi)
+    centre = np.hypot(samples[:, 0], samples[:, 1] - 1.0)
+    # the chord of a step is as long as its arc: the radius grows by (w dt)² / 24 = 4e-6 m, twice that off the first centre
+    assert centre == pytest.approx(1.0, abs=1e-5)
+    assert it.distance_travelled == pytest.approx(0.5 * it.time)
+    assert it.pose.distance_to(Pose2D(0, 0)) < 0.02
+
+
+def test_acceleration_and_stopping_distance() -> None:
+    """0 -> 0.5 m/s at 1 m/s² and back: v² / 2a each, within half a step's travel."""
+    it = robot(SimParams(acc_lim_x=1.0, acc_lim_theta=2.0))
+    it.command(Twist2D(0.5))
+    it.advance_to(0.5)
+    assert it.state().velocity.vx == pytest.approx(0.5)
+    assert it.pose.x == pytest.approx(0.125, abs=0.5 * 0.02)
+    start = it.pose.x
+    it.command(Twist2D())
+    it.advance_to(2.0)
+    assert it.pose.x - start == pytest.approx(0.125, abs=0.5 * 0.02)
+    assert it.state().velocity == Twist2D(0, 0, 0)
+    it.command(Twist2D(0, 0, 1.0))
+    it.advance_to(2.25)
+    assert it.state().velocity.wz == pytest.approx(2.0 * 0.26, abs=1e-12)
+
+
+def test_lag_is_first_order() -> None:
+    it = robot(SimParams(velocity_lag=0.1))
+    it.command(Twist2D(1.0))
+    samples = it.advance_to(0.5)
+    t = np.arange(1, 26) * 0.02
+    assert samples[:, 6] == pytest.approx(1.0 - np.exp(-t / 0.1))
+
+
+def test_dead_time_and_timeout() -> None:
+    it = robot(SimParams(command_delay=0.1, command_timeout=0.25))
+    it.command(Twist2D(0.4))
+    samples = it.advance_to(1.0)
+    driven = np.nonzero(samples[:, 6])[0]
+    # steps 6 .. 18: from 0.1 s on, for 0.25 s, rounded up to whole steps of 0.02 s
+    assert driven.tolist() == list(range(5, 18))
+
+
+def test_a_later_command_replaces_an_earlier_one_of_the_same_step() -> None:
+    it = robot()
+    it.command(Twist2D(0.4))
+    it.command(Twist2D(0.1))
+    it.advance_to(0.1)
+    assert it.pose.x == pytest.approx(0.01)
+
+
+def test_differential_never_moves_sideways_holonomic_does() -> None:
+    for kinematics, y in (("differential", 0.0), ("holonomic", 0.1)):
+        it = robot(SimParams(kinematics=kinematics))  # pyright: ignore
+        it.command(Twist2D(0.2, 0.1, 0.0))
+        it.advance_to(1.0)
+        assert tuple(it.pose) == pytest.approx((0.2, y, 0.0))
+
+
+def test_how_a_call_is_cut_does_not_matter() -> None:
+    """Bit by bit the same in one call and in fifty, noise included."""
+    params = SimParams(acc_lim_x=1.0, wheel_slip=0.1, odometry_noise=0.1, command_delay=0.05)
+    once, often = robot(params, seed=3), robot(params, seed=3)
+    for it, cuts in ((once, 1), (often, 50)):
+        for leg, command in enumerate((Twist2D(0.5, 0, 0.3), Twist2D(0.2, 0, -0.5))):
+            it.command(command)
+            for k in range(cuts):
+                it.advance_to(leg + (k + 1) / cuts)
+    assert once.pose == often.pose
+    assert once.state() == often.state()
+    assert once.frames.lookup("map", "base_footprint", 1.7) == often.frames.lookup("map", "base_footprint", 1.7)
+
+
+# --- time, frames, scans ----------------------------------------------------------------------------------------------
+
+
+def test_time_is_whole_steps_and_never_before_what_was_asked() -> None:
+    it = robot()
+    it.advance_to(0.05)
+    assert it.time == 0.06
+    it.advance_to(0.05)
+    assert it.time == 0.06
+    for k in range(1, 1001):
+        it.advance_to(k * 0.1)  # 0.1 is no binary fraction: the sum of steps would drift, the count does not
+    assert it.time == 100.0
+
+
+def test_frames_map_to_odom_offset() -> None:
+    params = SimParams(map_to_odom=[1.0, 2.0, math.pi / 2])
+    it = robot(params, start=Pose2D(1.0, 3.0, math.pi))
+    assert tuple(it.state().pose) == pytest.approx((1.0, 0.0, math.pi / 2))
+    it.command(Twist2D(0.5, 0.0, 0.1))
+    it.advance_to(3.0)
+    assert tuple(it.frames.lookup("map", "base_footprint", 3.0)) == pytest.approx(tuple(it.pose))
+    assert tuple(it.frames.lookup("odom", "base_footprint", 3.0)) == pytest.approx(tuple(it.state().pose))
+    laser = it.frames.lookup("base_footprint", "base_laser_link", 3.0)
+    assert tuple(laser) == (0.1, 0.0, 0.0)
+    # a pose between two steps is interpolated between two true ones
+    assert it.frames.lookup("odom", "base_footprint", 1.99).x == pytest.approx(
+        0.5 * (it.frames.lookup("odom", "base_footprint", 1.98).x + it.frames.lookup("odom", "base_footprint", 2.0).x)
+    )
+
+
+def test_drift_and_localization() -> None:
+    for localization in ("truth", "odometry"):
+        params = SimParams(odometry_noise=0.2, localization=localization)  # pyright: ignore
+        it = robot(params, seed=1)
+        it.command(Twist2D(0.5, 0.0, 0.2))
+        it.advance_to(10.0)
+        believed = it.frames.lookup("map", "base_footprint", it.time)
+        assert it.state().pose.distance_to(it.pose) > 0.05
+        if localization == "truth":
+            assert tuple(believed) == pytest.approx(tuple(it.pose))
+        else:
+            assert tuple(believed) == tuple(it.state().pose)
+
+
+def test_energy_of_the_odometry_noise() -> None:
+    """0.1 over a second at 1 m/s: after 4 s the error of the length has a deviation of 0.1 sqrt(4) m."""
+    errors: list[float] = []
+    for seed in range(300):
+        it = robot(SimParams(odometry_noise=0.1), seed=seed)
+        it.command(Twist2D(1.0))
+        it.advance_to(4.0)
+        errors.append(it.state().pose.x - it.pose.x)
+    assert it.pose.x == pytest.approx(4.0)
+    assert np.std(errors) == pytest.approx(0.2, rel=0.15)
+    assert abs(np.mean(errors)) < 4 * 0.2 / math.sqrt(300)
+
+
+def test_scans_are_taken_where_the_robot_was_at_their_times() -> None:
+    world = World(None, [[5.0, 0.0, 1.0]])
+    it = robot(world=world)
+    assert [scan.stamp for scan in it.scans()] == [0.0]
+    it.command(Twist2D(0.5))
+    it.advance_to(0.5)
+    scans = it.scans()
+    assert [scan.stamp for scan in scans] == pytest.approx([0.1, 0.2, 0.3, 0.4, 0.5])
+    for scan in scans:
+        middle = (scan.ranges[319] + scan.ranges[320]) / 2
+        assert middle == pytest.approx(3.9 - 0.5 * scan.stamp, abs=1e-4)
+    assert it.scans() == []
+
+
+def test_a_frequency_that_does_not_divide_that_of_the_physics() -> None:
+    it = robot(SimParams(lidars={"laser": LidarParams(frequency=15.0)}))
+    it.advance_to(2.0)
+    stamps = [scan.stamp for scan in it.scans()]
+    assert len(stamps) == 31
+    assert np.array(stamps) == pytest.approx(np.ceil(np.arange(31) * 50 / 15 - 1e-9) / 50)
+
+
+def test_two_lidars() -> None:
+    front, rear = LidarParams(frame="front", topic="a"), LidarParams(frame="rear", topic="b", yaw=math.pi, frequency=5)
+    it = robot(SimParams(lasers=["front", "rear"], lidars={"front": front, "rear": rear}))
+    it.advance_to(0.4)
+    assert "".join(scan.topic for scan in it.scans()) == "abaabaab"
+    with pytest.raises(InputError, match="share the frame"):
+        robot(SimParams(lasers=["a", "b"], lidars={"a": LidarParams(), "b": LidarParams(yaw=1.0)}))
+
+
+# --- contact ----------------------------------------------------------------------------------------------------------
+
+
+def corridor(wall_cells: int, resolution: float) -> World:
+    """A wall across x = 2 .. , everything else free; 4 m x 2 m, y from -1."""
+    data = np.zeros((round(2 / resolution), round(4 / resolution)), np.int8)
+    at = round(2 / resolution)
+    data[:, at : at + wall_cells] = 100
+    return World(OccupancyGrid(data, GridGeometry(data.shape[1], data.shape[0], resolution, 0.0, -1.0)))
+
+
+@pytest.mark.parametrize("speed", [0.3, 2.0, 5.0])
+@pytest.mark.parametrize("footprint", [CIRCLE, BOX, Footprint.from_radius(0.02)], ids=["round", "box", "tiny"])
+def test_never_through_a_wall_of_one_centimetre(speed: float, footprint: Footprint) -> None:
+    it = SimulatedRobot(SimParams(), corridor(1, 0.01), footprint, Pose2D(0.5, 0.003, 0.0))
+    it.command(Twist2D(speed))
+    it.advance_to(8.0)
+    front = it.pose.x + float(footprint.vertices[:, 0].max())
+    assert 2.0 - 0.005 <= front <= 2.0
+    assert len(it.collisions) == 1
+    contact = it.collisions[0]
+    assert contact.kind == "map"
+    assert contact.at[0] == pytest.approx(2.005)
+    assert contact.pose == it.pose
+    assert contact.time == pytest.approx((2.0 - float(footprint.vertices[:, 0].max()) - 0.5) / speed, abs=0.021)
+    assert it.state().velocity == Twist2D(0, 0, 0)
+
+
+def test_never_over_a_thin_post_by_turning() -> None:
+    """The corner of a long box sweeps over a post of 1 cm at 4 rad/s: 0.1 m of arc per step."""
+    footprint = Footprint(np.array([[-1.2, -0.2], [1.2, -0.2], [1.2, 0.2], [-1.2, 0.2]]))
+    post = (1.2 * math.cos(1.0), 1.2 * math.sin(1.0), 0.005)
+    it = SimulatedRobot(SimParams(), World(None, [post]), footprint, Pose2D(0, 0, 0))
+    it.command(Twist2D(0, 0, 4.0))
+    it.advance_to(3.0)
+    assert [contact.kind for contact in it.collisions] == ["disc"]
+    assert it.pose.yaw < 1.0
+
+
+def test_a_contact_counts_once_until_it_is_left() -> None:
+    it = robot(world=corridor(10, 0.05), start=Pose2D(1.0, 0.0, 0.0))
+    for k in range(20):  # pushed twenty times
+        it.command(Twist2D(0.5))
+        it.advance_to(3.0 + 0.2 * k)
+    assert len(it.collisions) == 1
+    assert it.in_contact
+    it.command(Twist2D(-0.5))
+    it.advance_to(it.time + 0.5)
+    assert not it.in_contact
+    it.command(Twist2D(0.5))
+    it.advance_to(it.time + 2.0)
+    assert len(it.collisions) == 2
+
+
+def test_the_wheels_stop_with_the_robot() -> None:
+    it = robot(world=corridor(10, 0.05), start=Pose2D(1.0, 0.0, 0.0))
+    it.command(Twist2D(0.5))
+    it.advance_to(5.0)
+    assert it.state().pose == it.pose
+    assert it.distance_travelled == pytest.approx(it.pose.x - 1.0)
+
+
+def test_a_start_in_a_wall_is_refused() -> None:
+    with pytest.raises(InputError, match=r"does not fit at the start \(1.9, 0, 0\): it touches the map at \(2\.0"):
+        robot(world=corridor(10, 0.05), start=Pose2D(1.9, 0.0, 0.0))
+
+
+def test_commands_that_are_no_numbers_are_refused() -> None:
+    with pytest.raises(InputError, match="finite"):
+        robot().command(Twist2D(math.nan))
+    with pytest.raises(InputError, match="cannot simulate"):
+        robot().advance_to(math.inf)
+
+
+def test_bad_parameters_are_refused() -> None:
+    with pytest.raises(ValueError, match="map_to_odom"):
+        SimParams(map_to_odom=[0.0])
+    with pytest.raises(ValueError, match="named twice: a"):
+        SimParams(lasers=["a", "a"])
+    with pytest.raises(InputError, match="radius above 0"):
+        World(None, [[1.0, 2.0, 0.0]])
+
+
+def test_transform_of_the_grid_does_not_change_a_run() -> None:
+    """The same walls, given by a grid that is turned by a quarter: the same contact."""
+    text = """
+....#...
+....#...
+....#...
+....#...
+"""
+    plain = ascii_map(text, 0.5)
+    turned = OccupancyGrid(np.rot90(plain.data, 1).copy(), GridGeometry(4, 8, 0.5, 4.0, 0.0), math.pi / 2)
+    ends: list[Pose2D] = []
+    for grid in (plain, turned):
+        it = SimulatedRobot(SimParams(), World(grid), BOX, Pose2D(0.6, 1.0, 0.1))
+        it.command(Twist2D(0.5, 0.0, 0.02))
+        it.advance_to(6.0)
+        assert len(it.collisions) == 1
+        ends.append(it.pose)
+    assert tuple(ends[0]) == pytest.approx(tuple(ends[1]), abs=0.006)
+    assert Transform2D().is_identity()

@@ -1,0 +1,135 @@
+"""The packaged maps are what their script draws, and a robot can go wherever they say."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+import yaml
+from numpy.typing import NDArray
+from PIL import Image
+from scipy.ndimage import label
+
+from navstack.core import GridGeometry, OccupancyGrid
+from navstack.core.errors import MapError
+from navstack.maps import map_names, map_path, places
+from navstack.sim import World
+
+NAMES = ["maze", "office", "warehouse"]
+ROBOT_RADIUS = 0.25
+
+
+def read(name: str) -> OccupancyGrid:
+    """The map by its YAML, without the room that reads maps for users."""
+    description = yaml.safe_load(map_path(name).read_text())
+    pixels = np.array(Image.open(map_path(name).with_name(description["image"])))[::-1]
+    occupancy = (255.0 - pixels) / 255.0
+    data = np.full(pixels.shape, -1, np.int8)
+    data[occupancy > description["occupied_thresh"]] = 100
+    data[occupancy < description["free_thresh"]] = 0
+    x, y, yaw = description["origin"]
+    return OccupancyGrid(data, GridGeometry(data.shape[1], data.shape[0], description["resolution"], x, y), yaw)
+
+
+@pytest.fixture(scope="module")
+def script() -> ModuleType:
+    file = Path(__file__).resolve().parents[1] / "tools" / "draw_maps.py"
+    spec = importlib.util.spec_from_file_location("draw_maps", file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    import sys
+
+    sys.modules["draw_maps"] = module  # dataclasses look their module up
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_names() -> None:
+    assert map_names() == NAMES
+    with pytest.raises(MapError, match=r'no packaged map "ofice"; there are: maze, office, warehouse'):
+        map_path("ofice")
+
+
+def test_shipped_files_are_what_the_script_draws(script: ModuleType, tmp_path: Path) -> None:
+    drawn = script.draw(tmp_path, [make() for make in script.PLANS])
+    assert sorted(file.name for file in drawn) == sorted(
+        file.name for file in map_path("maze").parent.iterdir() if file.suffix in (".png", ".yaml")
+    )
+    for file in drawn:
+        shipped = map_path("maze").with_name(file.name)
+        if file.suffix == ".png":  # the same pixels; how they are packed depends on zlib
+            np.testing.assert_array_equal(np.array(Image.open(shipped)), np.array(Image.open(file)))
+        else:
+            assert shipped.read_text() == file.read_text()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_place_has_room(name: str) -> None:
+    world = World(read(name))
+    found = places(name)
+    for place, pose in found.places.items():
+        assert world.contains(pose), place
+        assert world.clearance(pose) >= 0.35, place
+        assert -math.pi < pose.yaw <= math.pi, place
+    assert found.start in found.places.values()
+    assert len(found.goals) == 3
+    assert all(goal in found.places.values() for goal in found.goals)
+
+
+def components(grid: OccupancyGrid, radius: float) -> NDArray[np.int32]:
+    """Labels of what a round robot's centre can reach: cells whose centre has that much room."""
+    free = grid.data == 0
+    from scipy.ndimage import distance_transform_edt
+
+    # distance between cell centres less half a diagonal is a lower bound of the room at a centre
+    room = distance_transform_edt(~(grid.data >= 100)) * grid.geometry.resolution
+    free &= room - grid.geometry.resolution / math.sqrt(2) >= radius
+    labels, _ = label(free)
+    return labels
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_all_places_are_connected(name: str) -> None:
+    grid = read(name)
+    labels = components(grid, ROBOT_RADIUS)
+    found = set()
+    for place, pose in places(name).places.items():
+        cell = grid.geometry.world_to_cell(pose.x, pose.y)
+        assert cell is not None
+        assert labels[cell[1], cell[0]] > 0, place
+        found.add(int(labels[cell[1], cell[0]]))
+    assert len(found) == 1
+
+
+def test_each_goal_of_the_office_lies_behind_a_door_of_0_9_m() -> None:
+    """A robot that needs more than such a door has cannot leave the corridor; one that needs just that can."""
+    grid, found = read("office"), places("office")
+
+    def reached(radius: float) -> list[bool]:
+        labels = components(grid, radius - 0.05)  # `components` is too strict by up to 0.036 m
+        at = [grid.geometry.world_to_cell(pose.x, pose.y) for pose in (found.start, *found.goals)]
+        start, *goals = [labels[cell[1], cell[0]] for cell in at if cell is not None]
+        return [bool(goal == start) for goal in goals]
+
+    assert reached(0.45) == [True, True, True]
+    assert reached(0.50) == [False, False, False]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_nothing_is_known_outside_the_building(name: str) -> None:
+    data = read(name).data
+    assert (data[0] == -1).all()
+    assert (data[:, 0] == -1).all()
+    assert (data[-1] == -1).all()
+    assert (data[:, -1] == -1).all()
+    # free cells never touch unknown ones: the walls are closed
+    free, unknown = data == 0, data == -1
+    assert not (free[1:] & unknown[:-1]).any()
+    assert not (free[:-1] & unknown[1:]).any()
+    assert not (free[:, 1:] & unknown[:, :-1]).any()
+    assert not (free[:, :-1] & unknown[:, 1:]).any()
