@@ -7,12 +7,13 @@ import importlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib.metadata import entry_points
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar, cast
 
 from navstack.core.errors import UnknownPluginError
 from navstack.interfaces import Critic, GlobalPlanner, Layer, LocalPlanner, RecoveryBehavior
 
 T = TypeVar("T")
+C = TypeVar("C", bound="type[Any]")
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,11 +48,11 @@ class Registry(Generic[T]):
         self._lookup: dict[str, str] = {}
         self._loaded = False
 
-    def register(self, name: str, *, aliases: tuple[str, ...] = ()) -> Callable[[type[T]], type[T]]:
-        """Class decorator. A name or alias that is taken is an error."""
+    def register(self, name: str, *, aliases: tuple[str, ...] = ()) -> Callable[[C], C]:
+        """Class decorator, which gives the class back as it is. A name or alias that is taken is an error."""
 
-        def decorate(cls: type[T]) -> type[T]:
-            self.add(name, cls, aliases=aliases)
+        def decorate(cls: C) -> C:
+            self.add(name, cast("type[T]", cls), aliases=aliases)
             return cls
 
         return decorate
