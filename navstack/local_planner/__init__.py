@@ -1,1 +1,7 @@
-"""Under construction."""
+"""Local planners: a plan, a pose and a costmap into a velocity. Importing this package registers them and their critics."""
+
+from navstack.local_planner import critics as _critics
+from navstack.local_planner.dwa import DWAParams, DWAPlanner
+
+__all__ = ["DWAParams", "DWAPlanner"]
+del _critics

@@ -1,0 +1,199 @@
+# pyright: basic
+"""Breadth-first distances over the local costmap, and what trajectories cost on them (base_local_planner's MapGrid).
+
+A grid is stored flat with a ring of obstacles around it, so that no neighbour needs a bounds check. Its values:
+0.. = steps to the target over 4-connected free cells, FREE_UNREACHED, BLOCKED (cost >= 253, or the ring).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from navstack.core.jit import kernel
+
+FREE_UNREACHED = -1
+BLOCKED = -2
+
+
+@kernel
+def grid_distances(costs, origin_x, origin_y, resolution, plan, last_only, step_back, distances, queue):
+    """Distances (cells) to the plan's cells inside the map, or with `last_only` to the last of them.
+
+    `plan` (n, 3) is densified to the resolution; its cells count from the first inside the map until it leaves (unknown
+    cells are outside). With `step_back` a last cell that is blocked is replaced by the last one before that is not.
+    `distances`, `queue`: int32, (ny + 2) * (nx + 2). Returns how many seeds there were and how many cells were stepped
+    back over; 0 seeds: nothing of the plan is inside.
+    """
+    ny, nx = costs.shape
+    width = nx + 2
+    distances[:width] = BLOCKED
+    distances[(ny + 1) * width :] = BLOCKED
+    for iy in range(ny):
+        row = costs[iy]
+        base = (iy + 1) * width
+        distances[base] = BLOCKED
+        distances[base + nx + 1] = BLOCKED
+        inner = distances[base + 1 : base + 1 + nx]
+        for ix in range(len(row)):
+            inner[ix] = FREE_UNREACHED if row[ix] < 253 else BLOCKED
+
+    tail = 0
+    started = False
+    left = False
+    last = -1
+    last_free = -1
+    behind = 0  # cells of the plan after the last free one
+    for i in range(len(plan)):
+        steps = 1
+        x0, y0, dx, dy = plan[i, 0], plan[i, 1], 0.0, 0.0
+        if i > 0:
+            x0, y0 = plan[i - 1, 0], plan[i - 1, 1]
+            dx, dy = plan[i, 0] - x0, plan[i, 1] - y0
+            squared = dx * dx + dy * dy
+            if squared > resolution * resolution:
+                steps = math.ceil(math.sqrt(squared) / resolution)
+            dx /= steps
+            dy /= steps
+        for j in range(1, steps + 1):
+            if j == steps:
+                px, py = plan[i, 0], plan[i, 1]
+            else:
+                px, py = x0 + j * dx, y0 + j * dy
+            inside = False
+            if px >= origin_x and py >= origin_y:
+                fx = (px - origin_x) / resolution
+                fy = (py - origin_y) / resolution
+                if fx < nx and fy < ny:
+                    ix, iy = int(fx), int(fy)
+                    if costs[iy, ix] != 255:
+                        inside = True
+                        started = True
+                        cell = (iy + 1) * width + ix + 1
+                        if last_only:
+                            if cell != last:
+                                behind += 1
+                            last = cell
+                            if costs[iy, ix] < 253:
+                                last_free = cell
+                                behind = 0
+                        elif distances[cell] != 0:
+                            distances[cell] = 0
+                            queue[tail] = cell
+                            tail += 1
+            if started and not inside:
+                left = True
+                break
+        if left:
+            break
+    stepped_back = 0
+    if last_only and last >= 0:
+        cell = last
+        if step_back and last_free >= 0:
+            cell = last_free
+            stepped_back = behind
+        distances[cell] = 0
+        queue[0] = cell
+        tail = 1
+    seeds = tail
+
+    # without branches: a cell that needs no visit is written where the next one will overwrite it
+    head = 0
+    while head < tail:
+        cell = queue[head]
+        head += 1
+        step = distances[cell] + 1
+
+        near = cell - 1
+        new = distances[near] == FREE_UNREACHED
+        queue[tail] = near
+        distances[near] = step if new else distances[near]
+        tail += new
+
+        near = cell + 1
+        new = distances[near] == FREE_UNREACHED
+        queue[tail] = near
+        distances[near] = step if new else distances[near]
+        tail += new
+
+        near = cell - width
+        new = distances[near] == FREE_UNREACHED
+        queue[tail] = near
+        distances[near] = step if new else distances[near]
+        tail += new
+
+        near = cell + width
+        new = distances[near] == FREE_UNREACHED
+        queue[tail] = near
+        distances[near] = step if new else distances[near]
+        tail += new
+    return seeds, stepped_back
+
+
+@kernel
+def grid_value(distances, cell, width, size):
+    """C++'s target_dist of a cell: its distance, `size` for an obstacle the wave touched, `size + 1` unreachable."""
+    value = distances[cell]
+    if value >= 0:
+        return value
+    if value == BLOCKED and (
+        distances[cell - 1] >= 0
+        or distances[cell + 1] >= 0
+        or distances[cell - width] >= 0
+        or distances[cell + width] >= 0
+    ):
+        return size
+    return size + 1
+
+
+@kernel
+def grid_scores(distances, nx, ny, origin_x, origin_y, resolution, poses, counts, alive, ahead, stop_on_failure, out):
+    """Value of the grid at the last point of each trajectory that is alive, seen `ahead` metres before the robot.
+
+    -4: a point off the map; with `stop_on_failure` -3: a point in an obstacle, -2: a point that cannot be reached.
+    """
+    width = nx + 2
+    size = nx * ny
+    for k in range(len(counts)):
+        if not alive[k]:
+            continue
+        score = 0.0
+        n = counts[k]
+        start = 0
+        if not stop_on_failure:
+            # only leaving the map can fail: not where the whole trajectory keeps clear of its border
+            low_x, high_x = poses[k, 0, 0], poses[k, 0, 0]
+            low_y, high_y = poses[k, 0, 1], poses[k, 0, 1]
+            for i in range(1, n):
+                x, y = poses[k, i, 0], poses[k, i, 1]
+                low_x, high_x = min(low_x, x), max(high_x, x)
+                low_y, high_y = min(low_y, y), max(high_y, y)
+            margin = abs(ahead) + resolution
+            if (
+                low_x - margin > origin_x
+                and low_y - margin > origin_y
+                and high_x + margin < origin_x + nx * resolution
+                and high_y + margin < origin_y + ny * resolution
+            ):
+                start = n - 1
+        for i in range(start, n):
+            x, y = poses[k, i, 0], poses[k, i, 1]
+            if ahead != 0.0:
+                x += ahead * math.cos(poses[k, i, 2])
+                y += ahead * math.sin(poses[k, i, 2])
+            fx = (x - origin_x) / resolution
+            fy = (y - origin_y) / resolution
+            if not (x >= origin_x and y >= origin_y and fx < nx and fy < ny):
+                score = -4.0
+                break
+            cell = (int(fy) + 1) * width + int(fx) + 1
+            if stop_on_failure:
+                value = distances[cell]
+                if value < 0:
+                    score = -3.0 if grid_value(distances, cell, width, size) == size else -2.0
+                    break
+                score = np.float64(value)
+            elif i == n - 1:
+                score = np.float64(grid_value(distances, cell, width, size))
+        out[k] = score

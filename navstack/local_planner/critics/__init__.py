@@ -1,0 +1,31 @@
+"""Critics: what a trajectory costs, a file each. Importing this package registers them."""
+
+from navstack.local_planner.critics.alignment import AlignmentCritic
+from navstack.local_planner.critics.goal import GoalCritic
+from navstack.local_planner.critics.goal_front import GoalFrontCritic
+from navstack.local_planner.critics.obstacle import ObstacleCritic
+from navstack.local_planner.critics.oscillation import OscillationCritic
+from navstack.local_planner.critics.path import PathCritic
+from navstack.local_planner.critics.twirling import TwirlingCritic
+
+DEFAULT_CRITICS: tuple[str, ...] = (
+    "oscillation",
+    "obstacle",
+    "goal_front",
+    "alignment",
+    "path",
+    "goal",
+    "twirling",
+)
+"""move_base's seven, in its order: the first that rejects a trajectory names the reason."""
+
+__all__ = [
+    "DEFAULT_CRITICS",
+    "AlignmentCritic",
+    "GoalCritic",
+    "GoalFrontCritic",
+    "ObstacleCritic",
+    "OscillationCritic",
+    "PathCritic",
+    "TwirlingCritic",
+]

@@ -1,0 +1,98 @@
+"""Keeps the robot's outline off obstacles (base_local_planner/src/obstacle_cost_function.cpp, costmap_model.cpp)."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core.parameters import ParamModel, param
+from navstack.interfaces import Critic, Rollouts, ScoringContext
+from navstack.local_planner._obstacle_kernels import obstacle_scores
+from navstack.local_planner.critics._scale import RosDistro, obstacle_scale
+from navstack.plugins import CRITICS
+
+
+class ObstacleParams(ParamModel):
+    """Weight, and how the outline grows with speed."""
+
+    FROM_NAVSTACK = frozenset({"ros_distro"})
+
+    occdist_scale: float = param(0.01, "weight of the obstacle cost", ge=0.0)
+    scaling_speed: float = param(0.25, "speed from which on the footprint grows", unit="m/s", ge=0.0)
+    max_scaling_factor: float = param(0.2, "how much the footprint has grown at max_vel_trans", ge=0.0)
+    sum_scores: bool = param(False, "sum of the costs along the trajectory instead of their maximum")
+    ros_distro: RosDistro = param("noetic", "scoring scale of noetic, or of the releases before 2018")
+
+
+@CRITICS.register("obstacle", aliases=("base_local_planner/ObstacleCostFunction",))
+class ObstacleCritic(Critic):
+    """The highest cost under the outline and the centre at any point; rejects an outline that touches a lethal cell."""
+
+    Params: ClassVar[type[ParamModel]] = ObstacleParams
+    CODES: ClassVar[dict[int, str]] = {-6: "footprint on a lethal or unknown cell, or off the map"}
+
+    def __init__(self, name: str, params: ObstacleParams) -> None:
+        super().__init__(name, params)
+        self.params: ObstacleParams = params
+        self._scale = params.occdist_scale
+        self._context: ScoringContext | None = None
+        self._rows = np.empty((0, 0), np.uint8)
+        self._bound = np.empty((0, 0), np.uint8)
+        self._out = np.empty(0)
+        self.first_contact: NDArray[np.int64] = np.empty(0, np.int64)
+        """(K,) index of the first point that collides, -1 without; of the last call of `score`."""
+
+    @property
+    def scale(self) -> float:
+        """`occdist_scale`, times the resolution before 2018."""
+        return self._scale
+
+    def prepare(self, context: ScoringContext) -> None:
+        """Takes the costmap and the outline of this cycle."""
+        self._context = context
+        p = self.params
+        self._scale = obstacle_scale(p.occdist_scale, context.costmap.geometry.resolution, p.ros_distro)
+        if self._rows.shape != context.costmap.data.shape:
+            self._rows = np.empty_like(context.costmap.data)
+            self._bound = np.empty_like(context.costmap.data)
+
+    def score(self, rollouts: Rollouts, alive: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """(K,) costs in 0..253, or -6."""
+        context = self._context
+        if context is None:
+            raise RuntimeError("prepare was not called")
+        if len(self._out) != len(rollouts.counts):
+            self._out = np.empty(len(rollouts.counts))
+            self.first_contact = np.empty(len(rollouts.counts), np.int64)
+        g = context.costmap.geometry
+        p = self.params
+        obstacle_scores(
+            context.costmap.data,
+            g.origin_x,
+            g.origin_y,
+            g.resolution,
+            context.footprint.vertices,
+            context.footprint.circumscribed_radius,
+            rollouts.samples,
+            rollouts.poses,
+            rollouts.counts,
+            alive,
+            p.scaling_speed,
+            context.limits.max_vel_trans,
+            p.max_scaling_factor,
+            p.sum_scores,
+            self._rows,
+            self._bound,
+            self._out,
+            self.first_contact,
+        )
+        return self._out
+
+    def footprint_scale(self, speed: float, max_speed: float) -> float:
+        """How much the outline has grown at `speed` (m/s)."""
+        p = self.params
+        if speed <= p.scaling_speed or max_speed <= p.scaling_speed:
+            return 1.0
+        return p.max_scaling_factor * ((speed - p.scaling_speed) / (max_speed - p.scaling_speed)) + 1.0

@@ -1,0 +1,37 @@
+"""Prefers not to turn (base_local_planner/src/twirling_cost_function.cpp)."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core.parameters import ParamModel, param
+from navstack.interfaces import Critic, Rollouts, ScoringContext
+from navstack.plugins import CRITICS
+
+
+class TwirlingParams(ParamModel):
+    """Weight."""
+
+    twirling_scale: float = param(0.0, "weight of the turning speed: keeps holonomic robots from spinning", ge=0.0)
+
+
+@CRITICS.register("twirling", aliases=("base_local_planner/TwirlingCostFunction",))
+class TwirlingCritic(Critic):
+    """|wz| of the command."""
+
+    Params: ClassVar[type[ParamModel]] = TwirlingParams
+
+    @property
+    def scale(self) -> float:
+        """`twirling_scale`."""
+        return self.params.twirling_scale
+
+    def prepare(self, context: ScoringContext) -> None:
+        """Nothing to prepare."""
+
+    def score(self, rollouts: Rollouts, alive: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """(K,) rad/s."""
+        return np.abs(rollouts.samples[:, 2])

@@ -1,0 +1,490 @@
+"""The dynamic window approach of ROS 1: dwa_local_planner/DWAPlannerROS.
+
+D. Fox, W. Burgard, S. Thrun, "The Dynamic Window Approach to Collision Avoidance", 1997; as in
+dwa_local_planner/src/dwa_planner.cpp and dwa_planner_ros.cpp. Samples velocities that can be reached within one control
+period, simulates each for `sim_time`, and takes the one that its critics like best. Good at what it sees, blind beyond
+its horizon: it trusts the global plan for everything else.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import Costmap, Footprint, Path, Pose2D, RobotState, Twist2D
+from navstack.core.errors import ControlError, NoValidControlError
+from navstack.core.parameters import ParamModel, PluginSpec, param
+from navstack.interfaces import (
+    ControlInput,
+    Critic,
+    LocalPlan,
+    LocalPlanner,
+    Rollouts,
+    ScoringContext,
+    VelocityLimits,
+)
+from navstack.local_planner import critics as _critics
+from navstack.local_planner.critics._scale import RosDistro
+from navstack.local_planner.critics.obstacle import ObstacleCritic, ObstacleParams
+from navstack.local_planner.critics.oscillation import OscillationCritic
+from navstack.local_planner.goal_checker import GoalChecker
+from navstack.local_planner.map_grid import MapGrid
+from navstack.local_planner.plan_view import PlanView
+from navstack.local_planner.rollouts import Simulator, velocity_window
+from navstack.local_planner.scoring import ScoreTable, score
+from navstack.local_planner.stop_rotate import braking_twist, turning_twist
+from navstack.local_planner.verdict import no_valid_control
+from navstack.plugins import CRITICS, LOCAL_PLANNERS
+
+DEFAULT_PERIOD_S = 0.05
+"""The control period without a controller_frequency."""
+SAME_GOAL = 1e-6
+"""Goals nearer than this (m, rad) are one goal."""
+
+_NO_TOPIC = "navstack publishes no topics; every command carries its table of samples"
+
+
+class DWAParams(ParamModel):
+    """Parameters of DWAPlannerROS (dwa_local_planner/cfg/DWAPlanner.cfg, base_local_planner's local_planner_limits)."""
+
+    RENAMED: ClassVar[Mapping[str, str]] = {
+        "max_trans_vel": "max_vel_trans",
+        "min_trans_vel": "min_vel_trans",
+        "max_rot_vel": "max_vel_theta",
+        "min_rot_vel": "min_vel_theta",
+        "rot_stopped_vel": "theta_stopped_vel",
+        "vtheta_samples": "vth_samples",
+        "acc_limit_x": "acc_lim_x",
+        "acc_limit_y": "acc_lim_y",
+        "acc_limit_th": "acc_lim_theta",
+        "acc_lim_th": "acc_lim_theta",
+        "pdist_scale": "path_distance_bias",
+        "gdist_scale": "goal_distance_bias",
+    }
+    NO_EFFECT: ClassVar[Mapping[str, str]] = {
+        "stop_time_buffer": "ROS stores it and never uses it",
+        "acc_lim_trans": "ROS stores it and never uses it",
+        "acc_limit_trans": "the old name of acc_lim_trans, which ROS stores and never uses",
+        "restore_defaults": "a button of dynamic_reconfigure",
+        "publish_cost_grid_pc": _NO_TOPIC,
+        "publish_traj_pc": _NO_TOPIC,
+        "global_frame_id": "it only names the frame of the published trajectories",
+        "odom_topic": "the velocity comes with the robot's state",
+        "holonomic_robot": "a parameter of TrajectoryPlannerROS; DWA takes it from max_vel_y and min_vel_y",
+        "penalize_negative_x": "gone since hydro; see the prefer_forward critic",
+    }
+    SEARCHED: ClassVar[frozenset[str]] = frozenset({"controller_frequency", "latch_xy_goal_tolerance"})
+    FROM_NAVSTACK: ClassVar[frozenset[str]] = frozenset({"ros_distro"})
+    CHILD_FIELD: ClassVar[str | None] = "critic_params"
+
+    max_vel_trans: float = param(0.55, "highest translational speed", unit="m/s", ge=0.0)
+    min_vel_trans: float = param(
+        0.1, "lowest translational speed, for samples that do not turn by at least min_vel_theta", unit="m/s", ge=0.0
+    )
+    max_vel_x: float = param(0.55, "highest forward speed", unit="m/s")
+    min_vel_x: float = param(0.0, "lowest forward speed; negative allows to back up", unit="m/s")
+    max_vel_y: float = param(0.1, "highest speed to the left", unit="m/s")
+    min_vel_y: float = param(-0.1, "lowest speed to the left; negative is to the right", unit="m/s")
+    max_vel_theta: float = param(
+        1.0,
+        "highest turning speed, either way",
+        unit="rad/s",
+        ge=0.0,
+        ros_differs="beyond pi the command turned the wrong way, having passed through a quaternion",
+    )
+    min_vel_theta: float = param(
+        0.4, "lowest turning speed, for samples that do not move by at least min_vel_trans", unit="rad/s", ge=0.0
+    )
+    acc_lim_x: float = param(2.5, "acceleration along x", unit="m/s²", ge=0.0, le=20.0)
+    acc_lim_y: float = param(2.5, "acceleration along y", unit="m/s²", ge=0.0, le=20.0)
+    acc_lim_theta: float = param(3.2, "turning acceleration", unit="rad/s²", ge=0.0, le=20.0)
+    prune_plan: bool = param(False, "drop the poses of the plan that the robot has passed (more than 1 m away)")
+    xy_goal_tolerance: float = param(0.1, "distance at which the goal's position is reached", unit="m", ge=0.0)
+    yaw_goal_tolerance: float = param(0.1, "angle at which the goal's heading is reached", unit="rad", ge=0.0)
+    trans_stopped_vel: float = param(0.1, "slower than this on x and y counts as stopped", unit="m/s", ge=0.0)
+    theta_stopped_vel: float = param(0.1, "turning slower than this counts as stopped", unit="rad/s", ge=0.0)
+    latch_xy_goal_tolerance: bool = param(
+        False,
+        "once at the goal's position, only turn, even when that leads out of the tolerance again",
+        ros_differs="read from move_base's namespace only, and forgotten with every replan",
+    )
+    sim_time: float = param(1.7, "how far ahead trajectories are simulated", unit="s", gt=0.0)
+    sim_granularity: float = param(0.025, "distance between the points of a trajectory", unit="m", gt=0.0)
+    angular_sim_granularity: float = param(0.1, "turn between the points of a trajectory", unit="rad", gt=0.0)
+    path_distance_bias: float = param(
+        0.6, "weight of the distance to the plan, per metre (32 before 2018: see ros_distro)", ge=0.0
+    )
+    goal_distance_bias: float = param(
+        0.8, "weight of the distance to the local goal, per metre (24 before 2018: see ros_distro)", ge=0.0
+    )
+    occdist_scale: float = param(0.01, "weight of the obstacle cost", ge=0.0)
+    twirling_scale: float = param(0.0, "weight of the turning speed: keeps holonomic robots from spinning", ge=0.0)
+    oscillation_reset_dist: float = param(0.05, "motion that allows every direction again", unit="m", ge=0.0)
+    oscillation_reset_angle: float = param(0.2, "turn that allows every direction again", unit="rad", ge=0.0)
+    forward_point_distance: float = param(0.325, "distance of the nose point from the robot's centre", unit="m")
+    cheat_factor: float = param(
+        1.0, "factor on the squared forward_point_distance within which alignment is off near the goal", ge=0.0
+    )
+    scaling_speed: float = param(0.25, "speed from which on the footprint grows", unit="m/s", ge=0.0)
+    max_scaling_factor: float = param(0.2, "how much the footprint has grown at max_vel_trans", ge=0.0)
+    vx_samples: int = param(3, "velocities along x (at least 2 are used)", ge=1)
+    vy_samples: int = param(10, "velocities along y (at least 2 are used where the limits differ)", ge=1)
+    vth_samples: int = param(20, "turning speeds (at least 2 are used)", ge=1)
+    use_dwa: bool = param(True, "sample what can be reached within one period; otherwise within sim_time")
+    sum_scores: bool = param(False, "sum of the obstacle costs along a trajectory instead of their maximum")
+    controller_frequency: float = param(20.0, "control cycles per second; 0 counts as 20", unit="Hz", ge=0.0)
+    ros_distro: RosDistro = param(
+        "noetic",
+        "scoring scale of noetic, or of the releases before 2018 (indigo) that most published YAML was tuned for",
+    )
+    critics: list[PluginSpec] | None = param(
+        None, "critics in their order, instead of move_base's seven: a list of {name, type}; navstack's own"
+    )
+    critic_params: dict[str, Any] = param({}, "parameters of listed critics, from the namespaces of their names")
+
+    @classmethod
+    def child_models(cls, values: Mapping[str, Any]) -> dict[str, type[ParamModel]]:
+        """The namespaces of the critics that are listed."""
+        listed = values.get("critics")
+        found: dict[str, type[ParamModel]] = {}
+        for entry in listed if isinstance(listed, list) else []:
+            if not isinstance(entry, Mapping):
+                continue
+            name, kind = entry.get("name"), entry.get("type")
+            if isinstance(name, str) and isinstance(kind, str) and kind in CRITICS:
+                found[name] = CRITICS.get(kind).cls.Params
+        return found
+
+
+def make_critics(params: DWAParams) -> list[Critic]:
+    """The critics of a planner; what a critic's own namespace does not say comes from the planner's parameters."""
+    wanted = (
+        [(entry.name, entry.type) for entry in params.critics]
+        if params.critics is not None
+        else [(name, name) for name in _critics.DEFAULT_CRITICS]
+    )
+    made: list[Critic] = []
+    for name, kind in wanted:
+        cls = CRITICS.get(kind).cls
+        own = params.critic_params.get(name)
+        values = {n: getattr(params, n) for n in cls.Params.model_fields if n in DWAParams.model_fields}
+        if own is not None:
+            values.update({n: getattr(own, n) for n in own.model_fields_set if n != "ros_distro"})
+        made.append(cls(name, cls.Params(**values)))
+    return made
+
+
+@LOCAL_PLANNERS.register("dwa", aliases=("dwa_local_planner/DWAPlannerROS",))
+class DWAPlanner(LocalPlanner):
+    """Follows a plan by the dynamic window approach; stops and turns at the goal.
+
+    Stateful between cycles: the plan, whether the goal's position has been reached, the oscillation flags.
+    """
+
+    Params = DWAParams
+    params: DWAParams
+
+    def __init__(self, params: DWAParams) -> None:
+        super().__init__(params)
+        p = params
+        self._period = 1.0 / p.controller_frequency if p.controller_frequency > 0.0 else DEFAULT_PERIOD_S
+        self._limits = self._limits_of(None, None)
+        self._checker = GoalChecker(p.xy_goal_tolerance, p.yaw_goal_tolerance, p.trans_stopped_vel, p.theta_stopped_vel)
+        self._simulator = Simulator(
+            (p.vx_samples, p.vy_samples, p.vth_samples),
+            p.sim_time,
+            p.sim_granularity,
+            p.angular_sim_granularity,
+            accelerate=not p.use_dwa,
+        )
+        self.critics = make_critics(p)
+        self._names = tuple(c.name for c in self.critics)
+        # commands near the goal are checked against obstacles even where a list of critics leaves them out
+        own = next((c for c in self.critics if isinstance(c, ObstacleCritic)), None)
+        self._guard = own or ObstacleCritic(
+            "obstacle", ObstacleParams(scaling_speed=p.scaling_speed, max_scaling_factor=p.max_scaling_factor)
+        )
+        self._plan = PlanView()
+        self._goal: Pose2D | None = None
+        self._latched = False
+        self._rotating = False
+        self._last: tuple[ScoringContext, Rollouts] | None = None
+
+    # --- limits -----------------------------------------------------------------------------------------------------
+
+    def _limits_of(self, max_vel_trans: float | None, max_vel_theta: float | None) -> VelocityLimits:
+        p = self.params
+        trans = p.max_vel_trans if max_vel_trans is None else min(p.max_vel_trans, max_vel_trans)
+        theta = p.max_vel_theta if max_vel_theta is None else min(p.max_vel_theta, max_vel_theta)
+        # a lowered limit caps each axis too: a robot that is faster gets the limit itself instead of nothing legal
+        along = p.max_vel_x if max_vel_trans is None else min(p.max_vel_x, trans)
+        return VelocityLimits(
+            max_vel_x=along,
+            min_vel_x=min(p.min_vel_x, along) if max_vel_trans is not None else p.min_vel_x,
+            max_vel_y=p.max_vel_y,
+            min_vel_y=p.min_vel_y,
+            max_vel_trans=trans,
+            min_vel_trans=p.min_vel_trans if max_vel_trans is None else min(p.min_vel_trans, trans),
+            max_vel_theta=theta,
+            min_vel_theta=p.min_vel_theta if max_vel_theta is None else min(p.min_vel_theta, theta),
+            acc_lim_x=p.acc_lim_x,
+            acc_lim_y=p.acc_lim_y,
+            acc_lim_theta=p.acc_lim_theta,
+            yaw_goal_tolerance=p.yaw_goal_tolerance,
+            xy_goal_tolerance=p.xy_goal_tolerance,
+        )
+
+    @property
+    def limits(self) -> VelocityLimits:
+        """The limits in force."""
+        return self._limits
+
+    def set_limits(self, *, max_vel_trans: float | None = None, max_vel_theta: float | None = None) -> None:
+        """Lowers the speed limits (m/s, rad/s) until called again; None restores that of the parameters."""
+        for name, value in (("max_vel_trans", max_vel_trans), ("max_vel_theta", max_vel_theta)):
+            if value is not None and not (math.isfinite(value) and value >= 0.0):
+                raise ControlError(f"{name} must be a speed of at least 0, not {value}", limit=name, value=value)
+        self._limits = self._limits_of(max_vel_trans, max_vel_theta)
+
+    @property
+    def period(self) -> float:
+        """Seconds between two commands."""
+        return self._period
+
+    # --- plan and goal ----------------------------------------------------------------------------------------------
+
+    def set_plan(self, plan: Path, goal: Pose2D) -> None:
+        """Follow `plan` to `goal`. With the goal of before it is a replan: the latch holds."""
+        if not goal.is_finite():
+            raise ControlError(f"the goal is not finite: {tuple(goal)}", goal=list(goal))
+        self._plan.set(plan)
+        before = self._goal
+        self._goal = Pose2D(*goal)
+        # as in C++: every plan allows every direction again
+        self._reset_oscillation()
+        if before is not None and all(abs(a - b) <= SAME_GOAL for a, b in zip(before, goal)):
+            return  # ROS differs: there every replan forgets that the position was reached (parity 17)
+        self._latched = False
+        self._rotating = False
+
+    def goal_reached(self, inputs: ControlInput) -> bool:
+        """Position (or latched), heading and stopped."""
+        if self._goal is None:
+            return False
+        goal = inputs.plan_to_costmap.apply(self._goal)
+        pose = inputs.state.pose
+        return (
+            self._at_position(pose, goal)
+            and self._checker.at_heading(pose, goal)
+            and self._checker.stopped(inputs.state.velocity)
+        )
+
+    def _at_position(self, pose: Pose2D, goal: Pose2D) -> bool:
+        if self.params.latch_xy_goal_tolerance and self._latched:
+            return True
+        if self._checker.at_position(pose, goal):
+            self._latched = True
+            return True
+        return False
+
+    # --- the command ------------------------------------------------------------------------------------------------
+
+    def compute_command(self, inputs: ControlInput) -> LocalPlan:
+        """One cycle: follow the plan, or brake and turn at the goal's position.
+
+        Raises InvalidPathError when no part of the plan is near, NoValidControlError when every sample is rejected.
+        """
+        state = inputs.state
+        if not (state.pose.is_finite() and state.velocity.is_finite()):
+            raise ControlError(
+                f"the robot's pose {tuple(state.pose)} or velocity {tuple(state.velocity)} is not finite",
+                pose=list(state.pose),
+                velocity=list(state.velocity),
+            )
+        plan = self._plan.in_sight(
+            state.pose, inputs.plan_to_costmap, inputs.costmap.geometry, prune=self.params.prune_plan
+        )
+        assert self._goal is not None  # a plan came with it
+        goal = inputs.plan_to_costmap.apply(self._goal)
+        if self._at_position(state.pose, goal):
+            return self._stop_and_rotate(inputs, plan, goal)
+        return self.search(state, inputs.costmap, inputs.footprint, plan, goal)
+
+    def search(
+        self,
+        state: RobotState,
+        costmap: Costmap,
+        footprint: Footprint,
+        plan: NDArray[np.float64],
+        goal: Pose2D,
+    ) -> LocalPlan:
+        """The best sample for following `plan` (n, 3), all in the costmap's frame (DWAPlanner::findBestPath)."""
+        limits = self._limits
+        costmap = _for_kernels(costmap)
+        context = ScoringContext(state, costmap, footprint, plan, goal, limits)
+        samples = self._samples(state, plan)
+        rollouts = self._simulator.run(samples, state.pose, state.velocity, limits)
+        table = score(self.critics, context, rollouts)
+        self._last = context, rollouts
+        samples = samples.copy()
+        best = table.best
+        if best < 0:
+            text, data = no_valid_control(
+                table, self.critics, rollouts, samples, costmap, footprint, limits.max_vel_trans
+            )
+            raise NoValidControlError(
+                text,
+                **data,
+                plan=self._result(Twist2D(), "follow", samples, table, rollouts, context),
+            )
+        command = Twist2D(*rollouts.samples[best].tolist())
+        for critic in self.critics:
+            if isinstance(critic, OscillationCritic):
+                critic.chosen(command, state.pose, limits.min_vel_trans)
+        return self._result(command, "follow", samples, table, rollouts, context)
+
+    def _samples(self, state: RobotState, plan: NDArray[np.float64]) -> NDArray[np.float64]:
+        limits, p = self._limits, self.params
+        if p.use_dwa:
+            return self._simulator.lattice(velocity_window(state.velocity, limits, self._period))
+        # without the dynamic window: no faster than would just reach the end of the plan in sight (float32 as in C++)
+        apart = plan[-1, :2].astype(np.float32) - np.array(state.pose[:2], np.float32)
+        distance = math.hypot(float(apart[0]), float(apart[1]))
+        capped = limits._replace(
+            max_vel_x=max(min(limits.max_vel_x, distance / p.sim_time), limits.min_vel_x),
+            max_vel_y=max(min(limits.max_vel_y, distance / p.sim_time), limits.min_vel_y),
+        )
+        return self._simulator.lattice(velocity_window(state.velocity, capped, p.sim_time))
+
+    def _result(
+        self,
+        command: Twist2D,
+        mode: str,
+        samples: NDArray[np.float64],
+        table: ScoreTable,
+        rollouts: Rollouts,
+        context: ScoringContext,
+    ) -> LocalPlan:
+        best = table.best
+        return LocalPlan(
+            command,
+            mode,
+            samples,
+            self._names,
+            table.costs,
+            table.scales,
+            table.totals,
+            table.rejected_by,
+            best,
+            rollouts.poses[best, : rollouts.counts[best]].copy() if best >= 0 else None,
+            Path(context.plan, context.costmap.frame),
+            tuple(context.shared.get("notes", ())),
+        )
+
+    def explain(self, inputs: ControlInput) -> dict[str, Any]:
+        """Of the last search: `poses` (K, T, 3), `counts` (K,), `commands` (K, 3), `first_contact` (K,), `grids` by critic."""
+        del inputs
+        if self._last is None:
+            return {}
+        _, rollouts = self._last
+        grids: dict[str, NDArray[np.float64]] = {}
+        for critic in self.critics:
+            grid = getattr(critic, "grid", None)
+            if isinstance(grid, MapGrid):
+                grids[critic.name] = grid.values()
+        return {
+            "poses": rollouts.poses.copy(),
+            "counts": rollouts.counts.copy(),
+            "commands": rollouts.samples.copy(),
+            "first_contact": self._guard.first_contact.copy(),
+            "grids": grids,
+            "oscillation": next((c.flags for c in self.critics if isinstance(c, OscillationCritic)), {}),
+        }
+
+    # --- at the goal's position -------------------------------------------------------------------------------------
+
+    def _stop_and_rotate(self, inputs: ControlInput, plan: NDArray[np.float64], goal: Pose2D) -> LocalPlan:
+        state, limits = inputs.state, self._limits
+        local_plan = Path(plan, inputs.costmap.frame)
+        if self._checker.at_heading(state.pose, goal):
+            self._rotating = False
+            return LocalPlan(
+                Twist2D(), "arrived", critics=self._names, local_plan=local_plan, **_empty(len(self._names))
+            )
+        if not self._rotating and not self._checker.stopped(state.velocity):
+            mode, doing = "brake", "braking"
+            command = braking_twist(state.velocity, limits, self._period)
+        else:
+            self._rotating = True
+            mode, doing = "rotate_to_goal", "turning in place"
+            error = self._checker.yaw_error(state.pose, goal)
+            command = turning_twist(error, state.velocity.wz, limits, self._period, limits.min_vel_theta)
+        return self._checked(command, mode, doing, inputs, plan, goal)
+
+    def _checked(
+        self, command: Twist2D, mode: str, doing: str, inputs: ControlInput, plan: NDArray[np.float64], goal: Pose2D
+    ) -> LocalPlan:
+        """`command` if its trajectory hits nothing."""
+        self._reset_oscillation()
+        state, limits = inputs.state, self._limits
+        costmap = _for_kernels(inputs.costmap)
+        context = ScoringContext(state, costmap, inputs.footprint, plan, goal, limits)
+        # the brake may be slower, or faster, than samples may be: it is simulated all the same
+        free = limits._replace(min_vel_trans=0.0, min_vel_theta=0.0, max_vel_trans=math.inf)
+        samples = np.array([command])
+        rollouts = self._simulator.run(samples, state.pose, state.velocity, free)
+        if rollouts.counts[0] == 0:  # standing: the present pose is what can be checked
+            rollouts.counts[0] = 1
+            rollouts.poses[0, 0] = state.pose
+        table = score([self._guard], context, rollouts)
+        self._last = context, rollouts
+        if table.best < 0:
+            text, data = no_valid_control(
+                table, [self._guard], rollouts, samples, costmap, inputs.footprint, limits.max_vel_trans
+            )
+            raise NoValidControlError(
+                f"{doing} at the goal at ({command.vx:.3f}, {command.vy:.3f}) m/s, {command.wz:.3f} rad/s: {text}",
+                **data,
+                mode=mode,
+            )
+        costs = np.full((1, len(self._names)), np.nan)
+        if self._guard in self.critics:
+            costs[0, self.critics.index(self._guard)] = table.costs[0, 0]
+        return LocalPlan(
+            command,
+            mode,
+            samples,
+            self._names,
+            costs,
+            np.array([critic.scale for critic in self.critics]),
+            table.totals,
+            table.rejected_by,
+            0,
+            rollouts.poses[0, : rollouts.counts[0]].copy(),
+            Path(plan, costmap.frame),
+        )
+
+    def _reset_oscillation(self) -> None:
+        for critic in self.critics:
+            if isinstance(critic, OscillationCritic):
+                critic.reset()
+
+
+def _empty(critics: int) -> dict[str, Any]:
+    return {
+        "samples": np.empty((0, 3)),
+        "costs": np.empty((0, critics)),
+        "scales": np.zeros(critics),
+        "totals": np.empty(0),
+        "rejected_by": np.empty(0, np.int8),
+    }
+
+
+def _for_kernels(costmap: Costmap) -> Costmap:
+    """The costmap itself, or a copy of one whose array the kernels were not compiled for (a view, read-only)."""
+    flags = costmap.data.flags
+    return costmap if flags.c_contiguous and flags.writeable else costmap.copy()

@@ -1,0 +1,102 @@
+"""Distance grids over the local costmap, shared by the critics of one cycle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import Costmap
+from navstack.interfaces import Rollouts, ScoringContext
+from navstack.local_planner._grid_kernels import BLOCKED, grid_distances, grid_scores
+
+
+@dataclass(slots=True, eq=False)
+class MapGrid:
+    """Breadth-first distances (cells) to a plan, or to its last cell in the window."""
+
+    distances: NDArray[np.int32]
+    """Flat, with a ring of one cell around the costmap's (see `_grid_kernels`)."""
+    costmap: Costmap
+    seeds: int
+    """Cells the wave started from; 0: nothing of the plan lies in the window."""
+    stepped_back: int = 0
+    """Blocked cells of the plan that the goal was moved back over (parity 27)."""
+
+    def values(self) -> NDArray[np.float64]:
+        """(ny, nx) as C++ holds them: distance, nx*ny in an obstacle that was touched, nx*ny + 1 not reached."""
+        g = self.costmap.geometry
+        d = self.distances.reshape(g.ny + 2, g.nx + 2)
+        reached = d >= 0
+        beside = np.zeros_like(reached)
+        beside[1:-1] = reached[:-2] | reached[2:]
+        beside[:, 1:-1] |= reached[:, :-2] | reached[:, 2:]
+        out = np.where(reached, d, np.where((d == BLOCKED) & beside, g.nx * g.ny, g.nx * g.ny + 1))
+        return out[1:-1, 1:-1].astype(np.float64)
+
+    def score(
+        self,
+        rollouts: Rollouts,
+        alive: NDArray[np.bool_],
+        out: NDArray[np.float64],
+        *,
+        ahead: float = 0.0,
+        stop_on_failure: bool = False,
+    ) -> NDArray[np.float64]:
+        """(K,) value at each trajectory's last point; -4 off the map, and with `stop_on_failure` -3 and -2."""
+        g = self.costmap.geometry
+        grid_scores(
+            self.distances,
+            g.nx,
+            g.ny,
+            g.origin_x,
+            g.origin_y,
+            g.resolution,
+            rollouts.poses,
+            rollouts.counts,
+            alive,
+            ahead,
+            stop_on_failure,
+            out,
+        )
+        return out
+
+
+class GridBuffer:
+    """Memory for one grid, kept from cycle to cycle."""
+
+    def __init__(self) -> None:
+        self._distances = np.empty(0, np.int32)
+        self._queue = np.empty(0, np.int32)
+
+    def build(
+        self, costmap: Costmap, plan: NDArray[np.float64], *, last_only: bool, step_back: bool = False
+    ) -> MapGrid:
+        """The grid of distances to `plan` (n, 3), or to its last cell inside the window."""
+        g = costmap.geometry
+        size = (g.nx + 2) * (g.ny + 2)
+        if len(self._distances) != size:
+            self._distances = np.empty(size, np.int32)
+            # one place more: a cell that needs no visit is written behind the last one
+            self._queue = np.empty(size + 1, np.int32)
+        seeds, stepped_back = grid_distances(
+            costmap.data,
+            g.origin_x,
+            g.origin_y,
+            g.resolution,
+            plan,
+            last_only,
+            step_back,
+            self._distances,
+            self._queue,
+        )
+        return MapGrid(self._distances, costmap, seeds, stepped_back)
+
+
+def shared_path_grid(context: ScoringContext, buffer: GridBuffer) -> MapGrid:
+    """The grid of distances to the plan: built by the first critic that asks, used by the others."""
+    grid = context.shared.get("path_grid")
+    if grid is None:
+        grid = context.shared["path_grid"] = buffer.build(context.costmap, context.plan, last_only=False)
+    return grid

@@ -1,0 +1,112 @@
+"""Sampled velocities and their simulated trajectories, in buffers that are used again every cycle."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import Pose2D, Twist2D
+from navstack.core.errors import InputError
+from navstack.interfaces import Rollouts, VelocityLimits
+from navstack.local_planner._rollout_kernels import count_steps, sample_velocities, simulate
+
+MAX_POINTS = 20_000_000
+"""More points a cycle than this (about half a gigabyte) is a mistake in the granularities or the limits."""
+
+
+def velocity_window(velocity: Twist2D, limits: VelocityLimits, horizon: float) -> NDArray[np.float64]:
+    """(3, 2) lowest and highest vx, vy, wz that can be reached within `horizon` (s) and are within the limits.
+
+    A robot faster or slower than its limits allow gets the nearest limit alone.
+    """
+    window = np.empty((3, 2))
+    for axis, (value, low, high, acceleration) in enumerate(
+        (
+            (velocity.vx, limits.min_vel_x, limits.max_vel_x, limits.acc_lim_x),
+            (velocity.vy, limits.min_vel_y, limits.max_vel_y, limits.acc_lim_y),
+            (velocity.wz, -limits.max_vel_theta, limits.max_vel_theta, limits.acc_lim_theta),
+        )
+    ):
+        bottom = max(low, value - acceleration * horizon)
+        top = min(high, value + acceleration * horizon)
+        if bottom > top:
+            # ROS differs: C++ samples between the two, outside the limits (a vy of 0.001 for a robot that cannot strafe)
+            bottom = top = min(max(value, low), high)
+        window[axis] = bottom, top
+    return window
+
+
+class Simulator:
+    """Samples velocities on a lattice and simulates each for `sim_time` (s)."""
+
+    def __init__(
+        self,
+        numbers: tuple[int, int, int],
+        sim_time: float,
+        granularity: float,
+        angular_granularity: float,
+        *,
+        accelerate: bool,
+    ) -> None:
+        self.numbers = numbers
+        self.sim_time = sim_time
+        self.granularity = granularity
+        self.angular_granularity = angular_granularity
+        self.accelerate = accelerate
+        widest = [max(2, n) + 1 for n in numbers]
+        capacity = widest[0] * widest[1] * widest[2]
+        self._scratch = np.empty((3, max(widest)))
+        self._samples = np.empty((capacity, 3))
+        self._commands = np.empty((capacity, 3))
+        self._counts = np.empty(capacity, np.int64)
+        self._points = np.empty(0)
+
+    def lattice(self, window: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Velocities (K, 3) of the window, in C++'s order; valid until the next call."""
+        count = sample_velocities(window, *self.numbers, self._scratch, self._samples)
+        return self._samples[:count]
+
+    def run(self, samples: NDArray[np.float64], pose: Pose2D, velocity: Twist2D, limits: VelocityLimits) -> Rollouts:
+        """Trajectories of `samples` (K, 3) from `pose`; valid until the next call.
+
+        A sample that is too slow on both counts, or too fast, has no points.
+        """
+        k = len(samples)
+        if k > len(self._counts):
+            self._commands = np.empty((k, 3))
+            self._counts = np.empty(k, np.int64)
+        counts = self._counts[:k]
+        commands = self._commands[:k]
+        longest = count_steps(
+            samples,
+            limits.min_vel_trans,
+            limits.max_vel_trans,
+            limits.min_vel_theta,
+            self.sim_time,
+            self.granularity,
+            self.angular_granularity,
+            counts,
+        )
+        longest = max(longest, 1)
+        if k * longest > MAX_POINTS:
+            raise InputError(
+                f"{k} trajectories of up to {longest} points are too many to simulate in a cycle; raise sim_granularity "
+                "or angular_sim_granularity, or lower sim_time or the numbers of samples",
+                samples=k,
+                points=longest,
+            )
+        if self._points.size < k * longest * 3:
+            self._points = np.empty(k * longest * 3)
+        poses = self._points[: k * longest * 3].reshape(k, longest, 3)
+        simulate(
+            samples,
+            np.array(pose),
+            np.array(velocity),
+            np.array((limits.acc_lim_x, limits.acc_lim_y, limits.acc_lim_theta)),
+            self.sim_time,
+            self.accelerate,
+            counts,
+            commands,
+            poses,
+        )
+        return Rollouts(commands, poses, counts)
