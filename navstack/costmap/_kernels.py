@@ -1,0 +1,545 @@
+"""Kernels of the costmaps: scans to points, rays, marks, polygons, windows, inflation.
+
+Callers check the input (dtypes, contiguity, sizes); what a sensor may contain (NaN, infinities, points off the map) is
+checked here. Cells are flat indices `iy * nx + ix` wherever a ray walks; unsigned ones spare numba's wrap-around test.
+"""
+# pyright: basic
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from navstack.core.jit import kernel
+
+FIXED = 40
+"""Bits behind the point of a ray's slope: exact for rays of up to 700,000 cells."""
+
+
+# --- scans ------------------------------------------------------------------------------------------------------------
+
+
+@kernel
+def project_scan(ranges, directions, range_min, range_max, inf_range, to_global, out):
+    """Points (x, y, z) float32 in the global frame of the valid beams of a scan; how many.
+
+    `directions` (n, 2) = cos, sin of each beam; `inf_range` replaces +inf unless it is NaN; `to_global` float32 = r00,
+    r01, r10, r11, tx, ty, z. Rounds to float32 where ROS does (laser_geometry, then tf2's point cloud transform).
+    """
+    count = 0
+    r00, r01, r10, r11, tx, ty, z = (
+        to_global[0], to_global[1], to_global[2], to_global[3], to_global[4], to_global[5], to_global[6],
+    )  # fmt: skip
+    replace = not math.isnan(inf_range)
+    for i in range(ranges.size):
+        r = float(ranges[i])
+        if replace and r == math.inf:
+            r = float(inf_range)
+        if r >= range_min and r < range_max:  # false for NaN
+            x = np.float32(r * directions[i, 0])
+            y = np.float32(r * directions[i, 1])
+            out[count, 0] = (r00 * x + r01 * y) + tx
+            out[count, 1] = (r10 * x + r11 * y) + ty
+            out[count, 2] = z
+            count += 1
+    return count
+
+
+@kernel
+def project_points(points, to_global, min_height, max_height, out):
+    """Points (n, 3) float32 into the global frame, those between the heights (m) only; how many."""
+    count = 0
+    r00, r01, r10, r11, tx, ty = (
+        to_global[0], to_global[1], to_global[2], to_global[3], to_global[4], to_global[5],
+    )  # fmt: skip
+    for i in range(points.shape[0]):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        if math.isfinite(x) and math.isfinite(y) and z >= min_height and z <= max_height:
+            out[count, 0] = (r00 * x + r01 * y) + tx
+            out[count, 1] = (r10 * x + r11 * y) + ty
+            out[count, 2] = z
+            count += 1
+    return count
+
+
+# --- rays -------------------------------------------------------------------------------------------------------------
+
+
+@kernel
+def clear_line(cells, nx, x0, y0, x1, y1, max_length):
+    """Sets the Bresenham line between two cells, both included, to 0; cut after `max_length` cells of Euclidean length.
+
+    The cell after i steps along the dominant axis lies `(da // 2 + i * db) // da` steps along the other one. With a slope
+    in fixed point each cell costs one addition and no branch.
+    """
+    dx, dy = x1 - x0, y1 - y0
+    step_x, step_y = 1 if dx > 0 else -1, nx if dy > 0 else -nx
+    adx, ady = abs(dx), abs(dy)
+    if adx >= ady:
+        da, db, step_a, step_b = adx, ady, step_x, step_y
+    else:
+        da, db, step_a, step_b = ady, adx, step_y, step_x
+    offset = y0 * nx + x0
+    if da == 0:
+        cells[np.uint64(offset)] = 0
+        return
+    steps = da
+    length = math.sqrt(float(dx * dx + dy * dy))
+    if length > max_length:
+        steps = int(max_length / length * da)
+    scale = (1 << FIXED) / da
+    slope = int(db * scale) + 1
+    at = int((da // 2) * scale) + 1
+    for _ in range(steps + 1):
+        cells[np.uint64(offset + (at >> FIXED) * step_b)] = 0
+        offset += step_a
+        at += slope
+
+
+@kernel
+def clear_rays(costs, points, count, origin_x, origin_y, resolution, sx, sy, reach, reach_cells, bounds):
+    """Frees the cells between the sensor at (sx, sy) and each point; grows `bounds`. False when the sensor is off the map.
+
+    Points outside the map are pulled back along their ray onto its border (costmap_2d/plugins/obstacle_layer.cpp).
+    """
+    ny, nx = costs.shape
+    if not (sx >= origin_x and sy >= origin_y):
+        return False
+    fx, fy = (sx - origin_x) / resolution, (sy - origin_y) / resolution
+    if not (fx < nx and fy < ny):
+        return False
+    x0, y0 = int(fx), int(fy)
+    cells = costs.reshape(-1)
+    end_x, end_y = origin_x + nx * resolution, origin_y + ny * resolution
+    min_x, min_y, max_x, max_y = min(bounds[0], sx), min(bounds[1], sy), max(bounds[2], sx), max(bounds[3], sy)
+    reach_squared = reach * reach
+    last_x, last_y = -1, -1
+    for i in range(count):
+        wx, wy = float(points[i, 0]), float(points[i, 1])
+        a, b = wx - sx, wy - sy
+        if wx < origin_x:
+            wy = sy + b * ((origin_x - sx) / a)
+            wx = origin_x
+        if wy < origin_y:
+            wx = sx + a * ((origin_y - sy) / b)
+            wy = origin_y
+        if wx > end_x:
+            wy = sy + b * ((end_x - sx) / a)
+            wx = end_x - 0.001
+        if wy > end_y:
+            wx = sx + a * ((end_y - sy) / b)
+            wy = end_y - 0.001
+        if not (wx >= origin_x and wy >= origin_y):
+            continue
+        fx, fy = (wx - origin_x) / resolution, (wy - origin_y) / resolution
+        if not (fx < nx and fy < ny):
+            continue
+        x1, y1 = int(fx), int(fy)
+        dx, dy = wx - sx, wy - sy
+        squared = dx * dx + dy * dy
+        if squared > reach_squared:
+            cut = reach / math.sqrt(squared)
+            dx, dy = dx * cut, dy * cut
+        min_x, min_y, max_x, max_y = min(min_x, sx + dx), min(min_y, sy + dy), max(max_x, sx + dx), max(max_y, sy + dy)
+        # a ray depends on its two cells only: neighbouring beams often end in the same one
+        if x1 != last_x or y1 != last_y:
+            clear_line(cells, nx, x0, y0, x1, y1, reach_cells)
+            last_x, last_y = x1, y1
+    bounds[0], bounds[1], bounds[2], bounds[3] = min_x, min_y, max_x, max_y
+    return True
+
+
+@kernel
+def mark_points(
+    costs, serials, serial, points, count, origin_x, origin_y, resolution, sx, sy, sz, max_height, reach, bounds
+):
+    """Makes the cells of the points closer than `reach` (3-D) lethal and signs them with `serial`; grows `bounds`."""
+    ny, nx = costs.shape
+    min_x, min_y, max_x, max_y = bounds[0], bounds[1], bounds[2], bounds[3]
+    reach_squared = reach * reach
+    for i in range(count):
+        px, py, pz = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
+        squared = (px - sx) * (px - sx) + (py - sy) * (py - sy) + (pz - sz) * (pz - sz)
+        if not (squared < reach_squared) or pz > max_height or px < origin_x or py < origin_y:
+            continue
+        fx, fy = (px - origin_x) / resolution, (py - origin_y) / resolution
+        if not (fx < nx and fy < ny):
+            continue
+        ix, iy = int(fx), int(fy)
+        costs[iy, ix] = 254
+        serials[iy, ix] = serial
+        min_x, min_y, max_x, max_y = min(min_x, px), min(min_y, py), max(max_x, px), max(max_y, py)
+    bounds[0], bounds[1], bounds[2], bounds[3] = min_x, min_y, max_x, max_y
+
+
+# --- voxels -----------------------------------------------------------------------------------------------------------
+# A column holds its levels as bits: `levels` low bits "unknown or marked", `levels` bits "marked" above them, and what is
+# left of the word the serial of the observation that marked it last.
+
+
+@kernel
+def bits_set(n):
+    """Number of ones."""
+    count = 0
+    while n:
+        n &= n - 1
+        count += 1
+    return count
+
+
+@kernel
+def clear_voxel_rays(
+    columns,
+    costs,
+    points,
+    count,
+    grid,
+    levels,
+    sx,
+    sy,
+    sz,
+    reach,
+    reach_cells,
+    mark_threshold,
+    unknown_threshold,
+    bounds,
+):
+    """Clears the voxels between the sensor and each point and settles the columns passed; False when it is off the map.
+
+    `grid` = origin_x, origin_y, origin_z, resolution, z_resolution, highest z. See costmap_2d/plugins/voxel_layer.cpp and
+    voxel_grid.h: rays are shortened by two cells, then clipped to the map and the heights.
+    """
+    ny, nx = costs.shape
+    origin_x, origin_y, origin_z, resolution, z_resolution, top = grid[0], grid[1], grid[2], grid[3], grid[4], grid[5]
+    if not (sx >= origin_x and sy >= origin_y and sz >= origin_z):
+        return False
+    x0, y0 = (sx - origin_x) / resolution, (sy - origin_y) / resolution
+    z0 = (sz - origin_z) / z_resolution
+    if not (x0 < nx and y0 < ny and z0 < levels):
+        return False
+    ix0, iy0, iz0 = int(x0), int(y0), int(z0)
+    flat_columns, flat_costs = columns.reshape(-1), costs.reshape(-1)
+    level_mask = (1 << levels) - 1
+    # how a column stands, by its level bits, when there are few enough of them to tabulate
+    end_x, end_y = origin_x + (nx - 0.5) * resolution, origin_y + (ny - 0.5) * resolution
+    min_x, min_y, max_x, max_y = bounds[0], bounds[1], bounds[2], bounds[3]
+    last_x, last_y, last_z = -1, -1, -1
+    for i in range(count):
+        wx, wy, wz = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
+        a, b, c = wx - sx, wy - sy, wz - sz
+        distance = math.sqrt(a * a + b * b + c * c)
+        if not (distance < math.inf):
+            continue
+        short = max((distance - 2.0 * resolution) / distance, 0.0) if distance > 0.0 else 0.0
+        wx, wy, wz = short * a + sx, short * b + sy, short * c + sz
+        a, b, c = wx - sx, wy - sy, wz - sz
+        t = 1.0
+        if wz > top:
+            t = max(0.0, min(t, (top - 0.01 - sz) / c))
+        elif wz < origin_z:
+            t = min(t, (origin_z - sz) / c)
+        if wx < origin_x:
+            t = min(t, (origin_x - sx) / a)
+        if wy < origin_y:
+            t = min(t, (origin_y - sy) / b)
+        if wx > end_x:
+            t = min(t, (end_x - sx) / a)
+        if wy > end_y:
+            t = min(t, (end_y - sy) / b)
+        wx, wy, wz = sx + a * t, sy + b * t, sz + c * t
+        if not (wx >= origin_x and wy >= origin_y and wz >= origin_z):
+            continue
+        x1, y1 = (wx - origin_x) / resolution, (wy - origin_y) / resolution
+        z1 = (wz - origin_z) / z_resolution
+        if not (x1 < nx and y1 < ny and z1 < levels):
+            continue
+        dx, dy = wx - sx, wy - sy
+        full = math.sqrt(dx * dx + dy * dy)
+        if full > reach:
+            cut = reach / full
+            dx, dy = dx * cut, dy * cut
+        min_x, min_y, max_x, max_y = min(min_x, sx + dx), min(min_y, sy + dy), max(max_x, sx + dx), max(max_y, sy + dy)
+
+        ix1, iy1, iz1 = int(x1), int(y1), int(z1)
+        span_x, span_y, span_z = abs(ix1 - ix0), abs(iy1 - iy0), abs(iz1 - iz0)
+        dominant = max(span_x, span_y, span_z)
+        length = math.sqrt((x0 - x1) * (x0 - x1) + (y0 - y1) * (y0 - y1) + (z0 - z1) * (z0 - z1))
+        steps = dominant
+        if length > reach_cells:
+            steps = int(reach_cells / length * dominant)
+        elif ix1 == last_x and iy1 == last_y and iz1 == last_z:
+            continue  # the same voxels as the beam before
+        else:
+            last_x, last_y, last_z = ix1, iy1, iz1
+        step_x, step_y, step_z = 1 if ix1 > ix0 else -1, nx if iy1 > iy0 else -nx, 1 if iz1 > iz0 else -1
+        error_x = error_y = error_z = dominant // 2
+        offset, level = iy0 * nx + ix0, iz0
+        for _ in range(steps + 1):
+            word = int(flat_columns[np.uint64(offset)])
+            voxel = (1 << level) | (1 << (level + levels))
+            if word & voxel:
+                word &= ~voxel
+                flat_columns[np.uint64(offset)] = word
+            marked = (word >> levels) & level_mask
+            if marked == 0 or bits_set(marked) <= mark_threshold:
+                unknown = (word & level_mask) ^ marked
+                flat_costs[np.uint64(offset)] = 0 if unknown == 0 or bits_set(unknown) <= unknown_threshold else 255
+            # the dominant axis steps each time, since its error reaches the threshold each time
+            error_x += span_x
+            error_y += span_y
+            error_z += span_z
+            if error_x >= dominant:
+                error_x -= dominant
+                offset += step_x
+            if error_y >= dominant:
+                error_y -= dominant
+                offset += step_y
+            if error_z >= dominant:
+                error_z -= dominant
+                level += step_z
+    bounds[0], bounds[1], bounds[2], bounds[3] = min_x, min_y, max_x, max_y
+    return True
+
+
+@kernel
+def mark_voxels(columns, costs, serial, points, count, grid, levels, sx, sy, sz, reach, mark_threshold, bounds):
+    """Marks the voxels of the points closer than `reach`; columns with more marks than the threshold become lethal."""
+    ny, nx = costs.shape
+    origin_x, origin_y, origin_z, resolution, z_resolution, top = grid[0], grid[1], grid[2], grid[3], grid[4], grid[5]
+    min_x, min_y, max_x, max_y = bounds[0], bounds[1], bounds[2], bounds[3]
+    reach_squared = reach * reach
+    level_mask = (1 << levels) - 1
+    bits_mask = (1 << (2 * levels)) - 1
+    for i in range(count):
+        px, py, pz = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
+        squared = (px - sx) * (px - sx) + (py - sy) * (py - sy) + (pz - sz) * (pz - sz)
+        if not (squared < reach_squared) or pz > top or px < origin_x or py < origin_y:
+            continue
+        fx, fy = (px - origin_x) / resolution, (py - origin_y) / resolution
+        fz = max(pz - origin_z, 0.0) / z_resolution
+        if not (fx < nx and fy < ny and fz < levels):
+            continue
+        ix, iy, iz = int(fx), int(fy), int(fz)
+        word = int(columns[iy, ix]) | (1 << iz) | (1 << (iz + levels))
+        columns[iy, ix] = (word & bits_mask) | (serial << (2 * levels))
+        if bits_set((word >> levels) & level_mask) > mark_threshold:
+            costs[iy, ix] = 254
+            min_x, min_y, max_x, max_y = min(min_x, px), min(min_y, py), max(max_x, px), max(max_y, py)
+    bounds[0], bounds[1], bounds[2], bounds[3] = min_x, min_y, max_x, max_y
+
+
+# --- polygons ---------------------------------------------------------------------------------------------------------
+
+
+@kernel
+def place_footprint(vertices, x, y, yaw, out, bounds):
+    """The outline (n, 2) at a pose, into `out`; grows `bounds` to hold it."""
+    c, s = math.cos(yaw), math.sin(yaw)
+    for i in range(vertices.shape[0]):
+        wx = x + (vertices[i, 0] * c - vertices[i, 1] * s)
+        wy = y + (vertices[i, 0] * s + vertices[i, 1] * c)
+        out[i, 0], out[i, 1] = wx, wy
+        bounds[0], bounds[1] = min(bounds[0], wx), min(bounds[1], wy)
+        bounds[2], bounds[3] = max(bounds[2], wx), max(bounds[3], wy)
+
+
+@kernel
+def fill_polygon(costs, vertices, convex, origin_x, origin_y, resolution, value):
+    """Sets the cells on the outline of a polygon and inside it; False, and nothing set, when a vertex is off the map.
+
+    Convex: from the lowest to the highest cell of the outline in each column, as costmap_2d does. Otherwise: the outline
+    and every cell whose centre is inside by the even-odd rule.
+    """
+    ny, nx = costs.shape
+    n = vertices.shape[0]
+    cells = np.empty((n, 2), np.int64)
+    left, right = nx, -1
+    for i in range(n):
+        wx, wy = vertices[i, 0], vertices[i, 1]
+        if not (wx >= origin_x and wy >= origin_y):
+            return False
+        fx, fy = (wx - origin_x) / resolution, (wy - origin_y) / resolution
+        if not (fx < nx and fy < ny):
+            return False
+        cells[i, 0], cells[i, 1] = int(fx), int(fy)
+        left, right = min(left, cells[i, 0]), max(right, cells[i, 0])
+    low = np.full(right - left + 1, ny, np.int64)
+    high = np.full(right - left + 1, -1, np.int64)
+    for i in range(n):
+        j = i + 1 if i + 1 < n else 0
+        x, y = cells[i, 0], cells[i, 1]
+        dx, dy = cells[j, 0] - x, cells[j, 1] - y
+        step_x, step_y = 1 if dx > 0 else -1, 1 if dy > 0 else -1
+        adx, ady = abs(dx), abs(dy)
+        longest = max(adx, ady)
+        error = longest // 2
+        for _ in range(longest + 1):
+            if convex:
+                low[x - left], high[x - left] = min(low[x - left], y), max(high[x - left], y)
+            else:
+                costs[y, x] = value
+            if adx >= ady:
+                x += step_x
+                error += ady
+                if error >= longest:
+                    y += step_y
+                    error -= longest
+            else:
+                y += step_y
+                error += adx
+                if error >= longest:
+                    x += step_x
+                    error -= longest
+    if convex:
+        for x in range(left, right + 1):
+            for y in range(low[x - left], high[x - left] + 1):
+                costs[y, x] = value
+        return True
+    crossings = np.empty(n, np.float64)
+    for x in range(left, right + 1):
+        at = origin_x + (x + 0.5) * resolution
+        count = 0
+        for i in range(n):
+            j = i + 1 if i + 1 < n else 0
+            xa, xb = vertices[i, 0], vertices[j, 0]
+            if (xa <= at) != (xb <= at):
+                crossings[count] = vertices[i, 1] + (at - xa) / (xb - xa) * (vertices[j, 1] - vertices[i, 1])
+                count += 1
+        for i in range(1, count):  # a handful: sort by insertion
+            held = crossings[i]
+            j = i
+            while j > 0 and crossings[j - 1] > held:
+                crossings[j] = crossings[j - 1]
+                j -= 1
+            crossings[j] = held
+        for i in range(0, count - 1, 2):
+            first = max(0, int(math.ceil((crossings[i] - origin_y) / resolution - 0.5)))
+            last = min(ny - 1, int(math.floor((crossings[i + 1] - origin_y) / resolution - 0.5)))
+            for y in range(first, last + 1):
+                costs[y, x] = value
+    return True
+
+
+# --- windows ----------------------------------------------------------------------------------------------------------
+
+
+@kernel
+def shift_cells(cells, dx, dy, fill):
+    """Moves a grid by whole cells, in place: cell (x, y) takes the value of (x + dx, y + dy), or `fill` from outside."""
+    ny, nx = cells.shape
+    x_from, x_to = max(0, -dx), min(nx, nx - dx)
+    for k in range(ny):
+        y = k if dy >= 0 else ny - 1 - k
+        source = y + dy
+        if source < 0 or source >= ny or x_from >= x_to:
+            for x in range(nx):
+                cells[y, x] = fill
+            continue
+        if dx >= 0:
+            for x in range(x_from, x_to):
+                cells[y, x] = cells[source, x + dx]
+        else:
+            for x in range(x_to - 1, x_from - 1, -1):
+                cells[y, x] = cells[source, x + dx]
+        for x in range(x_from):
+            cells[y, x] = fill
+        for x in range(x_to, nx):
+            cells[y, x] = fill
+
+
+@kernel
+def combine_max(master, layer, x0, y0, x1, y1):
+    """Writes the larger of both into the window; unknown cells of the layer are skipped, of the master overwritten."""
+    for y in range(y0, y1):
+        for x in range(x0, x1):
+            ours, theirs = layer[y, x], master[y, x]
+            # unknown (255) turned into 0 by adding 1 in a byte: the order of what is left is kept
+            if np.uint8(ours + np.uint8(1)) > np.uint8(theirs + np.uint8(1)):
+                master[y, x] = ours
+
+
+@kernel
+def combine_overwrite(master, layer, x0, y0, x1, y1):
+    """Writes the known cells of the layer into the window."""
+    for y in range(y0, y1):
+        for x in range(x0, x1):
+            ours = layer[y, x]
+            master[y, x] = master[y, x] if ours == 255 else ours
+
+
+@kernel
+def look_up_map(master, costs, x0, y0, x1, y1, affine, maximum):
+    """Fills the window with the costs of another grid at each cell centre; cells outside that grid stay as they are.
+
+    `affine` (6,): column, row (as real numbers) of the other grid = a0 + a1 * ix + a2 * iy, a3 + a4 * ix + a5 * iy.
+    """
+    ny, nx = costs.shape
+    for iy in range(y0, y1):
+        for ix in range(x0, x1):
+            fx = affine[0] + affine[1] * ix + affine[2] * iy
+            fy = affine[3] + affine[4] * ix + affine[5] * iy
+            if fx >= 0.0 and fy >= 0.0 and fx < nx and fy < ny:
+                cost = costs[int(fy), int(fx)]
+                if not maximum or np.uint8(cost + np.uint8(1)) > np.uint8(master[iy, ix] + np.uint8(1)):
+                    master[iy, ix] = cost
+
+
+# --- inflation --------------------------------------------------------------------------------------------------------
+
+
+@kernel
+def inflate(master, x0, y0, x1, y1, radius, profile, below, unknown_from):
+    """Raises the window to the inflation cost of the nearest lethal cell, by its exact Euclidean distance.
+
+    `profile` (radius + 1, width): cost at `row` cells to the side and `column` cells ahead; `below` (>= ny, >= nx) scratch.
+    An unknown cell is overwritten from the cost `unknown_from` on.
+
+    Rows of the window are taken from the top down. `below` holds how far down the nearest lethal cell of a column is,
+    `above` how far up; the nearer one, `near`, is where that column's own obstacle lies seen from this row. It matters to
+    its neighbours on a side only while the neighbour there is farther from an obstacle, so that few columns have to be
+    spread along the row.
+    """
+    ny, nx = master.shape
+    left, right = max(0, x0 - radius), min(nx, x1 + radius)
+    bottom, top = max(0, y0 - radius), min(ny, y1 + radius)
+    width = right - left
+    far = radius + 1
+    count = np.full(width, far, np.uint8)
+    for y in range(bottom, y1):
+        for x in range(width):
+            d = np.uint8(min(count[x] + 1, far))
+            count[x] = 0 if master[y, left + x] == 254 else d
+        if y >= y0:
+            for x in range(width):
+                below[y - y0, x] = count[x]
+    above = np.full(width, far, np.uint8)
+    pad = profile.shape[1]
+    near = np.full(width + 2, far, np.uint8)
+    out = np.zeros(width + 2 * pad + 16, np.uint8)
+    for y in range(top - 1, y0 - 1, -1):
+        for x in range(width):
+            d = np.uint8(min(above[x] + 1, far))
+            above[x] = 0 if master[y, left + x] == 254 else d
+        if y >= y1:
+            continue
+        for x in range(width):
+            near[x + 1] = min(above[x], below[y - y0, x])
+        out[:] = 0
+        for x in range(width):
+            d = near[x + 1]
+            if d < far:
+                out[pad + x] = max(out[pad + x], profile[d, 0])
+                if near[x + 2] > d:
+                    for k in range(1, pad):
+                        out[pad + x + k] = max(out[pad + x + k], profile[d, k])
+                if near[x] > d:
+                    for k in range(1, pad):
+                        out[pad + x - k] = max(out[pad + x - k], profile[d, k])
+        for x in range(x0, x1):
+            old, cost = master[y, x], out[pad + x - left]
+            if old == 255:
+                if cost >= unknown_from:
+                    master[y, x] = cost
+            elif cost > old:
+                master[y, x] = cost

@@ -1,0 +1,130 @@
+"""costmap_2d::InflationLayer: cost that falls off with the distance to the nearest obstacle (plugins/inflation_layer.cpp).
+
+ROS spreads nearest-source labels over the 4-neighbourhood, which misses the nearest obstacle of a few cells per map; here
+the distance is the exact Euclidean one (Felzenszwalb & Huttenlocher, "Distance Transforms of Sampled Functions", 2012: a
+pass along the columns, then one along the rows; both cut at the inflation radius).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import INSCRIBED, LETHAL, Bounds, Costmap, Footprint, GridGeometry, Pose2D, Window
+from navstack.core.parameters import ParamModel, param
+from navstack.costmap import _kernels
+from navstack.costmap.regions import EVERYWHERE
+from navstack.interfaces import Layer, LayerContext
+from navstack.plugins import LAYERS
+
+MAX_CELLS = 253
+"""Largest inflation radius in cells: distances along a column are kept in a byte."""
+
+
+class InflationLayerParams(ParamModel):
+    """`<costmap>/inflation_layer:`."""
+
+    enabled: bool = param(True, "apply this layer")
+    cost_scaling_factor: float = param(10.0, "how fast the cost falls off", unit="1/m", ge=0.0, le=100.0)
+    inflation_radius: float = param(0.55, "no cost farther from an obstacle than this", unit="m", ge=0.0, le=50.0)
+    inflate_unknown: bool = param(False, "write into unknown cells too")
+
+    FROM_PARENT: ClassVar[frozenset[str]] = frozenset({"cost_scaling_factor", "inflation_radius"})
+
+
+def inflation_cost(
+    distance: NDArray[np.float64] | float, inscribed_radius: float, cost_scaling_factor: float
+) -> NDArray[np.uint8]:
+    """Cost at a distance (m) from a lethal cell: 254 at 0, 253 up to the inscribed radius, then
+    trunc(252 * exp(-cost_scaling_factor * (distance - inscribed_radius)))."""
+    d = np.asarray(distance, np.float64)
+    falloff = np.exp(np.minimum(-cost_scaling_factor * (d - inscribed_radius), 0.0))
+    cost = ((INSCRIBED - 1) * falloff).astype(np.uint8)
+    cost[...] = np.where(d <= inscribed_radius, INSCRIBED, cost)
+    cost[...] = np.where(d == 0.0, LETHAL, cost)
+    return cost
+
+
+@LAYERS.register("inflation", aliases=("costmap_2d/InflationLayer", "nav2_costmap_2d/InflationLayer"))
+class InflationLayer(Layer):
+    """Keeps the robot's centre away from obstacles, the nearer the dearer. 1 byte a cell."""
+
+    Params: ClassVar[type[ParamModel]] = InflationLayerParams
+
+    def __init__(self, params: Any, context: LayerContext) -> None:
+        super().__init__(params, context)
+        self.params: Any = params
+        self.inscribed_radius = context.footprint.inscribed_radius
+        self.radius_cells = 0
+        self._geometry: GridGeometry | None = None
+        self._profile = np.zeros((1, 1), np.uint8)
+        self._scratch = np.zeros((1, 1), np.uint8)
+        self._margin = 0.0
+        self._last = Bounds()
+        self._everything = True
+
+    def match_size(self, geometry: GridGeometry) -> None:
+        """Allocates and tabulates the costs."""
+        self._geometry = geometry
+        self._scratch = np.zeros(geometry.shape, np.uint8)
+        self._tabulate()
+
+    def set_footprint(self, footprint: Footprint) -> None:
+        """The inscribed radius changed: everything is inflated anew."""
+        self.inscribed_radius = footprint.inscribed_radius
+        self._tabulate()
+
+    def set_inflation(self, inflation_radius: float, cost_scaling_factor: float) -> None:
+        """Other parameters at run time: everything is inflated anew."""
+        self.params = self.params.model_copy(
+            update={"inflation_radius": inflation_radius, "cost_scaling_factor": cost_scaling_factor}
+        )
+        self._tabulate()
+
+    def update_bounds(self, robot: Pose2D, now: float, bounds: Bounds) -> Bounds:
+        """What changed now or in the last update, grown by the inflation radius."""
+        del robot, now
+        if not self.params.enabled:
+            return bounds
+        last, self._last = self._last, bounds
+        if self._everything:
+            self._everything = False
+            return EVERYWHERE
+        changed = last.union(bounds)
+        return bounds if changed.is_empty else bounds.union(changed.grown(self._margin))
+
+    def update_costs(self, master: Costmap, window: Window) -> None:
+        """Raises the costs around every lethal cell in the window or near it."""
+        if not self.params.enabled or self.radius_cells == 0:
+            return
+        unknown_from = 1 if self.params.inflate_unknown else INSCRIBED
+        _kernels.inflate(master.data, *window, self.radius_cells, self._profile, self._scratch, unknown_from)
+
+    def reset(self, region: Bounds | None = None, *, invert: bool = False) -> int:
+        """Inflates everything anew at the next update; it holds nothing to forget."""
+        self._everything = True
+        return 0
+
+    def _tabulate(self) -> None:
+        geometry = self._geometry
+        if geometry is None:
+            return
+        self._everything = True
+        resolution = geometry.resolution
+        if self.context.static_map is not None and not self.context.rolling_window:
+            # a costmap that takes its size from a map gets its resolution through a message that holds a float32, which
+            # decides how many cells 0.55 m are, and whether 0.25 m reach the fifth cell
+            resolution = float(np.float32(resolution))
+        radius = self.params.inflation_radius
+        # farther than the grid is wide there is nothing
+        cells = max(0, math.ceil(radius / resolution))
+        self.radius_cells = min(cells, geometry.nx + geometry.ny, MAX_CELLS)
+        self._margin = max(radius, cells * geometry.resolution)
+        offsets = np.arange(self.radius_cells + 1.0)
+        cells_away = np.hypot(offsets[:, None], offsets[None, :])
+        costs = inflation_cost(cells_away * resolution, self.inscribed_radius, self.params.cost_scaling_factor)
+        costs[cells_away > self.radius_cells] = 0
+        self._profile = np.ascontiguousarray(costs)

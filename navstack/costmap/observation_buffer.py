@@ -1,0 +1,239 @@
+"""Observation sources: what a sensor of a layer delivered, as points in the costmap's frame.
+
+Source of the rules: costmap_2d/src/observation_buffer.cpp, plugins/obstacle_layer.cpp (laserScanCallback),
+laser_geometry and tf2_sensor_msgs (where they round to float32).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import ClassVar, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import FrameTree, LaserScan, PointCloud, SensorData, Transform2D
+from navstack.core.errors import FrameError, InputError
+from navstack.core.parameters import ParamModel, param
+from navstack.costmap import _kernels
+
+PENDING: Final = 50
+"""Messages kept while their transform is awaited (the queue length of obstacle_layer.cpp)."""
+MAX_POINTS: Final = 10_000_000
+"""Beams or points of a message beyond which it is a mistake."""
+
+
+class ObservationSourceParams(ParamModel):
+    """One source of an obstacle or voxel layer: `<layer>/<source>:`."""
+
+    topic: str = param("", "topic of the messages; the source's name when empty")
+    sensor_frame: str = param("", "frame of the sensor's origin; that of the message when empty")
+    observation_persistence: float = param(
+        0.0, "how long an observation is kept; 0 = only the latest", unit="s", ge=0.0
+    )
+    expected_update_rate: float = param(
+        0.0, "longest time between two messages, a period in spite of its name; 0 = any", unit="s", ge=0.0
+    )
+    data_type: Literal["PointCloud", "PointCloud2", "LaserScan"] = param("PointCloud", "type of the messages")
+    min_obstacle_height: float = param(0.0, "points below are dropped", unit="m")
+    max_obstacle_height: float = param(2.0, "points above are dropped", unit="m")
+    inf_is_valid: bool = param(False, "beams that hit nothing clear the space out to range_max (LaserScan)")
+    clearing: bool = param(False, "free the space between sensor and points")
+    marking: bool = param(True, "make the points obstacles")
+    obstacle_range: float = param(2.5, "points farther away are no obstacles", unit="m", ge=0.0)
+    raytrace_range: float = param(3.0, "space farther away is not freed", unit="m", ge=0.0)
+
+    SEARCHED: ClassVar[frozenset[str]] = frozenset({"obstacle_range", "raytrace_range"})
+
+
+class Observation:
+    """Points (n, 3) float32 in the costmap's frame, seen from `x, y, z` (m) at `stamp` (s)."""
+
+    __slots__ = ("count", "points", "serial", "source", "stamp", "x", "y", "z")
+
+    def __init__(
+        self, source: ObservationBuffer, points: NDArray[np.float32], count: int, origin: tuple[float, float, float]
+    ) -> None:
+        self.source = source
+        self.points = points
+        self.count = count
+        self.x, self.y, self.z = origin
+        self.stamp = 0.0
+        self.serial = 0
+
+
+class ObservationBuffer:
+    """The observations of one source, newest first.
+
+    Messages are turned into points when the costmap updates, not when they arrive: a costmap that updates once a second
+    has no use for nine scans out of ten.
+    """
+
+    def __init__(
+        self, name: str, params: ObservationSourceParams, *, frame: str, frames: FrameTree, tolerance_s: float
+    ) -> None:
+        self.name = name
+        self.params = params
+        self.topic = (params.topic or name).removeprefix("/")
+        self.frame = frame
+        self.observations: list[Observation] = []
+        self.last_stamp: float | None = None
+        """Stamp (s) of the newest message received."""
+        self.dropped = 0
+        """Messages that no transform came for in time."""
+        self._frames = frames
+        self._tolerance_s = tolerance_s
+        self._is_scan = params.data_type == "LaserScan"
+        self._keep_one = params.observation_persistence == 0.0
+        self._pending: deque[SensorData] = deque()
+        self._since: float | None = None
+        self._directions: NDArray[np.float64] | None = None
+        self._directions_key = (0, 0.0, 0.0)
+        self._to_global = np.zeros(7, np.float32)
+
+    def offer(self, data: SensorData) -> bool:
+        """Takes the message when its topic and type are this source's. Raises InputError for one that cannot be used."""
+        if data.topic.removeprefix("/") != self.topic or isinstance(data, LaserScan) != self._is_scan:
+            return False
+        if isinstance(data, LaserScan):
+            _check_scan(data)
+        else:
+            _check_cloud(data)
+        if len(self._pending) >= PENDING:
+            self._pending.popleft()
+            self.dropped += 1
+        self._pending.append(data)
+        if self.last_stamp is None or data.stamp > self.last_stamp:
+            self.last_stamp = data.stamp
+        return True
+
+    def refresh(self) -> list[Observation]:
+        """Turns what arrived into observations where the frames allow it; those that are new, oldest first."""
+        pending = self._pending
+        fresh: list[Observation] = []
+        if pending:
+            if self._keep_one:
+                # the newest that can be placed; older ones would be dropped at once
+                for at in range(len(pending) - 1, -1, -1):
+                    observation = self._observation(pending[at])
+                    if observation is not None:
+                        fresh.append(observation)
+                        self.observations = [observation]
+                        for _ in range(at + 1):
+                            pending.popleft()
+                        break
+            else:
+                waiting: deque[SensorData] = deque()
+                for data in pending:
+                    observation = self._observation(data)
+                    if observation is None:
+                        waiting.append(data)
+                    else:
+                        fresh.append(observation)
+                        self.observations.insert(0, observation)
+                self._pending = waiting
+        if not self._keep_one and self.last_stamp is not None and self.observations:
+            oldest = self.last_stamp - self.params.observation_persistence
+            # as in ROS age counts from the newest message, not from now
+            self.observations = [o for o in self.observations if o.stamp >= oldest]
+        return fresh
+
+    def is_current(self, now: float) -> bool:
+        """False when no message came for longer than expected_update_rate (s)."""
+        allowed = self.params.expected_update_rate
+        if allowed == 0.0:
+            return True
+        if self._since is None:
+            self._since = now
+        newest = self._since if self.last_stamp is None else max(self.last_stamp, self._since)
+        return now - newest <= allowed
+
+    def restart(self) -> None:
+        """Gives the sensor its full time again (after a reset)."""
+        self._since = None
+
+    def _observation(self, data: SensorData) -> Observation | None:
+        try:
+            at = self._frames.lookup(self.frame, data.frame, data.stamp, self._tolerance_s)
+            sensor = self.params.sensor_frame
+            origin = self._frames.lookup(self.frame, sensor, data.stamp, self._tolerance_s) if sensor else at
+        except FrameError:
+            return None
+        if isinstance(data, LaserScan):
+            points, count = self._scan_points(data, at)
+            height = data.height
+        else:
+            points, count = self._cloud_points(data, at)
+            height = 0.0
+        observation = Observation(self, points, count, (origin.x, origin.y, height))
+        observation.stamp = data.stamp
+        return observation
+
+    def _scan_points(self, scan: LaserScan, at: Transform2D) -> tuple[NDArray[np.float32], int]:
+        z = np.float32(scan.height)
+        n = len(scan.ranges)
+        if n == 0 or not self.params.min_obstacle_height <= z <= self.params.max_obstacle_height:
+            return np.empty((0, 3), np.float32), 0
+        key = (n, scan.angle_min, scan.angle_increment)
+        directions = self._directions
+        if directions is None or key != self._directions_key:
+            angles = scan.angle_min + np.arange(n) * scan.angle_increment
+            directions = self._directions = np.column_stack((np.cos(angles), np.sin(angles)))
+            self._directions_key = key
+        # ROS adds in float32
+        inf_range = float(np.float32(scan.range_max) - np.float32(0.0001)) if self.params.inf_is_valid else math.nan
+        out = np.empty((n, 3), np.float32)
+        self._set_transform(at, z)
+        count = _kernels.project_scan(
+            scan.ranges, directions, scan.range_min, scan.range_max, inf_range, self._to_global, out
+        )
+        return out, count
+
+    def _cloud_points(self, cloud: PointCloud, at: Transform2D) -> tuple[NDArray[np.float32], int]:
+        out = np.empty((len(cloud.points), 3), np.float32)
+        self._set_transform(at, np.float32(0.0))
+        count = _kernels.project_points(
+            cloud.points, self._to_global, self.params.min_obstacle_height, self.params.max_obstacle_height, out
+        )
+        return out, count
+
+    def _set_transform(self, at: Transform2D, z: np.float32) -> None:
+        """As tf2 hands it on: a quaternion in float32, made a matrix in float32."""
+        qz, qw = np.float32(math.sin(0.5 * at.yaw)), np.float32(math.cos(0.5 * at.yaw))
+        tz = qz + qz
+        cosine, sine = np.float32(1.0) - tz * qz, tz * qw
+        t = self._to_global
+        t[0], t[1], t[2], t[3], t[4], t[5], t[6] = cosine, -sine, sine, cosine, at.x, at.y, z
+
+
+def _check_scan(scan: LaserScan) -> None:
+    ranges = scan.ranges
+    if ranges.ndim != 1 or ranges.dtype != np.float32 or not ranges.flags.c_contiguous:
+        raise InputError(
+            f"a scan's ranges must be a flat, contiguous float32 array, not {ranges.dtype} of shape {ranges.shape}; "
+            "use np.ascontiguousarray(ranges, np.float32).ravel()",
+            topic=scan.topic,
+        )
+    if len(ranges) > MAX_POINTS:
+        raise InputError(f"a scan of {len(ranges):,} beams is beyond {MAX_POINTS:,}", topic=scan.topic)
+    numbers = (scan.angle_min, scan.angle_increment, scan.range_min, scan.stamp, scan.height)
+    if not all(map(math.isfinite, numbers)) or math.isnan(scan.range_max):
+        raise InputError(
+            "a scan's angle_min, angle_increment, range_min, stamp and height must be finite numbers and range_max a number,"
+            f" not {numbers} and {scan.range_max}",
+            topic=scan.topic,
+        )
+
+
+def _check_cloud(cloud: PointCloud) -> None:
+    points = cloud.points
+    if points.ndim != 2 or points.shape[1] != 3 or points.dtype != np.float32 or not points.flags.c_contiguous:
+        raise InputError(
+            f"a cloud's points must be a contiguous float32 array of shape (n, 3), not {points.dtype} of shape {points.shape}",
+            topic=cloud.topic,
+        )
+    if len(points) > MAX_POINTS:
+        raise InputError(f"a cloud of {len(points):,} points is beyond {MAX_POINTS:,}", topic=cloud.topic)
+    if not math.isfinite(cloud.stamp):
+        raise InputError(f"a cloud's stamp must be a finite time, not {cloud.stamp}", topic=cloud.topic)

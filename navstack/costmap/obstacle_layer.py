@@ -1,0 +1,256 @@
+"""costmap_2d::ObstacleLayer: marks what sensors see and frees what they see through (plugins/obstacle_layer.cpp)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import UNKNOWN, Bounds, Costmap, Footprint, GridGeometry, Pose2D, SensorData, Window
+from navstack.core.parameters import ParamModel, param
+from navstack.costmap import _kernels
+from navstack.costmap.mark_log import MarkLog
+from navstack.costmap.observation_buffer import Observation, ObservationBuffer, ObservationSourceParams
+from navstack.costmap.regions import forget_region, window_shift
+from navstack.interfaces import Layer, LayerContext
+from navstack.plugins import LAYERS
+
+OVERWRITE, MAXIMUM = 0, 1
+
+
+class ObstacleLayerParams(ParamModel):
+    """`<costmap>/obstacle_layer:` of type costmap_2d::ObstacleLayer."""
+
+    enabled: bool = param(True, "apply this layer")
+    footprint_clearing_enabled: bool = param(True, "the cells under the robot are free")
+    max_obstacle_height: float = param(2.0, "points above are ignored", unit="m", ge=0.0, le=50.0)
+    combination_method: int = param(
+        1, "0 overwrites the layers below, 1 takes the larger cost, 99 writes nothing", ge=0, le=99
+    )
+    track_unknown_space: bool | None = param(
+        None, "cells nobody has looked at are unknown, not free; the costmap's own setting when absent"
+    )
+    transform_tolerance: float = param(0.2, "how far a message's transform may be off in time", unit="s", ge=0.0)
+    observation_sources: str = param("", "names of the sources, separated by spaces")
+    obstacle_range: float = param(2.5, "points farther away are no obstacles, unless a source says otherwise", unit="m")
+    raytrace_range: float = param(3.0, "space farther away is not freed, unless a source says otherwise", unit="m")
+    sources: dict[str, ObservationSourceParams] = param({}, "the sources' own parameters, by name")
+
+    CHILD_FIELD: ClassVar[str | None] = "sources"
+    FROM_PARENT: ClassVar[frozenset[str]] = frozenset(
+        {"max_obstacle_height", "raytrace_range", "obstacle_range", "track_unknown_space"}
+    )
+
+    @classmethod
+    def child_models(cls, values: Mapping[str, Any]) -> dict[str, type[ParamModel]]:
+        """One namespace per name in `observation_sources`."""
+        names = values.get("observation_sources", "")
+        return {name: ObservationSourceParams for name in str(names).split()}
+
+
+@LAYERS.register("obstacle", aliases=("costmap_2d/ObstacleLayer", "nav2_costmap_2d/ObstacleLayer"))
+class ObstacleLayer(Layer):
+    """Obstacles seen by sensors.
+
+    Per update: every clearing observation frees the cells on its rays, then every marking one makes its points lethal,
+    then the robot's own footprint is freed. Cells carry the serial number of the observation that marked them last, so
+    that the layer can say which source it was, and when. 3 bytes a cell.
+    """
+
+    Params: ClassVar[type[ParamModel]] = ObstacleLayerParams
+
+    def __init__(self, params: Any, context: LayerContext) -> None:
+        super().__init__(params, context)
+        self.params: Any = params
+        track = params.track_unknown_space
+        self.default_cost = UNKNOWN if (context.track_unknown_space if track is None else track) else 0
+        self.buffers = [
+            ObservationBuffer(
+                name, source, frame=context.frame, frames=context.frames, tolerance_s=params.transform_tolerance
+            )
+            for name, source in params.sources.items()
+        ]
+        self.costs: NDArray[np.uint8] = np.zeros((1, 1), np.uint8)
+        """(ny, nx) what this layer says: 0, 254, 255 = says nothing."""
+        self.geometry = GridGeometry(1, 1, 1.0)
+        self.log = MarkLog(self._serial_bits())
+        self.unseen: list[str] = []
+        """Sources whose sensor was off the map in the last update."""
+        self._box = np.zeros(4)
+        self._extra = Bounds()
+        self.set_footprint(context.footprint)
+
+    # --- geometry -----------------------------------------------------------------------------------------------------
+
+    def match_size(self, geometry: GridGeometry) -> None:
+        """Allocates; all cells take the default."""
+        self.geometry = geometry
+        self.costs = np.full(geometry.shape, self.default_cost, np.uint8)
+        self._allocate_marks(geometry)
+
+    def shift_to(self, geometry: GridGeometry) -> None:
+        """Keeps the cells that the old and the new window share."""
+        dx, dy = window_shift(self.geometry, geometry)
+        _kernels.shift_cells(self.costs, dx, dy, self.default_cost)
+        self._shift_marks(dx, dy)
+        self.geometry = geometry
+
+    def set_footprint(self, footprint: Footprint) -> None:
+        """The outline whose cells are freed."""
+        self._outline = np.array(footprint.vertices)
+        self._placed = np.zeros_like(self._outline)
+        self._outline_convex = is_convex(self._outline)
+
+    # --- update -------------------------------------------------------------------------------------------------------
+
+    def observe(self, data: SensorData) -> bool:
+        """True when a source of this layer listens to that topic."""
+        taken = False
+        for buffer in self.buffers:
+            taken = buffer.offer(data) or taken
+        return taken
+
+    def update_bounds(self, robot: Pose2D, now: float, bounds: Bounds) -> Bounds:
+        """Clears and marks; the box grows to hold every ray, every mark and the footprint."""
+        if not self.params.enabled:
+            return bounds
+        if not self._extra.is_empty:
+            bounds = bounds.union(self._extra)
+            self._extra = Bounds()
+        box = self._box
+        box[0], box[1], box[2], box[3] = bounds
+        for buffer in self.buffers:
+            for fresh in buffer.refresh():
+                fresh.serial = self.log.enter(buffer.name, fresh.stamp)
+                if self.log.stale is not None:
+                    self._forget_serials(*self.log.stale)
+        self.unseen.clear()
+        for observation in self.observations(clearing=True):
+            if not self._clear(observation, box):
+                self.unseen.append(observation.source.name)
+        for observation in self.observations(marking=True):
+            self._mark(observation, box)
+        if self.params.footprint_clearing_enabled:
+            _kernels.place_footprint(self._outline, robot.x, robot.y, robot.yaw, self._placed, box)
+        return Bounds(*box.tolist())
+
+    def update_costs(self, master: Costmap, window: Window) -> None:
+        """Frees the footprint, then combines into the master."""
+        params = self.params
+        if not params.enabled:
+            return
+        if params.footprint_clearing_enabled:
+            g = self.geometry
+            _kernels.fill_polygon(
+                self.costs, self._placed, self._outline_convex, g.origin_x, g.origin_y, g.resolution, 0
+            )
+        if params.combination_method == MAXIMUM:
+            _kernels.combine_max(master.data, self.costs, *window)
+        elif params.combination_method == OVERWRITE:
+            _kernels.combine_overwrite(master.data, self.costs, *window)
+
+    def observations(self, *, clearing: bool = False, marking: bool = False) -> Sequence[Observation]:
+        """Observations of the sources that clear, or mark, in ROS's order."""
+        return [
+            o
+            for b in self.buffers
+            if (clearing and b.params.clearing) or (marking and b.params.marking)
+            for o in b.observations
+        ]
+
+    def reset(self, region: Bounds | None = None, *, invert: bool = False) -> int:
+        """Forgets cells; returns how many of them were obstacles. Sensors get their full time again.
+
+        Without a region all cells take the default, as costmap_2d's reset; with one they say nothing (255), as its
+        clearArea, which lets the layers below through.
+        """
+        value = self.default_cost if region is None and not invert else UNKNOWN
+        cleared, touched = forget_region(self.costs, self.geometry, region, invert, value)
+        self._reset_marks(region, invert)
+        self._extra = self._extra.union(touched)
+        for buffer in self.buffers:
+            buffer.restart()
+        return cleared
+
+    def is_current(self, now: float) -> bool:
+        """False when a source with an expected_update_rate is silent for longer."""
+        return all([b.is_current(now) for b in self.buffers])
+
+    @property
+    def clearable(self) -> bool:
+        """Fed by sensors."""
+        return True
+
+    # --- what the voxel layer does otherwise --------------------------------------------------------------------------
+
+    def _serial_bits(self) -> int:
+        return 16
+
+    def _allocate_marks(self, geometry: GridGeometry) -> None:
+        self.serials = np.zeros(geometry.shape, np.uint16)
+
+    def _shift_marks(self, dx: int, dy: int) -> None:
+        _kernels.shift_cells(self.serials, dx, dy, 0)
+
+    def _reset_marks(self, region: Bounds | None, invert: bool) -> None:
+        forget_region(self.serials, self.geometry, region, invert, 0)
+
+    def _forget_serials(self, first: int, last: int) -> None:
+        self.serials[(self.serials >= first) & (self.serials <= last)] = 0
+
+    def serial_at(self, ix: int, iy: int) -> int:
+        """Serial of the observation that marked a cell last, 0 when not known."""
+        return int(self.serials[iy, ix])
+
+    def _clear(self, seen: Observation, box: NDArray[np.float64]) -> bool:
+        g = self.geometry
+        reach = seen.source.params.raytrace_range
+        return _kernels.clear_rays(
+            self.costs,
+            seen.points,
+            seen.count,
+            g.origin_x,
+            g.origin_y,
+            g.resolution,
+            seen.x,
+            seen.y,
+            reach,
+            cells_in(reach, g.resolution),
+            box,
+        )
+
+    def _mark(self, seen: Observation, box: NDArray[np.float64]) -> None:
+        g = self.geometry
+        _kernels.mark_points(
+            self.costs,
+            self.serials,
+            seen.serial,
+            seen.points,
+            seen.count,
+            g.origin_x,
+            g.origin_y,
+            g.resolution,
+            seen.x,
+            seen.y,
+            seen.z,
+            self.params.max_obstacle_height,
+            seen.source.params.obstacle_range,
+            box,
+        )
+
+
+def cells_in(distance: float, resolution: float) -> float:
+    """costmap_2d's cellDistance: a distance (m) in cells, rounded up."""
+    return float(max(0, math.ceil(distance / resolution)))
+
+
+def is_convex(vertices: NDArray[np.float64]) -> bool:
+    """True when the outline (n, 2) turns one way only."""
+    edges = np.roll(vertices, -1, axis=0) - vertices
+    following = np.roll(edges, -1, axis=0)
+    turns = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
+    slack = 1e-12 * max(1.0, float(np.abs(turns).max(initial=0.0)))
+    return bool((turns >= -slack).all() or (turns <= slack).all())

@@ -1,0 +1,138 @@
+"""costmap_2d::VoxelLayer: an obstacle layer with up to 16 levels of height per column (plugins/voxel_layer.cpp)."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import Bounds, GridGeometry
+from navstack.core.parameters import ParamModel, param
+from navstack.costmap import _kernels
+from navstack.costmap.observation_buffer import Observation
+from navstack.costmap.obstacle_layer import ObstacleLayer, ObstacleLayerParams, cells_in
+from navstack.costmap.regions import forget_region
+from navstack.interfaces import LayerContext
+from navstack.plugins import LAYERS
+
+LEVELS = 16
+
+
+class VoxelLayerParams(ObstacleLayerParams):
+    """`<costmap>/obstacle_layer:` of type costmap_2d::VoxelLayer."""
+
+    combination_method: int = param(
+        1,
+        "0 overwrites the layers below, 1 takes the larger cost, 2 and 99 write nothing",
+        ge=0,
+        le=99,
+        ros_differs="ROS clamps 99 to 2, which writes nothing either",
+    )
+    origin_z: float = param(0.0, "bottom of the lowest voxel", unit="m", ge=0.0)
+    z_resolution: float = param(0.2, "height of a voxel", unit="m", gt=0.0, le=50.0, ros_differs="ROS takes 0 too")
+    z_voxels: int = param(10, "voxels per column", ge=0, le=LEVELS)
+    unknown_threshold: int = param(
+        15, "unknown voxels allowed in a column that counts as known, if it had 16 voxels", ge=0, le=LEVELS
+    )
+    mark_threshold: int = param(0, "marked voxels allowed in a free column", ge=0, le=LEVELS)
+    publish_voxel_map: bool = param(False, "publish the voxels")
+
+    FROM_PARENT: ClassVar[frozenset[str]] = frozenset(
+        {"origin_z", "z_resolution", "z_voxels", "mark_threshold", "unknown_threshold", "publish_voxel_map"}
+    )
+
+
+@LAYERS.register("voxel", aliases=("costmap_2d/VoxelLayer", "nav2_costmap_2d/VoxelLayer"))
+class VoxelLayer(ObstacleLayer):
+    """Obstacles in columns of voxels: what passes above or below an obstacle does not clear it.
+
+    A column is a word of bits: per level "unknown or marked" and "marked", above them the serial of the observation that
+    marked it last. 3 bytes a cell up to 8 levels, 5 beyond.
+    """
+
+    Params: ClassVar[type[ParamModel]] = VoxelLayerParams
+
+    def __init__(self, params: Any, context: LayerContext) -> None:
+        self.levels = int(params.z_voxels)
+        self._word = np.dtype(np.uint16 if self.levels <= LEVELS // 2 else np.uint32)
+        super().__init__(params, context)
+        self.columns: NDArray[Any] = np.zeros((1, 1), self._word)
+        # the parameter speaks of a column of 16
+        self.unknown_threshold = int(params.unknown_threshold) + LEVELS - self.levels
+
+    def _serial_bits(self) -> int:
+        return min(8 * self._word.itemsize - 2 * self.levels, 16)
+
+    @property
+    def _unknown_column(self) -> int:
+        return (1 << self.levels) - 1
+
+    def _allocate_marks(self, geometry: GridGeometry) -> None:
+        self.columns = np.full(geometry.shape, self._unknown_column, self._word)
+
+    def _shift_marks(self, dx: int, dy: int) -> None:
+        _kernels.shift_cells(self.columns, dx, dy, self._unknown_column)
+
+    def _reset_marks(self, region: Bounds | None, invert: bool) -> None:
+        # ROS differs: clearArea leaves the voxels, so that a ray through a cleared column brings the obstacle back
+        forget_region(self.columns, self.geometry, region, invert, self._unknown_column)
+
+    def _forget_serials(self, first: int, last: int) -> None:
+        serials = self.columns >> (2 * self.levels)
+        self.columns[(serials >= first) & (serials <= last)] &= (1 << (2 * self.levels)) - 1
+
+    def serial_at(self, ix: int, iy: int) -> int:
+        """Serial of the observation that marked a column last, 0 when not known."""
+        return int(self.columns[iy, ix]) >> (2 * self.levels)
+
+    def column_at(self, ix: int, iy: int) -> str:
+        """A column from bottom to top: `#` marked, `.` free, `?` unknown."""
+        word = int(self.columns[iy, ix])
+        signs: list[str] = []
+        for level in range(self.levels):
+            marked, known = word >> (level + self.levels) & 1, not word >> level & 1
+            signs.append("#" if marked else "." if known else "?")
+        return "".join(signs)
+
+    def _grid(self) -> NDArray[np.float64]:
+        g, p = self.geometry, self.params
+        return np.array([g.origin_x, g.origin_y, p.origin_z, g.resolution, p.z_resolution, p.max_obstacle_height])
+
+    def _clear(self, seen: Observation, box: NDArray[np.float64]) -> bool:
+        if seen.count == 0:
+            return True
+        reach = seen.source.params.raytrace_range
+        return _kernels.clear_voxel_rays(
+            self.columns,
+            self.costs,
+            seen.points,
+            seen.count,
+            self._grid(),
+            self.levels,
+            seen.x,
+            seen.y,
+            seen.z,
+            reach,
+            cells_in(reach, self.geometry.resolution),
+            self.params.mark_threshold,
+            self.unknown_threshold,
+            box,
+        )
+
+    def _mark(self, seen: Observation, box: NDArray[np.float64]) -> None:
+        _kernels.mark_voxels(
+            self.columns,
+            self.costs,
+            seen.serial,
+            seen.points,
+            seen.count,
+            self._grid(),
+            self.levels,
+            seen.x,
+            seen.y,
+            seen.z,
+            seen.source.params.obstacle_range,
+            self.params.mark_threshold,
+            box,
+        )

@@ -1,0 +1,315 @@
+"""Maps of map_server: a YAML and an image <-> an OccupancyGrid.
+
+Source of the rules: map_server/src/main.cpp and image_loader.cpp. Row 0 of an image is its top, row 0 of a grid its bottom:
+the flip happens here and nowhere else.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from navstack.core import GridGeometry, OccupancyGrid
+from navstack.core.errors import MapError
+from navstack.core.files import ensure_directory, write_text, written_whole
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+MODES: Final = ("trinary", "scale", "raw")
+IMAGE_SUFFIXES: Final = frozenset({".pgm", ".png", ".bmp", ".jpg", ".jpeg", ".gif", ".tif", ".tiff", ".ppm", ".pnm"})
+MAX_CELLS: Final = 80_000_000
+"""Largest image that is taken: 80 million cells, 447 m square at 5 cm. Beyond, a map is a mistake or an attack."""
+
+_EXAMPLES: Final = {
+    "image": "image: map.pgm",
+    "resolution": "resolution: 0.05",
+    "origin": "origin: [0.0, 0.0, 0.0]",
+    "negate": "negate: 0",
+    "occupied_thresh": "occupied_thresh: 0.65",
+    "free_thresh": "free_thresh: 0.196",
+    "mode": "mode: trinary",
+}
+_REQUIRED: Final = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
+
+
+@dataclass(frozen=True, slots=True)
+class _Yaml:
+    """The mapping of a map's YAML with the line of each key."""
+
+    path: Path
+    values: dict[str, Any]
+    lines: dict[str, int]
+
+    def error(self, key: str, problem: str) -> MapError:
+        """A MapError that points at the line of `key`."""
+        line = self.lines.get(key, 1)
+        return MapError(f"{self.path}:{line}: {problem}", file=str(self.path), line=line, key=key)
+
+    def value(self, key: str) -> Any:
+        """The value of a key that must be there."""
+        if key not in self.values:
+            raise self.error(key, f'the map lacks "{key}"; add for instance "{_EXAMPLES[key]}"')
+        return self.values[key]
+
+    def number(self, key: str) -> float:
+        """A finite number. `5e-2` is one too, though YAML 1.1 reads it as text."""
+        number = _as_float(self.value(key))
+        if number is None or not math.isfinite(number):
+            raise self.error(
+                key, f'"{key}" must be a number, not {self.values[key]!r}; write for instance "{_EXAMPLES[key]}"'
+            )
+        return number
+
+    def fraction(self, key: str) -> float:
+        """A number from 0 to 1."""
+        number = self.number(key)
+        if not 0.0 <= number <= 1.0:
+            raise self.error(
+                key, f'"{key}" is a share of black between 0 and 1, not {number:g}; write "{_EXAMPLES[key]}"'
+            )
+        return number
+
+
+def load_map(path: str | Path) -> OccupancyGrid:
+    """The occupancy grid that map_server would publish for the YAML file at `path`, in the frame `map`.
+
+    The image (pgm, png, bmp, ..) is looked for relative to the YAML. Modes trinary, scale and raw; `negate`; `origin`
+    with its yaw. Raises MapError, with file and line, for whatever cannot be used.
+    """
+    document = _read_yaml(Path(path))
+    resolution = document.number("resolution")
+    if resolution <= 0.0:
+        raise document.error(
+            "resolution", f"the resolution must be a positive number of metres per cell, not {resolution:g}"
+        )
+    x, y, yaw = _origin(document)
+    negate = _negate(document)
+    occupied, free = document.fraction("occupied_thresh"), document.fraction("free_thresh")
+    if free >= occupied:
+        raise document.error(
+            "free_thresh",
+            f"free_thresh ({free:g}) must be smaller than occupied_thresh ({occupied:g}); "
+            f"map_server's usual values are 0.196 and 0.65",
+        )
+    mode = str(document.values.get("mode", "trinary")).lower()
+    if mode not in MODES:
+        raise document.error("mode", f'the mode must be one of {", ".join(MODES)}, not "{document.values["mode"]}"')
+    channels, alpha = _read_image(document, with_alpha=mode == "trinary")
+    data = _occupancy(channels, alpha, mode=mode, negate=negate, occupied=occupied, free=free)
+    ny, nx = data.shape
+    return OccupancyGrid(data, GridGeometry(nx, ny, resolution, x, y), yaw, "map")
+
+
+def save_map(grid: OccupancyGrid, path: str | Path) -> tuple[Path, Path]:
+    """Writes `grid` as the YAML at `path` and a pgm beside it, each whole or not at all; returns both paths.
+
+    Grids of -1, 0 and 100 only are written as map_saver does (mode trinary, pixels 205, 254, 0), others in mode raw:
+    `load_map` gives the same cells back either way. Raises OutputError when the files cannot be written.
+    """
+    from PIL import Image
+
+    target = Path(path)
+    if target.suffix.lower() not in (".yaml", ".yml"):
+        target = target.with_name(target.name + ".yaml")
+    ensure_directory(target.parent)
+    image_path = target.with_suffix(".pgm")
+    trinary = bool(np.isin(grid.data, (-1, 0, 100)).all())
+    if trinary:
+        pixels = np.full(grid.data.shape, 205, np.uint8)
+        pixels[grid.data == 0] = 254
+        pixels[grid.data == 100] = 0
+    else:
+        pixels = grid.data.view(np.uint8)
+    with written_whole(image_path) as beside:
+        Image.fromarray(np.ascontiguousarray(pixels[::-1])).save(beside)
+    geometry = grid.geometry
+    write_text(
+        target,
+        f"image: {image_path.name}\n"
+        f"mode: {'trinary' if trinary else 'raw'}\n"
+        f"resolution: {_yaml_float(geometry.resolution)}\n"
+        f"origin: [{', '.join(map(_yaml_float, (geometry.origin_x, geometry.origin_y, grid.origin_yaw)))}]\n"
+        "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n",
+    )
+    return target, image_path
+
+
+def _yaml_float(value: float) -> str:
+    """Shortest text that reads back as the same float: YAML 1.1 wants a dot in it."""
+    text = repr(float(value))
+    return text if "." in text or "e" not in text else text.replace("e", ".0e")
+
+
+# --- YAML -------------------------------------------------------------------------------------------------------------
+
+
+def _read_yaml(path: Path) -> _Yaml:
+    def error(problem: str, line: int = 1) -> MapError:
+        return MapError(f"{path}:{line}: {problem}", file=str(path), line=line)
+
+    if path.suffix.lower() in IMAGE_SUFFIXES:
+        raise MapError(
+            f"{path} is an image; a map is given by its YAML, which names the image: write {path.stem}.yaml beside it with\n"
+            + "\n".join(f"  {_EXAMPLES[k] if k != 'image' else 'image: ' + path.name}" for k in _REQUIRED),
+            file=str(path),
+        )
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        close = sorted(p.name for p in path.parent.glob("*.yaml"))[:5] if path.parent.is_dir() else []
+        hint = f"; the folder has {', '.join(close)}" if close else "; check the path"
+        raise MapError(f"there is no map {path}{hint}", file=str(path)) from None
+    except IsADirectoryError:
+        inside = sorted(p.name for p in path.glob("*.yaml"))[:5]
+        hint = f"; give {path / inside[0]}" if inside else "; give the map's YAML file"
+        raise MapError(f"{path} is a folder, not a map's YAML{hint}", file=str(path)) from None
+    except UnicodeDecodeError:
+        raise MapError(f"{path} is not a text file; a map is given by its YAML", file=str(path)) from None
+    except OSError as exc:
+        raise MapError(f"cannot read the map {path}: {exc.strerror or exc}", file=str(path)) from exc
+    try:
+        node = yaml.compose(text, Loader=yaml.SafeLoader)
+        values: Any = yaml.safe_load(text)
+    except (yaml.YAMLError, ValueError, RecursionError) as exc:
+        mark = getattr(exc, "problem_mark", None)
+        reason = getattr(exc, "problem", None) or (str(exc).splitlines() or ["not readable"])[0]
+        raise error(
+            f"this is not YAML: {reason}; compare with a map_server file", mark.line + 1 if mark else 1
+        ) from None
+    if node is None or values is None:
+        raise error("the file is empty; a map's YAML has the keys " + ", ".join(_REQUIRED))
+    if not isinstance(node, yaml.MappingNode) or not isinstance(values, dict):
+        raise error(
+            f"a map's YAML is a mapping with the keys {', '.join(_REQUIRED)}, not a {type(values).__name__}",
+            node.start_mark.line + 1,
+        )
+    lines = {str(k.value): k.start_mark.line + 1 for k, _ in node.value if isinstance(k, yaml.ScalarNode)}
+    return _Yaml(path, {str(k): v for k, v in values.items()}, lines)
+
+
+def _as_float(value: Any) -> float | None:
+    if isinstance(value, bool):
+        return None
+    if isinstance(value, (int, float, str)):
+        try:
+            return float(value)
+        except (ValueError, OverflowError):
+            return None
+    return None
+
+
+def _origin(document: _Yaml) -> tuple[float, float, float]:
+    value = document.value("origin")
+    numbers = [_as_float(v) for v in value] if isinstance(value, list) else []
+    finite = [n for n in numbers if n is not None and math.isfinite(n)]
+    if len(numbers) != 3 or len(finite) != 3:
+        raise document.error(
+            "origin", f'"origin" must be three numbers [x, y, yaw] (m, m, rad), not {value!r}; e.g. [0.0, 0.0, 0.0]'
+        )
+    return finite[0], finite[1], finite[2]
+
+
+def _negate(document: _Yaml) -> bool:
+    value = document.value("negate")
+    if isinstance(value, bool) or value in (0, 1):
+        return bool(value)
+    raise document.error("negate", f'"negate" must be 0 or 1, not {value!r}')
+
+
+# --- image ------------------------------------------------------------------------------------------------------------
+
+
+def _read_image(document: _Yaml, *, with_alpha: bool) -> tuple[NDArray[np.uint8], NDArray[np.uint8] | None]:
+    """Channels (ny, nx, k) to be averaged and the alpha channel (ny, nx) if there is one; row 0 still the top."""
+    from PIL import Image, UnidentifiedImageError
+
+    name = document.value("image")
+    if not isinstance(name, str) or not name.strip():
+        raise document.error("image", f'"image" must be a file name, not {name!r}; write for instance "image: map.pgm"')
+    path = document.path.parent / name  # an absolute name stays absolute
+    too_large = document.error("image", f"the image {path} is larger than {MAX_CELLS:,} cells; crop or resample it")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", Image.DecompressionBombWarning)
+            image = Image.open(path)
+        with image:
+            if image.width * image.height > MAX_CELLS:
+                raise too_large
+            channels, alpha = _channels(image)
+    except FileNotFoundError:
+        beside = document.path.parent / Path(name).name
+        if beside.is_file():
+            hint = f'; there is one beside the YAML: write "image: {beside.name}"'
+        else:
+            hint = "; the path is relative to the YAML: check the name, or copy the image there"
+        raise document.error("image", f"there is no image {path}{hint}") from None
+    except (Image.DecompressionBombError, Image.DecompressionBombWarning):
+        raise too_large from None
+    except UnidentifiedImageError:
+        raise document.error(
+            "image", f"{path} is not an image that can be read (pgm, png, bmp); save it anew"
+        ) from None
+    except MapError:
+        raise
+    # pillow's decoders raise nearly anything on broken files
+    except Exception as exc:
+        reason = getattr(exc, "strerror", None) or str(exc) or type(exc).__name__
+        raise document.error("image", f"the image {path} cannot be read: {reason}; save it anew") from exc
+    if alpha is not None and with_alpha:
+        channels = np.concatenate((channels, alpha[:, :, None]), axis=2)
+    return channels, alpha
+
+
+def _channels(image: Image) -> tuple[NDArray[np.uint8], NDArray[np.uint8] | None]:
+    if image.mode.startswith("I") or image.mode == "F":  # 16 bits and more, of 0 .. 65535
+        raw = np.asarray(image).astype(np.float64)
+        return np.clip(raw / 257.0, 0.0, 255.0).astype(np.uint8)[:, :, None], None
+    # ROS differs: of an image with a palette, SDL hands map_server the palette's indices; here it is the colours
+    if image.mode in ("P", "PA", "LA", "La", "RGBa"):
+        image = image.convert("RGBA" if image.mode != "P" or "transparency" in image.info else "RGB")
+    elif image.mode not in ("L", "RGB", "RGBA"):
+        image = image.convert("L" if image.mode == "1" else "RGB")
+    pixels = np.asarray(image)
+    if pixels.ndim == 2:
+        return pixels[:, :, None], None
+    if pixels.shape[2] == 4:
+        return pixels[:, :, :3], pixels[:, :, 3]
+    return pixels, None
+
+
+def _occupancy(
+    channels: NDArray[np.uint8],
+    alpha: NDArray[np.uint8] | None,
+    *,
+    mode: str,
+    negate: bool,
+    occupied: float,
+    free: float,
+) -> NDArray[np.int8]:
+    """(ny, nx) int8 with row 0 at the bottom. Every possible sum of channels is looked up in a table."""
+    count = channels.shape[2]
+    mean = np.arange(255 * count + 1) / count
+    if negate:
+        mean = 255.0 - mean
+    if mode == "raw":
+        table = mean.astype(np.uint8).view(np.int8)
+    else:
+        share = (255.0 - mean) / 255.0
+        table = np.full(share.shape, -1, np.int8)
+        if mode == "scale":
+            table[:] = np.clip(1.0 + 98.0 * ((share - free) / (occupied - free)), -1.0, 100.0).astype(np.int8)
+        table[share < free] = 0
+        table[share > occupied] = 100
+    sums = channels[:, :, 0] if count == 1 else channels.sum(axis=2, dtype=np.uint16)
+    data = table[sums]
+    if mode == "scale" and alpha is not None:
+        data[(alpha == 0) & (data != 0) & (data != 100)] = -1
+    return np.ascontiguousarray(data[::-1])
