@@ -1,0 +1,217 @@
+"""Every key is accounted for: what nobody read is told apart here."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from navstack.core.parameters import ParamModel
+from navstack.params.binding import Binder, iter_names, show
+from navstack.params.findings import Finding, Location, finding
+from navstack.params.tree import Leaf, Space
+
+FOREIGN = {
+    "TrajectoryPlannerROS": "base_local_planner",
+    "TebLocalPlannerROS": "teb_local_planner",
+    "EBandPlannerROS": "eband_local_planner",
+    "DWBLocalPlanner": "dwb_local_planner",
+    "MIRPlannerROS": "mir_dwb",
+    "PoseFollower": "pose_follower",
+    "MpcLocalPlannerROS": "mpc_local_planner",
+    "PalLocalPlanner": "pal_local_planner",
+    "RegulatedPurePursuit": "regulated_pure_pursuit_controller",
+    "SBPLLatticePlanner": "sbpl_lattice_planner",
+    "CarrotPlanner": "carrot_planner",
+    "GlobalPlanner": "global_planner",
+    "NavfnROS": "navfn",
+    "DWAPlannerROS": "dwa_local_planner",
+    "GridBased": "nav2",
+}
+"""Namespaces of planners that exist for move_base, and their packages."""
+
+GONE = {
+    "planner_costmap_publish_frequency": "navfn removed it",
+    "transform_tolerance": "",
+    "conservative_reset": "",
+}
+
+
+@dataclass(slots=True)
+class Catalogue:
+    """What may stand where."""
+
+    planners: dict[str, type[ParamModel]] = field(default_factory=dict[str, type[ParamModel]])
+    """Namespace of every registered planner -> its model."""
+    layers: dict[str, list[type[ParamModel]]] = field(default_factory=dict[str, list[type[ParamModel]]])
+    """Registered layer types by their usual instance name, for namespaces that no costmap lists."""
+    home: dict[str, list[str]] = field(default_factory=dict[str, list[str]])
+    """Parameter name -> the namespaces where it is read, as a user would write them."""
+
+    def learn(self, namespace: str, model: type[ParamModel]) -> None:
+        """`model`'s names are read in `namespace`."""
+        for name in iter_names(model):
+            places = self.home.setdefault(name, [])
+            if namespace not in places:
+                places.append(namespace)
+
+
+def nearest(name: str, known: Iterable[str], cutoff: float = 0.75) -> str | None:
+    """The known name that a misspelt one means, if there is one near enough."""
+    names = sorted(set(known))
+    by_lower = {n.lower(): n for n in names}
+    if name.lower() in by_lower:
+        return by_lower[name.lower()]
+    # the same words in another order or without their underscores: vel_max_x, maxvelx
+    squeezed = {re.sub(r"[_\-. ]", "", n.lower()): n for n in names}
+    if re.sub(r"[_\-. ]", "", name.lower()) in squeezed:
+        return squeezed[re.sub(r"[_\-. ]", "", name.lower())]
+    words = sorted(name.lower().split("_"))
+    for n in names:
+        if len(words) > 1 and sorted(n.lower().split("_")) == words:
+            return n
+    close = difflib.get_close_matches(name.lower(), list(by_lower), n=1, cutoff=cutoff)
+    return by_lower[close[0]] if close else None
+
+
+class Accountant:
+    """Goes through the tree after everything was read and says what is left."""
+
+    def __init__(self, root: Space, binder: Binder, catalogue: Catalogue) -> None:
+        self.root = root
+        self.binder = binder
+        self.catalogue = catalogue
+        self.findings: list[Finding] = []
+        self.read: set[Location] = {leaf.at for leaf in root.leaves() if leaf.used}
+        """Places whose value was read in one namespace: in another it needs no excuse (files loaded into both costmaps)."""
+        self.models: dict[str, list[type[ParamModel]]] = {}
+        for space, model in binder.bound:
+            self.models.setdefault(space.path, []).append(model)
+
+    def settle(self) -> list[Finding]:
+        """Findings about every key that nothing read."""
+        self._namespace(self.root)
+        return self.findings
+
+    def _namespace(self, space: Space) -> None:
+        models = self.models.get(space.path, [])
+        for name, child in space.children.items():
+            if isinstance(child, Leaf):
+                if not child.used and child.at not in self.read:
+                    self._leaf(space, child, models)
+            elif child.used or self._holds_used(child):
+                self._namespace(child)
+            elif not all(leaf.at in self.read for leaf in child.leaves()):
+                self._unknown_namespace(space, name, child)
+
+    @staticmethod
+    def _holds_used(space: Space) -> bool:
+        return any(leaf.used for leaf in space.leaves()) or any(
+            isinstance(c, Space) and c.used for c in space.children.values()
+        )
+
+    # --- one key ----------------------------------------------------------------------------------------------------
+
+    def _leaf(self, space: Space, leaf: Leaf, models: Sequence[type[ParamModel]]) -> None:
+        name, where = leaf.name, space.name or "move_base"
+        for model in models:
+            if name in model.NO_EFFECT:
+                reason = model.NO_EFFECT[name]
+                self.say("info", "no-effect", leaf, f"{name} in {where} has no effect: {reason}")
+                return
+            if name in model.RENAMED:
+                new = model.RENAMED[name]
+                message = f"{name} is called {new} today, and {new} is given as well, which counts; remove {name}"
+                self.say("warning", "renamed", leaf, message, new)
+                return
+        if leaf.value is None and not models:
+            return
+        elsewhere = [p for p in self.catalogue.home.get(name, []) if p != where]
+        close = nearest(name, [n for m in models for n in iter_names(m)])
+        if elsewhere and (close is None or name not in close):
+            self._elsewhere(space, leaf, elsewhere)
+            return
+        if close is not None:
+            new = next((m.RENAMED[close] for m in models if close in m.RENAMED), close)
+            message = f"{where} has no parameter {name}, so {show(leaf.value)} has no effect; did you mean {new}?"
+            self.say("warning", "unknown", leaf, message, new)
+            return
+        if elsewhere:
+            self._elsewhere(space, leaf, elsewhere)
+            return
+        far = nearest(name, self.catalogue.home)
+        if far is not None:
+            place = self.catalogue.home[far][0]
+            message = f"{where} has no parameter {name}, so it has no effect; did you mean {place}/{far}?"
+            self.say("warning", "unknown", leaf, message, f"{place}/{far}")
+            return
+        message = f"{where} has no parameter {name}, so {show(leaf.value)} has no effect, in ROS as here; remove it"
+        self.say("warning", "unknown", leaf, message)
+
+    def _elsewhere(self, space: Space, leaf: Leaf, places: Sequence[str]) -> None:
+        where = space.name or "move_base"
+        near = sorted(places, key=lambda p: (not self._beside(space, p), places.index(p)))
+        to = f"{near[0]}/{leaf.name}"
+        message = f"{leaf.name} under {where} has no effect; did you mean {to}?"
+        self.say("warning", "elsewhere", leaf, message, to)
+
+    def _beside(self, space: Space, place: str) -> bool:
+        parent = space.parent
+        return place in space.children or (parent is not None and place in parent.children)
+
+    # --- one namespace ----------------------------------------------------------------------------------------------
+
+    def _unknown_namespace(self, parent: Space, name: str, space: Space) -> None:
+        places = [c.name for c in parent.children.values() if isinstance(c, Space) and c.used]
+        where = parent.name or "move_base"
+        package = FOREIGN.get(name) if not parent.path else None
+        if package is not None:
+            message = f"{name} is the namespace of {package}'s planner, which is not in use here; its parameters have no effect"
+            self.say_at("info", "not-in-use", space.at, space.path, message)
+            return
+        known: dict[str, type[ParamModel] | None] = dict.fromkeys(places)
+        if not parent.path:
+            known |= self.catalogue.planners
+            known |= dict.fromkeys(("global_costmap", "local_costmap", "navstack", *FOREIGN))
+        model = known.get(name)
+        close = nearest(name, known, cutoff=0.7)
+        if close is not None and close != name:
+            model = known.get(close) or self._model_at(parent, close)
+            message = f"{where} has no namespace {name}, so nothing under it has any effect, in ROS as here; did you mean {close}?"
+            self.say_at("warning", "unknown-namespace", space.at, space.path, message, close)
+            if model is not None:
+                for child in space.children.values():
+                    if isinstance(child, Leaf) and child.name not in model.model_fields:
+                        self._leaf(space, child, [model])
+            return
+        layers = self.catalogue.layers.get(name)
+        if layers is not None and parent.name in ("global_costmap", "local_costmap"):
+            message = (
+                f"{name} is not among the `plugins` of {where}, so its parameters have no effect; list it or remove it"
+            )
+            self.say_at("warning", "layer-not-listed", space.at, space.path, message)
+            return
+        leaves = list(space.leaves())
+        message = f"{where} has no namespace {name}; the {len(leaves)} parameters under it have no effect"
+        if len(leaves) == 1:
+            message = f"{where} has no namespace {name}; the parameter {leaves[0].name} under it has no effect"
+        self.say_at("warning", "unknown-namespace", space.at, space.path, message)
+
+    def _model_at(self, parent: Space, name: str) -> type[ParamModel] | None:
+        found = self.models.get(parent.join(name))
+        return found[0] if found else None
+
+    def say(self, severity: str, rule: str, leaf: Leaf, message: str, suggestion: str | None = None) -> None:
+        self.say_at(severity, rule, leaf.at, leaf.path, message, suggestion)
+
+    def say_at(
+        self, severity: str, rule: str, at: Location, key: str, message: str, suggestion: str | None = None
+    ) -> None:
+        self.findings.append(finding(severity, rule, at, key, message, suggestion))  # type: ignore[arg-type]
+
+
+def learn_all(catalogue: Catalogue, models: Mapping[str, type[ParamModel]]) -> None:
+    """Adds several namespaces to a catalogue."""
+    for namespace, model in models.items():
+        catalogue.learn(namespace, model)
