@@ -414,8 +414,8 @@ def fill_polygon(costs, vertices, convex, origin_x, origin_y, resolution, value)
                 j -= 1
             crossings[j] = held
         for i in range(0, count - 1, 2):
-            first = max(0, int(math.ceil((crossings[i] - origin_y) / resolution - 0.5)))
-            last = min(ny - 1, int(math.floor((crossings[i + 1] - origin_y) / resolution - 0.5)))
+            first = max(0, math.ceil((crossings[i] - origin_y) / resolution - 0.5))
+            last = min(ny - 1, math.floor((crossings[i + 1] - origin_y) / resolution - 0.5))
             for y in range(first, last + 1):
                 costs[y, x] = value
     return True

@@ -39,7 +39,8 @@ def inflation_cost(
     distance: NDArray[np.float64] | float, inscribed_radius: float, cost_scaling_factor: float
 ) -> NDArray[np.uint8]:
     """Cost at a distance (m) from a lethal cell: 254 at 0, 253 up to the inscribed radius, then
-    trunc(252 * exp(-cost_scaling_factor * (distance - inscribed_radius)))."""
+    trunc(252 * exp(-cost_scaling_factor * (distance - inscribed_radius))).
+    """
     d = np.asarray(distance, np.float64)
     falloff = np.exp(np.minimum(-cost_scaling_factor * (d - inscribed_radius), 0.0))
     cost = ((INSCRIBED - 1) * falloff).astype(np.uint8)

@@ -154,7 +154,7 @@ class LayeredCostmap:
 
     def is_current(self, now: float) -> bool:
         """False when a layer's sensor is silent for too long."""
-        return all([layer.is_current(now) for layer in self._layers])
+        return all(layer.is_current(now) for layer in self._layers)
 
     # --- changes ------------------------------------------------------------------------------------------------------
 
@@ -207,7 +207,8 @@ class LayeredCostmap:
     def _roll(self, robot: Pose2D) -> None:
         """Moves the window by whole cells so that the robot is in its middle.
 
-        The origin is counted in cells from where it was at first, so that rounding does not add up over the years.
+        The origin adds up as costmap_2d's does, to the last bit, since a ray that is cut at the border lives or dies by it;
+        but it is also counted in cells from where it was at first, so that rounding never adds up to anything.
         """
         old = self.master.geometry
         resolution = old.resolution
@@ -218,12 +219,18 @@ class LayeredCostmap:
             return
         self._moved = (self._moved[0] + dx, self._moved[1] + dy)
         new = old.moved_to(
-            self._base.origin_x + self._moved[0] * resolution, self._base.origin_y + self._moved[1] * resolution
+            _settled(old.origin_x + dx * resolution, self._base.origin_x + self._moved[0] * resolution),
+            _settled(old.origin_y + dy * resolution, self._base.origin_y + self._moved[1] * resolution),
         )
         _kernels.shift_cells(self.master.data, *window_shift(old, new), self.default_cost)
         self.master.geometry = new
         for layer in self._layers:
             layer.shift_to(new)
+
+
+def _settled(summed: float, counted: float) -> float:
+    """The origin added up from shift to shift, or the one counted from the first, once they are a nanometre apart."""
+    return summed if abs(summed - counted) < 1e-9 else counted
 
 
 def footprint_of(params: CostmapParams) -> Footprint:

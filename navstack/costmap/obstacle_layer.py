@@ -47,8 +47,7 @@ class ObstacleLayerParams(ParamModel):
     @classmethod
     def child_models(cls, values: Mapping[str, Any]) -> dict[str, type[ParamModel]]:
         """One namespace per name in `observation_sources`."""
-        names = values.get("observation_sources", "")
-        return {name: ObservationSourceParams for name in str(names).split()}
+        return dict.fromkeys(str(values.get("observation_sources", "")).split(), ObservationSourceParams)
 
 
 @LAYERS.register("obstacle", aliases=("costmap_2d/ObstacleLayer", "nav2_costmap_2d/ObstacleLayer"))
@@ -177,7 +176,7 @@ class ObstacleLayer(Layer):
 
     def is_current(self, now: float) -> bool:
         """False when a source with an expected_update_rate is silent for longer."""
-        return all([b.is_current(now) for b in self.buffers])
+        return all(b.is_current(now) for b in self.buffers)
 
     @property
     def clearable(self) -> bool:

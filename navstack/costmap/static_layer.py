@@ -188,7 +188,8 @@ def map_from_frame(grid: OccupancyGrid, frames: FrameTree, frame: str, stamp: fl
 
 def cell_affine(transform: Transform2D, source: GridGeometry, target: GridGeometry) -> NDArray[np.float64]:
     """(6,) a such that the centre of cell (ix, iy) of `source` lies at column a0 + a1 ix + a2 iy, row a3 + a4 ix + a5 iy
-    (real numbers) of `target`; `transform` takes coordinates of the source to those of the target."""
+    (real numbers) of `target`; `transform` takes coordinates of the source to those of the target.
+    """
     c, s = math.cos(transform.yaw), math.sin(transform.yaw)
     x, y = source.cell_to_world(0, 0)
     ratio = source.resolution / target.resolution

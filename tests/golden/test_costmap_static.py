@@ -58,7 +58,7 @@ def exact_inflation(static: np.ndarray, params: np.ndarray, inscribed: float) ->
     cells = int(params[10])
     if not (static == 254).any():
         return static.copy()
-    d = distance_transform_edt(static != 254)
+    d = np.sqrt(np.rint(distance_transform_edt(static != 254) ** 2))  # its squares are whole numbers
     cost = np.zeros(static.shape)
     near = d <= cells
     metres = d[near] * resolution
