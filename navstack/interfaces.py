@@ -388,6 +388,18 @@ class RecoveryBehavior(ABC):
     def step(self, state: RobotState, now: float) -> RecoveryStep:
         """One step; `state.pose` in the local costmap's frame. Never blocks."""
 
+    def check(self, context: RecoveryContext) -> None:
+        """Raises a ParameterError when the parameters do not fit this robot; called once, before the first goal."""
+        del context
+
+    def follow_up(self, state: RobotState, now: float) -> bool:
+        """Called once a control cycle after the last step, until it returns False: for effects that outlast the behaviour.
+
+        A speed limit that holds for a distance, say. `state.pose` in the local costmap's frame.
+        """
+        del state, now
+        return False
+
 
 # --- what others supply -----------------------------------------------------------------------------------------------
 

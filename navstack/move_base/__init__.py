@@ -1,1 +1,27 @@
-"""Under construction."""
+"""The goal manager: goal states, action server, state machine, MoveBase."""
+
+from navstack.move_base.action_server import SimpleActionServer
+from navstack.move_base.goal import Goal, GoalHandle, GoalResult
+from navstack.move_base.goal_status import GoalStatus
+from navstack.move_base.move_base import Feedback, MoveBase, Turn
+from navstack.move_base.params import MoveBaseParams, builtin_recoveries
+from navstack.move_base.planning import InlinePlanning, PlanAnswer, Planning
+from navstack.move_base.state_machine import Mode, Trigger
+
+__all__ = [
+    "Feedback",
+    "Goal",
+    "GoalHandle",
+    "GoalResult",
+    "GoalStatus",
+    "InlinePlanning",
+    "Mode",
+    "MoveBase",
+    "MoveBaseParams",
+    "PlanAnswer",
+    "Planning",
+    "SimpleActionServer",
+    "Trigger",
+    "Turn",
+    "builtin_recoveries",
+]

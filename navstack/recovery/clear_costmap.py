@@ -1,0 +1,126 @@
+"""clear_costmap_recovery: forget the obstacles far from the robot, they may be gone.
+
+Source: clear_costmap_recovery/src/clear_costmap_recovery.cpp.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar, Literal
+
+from navstack.core import Bounds, RobotState
+from navstack.core.errors import ParameterError
+from navstack.core.parameters import ParamModel, param
+from navstack.interfaces import (
+    CostmapServer,
+    Layer,
+    RecoveryBehavior,
+    RecoveryContext,
+    RecoveryStatus,
+    RecoveryStep,
+)
+from navstack.plugins import RECOVERY_BEHAVIORS
+
+
+class ClearCostmapRecoveryParams(ParamModel):
+    """Namespace: the instance's name, `conservative_reset` and `aggressive_reset` in the built-in list."""
+
+    RENAMED: ClassVar[Mapping[str, str]] = {"layer_search_string": "layer_names"}
+
+    reset_distance: float = param(
+        3.0, "side of the square around the robot that is kept (the whole side, not half)", unit="m", ge=0.0
+    )
+    invert_area_to_clear: bool = param(False, "clear inside the square instead of outside")
+    force_updating: bool = param(False, "update the costmaps right after clearing")
+    affected_maps: Literal["both", "local", "global"] = param(
+        "both", "which costmaps are cleared", ros_differs="another word is an error; ROS takes it for both"
+    )
+    layer_names: list[str] | None = param(
+        None,
+        "layers to clear; without it, every layer fed by sensors",
+        ros_differs='ROS\'s default ["obstacles"] matches no layer of most robots, and nothing is cleared; '
+        "a name that matches no layer is an error here",
+    )
+
+
+def _last_name(name: str) -> str:
+    """As in ROS, `global_costmap/obstacle_layer` is `obstacle_layer`."""
+    return name.rsplit("/", 1)[-1]
+
+
+@RECOVERY_BEHAVIORS.register("clear_costmap_recovery", aliases=("clear_costmap_recovery/ClearCostmapRecovery",))
+class ClearCostmapRecovery(RecoveryBehavior):
+    """Clears the costmaps outside a square around the robot, in one step."""
+
+    Params = ClearCostmapRecoveryParams
+    params: ClearCostmapRecoveryParams
+
+    def __init__(self, name: str, params: ClearCostmapRecoveryParams) -> None:
+        super().__init__(name, params)
+        self._context: RecoveryContext | None = None
+
+    def check(self, context: RecoveryContext) -> None:
+        """Raises ParameterError when a layer name matches no layer of the affected costmaps."""
+        names = self.params.layer_names
+        if names is None:
+            return
+        known = [_last_name(layer.name) for costmap in self._affected(context) for layer in costmap.layers]
+        for name in names:
+            if _last_name(name) not in known:
+                there = ", ".join(dict.fromkeys(known)) or "none"
+                raise ParameterError(
+                    f'{self.name}/layer_names: there is no layer "{name}" to clear; layers of '
+                    f"{' and '.join(c.name for c in self._affected(context))}: {there}. Leave layer_names out to clear "
+                    "every layer fed by sensors",
+                    parameter=f"{self.name}/layer_names",
+                    layer=name,
+                    known=known,
+                )
+
+    def start(self, context: RecoveryContext, now: float) -> None:
+        """Raises ParameterError as `check` does."""
+        del now
+        self.check(context)
+        self._context = context
+
+    def step(self, state: RobotState, now: float) -> RecoveryStep:
+        """Clears and is done; FrameError when the robot's place is not known."""
+        del state
+        context = self._context
+        assert context is not None
+        p = self.params
+        cleared = {costmap.name: self._clear(costmap, now) for costmap in self._affected(context)}
+        plural = "s" if p.affected_maps == "both" else ""
+        side = "inside" if p.invert_area_to_clear else "outside"
+        text = (
+            f"Clearing {p.affected_maps} costmap{plural} {side} a square ({p.reset_distance:.2f}m) large centered on "
+            "the robot."
+        )
+        return RecoveryStep(RecoveryStatus.DONE, text=text, data={"cells_cleared": cleared})
+
+    def _affected(self, context: RecoveryContext) -> list[CostmapServer]:
+        which = self.params.affected_maps
+        found: list[CostmapServer] = []
+        if which in ("both", "global"):
+            found.append(context.global_costmap)
+        if which in ("both", "local"):
+            found.append(context.local_costmap)
+        return found
+
+    def _clear(self, costmap: CostmapServer, now: float) -> dict[str, int]:
+        pose = costmap.robot_pose(now)
+        square = Bounds(pose.x, pose.y, pose.x, pose.y).grown(self.params.reset_distance / 2.0)
+        cells = {
+            layer.name: layer.reset(square, invert=not self.params.invert_area_to_clear)
+            for layer in costmap.layers
+            if self._is_meant(layer)
+        }
+        if self.params.force_updating:
+            costmap.update(now)
+        return cells
+
+    def _is_meant(self, layer: Layer) -> bool:
+        names = self.params.layer_names
+        if names is None:
+            return layer.clearable
+        return _last_name(layer.name) in (_last_name(name) for name in names)

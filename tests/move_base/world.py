@@ -1,0 +1,371 @@
+"""A deterministic little world for tests: a kinematic robot on empty costmaps, planners that do what they are told."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from navstack.core import (
+    Costmap,
+    Event,
+    Footprint,
+    FrameTree,
+    GridGeometry,
+    Path,
+    Pose2D,
+    RobotState,
+    SensorData,
+    Transform2D,
+    Twist2D,
+    Window,
+    angle_between,
+    normalize_angle,
+)
+from navstack.core.errors import GoalOccupiedError, NoValidControlError
+from navstack.core.parameters import ParamModel
+from navstack.interfaces import (
+    ControlInput,
+    GlobalPlanner,
+    Layer,
+    LayerContext,
+    LocalPlan,
+    LocalPlanner,
+    Plan,
+    RecoveryBehavior,
+    RecoveryContext,
+    RecoveryStatus,
+    RecoveryStep,
+    VelocityLimits,
+)
+from navstack.move_base import GoalHandle, MoveBase, MoveBaseParams, Planning
+
+LIMITS = VelocityLimits(0.5, 0.0, 0.0, 0.0, 0.5, 0.1, 1.0, 0.4, 2.5, 0.0, 3.2, 0.1, 0.1)
+
+
+class KinematicRobot:
+    """Tracks commands exactly; map -> odom -> base_link; 0.02 s steps."""
+
+    STEP = 0.02
+
+    def __init__(self, start: Pose2D = Pose2D(0.0, 0.0, 0.0), map_to_odom: Transform2D = Transform2D()) -> None:
+        self.time = 0.0
+        self.frames = FrameTree()
+        self.odom_pose = start
+        self.twist = Twist2D()
+        self.commands: list[tuple[float, Twist2D]] = []
+        self.broken: Callable[[str], None] = lambda what: None
+        self.deaf_since = math.inf
+        self.frames.set_static("map", "odom", map_to_odom)
+        self._publish()
+
+    def _publish(self) -> None:
+        if self.time < self.deaf_since:
+            self.frames.set("odom", "base_link", Transform2D(*self.odom_pose), self.time)
+
+    def advance_to(self, time: float) -> None:
+        """Drives on."""
+        while self.time < time - 1e-9:
+            dt = min(self.STEP, time - self.time)
+            x, y, yaw = self.odom_pose
+            middle = yaw + 0.5 * self.twist.wz * dt
+            self.odom_pose = Pose2D(
+                x + self.twist.vx * math.cos(middle) * dt,
+                y + self.twist.vx * math.sin(middle) * dt,
+                normalize_angle(yaw + self.twist.wz * dt),
+            )
+            self.time += dt
+            self._publish()
+        self.time = max(self.time, time)
+
+    def state(self) -> RobotState:
+        self.broken("state")
+        return RobotState(self.odom_pose, self.twist, self.time, "odom")
+
+    def scans(self) -> Sequence[SensorData]:
+        self.broken("scans")
+        return ()
+
+    def command(self, twist: Twist2D) -> None:
+        self.broken("command")
+        self.commands.append((self.time, twist))
+        self.twist = twist
+
+
+class EmptyLayer(Layer):
+    """A layer that counts how often it is reset."""
+
+    Params = ParamModel
+
+    def __init__(self, name: str, clearable: bool) -> None:
+        super().__init__(None, LayerContext(name, "map", FrameTree(), Footprint.from_radius(0.2)))
+        self._clearable = clearable
+        self.resets: list[tuple[Any, bool]] = []
+
+    def match_size(self, geometry: GridGeometry) -> None:
+        del geometry
+
+    def update_bounds(self, robot: Pose2D, now: float, bounds: Any) -> Any:
+        del robot, now
+        return bounds
+
+    def update_costs(self, master: Costmap, window: Window) -> None:
+        del master, window
+
+    @property
+    def clearable(self) -> bool:
+        return self._clearable
+
+    def reset(self, region: Any = None, *, invert: bool = False) -> int:
+        self.resets.append((region, invert))
+        return 7
+
+
+class EmptyCostmap:
+    """A costmap server over a grid of 10 m x 10 m, free."""
+
+    def __init__(self, name: str, frame: str, robot: KinematicRobot) -> None:
+        self.name = name
+        self.frame = frame
+        self.robot_base_frame = "base_link"
+        self.master = Costmap(GridGeometry(200, 200, 0.05, -5.0, -5.0), frame=frame)
+        self.footprint = Footprint.from_radius(0.18, 0.01)
+        self.layers = [EmptyLayer("static_layer", False), EmptyLayer("obstacle_layer", True)]
+        self.robot = robot
+        self.updates: list[float] = []
+        self.stale: Callable[[float], bool] = lambda now: False
+        self.fails: Callable[[float], None] = lambda now: None
+
+    def observe(self, data: SensorData) -> None:
+        del data
+
+    def robot_pose(self, now: float | None = None) -> Pose2D:
+        t = self.robot.frames.lookup(self.frame, "base_link", now, 0.3)
+        return Pose2D(*t)
+
+    def update(self, now: float) -> Window:
+        self.fails(now)
+        self.updates.append(now)
+        return self.master.geometry.window
+
+    def is_current(self, now: float) -> bool:
+        return not self.stale(now)
+
+    def reset(self) -> int:
+        return sum(layer.reset() for layer in self.layers)
+
+
+class StraightPlanner(GlobalPlanner):
+    """A straight line, unless told otherwise by `behave(call number)`."""
+
+    Params = ParamModel
+
+    def __init__(self, behave: Callable[[int], Any] = lambda n: None) -> None:
+        super().__init__(None)
+        self.behave = behave
+        self.calls: list[Pose2D] = []
+
+    def make_plan(
+        self,
+        costmap: Costmap,
+        start: Pose2D,
+        goal: Pose2D,
+        *,
+        footprint: Footprint | None = None,
+        keep_potential: bool = False,
+    ) -> Any:
+        del footprint, keep_potential
+        self.calls.append(goal)
+        told = self.behave(len(self.calls) - 1)
+        if told is not None:
+            return told
+        n = max(2, int(start.distance_to(goal) / 0.05) + 1)
+        f = np.linspace(0.0, 1.0, n)
+        heading = math.atan2(goal.y - start.y, goal.x - start.x)
+        poses = np.column_stack(
+            (start.x + f * (goal.x - start.x), start.y + f * (goal.y - start.y), np.full(n, heading))
+        )
+        poses[-1, 2] = goal.yaw
+        return Plan(Path(poses, costmap.frame), start.distance_to(goal), goal)
+
+
+def occupied(n: int) -> None:
+    raise GoalOccupiedError("the goal is in a wall", call=n)
+
+
+def no_control(n: int) -> None:
+    raise NoValidControlError("every sample was rejected", call=n)
+
+
+class TurnAndGo(LocalPlanner):
+    """Turns towards the goal, drives, turns to the goal's heading; unless told otherwise by `behave(call number)`."""
+
+    Params = ParamModel
+
+    def __init__(self, behave: Callable[[int], Any] = lambda n: None, limits: VelocityLimits = LIMITS) -> None:
+        super().__init__(None)
+        self.behave = behave
+        self.calls = 0
+        self.plans: list[Path] = []
+        self.goal = Pose2D(0.0, 0.0)
+        self._limits = limits
+        self.limited: list[tuple[float | None, float | None]] = []
+        self.refuse: Exception | None = None
+
+    @property
+    def limits(self) -> VelocityLimits:
+        return self._limits
+
+    def set_limits(self, *, max_vel_trans: float | None = None, max_vel_theta: float | None = None) -> None:
+        self.limited.append((max_vel_trans, max_vel_theta))
+
+    def set_plan(self, plan: Path, goal: Pose2D) -> None:
+        if self.refuse is not None:
+            raise self.refuse
+        self.plans.append(plan)
+        self.goal = goal
+
+    def _offset(self, inputs: ControlInput) -> tuple[float, float, float]:
+        goal = inputs.plan_to_costmap.apply(self.goal)
+        pose = inputs.state.pose
+        distance = pose.distance_to(goal)
+        bearing = angle_between(pose.yaw, math.atan2(goal.y - pose.y, goal.x - pose.x)) if distance > 0.1 else 0.0
+        return distance, bearing, angle_between(pose.yaw, goal.yaw)
+
+    def compute_command(self, inputs: ControlInput) -> Any:
+        self.calls += 1
+        told = self.behave(self.calls - 1)
+        if told is not None:
+            return told
+        distance, bearing, turn = self._offset(inputs)
+        if distance > 0.1:
+            speed = min(0.5, 2.0 * distance) if abs(bearing) < 0.5 else 0.0
+            return LocalPlan(Twist2D(speed, 0.0, max(-1.0, min(1.0, 2.0 * bearing))))
+        return LocalPlan(Twist2D(0.0, 0.0, max(-1.0, min(1.0, 2.0 * turn))))
+
+    def goal_reached(self, inputs: ControlInput) -> bool:
+        distance, _, turn = self._offset(inputs)
+        return distance <= 0.1 and abs(turn) <= 0.1
+
+
+class Waiting(RecoveryBehavior):
+    """A recovery that turns for `lasts` seconds (0: one step), unless told otherwise by `behave(step number)`."""
+
+    Params = ParamModel
+
+    def __init__(
+        self,
+        name: str = "waiting",
+        lasts: float = 0.0,
+        behave: Callable[[int], Any] = lambda n: None,
+        frequency: float | None = None,
+    ) -> None:
+        super().__init__(name, None)
+        self.lasts = lasts
+        self.behave = behave
+        self.steps = 0
+        self.started: list[float] = []
+        self._frequency = frequency
+
+    @property
+    def frequency(self) -> float | None:
+        return self._frequency
+
+    def start(self, context: RecoveryContext, now: float) -> None:
+        self.started.append(now)
+        self.steps = 0
+
+    def step(self, state: RobotState, now: float) -> Any:
+        del state
+        self.steps += 1
+        told = self.behave(self.steps - 1)
+        if told is not None:
+            return told
+        if now - self.started[-1] >= self.lasts - 1e-6:
+            return RecoveryStep(RecoveryStatus.DONE, text=f"{self.name} done")
+        return RecoveryStep(RecoveryStatus.RUNNING, Twist2D(0.0, 0.0, 0.5))
+
+
+@dataclass
+class Ears:
+    """Listens."""
+
+    events: list[Event] = field(default_factory=list)
+
+    def on_event(self, event: Event) -> None:
+        self.events.append(event)
+
+    def of(self, kind: str) -> list[Event]:
+        return [e for e in self.events if e.kind == kind]
+
+
+class Bench:
+    """Everything put together; `turtlebot` cadences unless told otherwise."""
+
+    def __init__(
+        self,
+        *,
+        planner: GlobalPlanner | None = None,
+        driver: LocalPlanner | None = None,
+        recoveries: Sequence[RecoveryBehavior] = (),
+        planning: Planning | None = None,
+        start: Pose2D = Pose2D(0.0, 0.0, 0.0),
+        map_to_odom: Transform2D = Transform2D(),
+        recovery_time_limit_s: float = 120.0,
+        **params: Any,
+    ) -> None:
+        defaults: dict[str, Any] = {
+            "controller_frequency": 5.0,
+            "planner_frequency": 1.0,
+            "controller_patience": 3.0,
+            "planner_patience": 5.0,
+            "oscillation_timeout": 10.0,
+            "oscillation_distance": 0.2,
+        }
+        self.robot = KinematicRobot(start, map_to_odom)
+        self.global_costmap = EmptyCostmap("global_costmap", "map", self.robot)
+        self.local_costmap = EmptyCostmap("local_costmap", "odom", self.robot)
+        self.planner = planner or StraightPlanner()
+        self.driver = driver or TurnAndGo()
+        self.ears = Ears()
+        self.move_base = MoveBase(
+            MoveBaseParams(**(defaults | params)),
+            robot=self.robot,
+            global_costmap=self.global_costmap,
+            local_costmap=self.local_costmap,
+            global_planner=self.planner,
+            local_planner=self.driver,
+            recoveries=recoveries,
+            listeners=[self.ears],
+            planning=planning,
+            global_update_frequency=1.0,
+            local_update_frequency=5.0,
+            recovery_time_limit_s=recovery_time_limit_s,
+        )
+
+    def tick(self) -> float:
+        """One tick at the time it is due."""
+        self.robot.advance_to(self.move_base.next_due(self.robot.time))
+        self.move_base.tick(self.robot.time)
+        return self.robot.time
+
+    def run_to(self, time: float) -> None:
+        """Every tick due up to `time` (s)."""
+        while self.move_base.next_due(self.robot.time) <= time + 1e-9:
+            due = self.move_base.next_due(self.robot.time)
+            before = self.robot.time
+            self.tick()
+            if due == before and self.move_base.next_due(before) == before:
+                raise AssertionError("time stands still")
+        self.robot.advance_to(time)
+
+    def run(self, handle: GoalHandle, limit: float = 200.0) -> GoalHandle:
+        """Until the goal ends."""
+        end = self.robot.time + limit
+        while not handle.is_done:
+            self.tick()
+            assert self.robot.time < end, f"the goal hangs in {self.move_base.state}"
+        return handle
