@@ -77,7 +77,7 @@ class _Film:
         self.picture = canvas.Picture(area, title=title, subtitle=" ")
         self.picture.figure.set_dpi(dpi)
         axes: Any = self.picture.axes
-        draw_map(axes, record, area)
+        draw_map(axes, record, self.picture.area)
         entries: list[tuple[Any, str]] = []
         self._layers = [_Layer(axes, record, name) for name in ("global", "local") if len(record.costmap_times(name))]
         before = set(map(id, axes.get_children()))
@@ -121,23 +121,25 @@ class _Film:
         figure_canvas.draw()
         self._ground = figure_canvas.copy_from_bbox(self.picture.figure.bbox)
 
+    def _local_pose(self, t: float) -> Transform2D:
+        return self.record.to_global(self.record.costmap_frame("local"), t)
+
     def frame(self, t: float) -> NDArray[np.uint8]:
         """The pixels of the run at time `t` (s)."""
         record, axes = self.record, self.picture.axes
         i = record.index_at(t)
-        x, y, yaw = (float(v) for v in record.poses[i])
-        pose = Pose2D(x, y, yaw)
+        pose = canvas.pose_of(record.poses[i])
         self._trail.set_data(*record.poses[: i + 1, :2].T)
         plan = record.plan_at(t)
         points = np.empty((0, 3)) if plan is None else record.to_global(plan.frame, plan.t).apply_poses(plan.poses)
         self._plan.set_data(*points[:, :2].T)
         local = record.local_plan_at(t)
         trajectory = None if local is None else local.plan.trajectory
-        points = np.empty((0, 3)) if trajectory is None else record.map_to_odom_at(t).apply_poses(trajectory)
+        points = np.empty((0, 3)) if trajectory is None else self._local_pose(t).apply_poses(trajectory)
         self._local.set_data(*points[:, :2].T)
         self._footprint.set_xy(record.footprint.at(pose))
         reach = record.footprint.circumscribed_radius
-        self._nose.set_data([x, x + reach * np.cos(yaw)], [y, y + reach * np.sin(yaw)])
+        self._nose.set_data([pose.x, pose.x + reach * np.cos(pose.yaw)], [pose.y, pose.y + reach * np.sin(pose.yaw)])
         self._recoveries.set_data(*self._incident_at[self._incident_times <= t].T)
         self._contacts.set_data(*record.collisions[record.collision_times <= t, :2].T)
         v = record.velocities[i]
@@ -150,7 +152,7 @@ class _Film:
         surface = self.picture.canvas
         surface.restore_region(self._ground)
         for layer in self._layers:
-            layer.draw(t)
+            layer.draw(t, self.picture)
         for artist in (
             *(self._plan, self._trail, self._local, *self._marks),
             *(self._recoveries, self._contacts, self._footprint, self._nose),
@@ -174,8 +176,9 @@ class _Layer:
         self._colors[0, 3] = 0
         self._image: Any = None
         self._border: Any = None
+        self._drawn: Any = None
 
-    def draw(self, t: float) -> None:
+    def draw(self, t: float, picture: canvas.Picture) -> None:
         """Draws the state at time `t`; nothing before the first update."""
         wanted = int(np.searchsorted(self._times, t, side="right"))
         if wanted < self._next:
@@ -188,10 +191,16 @@ class _Layer:
             self._next += 1
         if costmap is not None:
             self._show(costmap, t)
-        if self._image is not None:
+            self._drawn = None
+        if self._drawn is not None:
+            picture.canvas.restore_region(self._drawn)
+        elif self._image is not None:
             self._axes.draw_artist(self._image)
             if self.name == "local":
                 self._axes.draw_artist(self._border)
+            else:
+                # a map is large and changes once in many frames; it is the first layer, so the whole canvas can be kept
+                self._drawn = picture.canvas.copy_from_bbox(picture.figure.bbox)
 
     def _show(self, costmap: Costmap, t: float) -> None:
         x0, x1, y0, y1 = costmap.geometry.extent
@@ -221,15 +230,15 @@ def _write_gif(
 ) -> None:
     from PIL import Image
 
-    palette = _palette([film.frame(float(t)) for t in times[:: max(1, len(times) // 5)]])
+    palette = _Palette([film.frame(float(t)) for t in times[:: max(1, len(times) // 5)]])
 
     def frames() -> Iterator[Image.Image]:
         for done, t in enumerate(times[1:], 2):
-            yield Image.fromarray(film.frame(float(t))).quantize(palette=palette, dither=Image.Dither.NONE)
+            yield palette.paint(film.frame(float(t)))
             if progress is not None:
                 progress(done, len(times))
 
-    first = Image.fromarray(film.frame(float(times[0]))).quantize(palette=palette, dither=Image.Dither.NONE)
+    first = palette.paint(film.frame(float(times[0])))
     if progress is not None:
         progress(1, len(times))
     shown = [max(2, round(100.0 / fps)) * 10] * len(times)
@@ -239,19 +248,37 @@ def _write_gif(
     )
 
 
-def _palette(frames: list[NDArray[np.uint8]]) -> Any:
-    """One palette for the whole film: colours do not flicker, and equal pixels stay equal, which keeps the file small.
+class _Palette:
+    """256 colours for the whole film: no flicker, and equal pixels stay equal, which keeps the file small.
 
     The colours that mean something are in it exactly; the shades between them share the rest.
     """
-    from PIL import Image
 
-    exact = colors.exact_colors()
-    shades = Image.fromarray(np.concatenate(frames)).quantize(256 - len(exact), method=Image.Quantize.MEDIANCUT)
-    table = np.concatenate((exact.ravel(), np.array(shades.getpalette("RGB"), np.uint8)))
-    image = Image.new("P", (1, 1))
-    image.putpalette(table.tobytes())
-    return image
+    def __init__(self, frames: list[NDArray[np.uint8]]) -> None:
+        from PIL import Image
+
+        exact = colors.exact_colors()
+        shades = Image.fromarray(np.concatenate(frames)).quantize(256 - len(exact), method=Image.Quantize.MEDIANCUT)
+        self._table = np.concatenate((exact, np.array(shades.getpalette("RGB"), np.uint8).reshape(-1, 3)))
+        # entry of every colour there is, filled in as colours turn up
+        self._entry = np.zeros(1 << 24, np.uint8)
+        self._known = np.zeros(1 << 24, np.bool_)
+
+    def paint(self, frame: NDArray[np.uint8]) -> Any:
+        """The frame with every pixel in the nearest of the colours, as pillow's image."""
+        from PIL import Image
+
+        rgb = frame.astype(np.uint32)
+        codes = (rgb[:, :, 0] << 16) | (rgb[:, :, 1] << 8) | rgb[:, :, 2]
+        new = np.unique(codes[~self._known[codes]])
+        for part in np.array_split(new, len(new) // 4096 + 1):
+            split = np.stack((part >> 16, part >> 8 & 255, part & 255), axis=1).astype(np.int32)
+            distance = ((split[:, None, :] - self._table.astype(np.int32)) ** 2).sum(axis=2)
+            self._entry[part] = distance.argmin(axis=1)
+            self._known[part] = True
+        image = Image.fromarray(self._entry[codes], mode="P")
+        image.putpalette(self._table.tobytes())
+        return image
 
 
 def _ffmpeg(path: Path) -> str:

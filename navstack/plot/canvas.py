@@ -10,6 +10,7 @@ import math
 import warnings
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -96,7 +97,7 @@ def area_of(points: Sequence[NDArray[np.float64]], margin: float) -> Bounds:
     return area if area.is_empty else shaped(area.grown(margin))
 
 
-def shaped(area: Bounds, widest: float = 2.6, tallest: float = 1.4, least: float = 3.0) -> Bounds:
+def shaped(area: Bounds, widest: float = 2.5, tallest: float = 1.4, least: float = 3.0) -> Bounds:
     """`area` grown about its middle until neither side is too short for a picture."""
     width, height = area.max_x - area.min_x, area.max_y - area.min_y
     new_width = max(width, height / tallest, least)
@@ -123,6 +124,7 @@ class Picture:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
+        self.area = area = shaped(area, least=0.0)
         left, right, bottom, top = 0.62, 0.18, 0.55, 0.72 if subtitle else 0.5
         w, h = area.max_x - area.min_x, area.max_y - area.min_y
         inner_w = width_in - left - right - legend_in
@@ -130,18 +132,16 @@ class Picture:
         tallest = 6.6
         if inner_h > tallest:
             inner_w, inner_h = inner_w * tallest / inner_h, tallest
-        inner_h = max(inner_h, 2.4)
         size = (left + inner_w + right + legend_in, bottom + inner_h + top)
         self.figure = Figure(figsize=size)
         self.canvas = FigureCanvasAgg(self.figure)
         self.axes = self.figure.add_axes(
             (left / size[0], bottom / size[1], inner_w / size[0], inner_h / size[1]), facecolor="#F4F4F4"
         )
-        self.area = area
         self.points_per_m = 72.0 * min(inner_w / w, inner_h / h)
         """How many points (1/72 inch) a metre takes."""
         self._legend_at = ((left + inner_w + 0.12) / size[0], (bottom + inner_h) / size[1])
-        self.axes.set_aspect("equal", adjustable="datalim" if inner_h == 2.4 else "box", anchor="NW")
+        self.axes.set_aspect("equal", adjustable="box", anchor="NW")
         self.axes.set_xlim(area.min_x, area.max_x)
         self.axes.set_ylim(area.min_y, area.max_y)
         self.axes.set_xlabel("x (m)")
@@ -220,32 +220,43 @@ def draw_line(
     return line
 
 
-def draw_marks(
-    axes: Any, poses: Sequence[tuple[Pose2D, str]], color: str, points_per_m: float, *, zorder: float = 8.0
-) -> None:
-    """Numbered discs with an arrow for the heading; discs that would hide each other share one disc and its text."""
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A start or a goal: a disc with a text in it and an arrow for the heading."""
+
+    pose: Pose2D
+    text: str
+    color: str
+    hollow: bool = False
+    """Coloured on white instead of white on colour: a goal that was not reached."""
+
+
+def draw_marks(axes: Any, marks: Sequence[Mark], points_per_m: float, *, zorder: float = 8.0) -> None:
+    """Draws marks; those that would hide each other share the disc of the first and list their texts in it."""
     radius_pt = 7.0
-    groups: list[tuple[Pose2D, list[str], list[float]]] = []
-    for pose, text in poses:
-        for at, texts, headings in groups:
-            if at.distance_to(pose) * points_per_m < 1.5 * radius_pt:
-                texts.append(text)
-                headings.append(pose.yaw)
+    groups: list[list[Mark]] = []
+    for mark in marks:
+        if not mark.pose.is_finite():
+            continue
+        for group in groups:
+            if group[0].pose.distance_to(mark.pose) * points_per_m < 1.5 * radius_pt:
+                group.append(mark)
                 break
         else:
-            groups.append((pose, [text], [pose.yaw]))
-    for at, texts, headings in groups:
-        for yaw in headings:
-            _arrow(axes, at, yaw, color, radius_pt / points_per_m, zorder)
-        label = ",".join(texts)
+            groups.append([mark])
+    for group in groups:
+        at = group[0].pose
+        for mark in group:
+            _arrow(axes, at, mark.pose.yaw, mark.color, radius_pt / points_per_m, zorder)
+        color = group[0].color
+        face, edge = ("white", color) if any(mark.hollow for mark in group) else (color, "white")
+        label = ",".join(mark.text for mark in group)
         size = radius_pt * (1.0 + 0.22 * max(len(label) - 2, 0))
-        axes.plot(
-            [at.x], [at.y], "o", ms=2 * size, color=color, mec="white", mew=1.2, zorder=zorder + 0.1, clip_on=True
-        )
+        axes.plot([at.x], [at.y], "o", ms=2 * size, color=face, mec=edge, mew=1.2, zorder=zorder + 0.1)
         axes.annotate(
             label,
             (at.x, at.y),
-            color="white",
+            color=edge,
             fontsize=8,
             fontweight="bold",
             ha="center",
@@ -363,11 +374,12 @@ def occupancy_legend() -> tuple[list[Any], list[str]]:
     )
 
 
-def disc(color: str) -> Any:
+def disc(color: str, *, hollow: bool = False) -> Any:
     """A legend's handle: the disc of a start or a goal."""
     from matplotlib.lines import Line2D
 
-    return Line2D([], [], ls="none", marker="o", ms=9, color=color, mec="white", mew=1.0)
+    face, edge = ("white", color) if hollow else (color, "white")
+    return Line2D([], [], ls="none", marker="o", ms=9, color=face, mec=edge, mew=1.4 if hollow else 1.0)
 
 
 def frame_handle() -> Any:
@@ -375,3 +387,9 @@ def frame_handle() -> Any:
     from matplotlib.patches import Patch
 
     return Patch(facecolor="none", edgecolor=colors.INK, linestyle=(0, (3, 2)), linewidth=1.0)
+
+
+def pose_of(row: NDArray[np.float64]) -> Pose2D:
+    """A row x, y, yaw as a pose."""
+    x, y, yaw = (float(v) for v in row)
+    return Pose2D(x, y, yaw)

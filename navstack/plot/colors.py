@@ -39,7 +39,7 @@ LOW_RGB: Final = (240, 236, 249)
 HIGH_RGB: Final = (181, 165, 217)
 INSCRIBED_RGB: Final = (133, 112, 184)
 LETHAL_RGB: Final = (36, 31, 49)
-UNKNOWN_RGB: Final = (224, 217, 198)
+UNKNOWN_RGB: Final = (231, 225, 209)
 
 
 def cost_colors() -> NDArray[np.uint8]:

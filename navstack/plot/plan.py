@@ -27,7 +27,7 @@ def plot_plan(
     goal: Pose2D,
     footprint: Footprint | None = None,
     title: str | None = None,
-    subtitle: str = "",
+    subtitle: str | None = None,
     potential: bool = True,
     dpi: float = 130.0,
 ) -> Path:
@@ -44,14 +44,16 @@ def plot_plan(
     )
     g = costmap.geometry
     with canvas.style():
-        picture = canvas.Picture(area, title=title or _title(named), subtitle=subtitle)
+        picture = canvas.Picture(
+            area, title=title or _title(named), subtitle=_figures(named) if subtitle is None else subtitle
+        )
         axes = picture.axes
-        canvas.draw_grid(axes, colors.paint_costs(costmap.data), g, area=area)
+        canvas.draw_grid(axes, colors.paint_costs(costmap.data), g, area=picture.area)
         handles: list[Any] = []
         labels: list[str] = []
         field = next((plan.potential for plan in named.values() if plan.potential is not None), None)
         if potential and field is not None:
-            lines = _contours(axes, field, costmap, area)
+            lines = _contours(axes, field, costmap, picture.area)
             if lines is not None:
                 handles.append(lines)
                 labels.append("potential")
@@ -70,8 +72,8 @@ def plot_plan(
         if footprint is not None:
             for pose in (start, goal):
                 canvas.draw_footprint(axes, footprint, pose)
-        canvas.draw_marks(axes, [(start, "S")], colors.START, picture.points_per_m)
-        canvas.draw_marks(axes, [(goal, "G")], colors.GOAL, picture.points_per_m)
+        ends = [canvas.Mark(start, "S", colors.START), canvas.Mark(goal, "G", colors.GOAL)]
+        canvas.draw_marks(axes, ends, picture.points_per_m)
         handles += [canvas.disc(colors.START), canvas.disc(colors.GOAL)]
         labels += ["start", "goal"]
         moved = next((plan for plan in named.values() if plan.goal_moved_m > 0.0), None)
@@ -79,17 +81,22 @@ def plot_plan(
             (cross,) = axes.plot([moved.goal.x], [moved.goal.y], "P", ms=9, color=colors.GOAL, mec="white", zorder=9)
             handles.append(cross)
             labels.append(f"goal used ({moved.goal_moved_m:.2f} m off)")
-        bands, texts = canvas.cost_legend(costmap.data[g.window_of(area).slices])
+        bands, texts = canvas.cost_legend(costmap.data[g.window_of(picture.area).slices])
         picture.legend(handles + bands, labels + texts)
         return canvas.save(picture.figure, out, dpi)
 
 
 def _title(plans: Mapping[str, Plan]) -> str:
+    return next(iter(plans)) if len(plans) == 1 else f"{len(plans)} plans"
+
+
+def _figures(plans: Mapping[str, Plan]) -> str:
+    """What there is to say of a single plan; several say it in the legend."""
     if len(plans) != 1:
-        return f"{len(plans)} plans"
-    (name, plan), *_ = plans.items()
-    lead = "plan" if name == "plan" else f"{name}:"
-    return f"{lead} {plan.path.length:.2f} m, cost {plan.cost:.6g}"
+        return ""
+    (plan,) = plans.values()
+    expanded = f"   {plan.cells_expanded:,} cells expanded" if plan.cells_expanded else ""
+    return f"{plan.path.length:.2f} m   cost {plan.cost:,.6g}{expanded}"
 
 
 def _margin(ends: NDArray[np.float64]) -> float:
@@ -114,9 +121,9 @@ def _contours(axes: Any, potential: NDArray[np.float32], costmap: Costmap, area:
         y,
         np.ma.masked_array(field, ~reached),
         levels=levels,
-        colors=colors.GREEN,
-        linewidths=0.55,
+        colors=colors.SKY,
+        linewidths=0.7,
         alpha=0.6,
         zorder=2,
     )
-    return Line2D([], [], color=colors.GREEN, lw=0.8, alpha=0.7)
+    return Line2D([], [], color=colors.SKY, lw=0.9)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Bounds, Event, Pose2D, Transform2D
+from navstack.core import Bounds, Event, Transform2D
 from navstack.plot import canvas, colors
 from navstack.record import Record
 
@@ -35,7 +35,7 @@ def plot_run(
     shown = area or area_of_run(record)
     with canvas.style():
         picture = canvas.Picture(shown, title=title or headline(record), subtitle=circumstances(record))
-        bands, texts = draw_ground(picture.axes, record, shown, costmap)
+        bands, texts = draw_ground(picture.axes, record, picture.area, costmap)
         entries: list[tuple[Any, str]] = []
         _draw_plans(picture.axes, record, entries, replans=replans)
         if len(record.times):
@@ -74,13 +74,13 @@ def headline(record: Record) -> str:
 def circumstances(record: Record) -> str:
     """What it was run with, in a line: those of the usual keys that the scenario has."""
     parts: list[str] = []
-    for key in ("map", "params", "robot", "planner", "distro", "seed"):
+    for key in ("map", "params", "robot", "planner", "distro", "ros_distro", "seed"):
         value = record.scenario.get(key)
         values = value if isinstance(value, list) else [value]
         if value in (None, "", []) or not all(isinstance(v, (str, int, float)) for v in values):
             continue
-        text = ", ".join(Path(v).stem if isinstance(v, str) else str(v) for v in values[:3])
-        parts.append(f"{key} {text}{', ..' if len(values) > 3 else ''}")
+        text = ", ".join(Path(str(v)).name.removesuffix(".yaml") for v in values[:3])
+        parts.append(f"{key.removeprefix('ros_')} {text}{', ..' if len(values) > 3 else ''}")
     return "   ".join(parts)
 
 
@@ -141,20 +141,36 @@ def draw_obstacles(axes: Any, record: Record) -> list[tuple[Any, str]]:
 def draw_ends(axes: Any, record: Record, points_per_m: float) -> list[tuple[Any, str]]:
     """The start and the goals, numbered in the order in which they were given."""
     entries: list[tuple[Any, str]] = []
+    marks: list[canvas.Mark] = []
     if len(record.times):
-        x, y, yaw = (float(v) for v in record.poses[0])
-        canvas.draw_marks(axes, [(Pose2D(x, y, yaw), "S")], colors.START, points_per_m)
+        marks.append(canvas.Mark(canvas.pose_of(record.poses[0]), "S", colors.START))
         entries.append((canvas.disc(colors.START), "start"))
-    goals = [(Pose2D(*(float(v) for v in pose)), str(i + 1)) for i, pose in enumerate(record.goals)]
-    if goals:
-        canvas.draw_marks(axes, goals, colors.GOAL, points_per_m)
-        entries.append((canvas.disc(colors.GOAL), "goals, in order" if len(goals) > 1 else "goal"))
+    goals = [
+        canvas.Mark(canvas.pose_of(pose), str(i + 1), colors.GOAL, hollow=not _was_reached(record, i))
+        for i, pose in enumerate(record.goals)
+    ]
+    canvas.draw_marks(axes, marks + goals, points_per_m)
+    for hollow, name in ((False, ""), (True, ", not reached")):
+        count = sum(goal.hollow is hollow for goal in goals)
+        if count:
+            entries.append((canvas.disc(colors.GOAL, hollow=hollow), f"goal{'s' if count > 1 else ''}{name}"))
     return entries
 
 
+def _was_reached(record: Record, goal: int) -> bool:
+    """True unless the results say otherwise."""
+    return goal >= len(record.results) or record.results[goal].get("state", "SUCCEEDED") == "SUCCEEDED"
+
+
 def incidents(record: Record) -> list[Event]:
-    """The recoveries: one event each."""
-    return record.events_of("recovery")
+    """The recoveries: the first event of each, however much it had to say."""
+    begun: list[Event] = []
+    running = False
+    for event in record.events_of("recovery"):
+        if not running:
+            begun.append(event)
+        running = event.data.get("status") == "running"
+    return begun
 
 
 # --- parts of this picture --------------------------------------------------------------------------------------------
@@ -189,7 +205,7 @@ def _draw_footprints(axes: Any, record: Record, entries: list[tuple[Any, str]]) 
     rows = set(np.searchsorted(along, np.arange(0.0, along[-1] + spacing, spacing)).clip(max=len(poses) - 1).tolist())
     handle: Any = None
     for row in sorted(rows | {len(poses) - 1}):
-        handle = canvas.draw_footprint(axes, record.footprint, Pose2D(*(float(v) for v in poses[row])))
+        handle = canvas.draw_footprint(axes, record.footprint, canvas.pose_of(poses[row]))
     entries.append((handle, "footprint"))
 
 

@@ -272,11 +272,13 @@ class Record:
         return tuple(self.meta["costmaps"])
 
     def costmap_times(self, name: str) -> NDArray[np.float64]:
-        """(u,) times of the updates of a costmap, s; empty when it was not recorded."""
+        """(u,) times of the updates of a costmap ("local" or "local_costmap"), s; empty when it was not recorded."""
+        name = name.removesuffix("_costmap")
         return self.arrays[f"costmaps/{name}"]["t"] if name in self.costmap_names else np.empty(0)
 
     def costmap_at(self, name: str, t: float) -> Costmap | None:
         """A costmap as it was, in its own frame; None before its first update or when it was not recorded."""
+        name = name.removesuffix("_costmap")
         last = _last_at(self.costmap_times(name), t)
         if last < 0:
             return None
@@ -289,7 +291,12 @@ class Record:
 
     def costmap_updates(self, name: str) -> Iterator[tuple[float, Costmap]]:
         """Time and state of a costmap after each update. The same Costmap is patched and handed out again: copy to keep."""
-        return self._replay(name, 0, len(self.costmap_times(name)))
+        return self._replay(name.removesuffix("_costmap"), 0, len(self.costmap_times(name)))
+
+    def costmap_frame(self, name: str) -> str:
+        """The frame of a costmap; where it was not recorded, the local frame for "local" and else the global one."""
+        name = name.removesuffix("_costmap")
+        return self.meta["costmaps"].get(name, self.local_frame if name == "local" else self.global_frame)
 
     def _replay(self, name: str, first: int, end: int) -> Iterator[tuple[float, Costmap]]:
         costmap: Costmap | None = None
