@@ -258,8 +258,9 @@ class _Assembly:
             entry = self._plugin(LAYERS, spec)
             made = None
             if entry is not None:
-                layer_space = space.space(spec.name) or Space(space.join(spec.name), spec.at, space)
-                made = self.binder.bind(entry.cls.Params, layer_space)
+                made = self.binder.bind(entry.cls.Params, self.binder.child(space, spec.name))
+            if entry is None:
+                _excuse(space, spec.name)
             if entry is None or made is None:
                 good = False
                 continue
@@ -268,7 +269,7 @@ class _Assembly:
             return None
         return CostmapConfiguration(params, outline.padded, outline.true, tuple(layers))
 
-    def _planner(self, registry: Registry[T], key: str) -> PluginChoice[T] | None:
+    def _planner(self, registry: Registry[Any], key: str) -> PluginChoice[Any] | None:
         leaf = self.root.leaf(key)
         default = MoveBaseParams.model_fields[key].default
         written = leaf.value if leaf is not None else default
@@ -284,7 +285,7 @@ class _Assembly:
         if entry is None:
             return None
         space = _planner_space(self.root, entry, written)
-        made = self.binder.bind(entry.cls.Params, space)
+        made: Any = self.binder.bind(entry.cls.Params, space)
         if "critics" in entry.cls.Params.model_fields and not self._critics(space):
             return None
         return None if made is None else PluginChoice(entry.name, entry.cls, made, space.path)
@@ -292,7 +293,9 @@ class _Assembly:
     def _critics(self, space: Space) -> bool:
         """False when a planner's list of critics names one that is not registered."""
         specs = self._plugin_list(space, "critics")
-        return specs is not None and all([self._plugin(CRITICS, spec) is not None for spec in specs])
+        # a list, so that every unknown critic is reported
+        found = [self._plugin(CRITICS, spec) for spec in specs or ()]
+        return specs is not None and None not in found
 
     def _somewhere(self) -> str:
         """The file that a missing parameter of move_base's own would stand in."""
@@ -318,9 +321,10 @@ class _Assembly:
         for spec, imposed in todo:
             entry = self._plugin(RECOVERY_BEHAVIORS, spec)
             if entry is None:
+                _excuse(self.root, spec.name)
                 good = False
                 continue
-            space = self.root.space(spec.name) or Space(spec.name, spec.at, self.root)
+            space = self.binder.child(self.root, spec.name)
             self._say_imposed(space, imposed)
             params = self.binder.bind(entry.cls.Params, space, fixed=imposed)
             if params is None:
@@ -444,7 +448,17 @@ class _Assembly:
             catalogue.learn(entry.name, entry.cls.Params)
         catalogue.learn("navstack", NavstackParams)
         catalogue.learn("navstack/sim", SimParams)
+        for space, model in self.binder.bound:
+            if space.parent is not None and space.children:
+                catalogue.learn(space.name, model)
         return catalogue
+
+
+def _excuse(parent: Space, name: str) -> None:
+    """Nothing more needs to be said about the parameters of a plugin that is not there."""
+    space = parent.space(name)
+    for leaf in space.leaves() if space is not None else ():
+        leaf.used = True
 
 
 def layer_names(entry: PluginEntry[Layer]) -> list[str]:
@@ -489,6 +503,7 @@ def _subject(configuration: Configuration) -> Subject:
         },
         global_planner=configuration.global_planner[:3],
         local_planner=configuration.local_planner[:3],
+        sim=configuration.navstack.sim,
         recoveries=[r[:3] for r in configuration.recoveries],
         planner_space=configuration.local_planner.namespace,
         global_space=configuration.global_planner.namespace,

@@ -31,11 +31,26 @@ FOREIGN = {
 }
 """Namespaces of planners that exist for move_base, and their packages."""
 
-GONE = {
-    "planner_costmap_publish_frequency": "navfn removed it",
-    "transform_tolerance": "",
-    "conservative_reset": "",
+
+FOREIGN_NAMES = {
+    "teb_local_planner": frozenset(
+        {
+            "min_obstacle_dist",
+            "inflation_dist",
+            "include_costmap_obstacles",
+            "costmap_obstacles_behind_robot_dist",
+            "obstacle_poses_affected",
+            "costmap_converter_plugin",
+            "costmap_converter_spin_thread",
+            "costmap_converter_rate",
+            "weight_obstacle",
+            "weight_inflation",
+            "weight_kinematics_nh",
+            "weight_optimaltime",
+        }
+    ),
 }
+"""Parameters of planners that exist elsewhere, as they turn up in other components' namespaces."""
 
 
 @dataclass(slots=True)
@@ -127,9 +142,11 @@ class Accountant:
                 return
         if leaf.value is None and not models:
             return
-        elsewhere = [p for p in self.catalogue.home.get(name, []) if p != where]
+        if leaf.value is None and not space.path and (name in self.catalogue.planners or name in FOREIGN):
+            return  # a namespace without a parameter
         close = nearest(name, [n for m in models for n in iter_names(m)])
-        if elsewhere and (close is None or name not in close):
+        elsewhere = [p for p in self.catalogue.home.get(name, []) if p != where]
+        if elsewhere:
             self._elsewhere(space, leaf, elsewhere)
             return
         if close is not None:
@@ -137,10 +154,12 @@ class Accountant:
             message = f"{where} has no parameter {name}, so {show(leaf.value)} has no effect; did you mean {new}?"
             self.say("warning", "unknown", leaf, message, new)
             return
-        if elsewhere:
-            self._elsewhere(space, leaf, elsewhere)
+        package = next((p for p, names in FOREIGN_NAMES.items() if name in names), None)
+        if package is not None:
+            message = f"{name} is a parameter of {package}, not of {where}, so it has no effect; remove it"
+            self.say("warning", "unknown", leaf, message)
             return
-        far = nearest(name, self.catalogue.home)
+        far = nearest(name, self.catalogue.home, cutoff=0.86)
         if far is not None:
             place = self.catalogue.home[far][0]
             message = f"{where} has no parameter {name}, so it has no effect; did you mean {place}/{far}?"
@@ -152,7 +171,19 @@ class Accountant:
     def _elsewhere(self, space: Space, leaf: Leaf, places: Sequence[str]) -> None:
         where = space.name or "move_base"
         near = sorted(places, key=lambda p: (not self._beside(space, p), places.index(p)))
-        to = f"{near[0]}/{leaf.name}"
+        to = near[0] if near[0] == "move_base" else f"{near[0]}/{leaf.name}"
+        if near[0] == "move_base":
+            message = (
+                f"{leaf.name} under {where} has no effect; it stands at the root, beside {space.path.partition('/')[0]}"
+            )
+            self.say("warning", "elsewhere", leaf, message, leaf.name)
+            return
+        below = space.space(near[0])
+        same = below.leaf(leaf.name) if below is not None else None
+        if same is not None and same.value == leaf.value:
+            message = f"{leaf.name} under {where} has no effect; {near[0]} there has the same value; remove this one"
+            self.say("info", "elsewhere", leaf, message)
+            return
         message = f"{leaf.name} under {where} has no effect; did you mean {to}?"
         self.say("warning", "elsewhere", leaf, message, to)
 
@@ -170,33 +201,42 @@ class Accountant:
             message = f"{name} is the namespace of {package}'s planner, which is not in use here; its parameters have no effect"
             self.say_at("info", "not-in-use", space.at, space.path, message)
             return
-        known: dict[str, type[ParamModel] | None] = dict.fromkeys(places)
-        if not parent.path:
-            known |= self.catalogue.planners
-            known |= dict.fromkeys(("global_costmap", "local_costmap", "navstack", *FOREIGN))
-        model = known.get(name)
-        close = nearest(name, known, cutoff=0.7)
-        if close is not None and close != name:
-            model = known.get(close) or self._model_at(parent, close)
-            message = f"{where} has no namespace {name}, so nothing under it has any effect, in ROS as here; did you mean {close}?"
-            self.say_at("warning", "unknown-namespace", space.at, space.path, message, close)
-            if model is not None:
-                for child in space.children.values():
-                    if isinstance(child, Leaf) and child.name not in model.model_fields:
-                        self._leaf(space, child, [model])
-            return
         layers = self.catalogue.layers.get(name)
         if layers is not None and parent.name in ("global_costmap", "local_costmap"):
             message = (
                 f"{name} is not among the `plugins` of {where}, so its parameters have no effect; list it or remove it"
             )
             self.say_at("warning", "layer-not-listed", space.at, space.path, message)
+            self._names_only(space, layers)
+            return
+        if any("observation_sources" in m.model_fields for m in self.models.get(parent.path, [])):
+            message = f"{name} is not in the observation_sources of {where}, so its parameters have no effect; add or remove it"
+            self.say_at("warning", "source-not-listed", space.at, space.path, message)
+            return
+        known: dict[str, type[ParamModel] | None] = dict.fromkeys(places)
+        if not parent.path:
+            known |= dict.fromkeys(("global_costmap", "local_costmap", "navstack", *FOREIGN))
+            known |= self.catalogue.planners
+        model = known.get(name)
+        close = nearest(name, known, cutoff=0.7)
+        if close is not None and close != name:
+            model = known.get(close) or self._model_at(parent, close)
+            message = f"{where} has no namespace {name}, so what stands under it has no effect; did you mean {close}?"
+            self.say_at("warning", "unknown-namespace", space.at, space.path, message, close)
+            if model is not None:
+                self._names_only(space, [model])
             return
         leaves = list(space.leaves())
         message = f"{where} has no namespace {name}; the {len(leaves)} parameters under it have no effect"
         if len(leaves) == 1:
             message = f"{where} has no namespace {name}; the parameter {leaves[0].name} under it has no effect"
         self.say_at("warning", "unknown-namespace", space.at, space.path, message)
+
+    def _names_only(self, space: Space, models: Sequence[type[ParamModel]]) -> None:
+        """Misspelt names in a namespace that is not read, by the model that it was meant for."""
+        for child in space.children.values():
+            if isinstance(child, Leaf) and not any(child.name in iter_names(m) for m in models):
+                self._leaf(space, child, models)
 
     def _model_at(self, parent: Space, name: str) -> type[ParamModel] | None:
         found = self.models.get(parent.join(name))

@@ -86,7 +86,7 @@ class Binder:
         ok = True
         children: dict[str, ParamModel] = {}
         for child, child_model in model.child_models(values).items():
-            made = self.bind(child_model, space.space(child) or _absent(space, child), strictness=strictness)
+            made = self.bind(child_model, self.child(space, child, strictness), strictness=strictness)
             ok = ok and made is not None
             if made is not None:
                 children[child] = made
@@ -96,10 +96,9 @@ class Binder:
             inner = nested_model(info)
             if inner is None or name == model.CHILD_FIELD or name in given:
                 continue
-            below = space.space(name)
-            if below is None and (not info.is_required() and not is_model(info.annotation)):
+            if space.children.get(name) is None and not info.is_required() and not is_model(info.annotation):
                 continue
-            made = self.bind(inner, below or _absent(space, name), strictness=strictness)
+            made = self.bind(inner, self.child(space, name, strictness), strictness=strictness)
             ok = ok and made is not None
             if made is not None:
                 given[name] = made
@@ -108,6 +107,21 @@ class Binder:
             if ok
             else self._only_check(model, space, chosen, given, strictness)
         )
+
+    def child(self, parent: Space, name: str, strictness: Strictness = "error") -> Space:
+        """The namespace `name` of `parent`, an empty one where nobody wrote it; a value in its place is a finding."""
+        found = parent.children.get(name)
+        if isinstance(found, Space):
+            return found
+        if found is not None:
+            found.used = True
+            if found.value is not None:
+                message = (
+                    f"{name} is a namespace of parameters, not {show(found.value)}; write the parameters indented below "
+                    f"`{name}:`"
+                )
+                self.say(strictness, "wrong-type", found.node.at, found.path, message)
+        return Space(parent.join(name), parent.at, parent)
 
     def _only_check(self, *args: Any) -> None:
         """Finds what else is wrong, for a model that a namespace below it already spoils."""
@@ -132,7 +146,9 @@ class Binder:
                     )
                 elif own is not None:
                     own.used = True
-                return parents
+                parents.used = True
+                # the parameter server's own value is overwritten: what searches from below finds the parent's
+                return space.put(name, parents.at, parents.node)
         if own is None and name in model.SEARCHED and space.parent is not None:
             return space.parent.search(name)
         return own
@@ -141,14 +157,13 @@ class Binder:
         for old, new in model.RENAMED.items():
             if new == name and (leaf := space.leaf(old)) is not None:
                 leaf.used = True
-                if not any(space.leaf(o) is not None for o, n in model.RENAMED.items() if n == name and o < old):
-                    pass
                 self.say(
                     "info",
                     "renamed",
                     leaf.at,
                     leaf.path,
-                    f"{old} is called {new} today; its value {show(leaf.value)} is taken as {new} (ROS would ignore it)",
+                    f"{old} is called {new} today; its value {show(leaf.value)} is taken for it here; rename it, so that "
+                    "every ROS release takes it",
                     new,
                 )
                 return leaf
@@ -166,9 +181,14 @@ class Binder:
     ) -> ParamModel | None:
         ready: dict[str, Any] = dict(given)
         good = True
-        for name, (path, at, node) in chosen.items():
+        for name, (path, _, node) in chosen.items():
             before = len(self.findings)
             info = model.model_fields[name]
+            if isinstance(node, ScalarNode) and isinstance(node.value, str) and "$(" in node.value:
+                message = (
+                    f"{name} = {show(node.value)} is filled in by roslaunch; load the launch file, or write the value"
+                )
+                self.say("warning", "unfilled", node.at, path, message)
             value = self._coerce(info.annotation, node, path, strictness)
             if isinstance(value, str) and frame_name(name):
                 value = value.lstrip("/")
@@ -178,7 +198,6 @@ class Binder:
                 good = False
                 continue
             ready[name] = value
-            del at
         dropped: set[str] = set()
         while True:
             try:
@@ -206,19 +225,13 @@ class Binder:
                 return self._coerce(scalars[0], node, path, strictness) if scalars else node.value
             lists = [a for a in arms if get_origin(a) in (list, tuple, Sequence)]
             return self._coerce(lists[0], node, path, strictness) if lists else plain(node)
-        if isinstance(node, ListNode) and origin in (list, tuple, Sequence, _AbcSequence):
+        if isinstance(node, ListNode) and origin in (list, tuple, Sequence):
             args = get_args(annotation)
-            inner = [args[0] if len(args) == 2 and args[-1] is Ellipsis or len(args) == 1 else a for a in args[:1]]
-            fixed = origin is tuple and not (len(args) == 2 and args[-1] is Ellipsis)
-            items = [
-                self._coerce(
-                    (args[i] if fixed and i < len(args) else (inner[0] if inner else Any)),
-                    item,
-                    f"{path}[{i}]",
-                    strictness,
-                )
-                for i, item in enumerate(node.items)
-            ]
+            fixed = origin is tuple and args[-1:] != (Ellipsis,)
+            items: list[Any] = []
+            for i, item in enumerate(node.items):
+                inner = args[i] if fixed and i < len(args) else (args[0] if args and not fixed else Any)
+                items.append(self._coerce(inner, item, f"{path}[{i}]", strictness))
             return tuple(items) if origin is tuple else items
         if is_model(annotation) and isinstance(node, DictNode):
             return self._entry(annotation, node, path, strictness)
@@ -229,7 +242,7 @@ class Binder:
         return plain(node)
 
     def _whole(self, node: ScalarNode, path: str) -> int:
-        """roscpp rounds a float that is read as an integer."""
+        """Roscpp rounds a float that is read as an integer."""
         value: float = node.value
         whole = math.floor(value + 0.5)
         if whole != value:
@@ -302,7 +315,6 @@ class Binder:
         self.findings.append(finding(severity, rule, at, key, message, suggestion))
 
 
-_AbcSequence = Sequence
 _BAD = frozenset({"wrong-type", "out-of-range", "missing"})
 
 
@@ -313,11 +325,6 @@ def _fits(annotation: Any, node: ScalarNode) -> bool:
     if annotation is float:
         return isinstance(value, (int, float)) and not isinstance(value, bool)
     return isinstance(annotation, type) and type(value) is annotation
-
-
-def _absent(parent: Space, name: str) -> Space:
-    """A namespace that nobody wrote, in its place, so that look-ups can climb from it."""
-    return Space(parent.join(name), parent.at, parent)
 
 
 # --- words ------------------------------------------------------------------------------------------------------------
@@ -453,7 +460,7 @@ def _range_message(kind: str, ctx: Mapping[str, Any], name: str, info: FieldInfo
 
 
 def iter_names(model: type[ParamModel]) -> Iterator[str]:
-    """Every name that a model reads or knows of: today's, former ones, those without effect."""
-    yield from model.model_fields
+    """Every name that a user may write in a model's namespace: today's, former ones, those without effect."""
+    yield from (n for n in model.model_fields if n != model.CHILD_FIELD and n not in model.FROM_NAVSTACK)
     yield from model.RENAMED
     yield from model.NO_EFFECT

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
 
 Severity = Literal["error", "warning", "info"]
@@ -68,13 +68,23 @@ def finding(
     return Finding(severity, rule, at.file, at.line, at.column, key, message, suggestion)
 
 
+_GLOBAL, _LOCAL = "global_costmap", "local_costmap"
+
+
+def _either(text: str) -> str:
+    return text.replace(_LOCAL, _GLOBAL)
+
+
 def in_order(findings: Iterable[Finding]) -> list[Finding]:
     """By file, line and column; each said once.
 
-    A file that is loaded into two namespaces says everything twice: the first key stands for both.
+    A file that is loaded into both costmaps says everything twice: the first key stands for both.
     """
     said: dict[tuple[Any, ...], Finding] = {}
     for f in findings:
-        place = (f.file, f.line, f.column, f.rule, f.message) if f.line else (f.file, f.rule, f.key, f.message)
-        said.setdefault(place, f)
+        place = (f.file, f.line, f.column, f.rule, _either(f.key), _either(f.message))
+        before = said.setdefault(place, f)
+        if before.message != f.message and f"(and {_LOCAL})" not in before.message:
+            both = before.message.replace(_GLOBAL, f"{_GLOBAL} (and {_LOCAL})", 1)
+            said[place] = replace(before, message=both)
     return sorted(said.values(), key=lambda f: (f.file, f.line, f.column, _ORDER[f.severity], f.rule, f.key))

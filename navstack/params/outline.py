@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -80,7 +81,9 @@ def _polygon(leaf: Leaf, value: Any, padding: float, findings: list[Finding]) ->
     return _made(lambda p: Footprint(np.array(points, np.float64), p), padding, leaf, findings)
 
 
-def _made(make: Any, padding: float, leaf: Leaf | None, findings: list[Finding]) -> Outline | None:
+def _made(
+    make: Callable[[float], Footprint], padding: float, leaf: Leaf | None, findings: list[Finding]
+) -> Outline | None:
     try:
         return Outline(make(padding), make(0.0), leaf)
     except InputError as exc:

@@ -36,6 +36,7 @@ class Subject:
     global_planner: Plugin
     local_planner: Plugin
     recoveries: Sequence[Plugin]
+    sim: Any = None
     planner_space: str = ""
     """Namespace of the local planner."""
     global_space: str = ""
@@ -107,12 +108,12 @@ def _get(params: Any, *names: str) -> list[Any] | None:
 
 
 def scoring_scale(s: Subject) -> Iterator[Finding]:
-    """parity 31: weights tuned before 2018 make obstacles 1 / (2 * resolution) times heavier than their authors saw."""
+    """Parity 31: weights tuned before 2018 make obstacles 1 / (2 * resolution) times heavier than their authors saw."""
     params = s.local_planner[2]
     found = _get(params, "path_distance_bias", "goal_distance_bias", "occdist_scale", "sim_time", "max_vel_x")
     if found is None or not hasattr(params, "forward_point_distance"):
         return
-    path, goal, occdist, sim_time, max_vel_x = found
+    _, goal, occdist, sim_time, max_vel_x = found
     resolution = s.costmaps["local_costmap"][0].resolution
     horizon = sim_time * max_vel_x
 
@@ -142,7 +143,6 @@ def scoring_scale(s: Subject) -> Iterator[Finding]:
         f"obstacles outweigh progress, the robot will stop or turn in place in narrow places: {numbers}; {way_out}"
     )
     yield _say(s, "warning", "scoring-scale", s.planner_space, ("occdist_scale",), message, None, params)
-    del path
 
 
 def window_holds_horizon(s: Subject) -> Iterator[Finding]:
@@ -422,11 +422,34 @@ def updates_keep_up(s: Subject) -> Iterator[Finding]:
         yield _say(s, "warning", "updates-too-slow", "local_costmap", ("update_frequency",), message, f"{control:g}")
 
 
+def simulated_sensors_are_heard(s: Subject) -> Iterator[Finding]:
+    """A simulated lidar whose topic no source listens to leaves the simulated robot blind."""
+    lidars = getattr(s.sim, "lidars", None) or {}
+    topics = [lidar.topic for lidar in lidars.values()]
+    sources = [
+        (f"{name}/{layer}/{source}", getattr(p, "topic", "") or source)
+        for name, (_, _, layers) in s.costmaps.items()
+        for layer, _, params in layers
+        for source, p in _sources(params).items()
+    ]
+    if not topics or not sources:
+        return
+    heard = {topic.strip("/") for _, topic in sources}
+    if any(topic.strip("/") in heard for topic in topics):
+        return
+    listed = ", ".join(sorted(heard))
+    message = (
+        f"the simulated robot's lidar publishes on {topics[0]}, but the costmaps listen to {listed}: in simulation the robot "
+        f"sees nothing; set navstack/sim/{next(iter(lidars))}/topic"
+    )
+    yield _say(s, "warning", "simulated-robot-blind", sources[0][0], ("topic",), message)
+
+
 # --- recoveries -------------------------------------------------------------------------------------------------------
 
 
 def recovery_layers_exist(s: Subject) -> Iterator[Finding]:
-    """parity 18: a recovery that clears a layer nobody has clears nothing."""
+    """Parity 18: a recovery that clears a layer nobody has clears nothing."""
     for name, _, params in s.recoveries:
         names = getattr(params, "layer_names", None)
         if not names:
@@ -463,5 +486,6 @@ RULES: tuple[Rule, ...] = (
     base_frames_agree,
     unknown_is_tracked,
     updates_keep_up,
+    simulated_sensors_are_heard,
     recovery_layers_exist,
 )

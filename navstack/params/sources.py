@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from navstack.params.findings import Finding, Location, finding
+from navstack.params.launch import LaunchReader, launch_argument
 from navstack.params.tree import Space, descend, overlay, parts_of, put
-from navstack.params.yaml_reader import DictNode, ListNode, Node, ScalarNode, parse_value, read_yaml
+from navstack.params.yaml_reader import DictNode, ListNode, Node, ScalarNode, parse_value, read_yaml, relocate
 
 Source = str | Path | Mapping[str, Any]
 
@@ -59,6 +60,8 @@ class Sources:
     findings: list[Finding] = field(default_factory=list[Finding])
     files: list[str] = field(default_factory=list[str])
     """Files read, as shown, in order."""
+    arguments: dict[str, str] = field(default_factory=dict[str, str])
+    """For launch files: `name:=value` among the sources."""
 
     def say(self, severity: Any, rule: str, at: Location, message: str, suggestion: str | None = None) -> None:
         """Adds a finding about a source as a whole."""
@@ -68,7 +71,13 @@ class Sources:
 def read_sources(sources: Iterable[Source], overrides: Sequence[str] = ()) -> Sources:
     """Reads everything into one tree, later over earlier, overrides last. Never raises for content."""
     out = Sources()
-    named = list(sources)
+    named: list[Source] = []
+    for source in sources:
+        argument = launch_argument(source) if isinstance(source, str) else None
+        if argument is None:
+            named.append(source)
+        else:
+            out.arguments[argument[0]] = argument[1]
     if not named:
         out.say(
             "error", "no-source", Location("--params"), f"no parameters were named; give a folder, files or {_sets()}"
@@ -132,17 +141,17 @@ def role_of(name: str) -> str | None:
     for role in (_COMMON, _LOCAL, _GLOBAL):
         if any(s in bare for s in _ROLES[role]):
             return role
-    if bare.startswith(("base_local_planner", "dwa_local_planner")):
-        return "local_planner"
+    # a robot's name before or after: p3dx_dwa_local_planner, base_local_planner_holonomic
+    for role in ("local_planner", "global_planner", "move_base"):
+        if any(bare.startswith(f"{s}_") or bare.endswith(f"_{s}") for s in _ROLES[role] if "_" in s):
+            return role
     return None
 
 
 def _read_file(out: Sources, path: Path, shown: str, namespace: str) -> None:
     """A file that the user named."""
     if path.suffix in (".launch", ".xml"):
-        from navstack.params.launch import read_launch
-
-        read_launch(out, path, shown)
+        _read_launch(out, path, shown)
         return
     read = read_yaml(path, shown)
     out.files.append(shown)
@@ -154,6 +163,12 @@ def _read_file(out: Sources, path: Path, shown: str, namespace: str) -> None:
             _load(out, read.root, [costmap])
     else:
         _load_role(out, read.root, role_of(path.name), shown)
+
+
+def _read_launch(out: Sources, path: Path, shown: str) -> None:
+    space = LaunchReader(out.findings, out.files).read(path, shown, out.arguments)
+    if space is not None:
+        overlay(out.root, space.as_node(), out.findings)
 
 
 def _has_costmaps(root: DictNode) -> bool:
@@ -219,7 +234,7 @@ def _read_folder(out: Sources, folder: Path, shown: str, namespace: str) -> None
         else:
             roles.setdefault(role, []).append((path, name))
     _add_inner_folder(out, roles, below, shown)
-    if not roles:
+    if not roles and not (below and len(below) > 1):
         what = "no YAML file" if not found else "no file that move_base loads, by its name"
         message = f"the folder {shown} holds {what}; name the files to load"
         out.say("error", "no-source", Location(shown), message)
@@ -228,16 +243,20 @@ def _read_folder(out: Sources, folder: Path, shown: str, namespace: str) -> None
 
 
 def _add_inner_folder(out: Sources, roles: dict[str, list[tuple[Path, str]]], below: list[Path], shown: str) -> None:
-    """jackal's layout: the costmaps' own files lie in a folder below, of which there may be several to choose from."""
+    """The layout of jackal's: the costmaps' own files lie in a folder below, of which there may be several to choose from."""
     if not below or (_LOCAL in roles and _GLOBAL in roles):
         for folder in below:
             message = f"the folder {shown}/{folder.name} is not loaded; name it to load it as well"
             out.say("info", "not-loaded", Location(f"{shown}/{folder.name}"), message)
         return
     if len(below) > 1:
-        choices = " or ".join(f"{shown} {shown}/{p.name}" for p in below)
-        message = f"the folder {shown} has several folders of parameters; say which: {choices}"
-        out.say("error" if not roles else "warning", "ambiguous", Location(shown), message)
+        choices = " or ".join(f"{shown}/{p.name}" for p in below)
+        also = f" beside {shown}" if roles else ""
+        missing = " and ".join(r for r in (_LOCAL, _GLOBAL) if r not in roles)
+        message = (
+            f"the folder {shown} has {missing} files in several folders; name the one that is meant{also}: {choices}"
+        )
+        out.say("error", "ambiguous", Location(shown), message)
         return
     for path in _yaml_files(below[0]):
         role = role_of(path.name)
@@ -277,7 +296,8 @@ def _one_choice(out: Sources, files: list[tuple[Path, str]], contents: list[Dict
         for j in range(i + 1, len(contents)):
             shared = [k for k in contents[j].items if k in first.items]
             if shared:
-                message = f"{files[i][1]} and {files[j][1]} both set {shared[0]}; name the one that is meant beside the other files"
+                both = f"{files[i][1]} and {files[j][1]} both set {shared[0]}"
+                message = f"{both}; name the one that is meant beside the other files"
                 out.say("error", "ambiguous", Location(shown), message)
                 return False
     return True
@@ -304,20 +324,8 @@ def _override(out: Sources, text: str, number: int) -> None:
         return
     if node is None:
         node = ScalarNode(None, at)
-    _relocate(node, at)
+    relocate(node, at)
     space = out.root
     for name in names[:-1]:
         space = descend(space, name, at, out.findings)
     put(space, names[-1], at, node, out.findings)
-
-
-def _relocate(node: Node, at: Location) -> None:
-    """Everything in an argument stands at the argument."""
-    node.at = at
-    if isinstance(node, ListNode):
-        for item in node.items:
-            _relocate(item, at)
-    elif isinstance(node, DictNode):
-        for key, (_, item) in node.items.items():
-            node.items[key] = (at, item)
-            _relocate(item, at)

@@ -99,6 +99,12 @@ class Space:
         self.children[name] = made
         return made
 
+    def as_node(self) -> DictNode:
+        """The tree as a mapping, with its places."""
+        return DictNode(
+            {k: (c.at, c.node if isinstance(c, Leaf) else c.as_node()) for k, c in self.children.items()}, self.at
+        )
+
     def as_dict(self) -> dict[str, Any]:
         """The tree as plain dictionaries."""
         return {k: (c.value if isinstance(c, Leaf) else c.as_dict()) for k, c in self.children.items()}

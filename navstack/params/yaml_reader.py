@@ -73,6 +73,18 @@ def plain(node: Node) -> Any:
     return {k: plain(n) for k, (_, n) in node.items.items()}
 
 
+def relocate(node: Node, at: Location) -> None:
+    """Everything in an argument or attribute stands where that stands."""
+    node.at = at
+    if isinstance(node, ListNode):
+        for item in node.items:
+            relocate(item, at)
+    elif isinstance(node, DictNode):
+        for key, (_, item) in node.items.items():
+            node.items[key] = (at, item)
+            relocate(item, at)
+
+
 class _Refused(Exception):
     """The file cannot be read: where and why."""
 
@@ -85,6 +97,7 @@ class _Refused(Exception):
 
 _INT, _FLOAT, _BOOL = "tag:yaml.org,2002:int", "tag:yaml.org,2002:float", "tag:yaml.org,2002:bool"
 _NULL, _STR, _MERGE = "tag:yaml.org,2002:null", "tag:yaml.org,2002:str", "tag:yaml.org,2002:merge"
+_TEXTS = frozenset({_STR, "tag:yaml.org,2002:timestamp", "tag:yaml.org,2002:value", "!"})
 _MAP, _SEQ = "tag:yaml.org,2002:map", "tag:yaml.org,2002:seq"
 
 # YAML 1.1 wants a dot in a float; rosparam also reads 1e-3 as the number everybody means
@@ -94,7 +107,7 @@ _RAD = re.compile(r"rad\([^)]*\)\Z")
 
 _RESOLVERS: dict[str | None, list[tuple[str, re.Pattern[str]]]] = yaml.SafeLoader.yaml_implicit_resolvers  # type: ignore[assignment]
 _MAKER: Any = SafeConstructor()
-_OPERATORS: dict[type[ast.AST], Callable[..., float]] = {
+_OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,
@@ -163,9 +176,9 @@ def _resolve(text: str) -> str:
 
 def _make(tag: str, text: str) -> Any:
     """The value of a scalar; raises ValueError when the text is not what the tag says."""
-    if tag == _STR or tag == "tag:yaml.org,2002:timestamp" or tag == "tag:yaml.org,2002:value" or tag == "!":
+    if tag in _TEXTS:
         return text
-    if tag == _INT or tag == _FLOAT:
+    if tag in (_INT, _FLOAT):
         if len(text) > MAX_NUMBER_CHARS:
             raise ValueError(text)
         node = yaml.ScalarNode(tag, text)
@@ -389,7 +402,8 @@ class _Builder:
         else:
             severity, end = "warning", "only the last counts; remove one"
         message = f"{name} is given twice (first on line {first_at.line}), {end}"
-        self.findings.append(finding(severity, "duplicated", at, name, message))
+        path = "/".join([*(o.key[0] for o in self.stack if o.key is not None), name])
+        self.findings.append(finding(severity, "duplicated", at, path, message))
 
 
 @dataclass(frozen=True, slots=True)
@@ -436,6 +450,8 @@ def parse_yaml(text: str, name: str) -> YamlFile:
     if root is not None and not (isinstance(root, ScalarNode) and root.value is None):
         kind = "a list" if isinstance(root, ListNode) else f'only the {_kind(root)} "{_short(root.text)}"'
         message = f"the file holds {kind}, not `name: value` lines, so there is nothing to load"
+        if isinstance(root, ScalarNode) and root.text.endswith((".yaml", ".yml")):
+            message += "; it may have been a symbolic link: name the file it means"
         findings.append(finding("error", "not-a-mapping", root.at, "", message))
     return YamlFile(DictNode({}, at), findings)
 
