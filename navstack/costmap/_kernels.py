@@ -489,57 +489,95 @@ def look_up_map(master, costs, x0, y0, x1, y1, affine, maximum):
 
 
 @kernel
-def inflate(master, x0, y0, x1, y1, radius, profile, below, unknown_from):
+def count_up(lethal_row, counts, radius):
+    """One row further: cells to the nearest lethal cell behind in each column, at most radius + 1. Vectorises."""
+    for x in range(counts.size):
+        further = np.uint8(min(counts[x], radius) + np.uint8(1))
+        counts[x] = np.uint8(0) if lethal_row[x] == np.uint8(254) else further
+
+
+@kernel
+def keep_nearer(a, b, out):
+    """The smaller of both, cell by cell. Vectorises."""
+    for x in range(a.size):
+        out[x] = min(a[x], b[x])
+
+
+@kernel
+def keep_dearer(costs, others):
+    """The larger of both, cell by cell, into `costs`. Vectorises."""
+    for x in range(others.size):
+        costs[x] = max(costs[x], others[x])
+
+
+@kernel
+def raise_costs(row, costs, unknown_from):
+    """The larger of both, into `row`; unknown cells are overwritten from a cost on. `costs` becomes 0. Vectorises."""
+    for x in range(row.size):
+        old, cost = row[x], costs[x]
+        kept = np.uint8(cost if cost >= unknown_from else np.uint8(255))
+        row[x] = kept if old == np.uint8(255) else max(old, cost)
+        costs[x] = np.uint8(0)
+
+
+@kernel
+def inflate(master, x0, y0, x1, y1, radius, ahead, behind, below, unknown_from):
     """Raises the window to the inflation cost of the nearest lethal cell, by its exact Euclidean distance.
 
-    `profile` (radius + 1, width): cost at `row` cells to the side and `column` cells ahead; `below` (>= ny, >= nx) scratch.
-    An unknown cell is overwritten from the cost `unknown_from` on.
+    `ahead` (radius + 1, n): cost at `row` cells across and 1 + `column` cells along, 0 beyond the radius; column n - 1 holds
+    the cost right across. `behind` is `ahead` mirrored. `below` (>= y1 - y0, >= nx) is scratch. An unknown cell is
+    overwritten from the cost `unknown_from` on.
 
-    Rows of the window are taken from the top down. `below` holds how far down the nearest lethal cell of a column is,
-    `above` how far up; the nearer one, `near`, is where that column's own obstacle lies seen from this row. It matters to
-    its neighbours on a side only while the neighbour there is farther from an obstacle, so that few columns have to be
-    spread along the row.
+    Rows of the window are taken from the top down. `below` holds how far down the nearest lethal cell of each column is,
+    `above` how far up, `near` the smaller of both. Seen from this row that is all there is to know of a column, and it
+    matters to the cells on its right only while its right neighbour is farther from an obstacle (the same on the left):
+    few columns have to be spread along the row, and most of the row has nothing near.
     """
     ny, nx = master.shape
     left, right = max(0, x0 - radius), min(nx, x1 + radius)
     bottom, top = max(0, y0 - radius), min(ny, y1 + radius)
     width = right - left
-    far = radius + 1
+    reach = ahead.shape[1] - 1
+    most = np.uint8(radius)
+    far = np.uint8(radius + 1)
     count = np.full(width, far, np.uint8)
     for y in range(bottom, y1):
-        for x in range(width):
-            d = np.uint8(min(count[x] + 1, far))
-            count[x] = 0 if master[y, left + x] == 254 else d
+        count_up(master[y, left:right], count, most)
         if y >= y0:
-            for x in range(width):
-                below[y - y0, x] = count[x]
-    above = np.full(width, far, np.uint8)
-    pad = profile.shape[1]
-    near = np.full(width + 2, far, np.uint8)
-    out = np.zeros(width + 2 * pad + 16, np.uint8)
+            below[y - y0, 0:width] = count
+    # eight cells at a time: one word of `near` says that nothing is near; at least one word of margin on both sides
+    words = (width + 7) // 8 + 2
+    near = np.full(8 * words, far, np.uint8)
+    near_words = near.view(np.uint64)
+    nothing = near_words[0]
+    near_row = near[8 : 8 + width]
+    margin = reach + 8
+    costs = np.zeros(8 * words + 2 * margin, np.uint8)
+    count[:] = far
     for y in range(top - 1, y0 - 1, -1):
-        for x in range(width):
-            d = np.uint8(min(above[x] + 1, far))
-            above[x] = 0 if master[y, left + x] == 254 else d
+        row = master[y, left:right]
+        count_up(row, count, most)
         if y >= y1:
             continue
-        for x in range(width):
-            near[x + 1] = min(above[x], below[y - y0, x])
-        out[:] = 0
-        for x in range(width):
-            d = near[x + 1]
-            if d < far:
-                out[pad + x] = max(out[pad + x], profile[d, 0])
-                if near[x + 2] > d:
-                    for k in range(1, pad):
-                        out[pad + x + k] = max(out[pad + x + k], profile[d, k])
-                if near[x] > d:
-                    for k in range(1, pad):
-                        out[pad + x - k] = max(out[pad + x - k], profile[d, k])
-        for x in range(x0, x1):
-            old, cost = master[y, x], out[pad + x - left]
-            if old == 255:
-                if cost >= unknown_from:
-                    master[y, x] = cost
-            elif cost > old:
-                master[y, x] = cost
+        keep_nearer(count, below[y - y0, 0:width], near_row)
+        first, last = width, -1
+        for word in range(1, words - 1):
+            if near_words[word] == nothing:
+                continue
+            for at in range(8 * word, 8 * word + 8):
+                d = near[at]
+                if d == far:
+                    continue
+                first, last = min(first, at - 8), at - 8
+                here = at - 8 + margin
+                costs[here] = max(costs[here], ahead[d, reach])
+                if near[at + 1] > d:
+                    keep_dearer(costs[here + 1 : here + 1 + reach], ahead[d, 0:reach])
+                if near[at - 1] > d:
+                    keep_dearer(costs[here - reach : here], behind[d, 1 : reach + 1])
+        if last >= 0:
+            first, last = max(x0 - left, first - radius), min(x1 - left, last + radius + 1)
+            if first < last:
+                raise_costs(row[first:last], costs[margin + first : margin + last], unknown_from)
+            # what was spread beyond the window
+            costs[:] = 0

@@ -61,7 +61,8 @@ class InflationLayer(Layer):
         self.inscribed_radius = context.footprint.inscribed_radius
         self.radius_cells = 0
         self._geometry: GridGeometry | None = None
-        self._profile = np.zeros((1, 1), np.uint8)
+        self._ahead = self._behind = np.zeros((1, 1), np.uint8)
+        self._unknown_from = np.uint8(1 if params.inflate_unknown else INSCRIBED)
         self._scratch = np.zeros((1, 1), np.uint8)
         self._margin = 0.0
         self._last = Bounds()
@@ -101,8 +102,9 @@ class InflationLayer(Layer):
         """Raises the costs around every lethal cell in the window or near it."""
         if not self.params.enabled or self.radius_cells == 0:
             return
-        unknown_from = 1 if self.params.inflate_unknown else INSCRIBED
-        _kernels.inflate(master.data, *window, self.radius_cells, self._profile, self._scratch, unknown_from)
+        _kernels.inflate(
+            master.data, *window, self.radius_cells, self._ahead, self._behind, self._scratch, self._unknown_from
+        )
 
     def reset(self, region: Bounds | None = None, *, invert: bool = False) -> int:
         """Inflates everything anew at the next update; it holds nothing to forget."""
@@ -124,8 +126,11 @@ class InflationLayer(Layer):
         cells = max(0, math.ceil(radius / resolution))
         self.radius_cells = min(cells, geometry.nx + geometry.ny, MAX_CELLS)
         self._margin = max(radius, cells * geometry.resolution)
-        offsets = np.arange(self.radius_cells + 1.0)
-        cells_away = np.hypot(offsets[:, None], offsets[None, :])
+        # cost at `row` cells across and 1 .. n cells along, the cost right across last; n in whole vectors of 16 bytes
+        across = np.arange(self.radius_cells + 1.0)
+        along = np.append(np.arange(1.0, 16 * math.ceil(max(self.radius_cells, 1) / 16) + 1.0), 0.0)
+        cells_away = np.hypot(across[:, None], along[None, :])
         costs = inflation_cost(cells_away * resolution, self.inscribed_radius, self.params.cost_scaling_factor)
         costs[cells_away > self.radius_cells] = 0
-        self._profile = np.ascontiguousarray(costs)
+        self._ahead = np.ascontiguousarray(costs)
+        self._behind = np.ascontiguousarray(costs[:, ::-1])
