@@ -67,17 +67,23 @@ def segment_meets_square(x0, y0, x1, y1, left, bottom):
 
 
 @kernel
-def polygon_on_cells(clear, polygon, cx, cy, radius):
+def free_around(squares, ix, iy):
+    """So many cells are free in every direction from the cell, and along both diagonals; -1: it is occupied itself."""
+    return int(min(min(squares[0, iy, ix], squares[1, iy, ix]), min(squares[2, iy, ix], squares[3, iy, ix]))) - 1
+
+
+@kernel
+def polygon_on_cells(squares, polygon, cx, cy, radius):
     """Index iy * nx + ix of an occupied cell that the polygon (n, 2) meets, -1 if there is none. All lengths in cells.
 
     (cx, cy) and `radius` bound the polygon. Exact: a polygon meets a square if one of its edges does or the square's centre
     is inside.
     """
-    ny, nx = clear.shape
+    _, ny, nx = squares.shape
     n = polygon.shape[0]
     # the field at the centre often tells that nothing can be near
     ix, iy = math.floor(cx), math.floor(cy)
-    if 0 <= ix < nx and 0 <= iy < ny and clear[iy, ix] - 1 >= radius:
+    if 0 <= ix < nx and 0 <= iy < ny and free_around(squares, ix, iy) >= radius:
         return -1
     x0, y0 = polygon[0, 0], polygon[0, 1]
     x1, y1 = x0, y0
@@ -91,7 +97,7 @@ def polygon_on_cells(clear, polygon, cx, cy, radius):
     first_y, last_y = math.floor(max(y0, 0.0)), math.floor(min(y1, ny - 1.0))
     for iy in range(first_y, last_y + 1):
         for ix in range(first_x, last_x + 1):
-            if clear[iy, ix] != 0:
+            if squares[0, iy, ix] != 0:
                 continue
             j = n - 1
             for i in range(n):
@@ -133,7 +139,7 @@ def choose_discs(discs, x, y, reach, chosen):
 
 
 @kernel
-def find_contact(clear, grid, discs, chosen, count, footprint, radius, x, y, yaw, placed):
+def find_contact(squares, grid, discs, chosen, count, footprint, radius, x, y, yaw, placed):
     """What the footprint (n, 2) touches at a pose in the map: cell index >= 0, disc -2 - k, or -1 for nothing.
 
     `placed` (n, 2) is scratch.
@@ -147,7 +153,7 @@ def find_contact(clear, grid, discs, chosen, count, footprint, radius, x, y, yaw
     for i in range(n):
         placed[i, 0] = gx + (c * footprint[i, 0] - s * footprint[i, 1]) / resolution
         placed[i, 1] = gy + (s * footprint[i, 0] + c * footprint[i, 1]) / resolution
-    cell = polygon_on_cells(clear, placed, gx, gy, radius / resolution)
+    cell = polygon_on_cells(squares, placed, gx, gy, radius / resolution)
     if cell >= 0:
         return cell
     c, s = math.cos(yaw), math.sin(yaw)
@@ -178,7 +184,7 @@ def wrapped(angle):
 
 
 @kernel
-def drive(state, command, steps, dt, limits, keep, noise, clear, grid, discs, footprint, radius, samples, contacts):
+def drive(state, command, steps, dt, limits, keep, noise, squares, grid, discs, footprint, radius, samples, contacts):
     """Drives `steps` physics steps of `dt` (s) at `command` [vx, vy, wz]; returns the number of new contacts.
 
     `state` (17,) is changed. `limits` = most change of vx, vy, wz in a step; `keep` = share of the velocity error that the
@@ -216,7 +222,7 @@ def drive(state, command, steps, dt, limits, keep, noise, clear, grid, discs, fo
             for part in range(1, parts + 1):
                 f = part / parts
                 hit = find_contact(
-                    clear,
+                    squares,
                     grid,
                     discs,
                     chosen,

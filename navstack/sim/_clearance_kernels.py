@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from navstack.core.jit import kernel
-from navstack.sim._body_kernels import polygon_contains, polygon_to_point, segment_meets_square
+from navstack.sim._body_kernels import free_around, polygon_contains, polygon_to_point, segment_meets_square
 
 
 @kernel
@@ -42,9 +42,9 @@ def outline_to_square(outline, left, bottom):
 
 
 @kernel
-def clearance(clear, grid, discs, outline, x, y, yaw):
-    """Distance (m) from the outline (n, 2) (robot frame, m; n = 1: its position only) at a pose in the map, inf if alone."""
-    ny, nx = clear.shape
+def clearance(squares, grid, discs, outline, x, y, yaw):
+    """Distance (m) from the outline (n, 2) (robot frame, m; n = 1: a point) at a pose in the map, inf if alone."""
+    _, ny, nx = squares.shape
     n = outline.shape[0]
     resolution = grid[3]
     placed = np.empty((n, 2))
@@ -63,7 +63,7 @@ def clearance(clear, grid, discs, outline, x, y, yaw):
     farthest = max(max(abs(ix), abs(nx - 1 - ix)), max(abs(iy), abs(ny - 1 - iy)))
     ring = 0
     if 0 <= ix < nx and 0 <= iy < ny:
-        ring = int(clear[iy, ix])
+        ring = free_around(squares, ix, iy) + 1
     else:
         ring = max(max(-ix, ix - nx + 1), max(-iy, iy - ny + 1))
     while ring <= farthest and ring - 1 - radius < best:
@@ -71,7 +71,7 @@ def clearance(clear, grid, discs, outline, x, y, yaw):
             whole = row == iy - ring or row == iy + ring
             step = 1 if whole else max(2 * ring, 1)
             for column in range(ix - ring, ix + ring + 1, step):
-                if 0 <= column < nx and clear[row, column] == 0:
+                if 0 <= column < nx and squares[0, row, column] == 0:
                     best = min(best, outline_to_square(placed, column, row))
         ring += 1
     best *= resolution

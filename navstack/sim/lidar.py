@@ -41,10 +41,12 @@ class Lidar:
             if p.dropout > 0.0:
                 kept = rng.random(p.beams) >= p.dropout
         ranges = sweep(
-            world.clear,
+            world.squares,
             world.grid,
             world.discs,
-            np.array(eye),
+            eye.x,
+            eye.y,
+            eye.yaw,
             self._beams,
             p.angle_min,
             p.angle_increment,

@@ -124,7 +124,10 @@ class SimulatedRobot:
         self._next_scan = [0] * len(self._lidars)
         # (lidar, index, step, true pose of the base) of the scans nobody has fetched yet
         self._pending: list[tuple[int, int, int, Pose2D]] = []
-        self._publish(0, self.pose, odometry)
+        self._scan_due: float = 0
+        self.frames.set(odom_frame, base_frame, Transform2D(*odometry), 0.0)
+        if self._drifts:
+            self.frames.set(map_frame, odom_frame, offset, 0.0)
         self._take_scans(0, self.pose)
 
     # --- time ---------------------------------------------------------------------------------------------------------
@@ -178,7 +181,7 @@ class SimulatedRobot:
             self._limits,
             self._lag_keeps,
             self._noise(steps) if self._noisy else _NO_NOISE,
-            self.world.clear,
+            self.world.squares,
             self.world.grid,
             self.world.discs,
             self.footprint.vertices,
@@ -248,24 +251,31 @@ class SimulatedRobot:
     # --- publishing ---------------------------------------------------------------------------------------------------
 
     def _observe(self, first: int, last: int) -> None:
-        """Publishes frames and takes the scans of the steps in (first, last]."""
-        samples = self._samples[: last - first].tolist()
-        for step, (x, y, yaw, ox, oy, oyaw, *_) in enumerate(samples, first + 1):
-            self._publish(step, Pose2D(x, y, yaw), Pose2D(ox, oy, oyaw))
-            self._take_scans(step, Pose2D(x, y, yaw))
-
-    def _publish(self, step: int, truth: Pose2D, odometry: Pose2D) -> None:
-        stamp = step / self._frequency
-        moved = Transform2D(*odometry)
-        self.frames.set(self.odom_frame, self.base_frame, moved, stamp)
-        if self._drifts:
-            self.frames.set(self.map_frame, self.odom_frame, Transform2D(*truth) @ moved.inverse(), stamp)
+        """Publishes the frames and takes the scans of the steps in (first, last]."""
+        frequency = self._frequency
+        for step, row in enumerate(self._samples[: last - first].tolist(), first + 1):
+            moved = Transform2D(row[3], row[4], row[5])
+            self.frames.set(self.odom_frame, self.base_frame, moved, step / frequency)
+            if self._drifts:
+                drifted = Transform2D(row[0], row[1], row[2]) @ moved.inverse()
+                self.frames.set(self.map_frame, self.odom_frame, drifted, step / frequency)
+            if step >= self._scan_due:
+                self._take_scans(step, Pose2D(row[0], row[1], row[2]))
 
     def _take_scans(self, step: int, pose: Pose2D) -> None:
+        """Notes the scans that are due at `step`, and when the next one will be."""
         for number, lidar in enumerate(self._lidars):
             index = self._next_scan[number]
-            # a scan is taken at the first step that is not before its time
-            if step >= index * self._frequency / lidar.params.frequency - 1e-6:
+            if self._scan_step(lidar, index) <= step:
                 self._pending.append((number, index, step, pose))
-                due = math.floor(step * lidar.params.frequency / self._frequency + 1e-6)
-                self._next_scan[number] = max(index, due) + 1
+                self._next_scan[number] = (
+                    max(index, math.floor(step * lidar.params.frequency / self._frequency + 1e-6)) + 1
+                )
+        self._scan_due = min(
+            (self._scan_step(lidar, index) for lidar, index in zip(self._lidars, self._next_scan, strict=True)),
+            default=math.inf,
+        )
+
+    def _scan_step(self, lidar: Lidar, index: int) -> int:
+        """The first physics step that is not before the time of that scan."""
+        return math.ceil(index * self._frequency / lidar.params.frequency - 1e-6)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +11,14 @@ from numpy.typing import NDArray
 from navstack.core import Footprint, GridGeometry, OccupancyGrid, Pose2D
 from navstack.core.errors import InputError
 from navstack.sim import _body_kernels as body
-from navstack.sim import _clearance_kernels as kernels
+from navstack.sim._clearance_kernels import clearance
+from navstack.sim._lidar_kernels import free_squares
 
 OCCUPIED = 100
 """A cell of a map is a wall from this value on: what the static layer takes as lethal by default."""
+
+_POINT = np.zeros((1, 2))
+_POINT.setflags(write=False)
 
 
 class World:
@@ -40,8 +43,8 @@ class World:
             [geometry.origin_x, geometry.origin_y, self.map.origin_yaw, geometry.resolution]
         )
         """[origin x, origin y, origin yaw, resolution] for the kernels."""
-        self.clear: NDArray[np.uint8] = _clear_squares(self.map.data >= OCCUPIED)
-        """(ny, nx): 0 = occupied, else c: the square of 2c-1 cells around the cell is free."""
+        self.squares: NDArray[np.uint8] = free_squares(self.map.data >= OCCUPIED)
+        """(4, ny, nx): the free squares of every cell, one in each quadrant; 0 = occupied."""
         self._discs = _checked_discs(discs)
 
     @property
@@ -66,7 +69,7 @@ class World:
         """What the outline at `pose` meets: ("map", iy * nx + ix, x, y) or ("disc", index, x, y) with its centre (m)."""
         hit = int(
             body.find_contact(
-                self.clear,
+                self.squares,
                 self.grid,
                 self._discs,
                 np.arange(len(self._discs)),
@@ -97,24 +100,14 @@ class World:
 
         inf when there is no obstacle at all.
         """
-        outline = np.zeros((1, 2)) if footprint is None else footprint.vertices
-        return float(kernels.clearance(self.clear, self.grid, self._discs, outline, pose.x, pose.y, pose.yaw))
+        outline = _POINT if footprint is None else footprint.vertices
+        return float(clearance(self.squares, self.grid, self._discs, outline, pose.x, pose.y, pose.yaw))
 
     def _cells(self, x: float, y: float) -> tuple[float, float]:
         geometry = self.map.geometry
         c, s = math.cos(self.map.origin_yaw), math.sin(self.map.origin_yaw)
         dx, dy = x - geometry.origin_x, y - geometry.origin_y
         return (c * dx + s * dy) / geometry.resolution, (c * dy - s * dx) / geometry.resolution
-
-
-def _clear_squares(occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Chessboard distance to the nearest occupied cell, at most 255."""
-    if not occupied.any():
-        return np.full(occupied.shape, 255, np.uint8)
-    from scipy.ndimage import distance_transform_cdt
-
-    distance = cast("NDArray[np.int32]", distance_transform_cdt(~occupied, metric="chessboard"))
-    return np.minimum(distance, 255).astype(np.uint8)
 
 
 def _checked_discs(discs: NDArray[np.float64] | Sequence[Sequence[float]]) -> NDArray[np.float64]:
