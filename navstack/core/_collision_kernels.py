@@ -110,7 +110,7 @@ def turn_cost(costs, origin_x, origin_y, resolution, vertices, x, y, yaw, arc, s
     highest = 0
     size = abs(arc)
     sign = 1.0 if arc >= 0.0 else -1.0
-    n = int(math.ceil(size / step - 1e-9)) + 1
+    n = math.ceil(size / step - 1e-9) + 1
     for k in range(n):
         turned = min(k * step, size)
         cost = outline_cost(costs, origin_x, origin_y, resolution, vertices, x, y, yaw + sign * turned, interior)

@@ -1,5 +1,6 @@
 """The goal manager: goal states, action server, state machine, MoveBase."""
 
+from navstack.move_base.action_client import CommState, SimpleActionClient
 from navstack.move_base.action_server import SimpleActionServer
 from navstack.move_base.goal import Goal, GoalHandle, GoalResult
 from navstack.move_base.goal_status import GoalStatus
@@ -9,6 +10,7 @@ from navstack.move_base.planning import InlinePlanning, PlanAnswer, Planning
 from navstack.move_base.state_machine import Mode, Trigger
 
 __all__ = [
+    "CommState",
     "Feedback",
     "Goal",
     "GoalHandle",
@@ -20,6 +22,7 @@ __all__ = [
     "MoveBaseParams",
     "PlanAnswer",
     "Planning",
+    "SimpleActionClient",
     "SimpleActionServer",
     "Trigger",
     "Turn",

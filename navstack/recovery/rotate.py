@@ -29,6 +29,14 @@ class RotateRecoveryParams(ParamModel):
 
     sim_granularity: float = param(0.017, "angle between two checks for collision", unit="rad", gt=0.0)
     frequency: float = param(20.0, "commands per second", unit="Hz", gt=0.0)
+    max_rotational_vel: float = param(
+        1.0,
+        "highest turning speed of the behaviour, below the local planner's own limit: a turn that is to show the sensors "
+        "everything has no hurry (name and value as Nav2's spin)",
+        unit="rad/s",
+        gt=0.0,
+        ros_differs="ROS has no such parameter and takes TrajectoryPlannerROS/max_vel_theta, 1.0 by default",
+    )
 
 
 @RECOVERY_BEHAVIORS.register("rotate_recovery", aliases=("rotate_recovery/RotateRecovery",))
@@ -88,7 +96,8 @@ class RotateRecovery(RecoveryBehavior):
                 collision_after_rad=at,
             )
         # faster than half a turn per step could not be followed
-        fastest = min(limits.max_vel_theta, 0.5 * math.pi * self.params.frequency)
+        p = self.params
+        fastest = min(limits.max_vel_theta, p.max_rotational_vel, 0.5 * math.pi * p.frequency)
         slowest = min(abs(limits.min_vel_theta), fastest)
         speed = min(max(math.sqrt(2.0 * limits.acc_lim_theta * left), slowest), fastest)
         text = "Rotate recovery behavior started." if first else ""
