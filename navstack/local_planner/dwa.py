@@ -386,8 +386,12 @@ class DWAPlanner(LocalPlanner):
         )
 
     def explain(self, inputs: ControlInput) -> dict[str, Any]:
-        """Of the last search: `poses` (K, T, 3), `counts` (K,), `commands` (K, 3), `first_contact` (K,), `grids` by critic."""
+        """What `explain_last` says, of the last search whatever `inputs` are."""
         del inputs
+        return self.explain_last()
+
+    def explain_last(self) -> dict[str, Any]:
+        """Of the last search: `poses` (K, T, 3), `counts` (K,), `commands` (K, 3), `first_contact` (K,), `grids` by critic."""
         if self._last is None:
             return {}
         _, rollouts = self._last

@@ -140,8 +140,14 @@ def main() -> None:
         json.dump(rows, sys.stdout, indent=1)
         return
     for row in rows:
-        against = f"  {row['times_cpp']:5.2f} x C++  (calibration {row['calibration_ms']:.1f} ms)" if "times_cpp" in row else ""
-        print(f"{row['case']:14s} {row['samples']:4d} samples  median {row['median_ms']:.3f} ms  best {row['best_ms']:.3f} ms{against}")
+        against = (
+            f"  {row['times_cpp']:5.2f} x C++  (calibration {row['calibration_ms']:.1f} ms)"
+            if "times_cpp" in row
+            else ""
+        )
+        print(
+            f"{row['case']:14s} {row['samples']:4d} samples  median {row['median_ms']:.3f} ms  best {row['best_ms']:.3f} ms{against}"
+        )
 
 
 if __name__ == "__main__":

@@ -39,7 +39,8 @@ class ObstacleCritic(Critic):
         self._scale = params.occdist_scale
         self._context: ScoringContext | None = None
         self._rows = np.empty((0, 0), np.uint8)
-        self._bound = np.empty((0, 0), np.uint8)
+        self._bounds = np.empty((2, 0, 0), np.uint8)
+        self._cells = np.empty(0, np.int32)
         self._out = np.empty(0)
         self.first_contact: NDArray[np.int64] = np.empty(0, np.int64)
         """(K,) index of the first point that collides, -1 without; of the last call of `score`."""
@@ -56,16 +57,19 @@ class ObstacleCritic(Critic):
         self._scale = obstacle_scale(p.occdist_scale, context.costmap.geometry.resolution, p.ros_distro)
         if self._rows.shape != context.costmap.data.shape:
             self._rows = np.empty_like(context.costmap.data)
-            self._bound = np.empty_like(context.costmap.data)
+            self._bounds = np.empty((2, *context.costmap.data.shape), np.uint8)
 
     def score(self, rollouts: Rollouts, alive: NDArray[np.bool_]) -> NDArray[np.float64]:
         """(K,) costs in 0..253, or -6."""
         context = self._context
         if context is None:
             raise RuntimeError("prepare was not called")
-        if len(self._out) != len(rollouts.counts):
-            self._out = np.empty(len(rollouts.counts))
-            self.first_contact = np.empty(len(rollouts.counts), np.int64)
+        k, t = rollouts.poses.shape[:2]
+        if len(self._out) != k:
+            self._out = np.empty(k)
+            self.first_contact = np.empty(k, np.int64)
+        if len(self._cells) < k * t:
+            self._cells = np.empty(k * t, np.int32)
         g = context.costmap.geometry
         p = self.params
         obstacle_scores(
@@ -84,7 +88,8 @@ class ObstacleCritic(Critic):
             p.max_scaling_factor,
             p.sum_scores,
             self._rows,
-            self._bound,
+            self._bounds,
+            self._cells[: k * t].reshape(k, t),
             self._out,
             self.first_contact,
         )
