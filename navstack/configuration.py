@@ -5,8 +5,8 @@ Every key is accounted for. What stops is an error; all of them are reported at 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, Generic, Literal, NamedTuple, TypeVar
 
 from navstack.core import Footprint
@@ -16,13 +16,14 @@ from navstack.costmap.params import CostmapParams
 from navstack.interfaces import GlobalPlanner, Layer, LocalPlanner, RecoveryBehavior
 from navstack.move_base.params import MoveBaseParams, builtin_recoveries
 from navstack.params import Finding, Leaf, Location, Space, read_sources
-from navstack.params.accounts import Accountant, Catalogue
+from navstack.params.accounts import Accountant, Catalogue, nearest
 from navstack.params.binding import Binder
 from navstack.params.findings import finding, in_order
-from navstack.params.outline import Outline, outline_of
+from navstack.params.outline import outline_of
 from navstack.params.pre_hydro import convert_pre_hydro
 from navstack.params.rules import Subject, check_rules
-from navstack.params.sources import COSTMAPS, Source
+from navstack.params.sources import Source
+from navstack.params.tree import COSTMAPS
 from navstack.params.yaml_reader import DictNode, ListNode, Node, ScalarNode
 from navstack.plugins import (
     CRITICS,
@@ -30,6 +31,7 @@ from navstack.plugins import (
     LAYERS,
     LOCAL_PLANNERS,
     RECOVERY_BEHAVIORS,
+    REGISTRIES,
     PluginEntry,
     Registry,
     normalize,
@@ -190,8 +192,6 @@ class _Assembly:
         findings = in_order(self.findings)
         if configuration is None:
             return None, findings
-        from dataclasses import replace
-
         return replace(configuration, findings=tuple(findings)), findings
 
     def say(
@@ -200,12 +200,15 @@ class _Assembly:
         self.findings.append(finding(severity, rule, at, key, message, suggestion))
 
     def _configuration(self) -> Configuration | None:
+        if not self.root.children and any(f.severity == "error" for f in self.findings):
+            return None  # nothing was loaded: the rest would only say so many times over
         navstack = self._navstack()
         self.binder.navstack = {"ros_distro": navstack.ros_distro if navstack else "noetic"}
         for name in COSTMAPS:
-            space = self.root.space(name)
-            if space is None:
-                space = self.root.ensure(name, Location(self.files[0] if self.files else ""))
+            space = self.binder.child(self.root, name)
+            if self.root.children.get(name) is not space:
+                space.at = Location(self.files[0] if self.files else "")
+                self.root.children[name] = space
             convert_pre_hydro(space, self.findings)
         global_costmap = self._costmap("global_costmap")
         local_costmap = self._costmap("local_costmap")
@@ -215,20 +218,27 @@ class _Assembly:
         recoveries = self._recoveries(move_base, local_costmap)
         self._check_planners_not_in_use()
         made = None
-        if move_base and navstack and global_costmap and local_costmap and global_planner and local_planner:
-            if recoveries is not None:
-                made = Configuration(
-                    move_base,
-                    global_costmap,
-                    local_costmap,
-                    global_planner,
-                    local_planner,
-                    recoveries,
-                    navstack,
-                    (),
-                    self.root,
-                )
-                self.findings += check_rules(_subject(made))
+        if not (
+            move_base is None
+            or navstack is None
+            or global_costmap is None
+            or local_costmap is None
+            or global_planner is None
+            or local_planner is None
+            or recoveries is None
+        ):
+            made = Configuration(
+                move_base=move_base,
+                global_costmap=global_costmap,
+                local_costmap=local_costmap,
+                global_planner=global_planner,
+                local_planner=local_planner,
+                recoveries=recoveries,
+                navstack=navstack,
+                findings=(),
+                tree=self.root,
+            )
+            self.findings += check_rules(_subject(made))
         self.findings += Accountant(self.root, self.binder, self._catalogue()).settle()
         return made
 
@@ -350,13 +360,15 @@ class _Assembly:
     def _plugin(self, registry: Registry[T], spec: _Spec) -> PluginEntry[T] | None:
         try:
             return registry.get(spec.type)
-        except UnknownPluginError as exc:
+        except UnknownPluginError:
             known = ", ".join(_ros_name(e) for e in registry)
-            close = registry.suggest(spec.type)
+            other = next((r.kind for r in REGISTRIES if spec.type in r), None)
+            close = _meant(registry, spec.type) if other is None else None
             hint = f'did you mean "{close}"? ' if close else ""
-            message = f'there is no {registry.kind} "{spec.type}" here; {hint}known: {known}'
-            self.say("error", "unknown-plugin", spec.at, spec.key, message, close)
-            del exc
+            what = f'there is no {registry.kind} "{spec.type}" here'
+            if other is not None:
+                what = f'"{spec.type}" is a {other}, not a {registry.kind}'
+            self.say("error", "unknown-plugin", spec.at, spec.key, f"{what}; {hint}known: {known}", close)
             return None
 
     def _plugin_list(self, space: Space, key: str) -> list[_Spec] | None:
@@ -445,6 +457,7 @@ class _Assembly:
                 catalogue.layers.setdefault(name, []).append(entry.cls.Params)
             catalogue.learn(layer_names(entry)[0], entry.cls.Params)
         for entry in RECOVERY_BEHAVIORS:
+            catalogue.recoveries.append(entry.cls.Params)
             catalogue.learn(entry.name, entry.cls.Params)
         catalogue.learn("navstack", NavstackParams)
         catalogue.learn("navstack/sim", SimParams)
@@ -476,6 +489,13 @@ def _fixed_list(key: str, specs: Sequence[_Spec] | None) -> dict[str, Any]:
 
 def _ros_name(entry: PluginEntry[Any]) -> str:
     return next((a for a in entry.aliases if "/" in a), entry.name)
+
+
+def _meant(registry: Registry[Any], written: str) -> str | None:
+    """The ROS name that a misspelt one means."""
+    names = {n: _ros_name(e) for e in registry for n in (e.name, *(_short(a) for a in e.aliases))}
+    close = nearest(_short(written), names, cutoff=0.75)
+    return names[close] if close else None
 
 
 def node_is_none(node: Node) -> bool:
@@ -510,16 +530,10 @@ def _subject(configuration: Configuration) -> Subject:
     )
 
 
-def errors_among(findings: Iterable[Finding]) -> list[Finding]:
-    """Those that stop."""
-    return [f for f in findings if f.severity == "error"]
-
-
 __all__ = [
     "Configuration",
     "CostmapConfiguration",
     "NavstackParams",
-    "Outline",
     "PluginChoice",
     "check_parameters",
     "choose_global_planner",

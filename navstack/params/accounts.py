@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 from navstack.core.parameters import ParamModel
 from navstack.params.binding import Binder, iter_names, show
 from navstack.params.findings import Finding, Location, finding
-from navstack.params.tree import Leaf, Space
+from navstack.params.tree import COSTMAPS, Leaf, Space
+
+_FAR = 2
 
 FOREIGN = {
     "TrajectoryPlannerROS": "base_local_planner",
@@ -53,6 +55,10 @@ FOREIGN_NAMES = {
 """Parameters of planners that exist elsewhere, as they turn up in other components' namespaces."""
 
 
+GONE = {"planner_costmap_publish_frequency": "navfn and global_planner read it before 2014"}
+"""Parameters of former releases that nothing reads any more, and why they are still written."""
+
+
 @dataclass(slots=True)
 class Catalogue:
     """What may stand where."""
@@ -61,12 +67,16 @@ class Catalogue:
     """Namespace of every registered planner -> its model."""
     layers: dict[str, list[type[ParamModel]]] = field(default_factory=dict[str, list[type[ParamModel]]])
     """Registered layer types by their usual instance name, for namespaces that no costmap lists."""
+    recoveries: list[type[ParamModel]] = field(default_factory=list[type[ParamModel]])
+    """Models of the registered recovery behaviours."""
     home: dict[str, list[str]] = field(default_factory=dict[str, list[str]])
     """Parameter name -> the namespaces where it is read, as a user would write them."""
 
     def learn(self, namespace: str, model: type[ParamModel]) -> None:
         """`model`'s names are read in `namespace`."""
         for name in iter_names(model):
+            if name in model.NO_EFFECT:
+                continue
             places = self.home.setdefault(name, [])
             if namespace not in places:
                 places.append(namespace)
@@ -146,13 +156,15 @@ class Accountant:
             return  # a namespace without a parameter
         close = nearest(name, [n for m in models for n in iter_names(m)])
         elsewhere = [p for p in self.catalogue.home.get(name, []) if p != where]
-        if elsewhere:
-            self._elsewhere(space, leaf, elsewhere)
+        if elsewhere and self._elsewhere(space, leaf, elsewhere):
             return
         if close is not None:
             new = next((m.RENAMED[close] for m in models if close in m.RENAMED), close)
             message = f"{where} has no parameter {name}, so {show(leaf.value)} has no effect; did you mean {new}?"
             self.say("warning", "unknown", leaf, message, new)
+            return
+        if name in GONE:
+            self.say("info", "no-effect", leaf, f"{name} in {where} has no effect: {GONE[name]}")
             return
         package = next((p for p, names in FOREIGN_NAMES.items() if name in names), None)
         if package is not None:
@@ -168,28 +180,56 @@ class Accountant:
         message = f"{where} has no parameter {name}, so {show(leaf.value)} has no effect, in ROS as here; remove it"
         self.say("warning", "unknown", leaf, message)
 
-    def _elsewhere(self, space: Space, leaf: Leaf, places: Sequence[str]) -> None:
-        where = space.name or "move_base"
-        near = sorted(places, key=lambda p: (not self._beside(space, p), places.index(p)))
-        to = near[0] if near[0] == "move_base" else f"{near[0]}/{leaf.name}"
-        if near[0] == "move_base":
-            message = (
-                f"{leaf.name} under {where} has no effect; it stands at the root, beside {space.path.partition('/')[0]}"
-            )
-            self.say("warning", "elsewhere", leaf, message, leaf.name)
-            return
-        below = space.space(near[0])
-        same = below.leaf(leaf.name) if below is not None else None
-        if same is not None and same.value == leaf.value:
-            message = f"{leaf.name} under {where} has no effect; {near[0]} there has the same value; remove this one"
+    def _elsewhere(self, space: Space, leaf: Leaf, places: Sequence[str]) -> bool:
+        """Says where a parameter of that name is read; False when that would not help."""
+        name, where = leaf.name, space.name or "move_base"
+        near = sorted(places, key=lambda p: (self._distance(space, p), places.index(p)))
+        first = near[0]
+        if space.name in COSTMAPS and first in self.catalogue.layers and space.space(first) is None:
+            readers = [c.name for c in space.children.values() if isinstance(c, Space) and self._reads(c, name)]
+            if not readers:
+                message = f"no layer of {where} reads {name}, so it has no effect; remove it"
+                self.say("warning", "elsewhere", leaf, message)
+                return True
+            first = readers[0]
+        if self._distance(space, first) > _FAR and len(places) > 2:
+            return False
+        if first == "move_base":
+            beside = space.path.partition("/")[0]
+            message = f"{name} under {where} has no effect; it stands at the root, beside {beside}"
+            self.say("warning", "elsewhere", leaf, message, name)
+            return True
+        there = space.space(first) or (space.parent.space(first) if space.parent is not None else None)
+        same = there.leaf(name) if there is not None else None
+        if there is not None and same is not None and same.value == leaf.value:
+            message = f"{name} under {where} has no effect; {first} has the same value, which counts; remove this one"
             self.say("info", "elsewhere", leaf, message)
-            return
-        message = f"{leaf.name} under {where} has no effect; did you mean {to}?"
-        self.say("warning", "elsewhere", leaf, message, to)
+            return True
+        if there is not None and self.models.get(there.path) and not self._reads(there, name):
+            message = f"{name} under {where} has no effect: {first} is here of a type that does not read it; remove it"
+            self.say("warning", "elsewhere", leaf, message)
+            return True
+        to = f"{first}/{name}"
+        if first in COSTMAPS and all(c in places for c in COSTMAPS):
+            to = " and ".join(f"{c}/{name}" for c in COSTMAPS)
+        self.say("warning", "elsewhere", leaf, f"{name} under {where} has no effect; did you mean {to}?", to)
+        return True
 
-    def _beside(self, space: Space, place: str) -> bool:
+    def _reads(self, space: Space, name: str) -> bool:
+        """True when a component takes a parameter of that name from there."""
+        return any(name in iter_names(m) and name not in m.NO_EFFECT for m in self.models.get(space.path, []))
+
+    @staticmethod
+    def _distance(space: Space, place: str) -> int:
+        """How far a user would have to move a parameter: below, up, beside, farther."""
         parent = space.parent
-        return place in space.children or (parent is not None and place in parent.children)
+        if place in space.children:
+            return 0
+        if parent is not None and place in (parent.name or "move_base", "move_base"):
+            return 1
+        if parent is not None and place in parent.children:
+            return _FAR
+        return _FAR + 1
 
     # --- one namespace ----------------------------------------------------------------------------------------------
 
@@ -202,7 +242,7 @@ class Accountant:
             self.say_at("info", "not-in-use", space.at, space.path, message)
             return
         layers = self.catalogue.layers.get(name)
-        if layers is not None and parent.name in ("global_costmap", "local_costmap"):
+        if layers is not None and parent.name in COSTMAPS:
             message = (
                 f"{name} is not among the `plugins` of {where}, so its parameters have no effect; list it or remove it"
             )
@@ -215,7 +255,7 @@ class Accountant:
             return
         known: dict[str, type[ParamModel] | None] = dict.fromkeys(places)
         if not parent.path:
-            known |= dict.fromkeys(("global_costmap", "local_costmap", "navstack", *FOREIGN))
+            known |= dict.fromkeys((*COSTMAPS, "navstack", *FOREIGN))
             known |= self.catalogue.planners
         model = known.get(name)
         close = nearest(name, known, cutoff=0.7)
@@ -227,6 +267,13 @@ class Accountant:
                 self._names_only(space, [model])
             return
         leaves = list(space.leaves())
+        recovery = {n for m in self.catalogue.recoveries for n in iter_names(m)}
+        if not parent.path and all(leaf.name in recovery for leaf in leaves):
+            message = (
+                f"{name} is not among the recovery_behaviors, so its parameters have no effect; list it or remove it"
+            )
+            self.say_at("warning", "recovery-not-listed", space.at, space.path, message)
+            return
         message = f"{where} has no namespace {name}; the {len(leaves)} parameters under it have no effect"
         if len(leaves) == 1:
             message = f"{where} has no namespace {name}; the parameter {leaves[0].name} under it has no effect"
@@ -249,9 +296,3 @@ class Accountant:
         self, severity: str, rule: str, at: Location, key: str, message: str, suggestion: str | None = None
     ) -> None:
         self.findings.append(finding(severity, rule, at, key, message, suggestion))  # type: ignore[arg-type]
-
-
-def learn_all(catalogue: Catalogue, models: Mapping[str, type[ParamModel]]) -> None:
-    """Adds several namespaces to a catalogue."""
-    for namespace, model in models.items():
-        catalogue.learn(namespace, model)

@@ -114,8 +114,9 @@ class Binder:
         if isinstance(found, Space):
             return found
         if found is not None:
-            found.used = True
-            if found.value is not None:
+            read = any(name in iter_names(m) for s, m in self.bound if s is parent)
+            found.used = found.used or not read
+            if found.value is not None and not read:
                 message = (
                     f"{name} is a namespace of parameters, not {show(found.value)}; write the parameters indented below "
                     f"`{name}:`"

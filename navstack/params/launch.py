@@ -418,6 +418,8 @@ def _candidates(launch: Path, package: str, rest: list[str]) -> Iterator[Path]:
     for folder in folders:
         yield folder.joinpath(package, *rest)
         yield folder.joinpath(*rest)
+    # exported flat: package__launch__include__move_base.launch
+    yield folders[0] / "__".join([package, *rest])
     for skipped in range(1, len(rest)):
         for folder in folders[: FOLDERS_UP - 2]:
             yield folder.joinpath(package, *rest[skipped:])

@@ -12,12 +12,11 @@ from typing import Any
 
 from navstack.params.findings import Finding, Location, finding
 from navstack.params.launch import LaunchReader, launch_argument
-from navstack.params.tree import Space, descend, overlay, parts_of, put
+from navstack.params.tree import COSTMAPS, Space, descend, overlay, parts_of, put
 from navstack.params.yaml_reader import DictNode, ListNode, Node, ScalarNode, parse_value, read_yaml, relocate
 
 Source = str | Path | Mapping[str, Any]
 
-COSTMAPS = ("global_costmap", "local_costmap")
 NODE_NAMES = ("move_base", "move_base_node")
 """Names under which move_base runs: a dump of the parameter server has everything below one of them."""
 

@@ -8,6 +8,9 @@ from typing import Any
 from navstack.params.findings import Finding, Location, finding
 from navstack.params.yaml_reader import DictNode, Node, plain
 
+COSTMAPS = ("global_costmap", "local_costmap")
+"""The namespaces of move_base's two costmaps."""
+
 
 class Leaf:
     """A parameter: a value that is no namespace."""
