@@ -86,15 +86,15 @@ def save(figure: Any, path: Path, dpi: float) -> Path:
 # --- the area of interest ---------------------------------------------------------------------------------------------
 
 
-def area_of(points: Sequence[NDArray[np.float64]], margin: float) -> Bounds:
-    """The box around points (n, 2+) in metres, grown by `margin` and to a shape that makes a picture."""
+def area_of(points: Sequence[NDArray[np.float64]]) -> Bounds:
+    """The box around points (n, 2+), metres, as far as they are finite."""
     area = Bounds()
     for part in points:
         finite = part[np.isfinite(part[:, :2]).all(axis=1)]
         if len(finite):
             (x0, y0), (x1, y1) = finite[:, :2].min(axis=0), finite[:, :2].max(axis=0)
             area = area.union(Bounds(float(x0), float(y0), float(x1), float(y1)))
-    return area if area.is_empty else shaped(area.grown(margin))
+    return area
 
 
 def shaped(area: Bounds, widest: float = 2.5, tallest: float = 1.4, least: float = 3.0) -> Bounds:

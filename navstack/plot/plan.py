@@ -38,10 +38,9 @@ def plot_plan(
     out = Path(path)
     canvas.check_format(out)
     named = {"plan": plans} if isinstance(plans, Plan) else dict(plans)
-    area = canvas.area_of(
-        [np.array([start, goal]), *(plan.path.poses for plan in named.values())],
-        margin=_margin(np.array([start, goal])),
-    )
+    ends = np.array([start, goal])
+    area = canvas.area_of([ends, *(plan.path.poses for plan in named.values())])
+    area = canvas.area_of_grid(costmap.geometry) if area.is_empty else canvas.shaped(area.grown(_margin(ends)))
     g = costmap.geometry
     with canvas.style():
         picture = canvas.Picture(
@@ -72,8 +71,8 @@ def plot_plan(
         if footprint is not None:
             for pose in (start, goal):
                 canvas.draw_footprint(axes, footprint, pose)
-        ends = [canvas.Mark(start, "S", colors.START), canvas.Mark(goal, "G", colors.GOAL)]
-        canvas.draw_marks(axes, ends, picture.points_per_m)
+        marks = [canvas.Mark(start, "S", colors.START), canvas.Mark(goal, "G", colors.GOAL)]
+        canvas.draw_marks(axes, marks, picture.points_per_m)
         handles += [canvas.disc(colors.START), canvas.disc(colors.GOAL)]
         labels += ["start", "goal"]
         moved = next((plan for plan in named.values() if plan.goal_moved_m > 0.0), None)

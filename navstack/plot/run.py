@@ -87,13 +87,14 @@ def circumstances(record: Record) -> str:
 # --- parts that the animation uses as well ----------------------------------------------------------------------------
 
 
-def area_of_run(record: Record, margin: float = 1.0) -> Bounds:
-    """Where things happened: start, goals, driven path, plans and contacts, with a margin (m)."""
+def area_of_run(record: Record) -> Bounds:
+    """Where things happened: start, goals, driven path, plans and contacts, with a margin for robot and arrows."""
     parts: list[NDArray[np.float64]] = [record.poses, record.goals, record.collisions]
     parts += [_global_poses(record, plan.poses, plan.frame, plan.t) for plan in record.plans]
-    area = canvas.area_of(parts, margin + record.footprint.circumscribed_radius)
+    area = canvas.area_of(parts)
     if not area.is_empty:
-        return area
+        extent = max(area.max_x - area.min_x, area.max_y - area.min_y)
+        return canvas.shaped(area.grown(max(1.0, 0.07 * extent) + record.footprint.circumscribed_radius))
     if record.map is not None:
         return canvas.shaped(canvas.area_of_grid(record.map.geometry))
     return Bounds(-3.0, -3.0, 3.0, 3.0)

@@ -1,0 +1,61 @@
+"""The same run gives the same file byte for byte: twice, in another process, with another hash seed."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from tests.record import synthetic
+
+ROOT = Path(__file__).resolve().parents[2]
+CODE = (
+    "import sys; from pathlib import Path; from tests.record import synthetic; "
+    "synthetic.record_run(8.0).save(Path(sys.argv[1]))"
+)
+
+
+def digests(folder: Path) -> dict[str, str]:
+    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(folder.iterdir())}
+
+
+@pytest.fixture(scope="module")
+def here(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("run")
+    synthetic.record_run(8.0).save(folder)
+    return folder
+
+
+def test_twice(here, tmp_path):
+    synthetic.record_run(8.0).save(tmp_path)
+    assert digests(tmp_path) == digests(here)
+
+
+@pytest.mark.parametrize("seed", ["0", "12345"])
+def test_in_another_process(here, tmp_path, seed):
+    subprocess.run(
+        [sys.executable, "-c", CODE, str(tmp_path)], cwd=ROOT, check=True, env={**os.environ, "PYTHONHASHSEED": seed}
+    )
+    assert digests(tmp_path) == digests(here)
+
+
+def test_another_run_is_another_file(here, tmp_path):
+    synthetic.record_run(8.0, seed=2).save(tmp_path)
+    assert digests(tmp_path)["run.npz"] != digests(here)["run.npz"]
+
+
+def test_no_time_of_writing_is_in_the_file(here):
+    with zipfile.ZipFile(here / "run.npz") as archive:
+        assert {info.date_time for info in archive.infolist()} == {(1980, 1, 1, 0, 0, 0)}
+
+
+def test_saving_leaves_the_recorder_as_it_was(tmp_path):
+    recorder = synthetic.record_run(4.0)
+    recorder.save(tmp_path / "a")
+    recorder.save(tmp_path / "b")
+    assert digests(tmp_path / "a") == digests(tmp_path / "b")
