@@ -9,7 +9,7 @@ from navstack.configuration import Configuration, CostmapConfiguration, PluginCh
 from navstack.core import Footprint, FrameTree, Listener, OccupancyGrid, Pose2D, Transform2D
 from navstack.core.errors import InputError, StartOccupiedError, StartOutsideMapError
 from navstack.costmap import LayeredCostmap, LayerSpec
-from navstack.interfaces import Plan, Robot
+from navstack.interfaces import GlobalPlanner, Plan, Robot
 from navstack.move_base import MoveBase
 from navstack.sim import SimulatedRobot, World
 
@@ -133,7 +133,7 @@ def plan_on_map(
     start: Pose2D,
     goal: Pose2D,
     *,
-    planner: PluginChoice | None = None,
+    planner: PluginChoice[GlobalPlanner] | None = None,
     keep_potential: bool = False,
 ) -> PlannedPath:
     """One plan on the global costmap of a robot that stands at `start` and has seen nothing but the map.

@@ -10,8 +10,10 @@ from typing import Any
 
 from navstack.configuration import Configuration
 from navstack.core import Listener, OccupancyGrid, Pose2D, angle_between
+from navstack.move_base import MoveBase
 from navstack.navigator import build_move_base, odometry_frame, simulated_robot, true_footprint
 from navstack.record import RunRecorder
+from navstack.sim import SimulatedRobot
 
 Progress = Callable[[float, int], None]
 """Called now and then with the simulated time (s) and the index of the present goal."""
@@ -117,6 +119,31 @@ class RunResult:
         }
 
 
+def _take_down(recorder: RunRecorder, robot: SimulatedRobot, move_base: MoveBase, goal: int) -> None:
+    """Puts what the last tick did into the record."""
+    turn = move_base.turn
+    t = turn.time
+    for name, costmap, window in (
+        ("global", move_base.global_costmap, turn.global_window),
+        ("local", move_base.local_costmap, turn.local_window),
+    ):
+        if window is not None:
+            recorder.costmap(t, name, costmap.master, window)
+    if turn.plan is not None:
+        recorder.plan(t, turn.plan.path.poses, turn.plan.path.frame)
+    if turn.local_plan is not None:
+        recorder.local_plan(t, turn.local_plan)
+    recorder.sample(
+        t,
+        pose=robot.pose,
+        odom=robot.state(),
+        map_to_odom=robot.frames.lookup(robot.map_frame, robot.odom_frame),
+        command=move_base.command,
+        state=move_base.state.name,
+        goal_index=goal,
+    )
+
+
 def run_scenario(
     scenario: Scenario,
     *,
@@ -156,7 +183,7 @@ def run_scenario(
             robot.advance_to(due)
             move_base.tick(robot.time)
             if recorder is not None:
-                recorder.take(robot, move_base, index)
+                _take_down(recorder, robot, move_base, index)
             if progress is not None:
                 progress(robot.time, index)
             if robot.time - begun > scenario.time_limit_s:

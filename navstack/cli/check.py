@@ -27,7 +27,9 @@ def check(
     out = stdout()
     for f in findings:
         style = SEVERITY_STYLE[f.severity]
-        out.print(f"{escape(f.location)}: [{style}]{f.severity}[/]: {escape(f.message)} [dim]({escape(f.rule)})[/]")
+        out.print(
+            f"{escape(str(f.location))}: [{style}]{f.severity}[/]: {escape(f.message)} [dim]({escape(f.rule)})[/]"
+        )
         if f.suggestion:
             out.print(f"    [dim]->[/] {escape(f.suggestion)}")
     warnings = sum(f.severity == "warning" for f in findings)
