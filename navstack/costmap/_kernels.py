@@ -21,44 +21,47 @@ FIXED = 40
 
 
 @kernel
-def project_scan(ranges, directions, range_min, range_max, inf_range, to_global, out):
+def project_scan(ranges, directions, range_min, range_max, inf_range, x, y, yaw, height, out):
     """Points (x, y, z) float32 in the global frame of the valid beams of a scan; how many.
 
-    `directions` (n, 2) = cos, sin of each beam; `inf_range` replaces +inf unless it is NaN; `to_global` float32 = r00,
-    r01, r10, r11, tx, ty, z. Rounds to float32 where ROS does (laser_geometry, then tf2's point cloud transform).
+    `directions` (n, 2) = cos, sin of each beam; `inf_range` replaces +inf unless it is NaN; `x, y, yaw` = pose of the
+    sensor's frame. Rounds to float32 where ROS does: laser_geometry's points, then tf2's transform of a cloud, which takes
+    a quaternion in float32 and makes a matrix of it in float32.
     """
     count = 0
-    r00, r01, r10, r11, tx, ty, z = (
-        to_global[0], to_global[1], to_global[2], to_global[3], to_global[4], to_global[5], to_global[6],
-    )  # fmt: skip
+    qz, qw = np.float32(math.sin(0.5 * yaw)), np.float32(math.cos(0.5 * yaw))
+    tz = qz + qz
+    c, s = np.float32(1.0) - tz * qz, tz * qw
+    tx, ty, z = np.float32(x), np.float32(y), np.float32(height)
     replace = not math.isnan(inf_range)
     for i in range(ranges.size):
         r = float(ranges[i])
         if replace and r == math.inf:
             r = float(inf_range)
         if r >= range_min and r < range_max:  # false for NaN
-            x = np.float32(r * directions[i, 0])
-            y = np.float32(r * directions[i, 1])
-            out[count, 0] = (r00 * x + r01 * y) + tx
-            out[count, 1] = (r10 * x + r11 * y) + ty
+            px = np.float32(r * directions[i, 0])
+            py = np.float32(r * directions[i, 1])
+            out[count, 0] = (c * px - s * py) + tx
+            out[count, 1] = (s * px + c * py) + ty
             out[count, 2] = z
             count += 1
     return count
 
 
 @kernel
-def project_points(points, to_global, min_height, max_height, out):
+def project_points(points, x, y, yaw, min_height, max_height, out):
     """Points (n, 3) float32 into the global frame, those between the heights (m) only; how many."""
     count = 0
-    r00, r01, r10, r11, tx, ty = (
-        to_global[0], to_global[1], to_global[2], to_global[3], to_global[4], to_global[5],
-    )  # fmt: skip
+    qz, qw = np.float32(math.sin(0.5 * yaw)), np.float32(math.cos(0.5 * yaw))
+    tz = qz + qz
+    c, s = np.float32(1.0) - tz * qz, tz * qw
+    tx, ty = np.float32(x), np.float32(y)
     for i in range(points.shape[0]):
-        x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        if math.isfinite(x) and math.isfinite(y) and z >= min_height and z <= max_height:
-            out[count, 0] = (r00 * x + r01 * y) + tx
-            out[count, 1] = (r10 * x + r11 * y) + ty
-            out[count, 2] = z
+        px, py, pz = points[i, 0], points[i, 1], points[i, 2]
+        if math.isfinite(px) and math.isfinite(py) and pz >= min_height and pz <= max_height:
+            out[count, 0] = (c * px - s * py) + tx
+            out[count, 1] = (s * px + c * py) + ty
+            out[count, 2] = pz
             count += 1
     return count
 
@@ -446,6 +449,12 @@ def shift_cells(cells, dx, dy, fill):
             cells[y, x] = fill
         for x in range(x_to, nx):
             cells[y, x] = fill
+
+
+@kernel
+def fill_window(cells, x0, y0, x1, y1, value):
+    """Sets the window to one value."""
+    cells[y0:y1, x0:x1] = value
 
 
 @kernel

@@ -72,6 +72,7 @@ class InflationLayer(Layer):
         """Allocates and tabulates the costs."""
         self._geometry = geometry
         self._scratch = np.zeros(geometry.shape, np.uint8)
+        self._inflate = _kernels.inflate.compiled()
         self._tabulate()
 
     def set_footprint(self, footprint: Footprint) -> None:
@@ -96,13 +97,13 @@ class InflationLayer(Layer):
             self._everything = False
             return EVERYWHERE
         changed = last.union(bounds)
-        return bounds if changed.is_empty else bounds.union(changed.grown(self._margin))
+        return changed if changed.is_empty else changed.grown(self._margin)
 
     def update_costs(self, master: Costmap, window: Window) -> None:
         """Raises the costs around every lethal cell in the window or near it."""
         if not self.params.enabled or self.radius_cells == 0:
             return
-        _kernels.inflate(
+        self._inflate(
             master.data, *window, self.radius_cells, self._ahead, self._behind, self._scratch, self._unknown_from
         )
 

@@ -86,11 +86,13 @@ class LayeredCostmap:
                 static_map=static_map,
             )
             self._layers.append(spec.cls(spec.params, context))
+        self._listeners = [x for x in self._layers if type(x).observe is not Layer.observe]
         geometry = self._initial_geometry()
         self.master = Costmap(geometry, frame=self.frame)
         self.master.data.fill(self.default_cost)
         self._base = geometry
         self._moved = (0, 0)
+        self._fill_window = _kernels.fill_window.compiled()
         for layer in self._layers:
             layer.match_size(geometry)
 
@@ -111,7 +113,7 @@ class LayeredCostmap:
 
     def observe(self, data: SensorData) -> None:
         """Hands a sensor message to every layer that listens to its topic."""
-        for layer in self._layers:
+        for layer in self._listeners:
             layer.observe(data)
 
     def robot_pose(self, now: float | None = None) -> Pose2D:
@@ -125,7 +127,7 @@ class LayeredCostmap:
 
     def update_at(self, robot: Pose2D, now: float) -> Window:
         """One update with the robot at `robot`, in this costmap's frame."""
-        if not (robot.is_finite() and abs(robot.x) < FARTHEST and abs(robot.y) < FARTHEST):
+        if not (abs(robot.x) < FARTHEST and abs(robot.y) < FARTHEST and abs(robot.yaw) < FARTHEST):  # false for NaN
             raise InputError(f"{self.name} cannot be updated around a robot at {tuple(robot)}", pose=tuple(robot))
         if self.rolling_window:
             self._roll(robot)
@@ -147,7 +149,7 @@ class LayeredCostmap:
         self.window = window
         self.updated_at = now
         if not window.is_empty:
-            master.data[window.slices] = self.default_cost
+            self._fill_window(master.data, *window, self.default_cost)
             for layer in self._layers:
                 layer.update_costs(master, window)
         return window

@@ -90,11 +90,16 @@ class ObservationBuffer:
         self._since: float | None = None
         self._directions: NDArray[np.float64] | None = None
         self._directions_key = (0, 0.0, 0.0)
-        self._to_global = np.zeros(7, np.float32)
+        self._project_scan = _kernels.project_scan.compiled()
+        self._height = math.nan
+        self._height_fits = False
 
     def offer(self, data: SensorData) -> bool:
         """Takes the message when its topic and type are this source's. Raises InputError for one that cannot be used."""
-        if data.topic.removeprefix("/") != self.topic or isinstance(data, LaserScan) != self._is_scan:
+        topic = data.topic
+        if topic != self.topic and topic.removeprefix("/") != self.topic:
+            return False
+        if isinstance(data, LaserScan) != self._is_scan:
             return False
         if isinstance(data, LaserScan):
             _check_scan(data)
@@ -107,6 +112,11 @@ class ObservationBuffer:
         if self.last_stamp is None or data.stamp > self.last_stamp:
             self.last_stamp = data.stamp
         return True
+
+    @property
+    def has_pending(self) -> bool:
+        """True when messages wait to be turned into observations."""
+        return bool(self._pending)
 
     def refresh(self) -> list[Observation]:
         """Turns what arrived into observations where the frames allow it; those that are new, oldest first."""
@@ -171,9 +181,11 @@ class ObservationBuffer:
         return observation
 
     def _scan_points(self, scan: LaserScan, at: Transform2D) -> tuple[NDArray[np.float32], int]:
-        z = np.float32(scan.height)
         n = len(scan.ranges)
-        if n == 0 or not self.params.min_obstacle_height <= z <= self.params.max_obstacle_height:
+        if scan.height != self._height:
+            self._height, z = scan.height, float(np.float32(scan.height))
+            self._height_fits = self.params.min_obstacle_height <= z <= self.params.max_obstacle_height
+        if n == 0 or not self._height_fits:
             return np.empty((0, 3), np.float32), 0
         key = (n, scan.angle_min, scan.angle_increment)
         directions = self._directions
@@ -181,30 +193,31 @@ class ObservationBuffer:
             angles = scan.angle_min + np.arange(n) * scan.angle_increment
             directions = self._directions = np.column_stack((np.cos(angles), np.sin(angles)))
             self._directions_key = key
-        # ROS adds in float32
-        inf_range = float(np.float32(scan.range_max) - np.float32(0.0001)) if self.params.inf_is_valid else math.nan
+        inf_range = math.nan
+        if self.params.inf_is_valid:  # ROS adds in float32
+            inf_range = float(np.float32(scan.range_max) - np.float32(0.0001))
         out = np.empty((n, 3), np.float32)
-        self._set_transform(at, z)
-        count = _kernels.project_scan(
-            scan.ranges, directions, scan.range_min, scan.range_max, inf_range, self._to_global, out
+        count = self._project_scan(
+            scan.ranges,
+            directions,
+            float(scan.range_min),
+            float(scan.range_max),
+            inf_range,
+            at.x,
+            at.y,
+            at.yaw,
+            scan.height,
+            out,
         )
         return out, count
 
     def _cloud_points(self, cloud: PointCloud, at: Transform2D) -> tuple[NDArray[np.float32], int]:
         out = np.empty((len(cloud.points), 3), np.float32)
-        self._set_transform(at, np.float32(0.0))
+        params = self.params
         count = _kernels.project_points(
-            cloud.points, self._to_global, self.params.min_obstacle_height, self.params.max_obstacle_height, out
+            cloud.points, at.x, at.y, at.yaw, params.min_obstacle_height, params.max_obstacle_height, out
         )
         return out, count
-
-    def _set_transform(self, at: Transform2D, z: np.float32) -> None:
-        """As tf2 hands it on: a quaternion in float32, made a matrix in float32."""
-        qz, qw = np.float32(math.sin(0.5 * at.yaw)), np.float32(math.cos(0.5 * at.yaw))
-        tz = qz + qz
-        cosine, sine = np.float32(1.0) - tz * qz, tz * qw
-        t = self._to_global
-        t[0], t[1], t[2], t[3], t[4], t[5], t[6] = cosine, -sine, sine, cosine, at.x, at.y, z
 
 
 def _check_scan(scan: LaserScan) -> None:
@@ -217,8 +230,10 @@ def _check_scan(scan: LaserScan) -> None:
         )
     if len(ranges) > MAX_POINTS:
         raise InputError(f"a scan of {len(ranges):,} beams is beyond {MAX_POINTS:,}", topic=scan.topic)
-    numbers = (scan.angle_min, scan.angle_increment, scan.range_min, scan.stamp, scan.height)
-    if not all(map(math.isfinite, numbers)) or math.isnan(scan.range_max):
+    # one sum instead of five tests: it is finite only when each is
+    total = scan.angle_min + scan.angle_increment + scan.range_min + scan.stamp + scan.height
+    if total - total != 0.0 or scan.range_max != scan.range_max:
+        numbers = (scan.angle_min, scan.angle_increment, scan.range_min, scan.stamp, scan.height)
         raise InputError(
             "a scan's angle_min, angle_increment, range_min, stamp and height must be finite numbers and range_max a number,"
             f" not {numbers} and {scan.range_max}",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
@@ -72,6 +72,8 @@ class ObstacleLayer(Layer):
             )
             for name, source in params.sources.items()
         ]
+        self._clearing = [b for b in self.buffers if b.params.clearing]
+        self._marking = [b for b in self.buffers if b.params.marking]
         self.costs: NDArray[np.uint8] = np.zeros((1, 1), np.uint8)
         """(ny, nx) what this layer says: 0, 254, 255 = says nothing."""
         self.geometry = GridGeometry(1, 1, 1.0)
@@ -88,6 +90,13 @@ class ObstacleLayer(Layer):
         """Allocates; all cells take the default."""
         self.geometry = geometry
         self.costs = np.full(geometry.shape, self.default_cost, np.uint8)
+        # called several times per update: without the wrapper that defers compiling
+        self._clear_rays, self._mark_points = _kernels.clear_rays.compiled(), _kernels.mark_points.compiled()
+        self._place_footprint, self._fill_polygon = (
+            _kernels.place_footprint.compiled(),
+            _kernels.fill_polygon.compiled(),
+        )
+        self._combine_max = _kernels.combine_max.compiled()
         self._allocate_marks(geometry)
 
     def shift_to(self, geometry: GridGeometry) -> None:
@@ -122,18 +131,20 @@ class ObstacleLayer(Layer):
         box = self._box
         box[0], box[1], box[2], box[3] = bounds
         for buffer in self.buffers:
-            for fresh in buffer.refresh():
-                fresh.serial = self.log.enter(buffer.name, fresh.stamp)
-                if self.log.stale is not None:
-                    self._forget_serials(*self.log.stale)
-        self.unseen.clear()
-        for observation in self.observations(clearing=True):
-            if not self._clear(observation, box):
-                self.unseen.append(observation.source.name)
-        for observation in self.observations(marking=True):
-            self._mark(observation, box)
+            if buffer.has_pending:
+                self._sign(buffer)
+        if self.unseen:
+            self.unseen.clear()
+        # all that clears before anything that marks
+        for buffer in self._clearing:
+            for observation in buffer.observations:
+                if not self._clear(observation, box):
+                    self.unseen.append(buffer.name)
+        for buffer in self._marking:
+            for observation in buffer.observations:
+                self._mark(observation, box)
         if self.params.footprint_clearing_enabled:
-            _kernels.place_footprint(self._outline, robot.x, robot.y, robot.yaw, self._placed, box)
+            self._place_footprint(self._outline, robot.x, robot.y, robot.yaw, self._placed, box)
         return Bounds(*box.tolist())
 
     def update_costs(self, master: Costmap, window: Window) -> None:
@@ -143,22 +154,11 @@ class ObstacleLayer(Layer):
             return
         if params.footprint_clearing_enabled:
             g = self.geometry
-            _kernels.fill_polygon(
-                self.costs, self._placed, self._outline_convex, g.origin_x, g.origin_y, g.resolution, 0
-            )
+            self._fill_polygon(self.costs, self._placed, self._outline_convex, g.origin_x, g.origin_y, g.resolution, 0)
         if params.combination_method == MAXIMUM:
-            _kernels.combine_max(master.data, self.costs, *window)
+            self._combine_max(master.data, self.costs, *window)
         elif params.combination_method == OVERWRITE:
             _kernels.combine_overwrite(master.data, self.costs, *window)
-
-    def observations(self, *, clearing: bool = False, marking: bool = False) -> Sequence[Observation]:
-        """Observations of the sources that clear, or mark, in ROS's order."""
-        return [
-            o
-            for b in self.buffers
-            if (clearing and b.params.clearing) or (marking and b.params.marking)
-            for o in b.observations
-        ]
 
     def reset(self, region: Bounds | None = None, *, invert: bool = False) -> int:
         """Forgets cells; returns how many of them were obstacles. Sensors get their full time again.
@@ -183,6 +183,13 @@ class ObstacleLayer(Layer):
         """Fed by sensors."""
         return True
 
+    def _sign(self, buffer: ObservationBuffer) -> None:
+        """Gives what arrived its serial numbers."""
+        for fresh in buffer.refresh():
+            fresh.serial = self.log.enter(buffer.name, fresh.stamp)
+            if self.log.stale is not None:
+                self._forget_serials(*self.log.stale)
+
     # --- what the voxel layer does otherwise --------------------------------------------------------------------------
 
     def _serial_bits(self) -> int:
@@ -206,39 +213,22 @@ class ObstacleLayer(Layer):
 
     def _clear(self, seen: Observation, box: NDArray[np.float64]) -> bool:
         g = self.geometry
+        resolution = g.resolution
         reach = seen.source.params.raytrace_range
-        return _kernels.clear_rays(
-            self.costs,
-            seen.points,
-            seen.count,
-            g.origin_x,
-            g.origin_y,
-            g.resolution,
-            seen.x,
-            seen.y,
-            reach,
-            cells_in(reach, g.resolution),
-            box,
+        cells = cells_in(reach, resolution)
+        return self._clear_rays(
+            self.costs, seen.points, seen.count, g.origin_x, g.origin_y, resolution, seen.x, seen.y, reach, cells, box
         )
 
     def _mark(self, seen: Observation, box: NDArray[np.float64]) -> None:
         g = self.geometry
-        _kernels.mark_points(
-            self.costs,
-            self.serials,
-            seen.serial,
-            seen.points,
-            seen.count,
-            g.origin_x,
-            g.origin_y,
-            g.resolution,
-            seen.x,
-            seen.y,
-            seen.z,
-            self.params.max_obstacle_height,
-            seen.source.params.obstacle_range,
-            box,
-        )
+        reach = seen.source.params.obstacle_range
+        top = self.params.max_obstacle_height
+        x, y, resolution = g.origin_x, g.origin_y, g.resolution
+        self._mark_points(
+            self.costs, self.serials, seen.serial, seen.points, seen.count, x, y, resolution, seen.x, seen.y, seen.z, top,
+            reach, box,
+        )  # fmt: skip
 
 
 def cells_in(distance: float, resolution: float) -> float:

@@ -70,6 +70,10 @@ class VoxelLayer(ObstacleLayer):
 
     def _allocate_marks(self, geometry: GridGeometry) -> None:
         self.columns = np.full(geometry.shape, self._unknown_column, self._word)
+        self._clear_voxel_rays, self._mark_voxels = (
+            _kernels.clear_voxel_rays.compiled(),
+            _kernels.mark_voxels.compiled(),
+        )
 
     def _shift_marks(self, dx: int, dy: int) -> None:
         _kernels.shift_cells(self.columns, dx, dy, self._unknown_column)
@@ -103,7 +107,7 @@ class VoxelLayer(ObstacleLayer):
         if seen.count == 0:
             return True
         reach = seen.source.params.raytrace_range
-        return _kernels.clear_voxel_rays(
+        return self._clear_voxel_rays(
             self.columns,
             self.costs,
             seen.points,
@@ -121,7 +125,7 @@ class VoxelLayer(ObstacleLayer):
         )
 
     def _mark(self, seen: Observation, box: NDArray[np.float64]) -> None:
-        _kernels.mark_voxels(
+        self._mark_voxels(
             self.columns,
             self.costs,
             seen.serial,
