@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -29,7 +30,7 @@ def random_map(seed: int, *, share: float = 0.05, size: int = 60, resolution: fl
     return OccupancyGrid(data, geometry, float(rng.uniform(-math.pi, math.pi)))
 
 
-def to_world(grid: OccupancyGrid, u: float, v: float) -> tuple[float, float]:
-    """A point given in the grid's own axes (m), in the map frame."""
+def to_world(grid: OccupancyGrid, u: Any, v: Any) -> tuple[Any, Any]:
+    """Points given in the grid's own axes (m), in the map frame; numbers or arrays."""
     c, s = math.cos(grid.origin_yaw), math.sin(grid.origin_yaw)
     return grid.geometry.origin_x + c * u - s * v, grid.geometry.origin_y + s * u + c * v
