@@ -110,7 +110,7 @@ def test_corrupt_image(navstack, tmp_path: Path) -> None:
         ("1,1", "3,-7", "goal", "GOAL_OUTSIDE_MAP"),
         ("1,1", "4.02,2", "goal", "GOAL_OCCUPIED"),
         ("4.02,2", "1,1", "start", "START_OCCUPIED"),
-        ("1,1", "5.8,2", "unknown", "GOAL_OCCUPIED"),
+        ("1,1", "5.6,2", "unknown", "GOAL_OCCUPIED"),
         ("nan,1", "3,3", "--start", "INVALID_INPUT"),
         ("1,1", "3,inf", "--goal", "INVALID_INPUT"),
         ("1;1", "3,3", "--start", "INVALID_INPUT"),
