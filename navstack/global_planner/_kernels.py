@@ -107,6 +107,33 @@ def seed(pot, weight, state, current, cells, values, fronts):
 
 
 @kernel
+def _arrival(left, right, up, down, h, quadratic):
+    """The potential at which the wave enters a cell of cost h: along one axis, or as a plane wave over two (navfn)."""
+    a = min(left, right)
+    b = min(up, down)
+    low = min(a, b)
+    difference = abs(a - b)
+    if quadratic and difference < h:
+        q = np.float64(difference / h)
+        return low + h * np.float32((-0.2301 * q + 0.5307) * q + 0.7040)
+    return low + h
+
+
+@kernel
+def complete(cost, pot, steps, weights, nx, ny, state, x, y, reach, quadratic):
+    """Gives the free cells up to `reach` around (x, y) that have no potential one from their neighbours (clearEndpoint)."""
+    x0, x1 = max(1, state[X0] + 1, x - reach), min(nx - 1, state[X1] - 1, x + reach + 1)
+    y0, y1 = max(1, state[Y0] + 1, y - reach), min(ny - 1, state[Y1] - 1, y + reach + 1)
+    for cy in range(y0, y1):
+        for cx in range(x0, x1):
+            k = cy * nx + cx
+            if pot[k] >= HIGH and weights[cost[k]] < INF:
+                p = _arrival(pot[k - 1], pot[k + 1], pot[k - nx], pot[k + nx], steps[cost[k]], quadratic)
+                if p < HIGH:
+                    pot[k] = p
+
+
+@kernel
 def wave(
     cost,
     pot,
@@ -151,7 +178,6 @@ def wave(
     astar = stop >= 0 and ahead > 0.0
     sx = stop % nx
     sy = stop // nx
-    a2, a1, a0 = -0.2301, 0.5307, 0.7040  # quadratic fit to the exact planar wave (navfn)
     while ncur > 0:
         following = _grown(following, 0, 4 * ncur)
         over = _grown(over, nover, nover + 4 * ncur)
@@ -176,15 +202,7 @@ def wave(
             left, right = pot[k - one], pot[k + one]
             up, down = pot[k - stride], pot[k + stride]
             h = steps[cost[k]]
-            a = min(left, right)
-            b = min(up, down)
-            p = min(a, b)
-            difference = abs(a - b)
-            if quadratic and difference < h:
-                q = np.float64(difference / h)
-                p = p + h * np.float32((a2 * q + a1) * q + a0)
-            else:
-                p = p + h
+            p = _arrival(left, right, up, down, h, quadratic)
             if p < old:
                 if astar:
                     dx = np.float32(int(k) % nx - sx)

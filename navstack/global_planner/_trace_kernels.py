@@ -40,6 +40,22 @@ def _direction(pot, k, nx):
 
 
 @kernel
+def _interpolated(pot, k, nx, dx, dy):
+    """Bilinear mean of the directions at the four cells k, right, up, up right, for the point (dx, dy) from k."""
+    gx = np.float32(0.0)
+    gy = np.float32(0.0)
+    whole = np.float32(1.0)
+    for j in range(2):
+        wy = dy if j else whole - dy
+        for i in range(2):
+            w = wy * (dx if i else whole - dx)
+            ux, uy = _direction(pot, k + j * nx + i, nx)
+            gx += w * ux
+            gy += w * uy
+    return gx, gy
+
+
+@kernel
 def _lowest_neighbour(pot, k, nx):
     """The lowest of the 8 neighbours, k itself when none is lower. No step squeezes between two cells without potential."""
     best = k
@@ -110,62 +126,78 @@ def gradient_path(pot, nx, ny, k, dx, dy, root_x, root_y, enough, near, patience
         if stuck:
             k, n = lowest_k, lowest_n
         cancelled = n > 2 and points[n - 1, 0] == points[n - 3, 0] and points[n - 1, 1] == points[n - 3, 1]
-        if stuck or cancelled or not _surrounded(pot, k, nx):
+        if not (stuck or cancelled) and _surrounded(pot, k, nx):
+            gx, gy = _interpolated(pot, k, nx, dx, dy)
+            norm = np.float32(np.hypot(gx, gy))
+            if norm > 0.0:
+                dx += gx * (half / norm)
+                dy += gy * (half / norm)
+                if dx > whole:
+                    k += 1
+                    dx -= whole
+                if dx < -whole:
+                    k -= 1
+                    dx += whole
+                if dy > whole:
+                    k += nx
+                    dy -= whole
+                if dy < -whole:
+                    k -= nx
+                    dy += whole
+                continue
+        to = _lowest_neighbour(pot, k, nx)
+        if to == k:
+            k, n = lowest_k, lowest_n
             to = _lowest_neighbour(pot, k, nx)
-            if to == k and not stuck:
-                to = _lowest_neighbour(pot, lowest_k, nx)
-                n = lowest_n
-            if to == k and pot[k] >= lowest:
-                return points[:0].copy()
-            k = to
-            dx = np.float32(0.0)
-            dy = np.float32(0.0)
-            if pot[k] >= HIGH:
-                return points[:0].copy()
-            continue
-        ax, ay = _direction(pot, k, nx)
-        bx, by = _direction(pot, k + 1, nx)
-        cx, cy = _direction(pot, k + nx, nx)
-        ex, ey = _direction(pot, k + nx + 1, nx)
-        gx = (whole - dy) * ((whole - dx) * ax + dx * bx) + dy * ((whole - dx) * cx + dx * ex)
-        gy = (whole - dy) * ((whole - dx) * ay + dx * by) + dy * ((whole - dx) * cy + dx * ey)
-        norm = np.float32(np.hypot(gx, gy))
-        if norm == 0.0:
-            k = _lowest_neighbour(pot, k, nx)
-            dx = np.float32(0.0)
-            dy = np.float32(0.0)
-            continue
-        dx += gx * (half / norm)
-        dy += gy * (half / norm)
-        if dx > whole:
-            k += 1
-            dx -= whole
-        if dx < -whole:
-            k -= 1
-            dx += whole
-        if dy > whole:
-            k += nx
-            dy -= whole
-        if dy < -whole:
-            k -= nx
-            dy += whole
+            if to == k:
+                if np.hypot(k % nx - root_x, k // nx - root_y) > 1.5:
+                    return points[:0].copy()
+                points[n, 0] = root_x
+                points[n, 1] = root_y
+                return points[: n + 1].copy()
+        k = to
+        dx = np.float32(0.0)
+        dy = np.float32(0.0)
 
 
 @kernel
-def grid_path(pot, nx, ny, k, enough):
-    """From cell to the lowest of its 8 neighbours, until the potential is under `enough` or has no way down: (n, 2) cells."""
+def _cheapest_neighbour(pot, k, nx, cost, steps):
+    """The lower one of the 8 neighbours with the least sum of its potential and the cost of getting there; k if none is lower."""
+    best = k
+    least = HIGH
+    here = steps[cost[k]]
+    for dy in (-1, 0, 1):
+        for dx in (-1, 0, 1):
+            n = k + dy * nx + dx
+            if pot[n] < pot[k] and (dx == 0 or dy == 0 or pot[k + dx] < HIGH or pot[k + dy * nx] < HIGH):
+                length = np.float32(1.0) if dx == 0 or dy == 0 else np.float32(1.4142135)
+                p = pot[n] + np.float32(0.5) * length * (here + steps[cost[n]])
+                if p < least:
+                    least = p
+                    best = n
+    return best
+
+
+@kernel
+def grid_path(pot, nx, ny, k, cost, steps, cheapest):
+    """From cell to cell until no neighbour is lower: (n, 2) cells.
+
+    To the lowest of the 8 neighbours (GridPath), or with `cheapest` to the one with the least sum of potential and cost
+    of getting there.
+    """
     points = np.empty((1024, 2), np.float32)
     n = 0
     while True:
-        if n + 1 >= len(points):
+        if n >= len(points):
             points = _doubled(points)
-        points[n, 0] = k % nx
-        points[n, 1] = k // nx
-        n += 1
         ix, iy = k % nx, k // nx
-        if pot[k] < enough or ix < 1 or iy < 1 or ix > nx - 2 or iy > ny - 2:
-            return points[:n].copy()
-        to = _lowest_neighbour(pot, k, nx)
+        points[n, 0] = ix
+        points[n, 1] = iy
+        n += 1
+        if ix < 1 or iy < 1 or ix > nx - 2 or iy > ny - 2:
+            break
+        to = _cheapest_neighbour(pot, k, nx, cost, steps) if cheapest else _lowest_neighbour(pot, k, nx)
         if to == k:
-            return points[:n].copy()
+            break
         k = to
+    return points[:n].copy()

@@ -25,7 +25,7 @@ _FIRST_THRESHOLD = 254.0  # navfn.h, COST_OBS
 _RISE = 2.0 * NAVFN_NEUTRAL  # navfn.cpp, priInc
 # A wave over free cells rises by 49.8 (49.6 at worst) per cell of Euclidean distance, not 50: the fit is no exact distance
 _AHEAD = 0.99 * NAVFN_NEUTRAL
-_PATIENCE = 40
+_PATIENCE = 40  # C++ bounces for up to 20 points and then comes through: as it does
 
 
 class NavfnParams(ParamModel):

@@ -45,6 +45,17 @@ class Wavefront:
         return self._pot
 
     @property
+    def cost(self) -> NDArray[np.uint8]:
+        """(ny*nx,) the costs the wave runs over."""
+        return self._cost
+
+    @property
+    def rule(self) -> CostRule:
+        """The rule it runs by."""
+        assert self._rule is not None, "begin() first"
+        return self._rule
+
+    @property
     def rectangle(self) -> tuple[int, int, int, int]:
         """(x0, y0, x1, y1): the cells whose potential means something."""
         s = self._state
@@ -110,8 +121,7 @@ class Wavefront:
 
         `ahead` > 0: A* toward `stop`, with that much potential per cell of distance. `rise`: navfn's step of the threshold.
         """
-        rule = self._rule
-        assert rule is not None, "begin() first"
+        rule = self.rule
         if ahead > 0.0:
             self._level[kernels.LIMIT] = self._first_limit(stop, ahead, rise)
         self._lists[:] = kernels.wave(
@@ -139,6 +149,23 @@ class Wavefront:
         root = self._seeds[0]
         distance = math.hypot(stop % self.nx - root % self.nx, stop // self.nx - root // self.nx)
         return _FIRST_LIMIT * ahead * distance + 4.0 * rise
+
+    def complete(self, ix: int, iy: int, reach: int) -> None:
+        """Gives the free cells without potential within `reach` cells of (ix, iy) one from their neighbours."""
+        rule = self.rule
+        kernels.complete(
+            self._cost,
+            self._pot,
+            rule.steps,
+            rule.weights,
+            self.nx,
+            self.ny,
+            self._state,
+            ix,
+            iy,
+            reach,
+            rule.quadratic,
+        )
 
     def potential_of(self, ix: int, iy: int) -> float:
         """Potential of a cell, inf where there is none."""
