@@ -1,0 +1,59 @@
+from __future__ import annotations
+
+import math
+
+from navstack.move_base.schedule import Schedule
+
+
+def test_it_never_drifts() -> None:
+    schedule = Schedule(20.0, 0.1)
+    for k in range(100_000):
+        assert schedule.due == 0.1 + k / 20.0
+        schedule.advance(schedule.due)
+
+
+def test_zero_is_never() -> None:
+    schedule = Schedule(0.0)
+    assert schedule.due == schedule.period == math.inf
+    assert not schedule.is_due(1e300)
+
+
+def test_who_is_late_by_less_than_a_period_catches_up() -> None:
+    schedule = Schedule(5.0)
+    schedule.advance(0.0)
+    assert schedule.due == 0.2
+    schedule.advance(0.35)
+    assert schedule.due == 0.4
+    schedule.advance(0.45)
+    assert schedule.due == 0.6
+
+
+def test_who_is_late_by_more_starts_afresh() -> None:
+    schedule = Schedule(5.0)
+    schedule.advance(0.0)
+    schedule.advance(1.0)
+    assert schedule.due == 1.2
+
+
+def test_what_took_long_ends_now() -> None:
+    schedule = Schedule(5.0)
+    schedule.advance(0.0)
+    schedule.resume(0.1)
+    assert schedule.due == 0.2
+    schedule.resume(0.3)  # late, by less than a period: at once, and the next one in time
+    assert schedule.due == 0.2
+    assert schedule.is_due(0.3)
+    schedule.resume(6.25)
+    assert schedule.due == 6.25
+    schedule.advance(6.25)
+    assert schedule.due == 6.45
+
+
+def test_times_that_are_added_up_count_as_the_same() -> None:
+    schedule = Schedule(10.0)
+    now = 0.0
+    for _ in range(1000):
+        assert schedule.is_due(now)
+        schedule.advance(now)
+        assert not schedule.is_due(now)
+        now += 0.1
