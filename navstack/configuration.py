@@ -184,6 +184,8 @@ class _Assembly:
         self.root = read.root
         self.findings = read.findings
         self.files = read.files
+        self.complete = not any(f.severity == "error" for f in read.findings)
+        """False when a source could not be read: what is missing says nothing about the rest."""
         self.distro = distro
         self.binder = Binder(self.findings)
 
@@ -238,7 +240,8 @@ class _Assembly:
                 findings=(),
                 tree=self.root,
             )
-            self.findings += check_rules(_subject(made))
+            if self.complete:
+                self.findings += check_rules(_subject(made))
         self.findings += Accountant(self.root, self.binder, self._catalogue()).settle()
         return made
 

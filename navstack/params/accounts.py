@@ -156,7 +156,8 @@ class Accountant:
             return  # a namespace without a parameter
         close = nearest(name, [n for m in models for n in iter_names(m)])
         elsewhere = [p for p in self.catalogue.home.get(name, []) if p != where]
-        if elsewhere and self._elsewhere(space, leaf, elsewhere):
+        far_off = all(self._distance(space, p) > _FAR for p in elsewhere)
+        if elsewhere and not (far_off and close is not None) and self._elsewhere(space, leaf, elsewhere):
             return
         if close is not None:
             new = next((m.RENAMED[close] for m in models if close in m.RENAMED), close)

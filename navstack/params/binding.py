@@ -114,7 +114,7 @@ class Binder:
         if isinstance(found, Space):
             return found
         if found is not None:
-            read = any(name in iter_names(m) for s, m in self.bound if s is parent)
+            read = any(_is_value(m, name) for s, m in self.bound if s is parent)
             found.used = found.used or not read
             if found.value is not None and not read:
                 message = (
@@ -288,26 +288,20 @@ class Binder:
         errors: Sequence[Any],
         strictness: Strictness,
     ) -> None:
-        said: set[tuple[str, str]] = set()
-        for error in errors:
-            loc = error["loc"]
-            name = str(loc[0]) if loc else ""
+        for name in dict.fromkeys(str(e["loc"][0]) if e["loc"] else "" for e in errors):
+            of_name = [e for e in errors if (str(e["loc"][0]) if e["loc"] else "") == name]
+            # of a union's arms, the one that got farthest into the value knows best what is wrong with it
+            deepest = max(len(_steps(e)) for e in of_name)
             path, at, node = chosen.get(name, (space.join(name) if name else space.path, space.at, None))
-            here = node
-            for step in loc[1:]:
-                if isinstance(here, ListNode) and isinstance(step, int) and step < len(here.items):
-                    here = here.items[step]
-                elif isinstance(here, DictNode) and step in here.items:
-                    here = here.items[str(step)][1]
-            if here is not None:
-                at = here.at
-            text = message_for(error, name, model.model_fields.get(name), here)
-            if (str(at), text) in said or (
-                node is not None and name in {n for n, _ in said} and len(loc) > 1 and here is node
-            ):
-                continue
-            said.add((str(at), text))
-            self.say(strictness, rule_for(error), at, path, text)
+            said: set[str] = set()
+            for error in (e for e in of_name if len(_steps(e)) == deepest):
+                here = node
+                for step in _steps(error):
+                    here = here.items[step] if isinstance(here, ListNode) and step < len(here.items) else here
+                text = message_for(error, name, model.model_fields.get(name), here, bool(_steps(error)))
+                if text not in said and not (said and here is node):
+                    self.say(strictness, rule_for(error), here.at if here is not None else at, path, text)
+                said.add(text)
 
     def say(
         self, severity: Severity, rule: str, at: Location, key: str, message: str, suggestion: str | None = None
@@ -359,6 +353,8 @@ def expected(info: FieldInfo | None) -> str:
 def _kind(annotation: Any) -> str:
     if get_origin(annotation) is Literal:
         return " or ".join(show(a) for a in get_args(annotation))
+    if get_origin(annotation) is tuple and Ellipsis not in get_args(annotation):
+        return f"a list of {len(get_args(annotation))}"
     if get_origin(annotation) in (list, tuple, Sequence):
         return "a list"
     names = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}
@@ -379,9 +375,25 @@ _LIMITS = {
 }
 
 
+def _steps(error: Mapping[str, Any]) -> list[int]:
+    """Indices from a field's value down to what is wrong in it."""
+    return [step for step in error["loc"][1:] if isinstance(step, int)]
+
+
+def _is_value(model: type[ParamModel], name: str) -> bool:
+    """True when the model knows a plain parameter of that name."""
+    info = model.model_fields.get(name)
+    return nested_model(info) is None if info is not None else name in iter_names(model)
+
+
+def _kind_of(error: Mapping[str, Any]) -> str:
+    """The type of a pydantic error; an entry that a list lacks is not a parameter that is missing."""
+    return "too_short" if error["type"] == "missing" and len(error["loc"]) > 1 else error["type"]
+
+
 def rule_for(error: Mapping[str, Any]) -> str:
     """The rule that a pydantic error breaks."""
-    kind = error["type"]
+    kind = _kind_of(error)
     if kind in _LIMITS:
         return "out-of-range"
     if kind == "missing":
@@ -389,9 +401,11 @@ def rule_for(error: Mapping[str, Any]) -> str:
     return "wrong-value" if kind in ("value_error", "literal_error", "enum") else "wrong-type"
 
 
-def message_for(error: Mapping[str, Any], name: str, info: FieldInfo | None, node: Node | None) -> str:
-    """A pydantic error in the words of this project: what, the value, the way out."""
-    kind: str = error["type"]
+def message_for(
+    error: Mapping[str, Any], name: str, info: FieldInfo | None, node: Node | None, inside: bool = False
+) -> str:
+    """A pydantic error in the words of this project: what, the value, the way out. `inside`: an entry of a list is wrong."""
+    kind = _kind_of(error)
     value = plain(node) if node is not None else error.get("input")
     if kind in _LIMITS:
         return _range_message(kind, error["ctx"], name, info, value)
@@ -403,17 +417,22 @@ def message_for(error: Mapping[str, Any], name: str, info: FieldInfo | None, nod
         return f"{name} = {show(value)} is not finite; {expected(info)}"
     if kind in ("literal_error", "enum"):
         return f"{name} = {show(value)} is none of its values; {expected(info)}"
-    if kind in ("string_too_short", "too_short", "too_long"):
+    if kind in ("too_short", "too_long"):
+        return f"{name} = {show(value)} has too {'few' if kind == 'too_short' else 'many'} entries; {expected(info)}"
+    if kind == "string_too_short":
         return f"{name} = {show(value)}: {str(error['msg'])[0].lower()}{str(error['msg'])[1:]}"
     if value is None:
         return f"{name} has no value; {expected(info)} or remove the line"
     if isinstance(node, ScalarNode) and node.quoted and _numeric(node.text) and kind in ("float_type", "int_type"):
         return f"{name} is the text {show(value)}, not a number, because of its quotes; take them away{_default(info)}"
+    if inside:
+        wanted = {"float_type": "a number", "int_type": "a whole number", "string_type": "text", "list_type": "a list"}
+        return f"{name} holds {show(value)}, which is not {wanted.get(kind, 'right')}; correct it"
     if isinstance(node, ListNode):
-        return f"{name} is a list, {_not(info)}; {expected(info)}"
+        return f"{name} is a list; {expected(info)}"
     if isinstance(node, DictNode):
-        return f"{name} is a namespace, {_not(info)}; {expected(info)}"
-    return f"{name} = {show(value)} is {_is(value)}, {_not(info)}; {expected(info)}{_default(info)}"
+        return f"{name} is a namespace; {expected(info)}"
+    return f"{name} = {show(value)} is {_is(value)}; {expected(info)}{_default(info)}"
 
 
 def _is(value: Any) -> str:
@@ -422,11 +441,6 @@ def _is(value: Any) -> str:
     if isinstance(value, (int, float)):
         return "a number"
     return "text" if isinstance(value, str) else "something else"
-
-
-def _not(info: FieldInfo | None) -> str:
-    words = expected(info).removeprefix("write ").partition(" (")[0]
-    return f"not {words}"
 
 
 def _numeric(text: str) -> bool:
