@@ -243,9 +243,11 @@ def _write_gif(
         progress(1, len(times))
     shown = [max(2, round(100.0 / fps)) * 10] * len(times)
     shown[-1] = int(_HOLD_S * 1000)
-    first.save(
-        path, format="GIF", save_all=True, append_images=frames(), duration=shown, loop=0, optimize=False, disposal=1
-    )
+    # an open file: pillow would not close its own when a frame fails
+    with path.open("wb") as out:
+        first.save(
+            out, format="GIF", save_all=True, append_images=frames(), duration=shown, loop=0, optimize=False, disposal=1
+        )
 
 
 class _Palette:

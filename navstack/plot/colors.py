@@ -36,10 +36,10 @@ PLANS: Final = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, BLACK, SKY)
 
 FREE_RGB: Final = (255, 255, 255)
 LOW_RGB: Final = (240, 236, 249)
-HIGH_RGB: Final = (181, 165, 217)
+HIGH_RGB: Final = (186, 171, 220)
 INSCRIBED_RGB: Final = (133, 112, 184)
 LETHAL_RGB: Final = (36, 31, 49)
-UNKNOWN_RGB: Final = (231, 225, 209)
+UNKNOWN_RGB: Final = (228, 221, 203)
 
 
 def cost_colors() -> NDArray[np.uint8]:

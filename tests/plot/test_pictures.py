@@ -1,0 +1,404 @@
+from __future__ import annotations
+
+import math
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path as FilePath
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from navstack.core import (
+    Bounds,
+    Costmap,
+    Event,
+    Footprint,
+    GridGeometry,
+    OccupancyGrid,
+    Path,
+    Pose2D,
+    RobotState,
+    Transform2D,
+    Twist2D,
+)
+from navstack.core.errors import OutputError
+from navstack.interfaces import Plan
+from navstack.plot import colors, plot_costmap, plot_plan, plot_run
+from navstack.plot.run import area_of_run, circumstances, headline, incidents
+from navstack.record import Record, RunRecorder
+from tests.record import synthetic
+
+ROOT = FilePath(__file__).resolve().parents[2]
+
+
+def pixels(path) -> np.ndarray:
+    with Image.open(path) as image:
+        return np.asarray(image.convert("RGB")).astype(int)
+
+
+def count(image: np.ndarray, color: str, tolerance: int = 3) -> int:
+    rgb = np.array([int(color[i : i + 2], 16) for i in (1, 3, 5)])
+    return int((np.abs(image - rgb).max(axis=2) <= tolerance).sum())
+
+
+def a_run(
+    points, goals=(), *, n=60, grid=None, scenario=None, results=(), events=(), plan_frame="map", offset=Transform2D()
+):
+    recorder = RunRecorder(map=grid, footprint=Footprint.from_radius(0.2), scenario=scenario or {})
+    at = np.linspace(0.0, len(points) - 1.0, n)
+    x, y = (np.interp(at, range(len(points)), [p[i] for p in points]) for i in (0, 1))
+    for goal in goals:
+        recorder.goal(0.0, Pose2D(*goal))
+    for i in range(n):
+        pose = Pose2D(float(x[i]), float(y[i]), 0.0)
+        recorder.sample(
+            i / 5,
+            pose=pose,
+            odom=RobotState(offset.inverse().apply(pose)),
+            map_to_odom=offset,
+            command=Twist2D(),
+            state="CONTROLLING",
+            goal_index=0,
+        )
+    for event in events:
+        recorder.on_event(event)
+    poses = np.column_stack((x, y, np.zeros(n)))
+    recorder.plan(0.0, poses if plan_frame == "map" else offset.inverse().apply_poses(poses), plan_frame)
+    recorder.finish(list(results))
+    return recorder.record()
+
+
+# --- plot_run ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_run_shows_all_that_happened(record, tmp_path):
+    image = pixels(plot_run(record, tmp_path / "run.png", dpi=130))
+    height, width, _ = image.shape
+    assert 1000 < width < 1400
+    assert 400 < height < 1200
+    assert len(np.unique(image.reshape(-1, 3), axis=0)) > 100
+    for name, color, least in (
+        ("driven path", colors.DRIVEN, 2000),
+        ("plan", colors.PLAN, 300),
+        ("start", colors.START, 150),
+        ("goals", colors.GOAL, 500),
+        ("recovery", colors.RECOVERY, 50),
+        ("collision", colors.COLLISION, 50),
+        ("obstacle", colors.OBSTACLE, 300),
+        ("lethal", colors.hex_of(colors.LETHAL_RGB), 5000),
+        ("inscribed", colors.hex_of(colors.INSCRIBED_RGB), 5000),
+    ):
+        assert count(image, color) > least, name
+    # the margin around it all is white
+    assert (image[:5] == 255).all()
+    assert (image[-5:] == 255).all()
+    assert (image[:, -5:] == 255).all()
+
+
+def test_the_picture_is_cut_to_the_run(record):
+    area = area_of_run(record)
+    for poses in (record.poses, record.goals):
+        assert (poses[:, 0] > area.min_x + 0.5).all()
+        assert (poses[:, 0] < area.max_x - 0.5).all()
+        assert (poses[:, 1] > area.min_y + 0.5).all()
+        assert (poses[:, 1] < area.max_y - 0.5).all()
+    far = a_run([(100.0, 100.0), (104.0, 101.0)])
+    around = area_of_run(far)
+    assert around.max_x - around.min_x < 10.0
+
+
+@pytest.mark.parametrize("points", [[(0, 0), (60, 1)], [(0, 0), (1, 60)], [(0, 0), (0, 0)]])
+def test_long_tall_and_standing_runs_make_decent_pictures(points, tmp_path):
+    image = pixels(plot_run(a_run(points, [(*points[-1], 0.0)]), tmp_path / "run.png", dpi=100))
+    height, width, _ = image.shape
+    assert 600 < width < 1000
+    assert 300 < height < 850
+    assert 0.35 < height / width < 1.2
+
+
+def test_words(record):
+    assert headline(record) == "3 of 3 goals reached, 24.6 m in 23.8 s, 1 recovery, 1 collision"
+    assert circumstances(record) == "map office   distro noetic   seed 1"
+    one = a_run(
+        [(0, 0), (3, 4)],
+        [(3, 4, 0)],
+        results=[{"state": "ABORTED"}],
+        scenario={"map": "/maps/my.map.yaml", "params": ["a/b", "c", "d", "e"], "seed": 0, "ros_distro": "indigo"},
+    )
+    assert headline(one) == "0 of 1 goal reached, 5.0 m in 11.8 s"
+    assert circumstances(one) == "map my.map   params b, c, d, ..   distro indigo   seed 0"
+
+
+def test_a_recovery_counts_once_however_much_it_says():
+    def told(t, status):
+        return Event(t, "recovery", status, {"status": status})
+
+    events = [
+        told(1, "running"),
+        told(2, "running"),
+        told(3, "done"),
+        told(4, "done"),
+        told(5, "failed"),
+        told(6, "running"),
+    ]
+    assert [event.time for event in incidents(a_run([(0, 0), (1, 1)], events=events))] == [1, 4, 5, 6]
+
+
+def test_goals_not_reached_are_hollow(tmp_path):
+    goals = [(1.0, 1.0, 0.0), (4.0, 1.0, 0.0)]
+    images = [
+        pixels(plot_run(a_run([(0, 0), (2, 3)], goals, results=[{"state": s} for s in states]), tmp_path / f"{i}.png"))
+        for i, states in enumerate((("SUCCEEDED", "SUCCEEDED"), ("SUCCEEDED", "ABORTED"), ("ABORTED", "ABORTED")))
+    ]
+    filled = [count(image, colors.GOAL) for image in images]
+    assert filled[0] > filled[1] > filled[2] > 0
+
+
+def test_what_may_be_missing(tmp_path):
+    empty = RunRecorder(map=None, footprint=Footprint.from_radius(0.2), scenario={}).record()
+    assert headline(empty) == "a run without a sample"
+    plot_run(empty, tmp_path / "empty.png")
+    plot_run(
+        RunRecorder(map=synthetic.office(), footprint=Footprint.from_radius(0.2), scenario={}).record(),
+        tmp_path / "map.png",
+    )
+    recorder = RunRecorder(
+        map=None, footprint=Footprint.from_radius(0.2), scenario={"obstacles": ["x", [1, 2], None, [1, 1, 0.3]]}
+    )
+    recorder.goal(0.0, Pose2D(math.nan, 1.0, 0.0))
+    recorder.goal(0.0, Pose2D(1.0, 1.0, 0.0))
+    recorder.plan(0.0, np.empty((0, 3)), "map")
+    recorder.plan(0.0, np.ones((1, 3)), "odom")
+    recorder.costmap(0.0, "local", Costmap(GridGeometry(20, 20, 0.1), frame="odom"))
+    plot_run(recorder.record(), tmp_path / "odd.png", costmap="local")
+    assert len(list(tmp_path.iterdir())) == 3
+
+
+def test_a_turned_map_and_a_plan_in_the_odometry_frame(tmp_path):
+    """A wall along the map's x axis, turned by 90 degrees, runs along y; a plan in odom lies on the driven path."""
+    cells = np.zeros((40, 80), np.int8)
+    cells[20:22] = 100
+    turned = OccupancyGrid(cells, GridGeometry(80, 40, 0.1, 2.0, -4.0), origin_yaw=math.pi / 2)
+    run = a_run([(0.5, 0.0), (3.5, 0.0)], grid=turned, plan_frame="odom", offset=Transform2D(5.0, -3.0, 0.7))
+    assert area_of_run(run).max_x < 6.0  # the plan was not taken for one in map
+    image = pixels(plot_run(run, tmp_path / "run.png", footprints=False))
+    dark = (np.abs(image - np.array(colors.LETHAL_RGB)).max(axis=2) < 3)[:, :870]  # left of the legend
+    iy, ix = np.nonzero(dark)
+    assert np.ptp(ix) < 0.2 * np.ptp(iy)
+
+
+def test_an_area_can_be_given(record, tmp_path):
+    close = pixels(plot_run(record, tmp_path / "a.png", area=Bounds(6.0, 3.0, 9.0, 6.0)))
+    assert count(close, colors.OBSTACLE) > 2 * count(pixels(plot_run(record, tmp_path / "b.png")), colors.OBSTACLE)
+
+
+def test_names_may_hold_anything(tmp_path):
+    run = a_run([(0, 0), (1, 1)], scenario={"map": "$\\alpha_{", "params": ["地図", "%s"]})
+    plot_run(run, tmp_path / "ü $x.png", title="$^{ {0}")
+    assert (tmp_path / "ü $x.png").stat().st_size > 10_000
+
+
+# --- plot_plan, plot_costmap ------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def costmap() -> Costmap:
+    grid = synthetic.office()
+    return Costmap(grid.geometry, synthetic.inflated(grid))
+
+
+START, GOAL = Pose2D(1.6, 1.8, 0.0), Pose2D(11.0, 6.6, math.pi / 2)
+
+
+def a_plan(bend: float = 0.0, potential=None, **more) -> Plan:
+    poses = synthetic.curve(200)[:130].copy()
+    poses[:, 1] += bend * np.sin(np.linspace(0.0, math.pi, len(poses)))
+    return Plan(Path(poses), 1234.5, more.pop("goal", GOAL), cells_expanded=4321, potential=potential, **more)
+
+
+def a_potential(costmap: Costmap) -> np.ndarray:
+    iy, ix = np.indices(costmap.geometry.shape)
+    field = np.hypot(ix - 30, iy - 40).astype(np.float32)
+    field[costmap.data >= 253] = np.inf
+    return field
+
+
+def test_a_plan(costmap, tmp_path):
+    image = pixels(
+        plot_plan(
+            costmap, a_plan(), tmp_path / "plan.png", start=START, goal=GOAL, footprint=Footprint.from_radius(0.2)
+        )
+    )
+    for color in (colors.PLANS[0], colors.START, colors.GOAL, colors.hex_of(colors.INSCRIBED_RGB)):
+        assert count(image, color) > 150
+
+
+def test_the_potential_is_drawn_when_there_is_one(costmap, tmp_path):
+    with_it = a_plan(potential=a_potential(costmap))
+    a = pixels(plot_plan(costmap, with_it, tmp_path / "a.png", start=START, goal=GOAL))
+    b = pixels(plot_plan(costmap, with_it, tmp_path / "b.png", start=START, goal=GOAL, potential=False))
+    lines = (a != b).any(axis=2)[:, :870]
+    assert lines.sum() > 5000
+    blue = a[:, :870][lines]
+    assert (blue[:, 2] >= blue[:, 0]).mean() > 0.9
+
+
+@pytest.mark.parametrize("value", [np.inf, 1e10, 0.0])
+def test_a_potential_without_slope_is_left_out(costmap, tmp_path, value):
+    flat = np.full(costmap.geometry.shape, value, np.float32)
+    plot_plan(costmap, a_plan(potential=flat), tmp_path / "plan.png", start=START, goal=GOAL)
+
+
+def test_several_plans_each_get_their_colour(costmap, tmp_path):
+    plans = {f"planner {i}": a_plan(0.2 * i) for i in range(4)}
+    image = pixels(plot_plan(costmap, plans, tmp_path / "plans.png", start=START, goal=GOAL))
+    for color in colors.PLANS[:4]:
+        assert count(image, color) > 500
+
+
+def test_a_goal_that_moved_is_marked(costmap, tmp_path):
+    a = plot_plan(costmap, a_plan(), tmp_path / "a.png", start=START, goal=GOAL)
+    moved = a_plan(goal=Pose2D(10.5, 6.6, 0.0), goal_moved_m=0.5)
+    b = plot_plan(costmap, moved, tmp_path / "b.png", start=START, goal=GOAL)
+    assert a.read_bytes() != b.read_bytes()
+
+
+def test_plans_of_nothing(costmap, tmp_path):
+    plot_plan(costmap, {}, tmp_path / "a.png", start=START, goal=START)
+    nothing = Plan(Path(np.empty((0, 3))), 0.0, GOAL)
+    plot_plan(costmap, nothing, tmp_path / "b.png", start=Pose2D(-50.0, 0.0), goal=GOAL)
+    plot_plan(costmap, nothing, tmp_path / "c.png", start=Pose2D(math.nan, 0.0), goal=Pose2D(math.inf, 1.0))
+
+
+def test_a_costmap_shows_its_bands(costmap, tmp_path):
+    image = pixels(plot_costmap(costmap, tmp_path / "c.png", robot=START, footprint=Footprint.from_radius(0.3)))
+    for rgb in (colors.FREE_RGB, colors.LOW_RGB, colors.INSCRIBED_RGB, colors.LETHAL_RGB, colors.UNKNOWN_RGB):
+        assert count(image, colors.hex_of(rgb), 6) > 500
+    assert count(image, colors.BLUE) > 100
+
+
+@pytest.mark.parametrize(("nx", "ny"), [(1, 1), (1000, 3), (3, 700), (2000, 1500)])
+def test_costmaps_of_any_shape(nx, ny, tmp_path):
+    data = np.zeros((ny, nx), np.uint8)
+    data[ny // 2, nx // 2] = 254
+    image = pixels(plot_costmap(Costmap(GridGeometry(nx, ny, 0.05), data), tmp_path / "c.png", dpi=80))
+    assert 200 < image.shape[0] < 800
+
+
+# --- files ------------------------------------------------------------------------------------------------------------
+
+DRAW = """
+import sys
+from tests.record import synthetic
+from navstack.plot import plot_run
+record = synthetic.record_run(6.0).record()
+for name in sys.argv[1:]:
+    plot_run(record, name)
+"""
+
+
+@pytest.mark.parametrize("ending", ["png", "svg", "pdf"])
+def test_the_same_bytes_every_time_and_everywhere(tmp_path, ending):
+    record = synthetic.record_run(6.0).record()
+    a, b = (plot_run(record, tmp_path / f"{n}.{ending}").read_bytes() for n in "ab")
+    assert a == b
+    assert len(a) > 20_000
+    (tmp_path / "config").mkdir()
+    (tmp_path / "config" / "matplotlibrc").write_text("axes.facecolor: red\nlines.linewidth: 9\nsavefig.dpi: 30\n")
+    environment = {**os.environ, "PYTHONHASHSEED": "77", "MATPLOTLIBRC": str(tmp_path / "config")}
+    subprocess.run(
+        [sys.executable, "-W", "error", "-c", DRAW, str(tmp_path / f"c.{ending}")],
+        cwd=ROOT,
+        check=True,
+        env=environment,
+    )
+    assert (tmp_path / f"c.{ending}").read_bytes() == a
+
+
+def test_no_software_and_no_date_in_the_files(record, tmp_path):
+    with Image.open(plot_run(record, tmp_path / "a.png")) as image:
+        assert "Software" not in image.info
+    text = plot_run(record, tmp_path / "a.svg").read_text(encoding="utf-8")
+    assert "<dc:date>" not in text
+    assert "Matplotlib v" not in text
+
+
+def test_an_ending_nobody_can_draw(record, costmap, tmp_path):
+    for name in ("run.jpg", "run", "run.gif", "run.mp4"):
+        with pytest.raises(OutputError, match=r"\.png, \.svg, \.pdf"):
+            plot_run(record, tmp_path / name)
+    with pytest.raises(OutputError, match="plan"):
+        plot_plan(costmap, a_plan(), tmp_path / "plan.xyz", start=START, goal=GOAL)
+    with pytest.raises(OutputError, match="costs"):
+        plot_costmap(costmap, tmp_path / "costs.tiff")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_is_a_file(record, tmp_path):
+    (tmp_path / "taken").write_text("mine")
+    with pytest.raises(OutputError, match="taken"):
+        plot_run(record, tmp_path / "taken" / "run.png")
+    assert [path.name for path in tmp_path.iterdir()] == ["taken"]
+
+
+def test_a_failure_leaves_the_old_picture(record, tmp_path, monkeypatch):
+    path = plot_run(record, tmp_path / "run.png")
+    before = path.read_bytes()
+
+    def full(*args, **kwargs):
+        FilePath(args[1]).write_bytes(b"half")
+        raise OSError(28, "No space left on device")
+
+    from matplotlib.figure import Figure
+
+    monkeypatch.setattr(Figure, "savefig", full)
+    with pytest.raises(OutputError, match="No space left"):
+        plot_run(record, path)
+    assert [p.name for p in tmp_path.iterdir()] == ["run.png"]
+    assert path.read_bytes() == before
+
+
+# --- manners ----------------------------------------------------------------------------------------------------------
+
+
+def test_the_users_settings_are_left_alone(record, tmp_path):
+    import matplotlib as mpl
+
+    before = dict(mpl.rcParams)
+    with mpl.rc_context({"axes.facecolor": "red", "font.size": 30.0}):
+        a = plot_run(record, tmp_path / "a.png").read_bytes()
+        assert mpl.rcParams["axes.facecolor"] == "red"
+    assert dict(mpl.rcParams) == before
+    assert plot_run(record, tmp_path / "b.png").read_bytes() == a
+
+
+def test_matplotlib_comes_late_and_pyplot_never(tmp_path):
+    code = """
+import sys
+import navstack.plot, navstack.record
+assert not {"matplotlib", "PIL", "numba"} & set(sys.modules), "imported too early"
+from tests.record import synthetic
+navstack.plot.plot_run(synthetic.record_run(1.0).record(), sys.argv[1])
+assert "matplotlib.pyplot" not in sys.modules
+"""
+    subprocess.run([sys.executable, "-W", "error", "-c", code, str(tmp_path / "a.png")], cwd=ROOT, check=True)
+
+
+def test_a_picture_takes_less_than_a_second(record, tmp_path):
+    """Measured 0.3 s; processor time, the best of three."""
+    best = math.inf
+    for i in range(3):
+        began = time.process_time()
+        plot_run(record, tmp_path / f"{i}.png")
+        best = min(best, time.process_time() - began)
+    assert best < 1.0
+
+
+def test_a_saved_run_looks_as_it_did_in_memory(tmp_path):
+    recorder = synthetic.record_run(6.0)
+    recorder.save(tmp_path)
+    a = plot_run(recorder.record(), tmp_path / "a.png").read_bytes()
+    assert plot_run(Record.load(tmp_path), tmp_path / "b.png").read_bytes() == a
