@@ -326,9 +326,11 @@ class DWAPlanner(LocalPlanner):
         limits = self._limits
         costmap = _for_kernels(costmap)
         context = ScoringContext(state, costmap, footprint, plan, goal, limits)
-        samples = self._samples(state, plan)
-        rollouts = self._simulator.run(samples, state.pose, state.velocity, limits)
-        table = score(self.critics, context, rollouts)
+        window = self._window(state, plan)
+        samples, rollouts, table = self._scored(window, context)
+        if table.best < 0 and self._turn_from_rest(window, state):
+            context.shared.clear()
+            samples, rollouts, table = self._scored(window, context)
         self._last = context, rollouts
         samples = samples.copy()
         best = table.best
@@ -347,18 +349,43 @@ class DWAPlanner(LocalPlanner):
                 critic.chosen(command, state.pose, limits.min_vel_trans)
         return self._result(command, "follow", samples, table, rollouts, context)
 
-    def _samples(self, state: RobotState, plan: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _scored(
+        self, window: NDArray[np.float64], context: ScoringContext
+    ) -> tuple[NDArray[np.float64], Rollouts, ScoreTable]:
+        state = context.state
+        samples = self._simulator.lattice(window)
+        rollouts = self._simulator.run(samples, state.pose, state.velocity, self._limits)
+        return samples, rollouts, score(self.critics, context, rollouts)
+
+    def _window(self, state: RobotState, plan: NDArray[np.float64]) -> NDArray[np.float64]:
         limits, p = self._limits, self.params
-        if p.use_dwa:
-            return self._simulator.lattice(velocity_window(state.velocity, limits, self._period))
-        # without the dynamic window: no faster than would just reach the end of the plan in sight (float32 as in C++)
-        apart = plan[-1, :2].astype(np.float32) - np.array(state.pose[:2], np.float32)
-        distance = math.hypot(float(apart[0]), float(apart[1]))
-        capped = limits._replace(
-            max_vel_x=max(min(limits.max_vel_x, distance / p.sim_time), limits.min_vel_x),
-            max_vel_y=max(min(limits.max_vel_y, distance / p.sim_time), limits.min_vel_y),
-        )
-        return self._simulator.lattice(velocity_window(state.velocity, capped, p.sim_time))
+        if not p.use_dwa:
+            # without the dynamic window: no faster than would just reach the end of the plan in sight (float32 as in C++)
+            apart = plan[-1, :2].astype(np.float32) - np.array(state.pose[:2], np.float32)
+            distance = math.hypot(float(apart[0]), float(apart[1]))
+            capped = limits._replace(
+                max_vel_x=max(min(limits.max_vel_x, distance / p.sim_time), limits.min_vel_x),
+                max_vel_y=max(min(limits.max_vel_y, distance / p.sim_time), limits.min_vel_y),
+            )
+            return velocity_window(state.velocity, capped, p.sim_time)
+        window = velocity_window(state.velocity, limits, self._period)
+        # ROS differs: where one period's acceleration stays below min_vel_trans, C++ has no way to start moving: all that is
+        # legal is to turn in place, for ever. Here the lowest speed can be commanded from rest, as a turn at the goal can.
+        lowest = limits.min_vel_trans
+        if limits.acc_lim_x * self._period < lowest and state.velocity.speed < lowest:
+            window[0, 0] = max(limits.min_vel_x, min(window[0, 0], -lowest))
+            window[0, 1] = min(limits.max_vel_x, max(window[0, 1], lowest))
+        return window
+
+    def _turn_from_rest(self, window: NDArray[np.float64], state: RobotState) -> bool:
+        """Widens `window` to min_vel_theta either way where acceleration alone does not get there; False if it does."""
+        limits = self._limits
+        lowest = min(limits.min_vel_theta, limits.max_vel_theta)
+        if not self.params.use_dwa or abs(state.velocity.wz) + limits.acc_lim_theta * self._period >= lowest:
+            return False
+        # ROS differs: with acc_lim_theta / controller_frequency below min_vel_theta a robot that cannot go ahead is stuck
+        window[2] = -lowest, lowest
+        return True
 
     def _result(
         self,
