@@ -88,9 +88,9 @@ def clear_line(cells, nx, x0, y0, x1, y1, max_length):
         cells[np.uint64(offset)] = 0
         return
     steps = da
-    length = math.sqrt(float(dx * dx + dy * dy))
-    if length > max_length:
-        steps = int(max_length / length * da)
+    squared = float(da * da + db * db)
+    if squared > max_length * max_length:
+        steps = int(max_length / math.sqrt(squared) * da)
     scale = (1 << FIXED) / da
     slope = int(db * scale) + 1
     at = int((da // 2) * scale) + 1
@@ -177,8 +177,8 @@ def mark_points(
 
 
 # --- voxels -----------------------------------------------------------------------------------------------------------
-# A column holds its levels as bits: `levels` low bits "unknown or marked", `levels` bits "marked" above them, and what is
-# left of the word the serial of the observation that marked it last.
+# A column holds its levels as bits: `levels` low bits "seen free", `levels` bits "marked" above them (neither: unknown), and
+# in what is left of the word the serial of the observation that marked it last. A word of 0 is unknown all the way up.
 
 
 @kernel
@@ -224,7 +224,6 @@ def clear_voxel_rays(
     ix0, iy0, iz0 = int(x0), int(y0), int(z0)
     flat_columns, flat_costs = columns.reshape(-1), costs.reshape(-1)
     level_mask = (1 << levels) - 1
-    # how a column stands, by its level bits, when there are few enough of them to tabulate
     end_x, end_y = origin_x + (nx - 0.5) * resolution, origin_y + (ny - 0.5) * resolution
     min_x, min_y, max_x, max_y = bounds[0], bounds[1], bounds[2], bounds[3]
     last_x, last_y, last_z = -1, -1, -1
@@ -279,15 +278,14 @@ def clear_voxel_rays(
         error_x = error_y = error_z = dominant // 2
         offset, level = iy0 * nx + ix0, iz0
         for _ in range(steps + 1):
-            word = int(flat_columns[np.uint64(offset)])
-            voxel = (1 << level) | (1 << (level + levels))
-            if word & voxel:
-                word &= ~voxel
+            old = int(flat_columns[np.uint64(offset)])
+            word = (old | (1 << level)) & ~(1 << (level + levels))
+            if word != old:
                 flat_columns[np.uint64(offset)] = word
             marked = (word >> levels) & level_mask
-            if marked == 0 or bits_set(marked) <= mark_threshold:
-                unknown = (word & level_mask) ^ marked
-                flat_costs[np.uint64(offset)] = 0 if unknown == 0 or bits_set(unknown) <= unknown_threshold else 255
+            if bits_set(marked) <= mark_threshold:
+                unknown = level_mask & ~(word | marked)
+                flat_costs[np.uint64(offset)] = 0 if bits_set(unknown) <= unknown_threshold else 255
             # the dominant axis steps each time, since its error reaches the threshold each time
             error_x += span_x
             error_y += span_y
@@ -324,7 +322,7 @@ def mark_voxels(columns, costs, serial, points, count, grid, levels, sx, sy, sz,
         if not (fx < nx and fy < ny and fz < levels):
             continue
         ix, iy, iz = int(fx), int(fy), int(fz)
-        word = int(columns[iy, ix]) | (1 << iz) | (1 << (iz + levels))
+        word = (int(columns[iy, ix]) | (1 << (iz + levels))) & ~(1 << iz)
         columns[iy, ix] = (word & bits_mask) | (serial << (2 * levels))
         if bits_set((word >> levels) & level_mask) > mark_threshold:
             costs[iy, ix] = 254
@@ -348,107 +346,55 @@ def place_footprint(vertices, x, y, yaw, out, bounds):
 
 
 @kernel
-def fill_polygon(costs, vertices, convex, origin_x, origin_y, resolution, value):
-    """Sets the cells on the outline of a polygon and inside it; False, and nothing set, when a vertex is off the map.
+def fill_convex(costs, vertices, first, last, spans, origin_x, origin_y, resolution, value):
+    """Sets the cells of a convex polygon: in each column from the lowest to the highest cell of the outline.
 
-    Convex: from the lowest to the highest cell of the outline in each column, as costmap_2d does. Otherwise: the outline
-    and every cell whose centre is inside by the even-odd rule.
+    `vertices[first:last]` are its corners (m), `spans` (2, >= nx) scratch. False, and nothing set, when a corner is off the
+    map (costmap_2d's setConvexPolygonCost).
     """
     ny, nx = costs.shape
-    n = vertices.shape[0]
-    cells = np.empty((n, 2), np.int64)
     left, right = nx, -1
-    for i in range(n):
+    for i in range(first, last):
         wx, wy = vertices[i, 0], vertices[i, 1]
         if not (wx >= origin_x and wy >= origin_y):
             return False
         fx, fy = (wx - origin_x) / resolution, (wy - origin_y) / resolution
         if not (fx < nx and fy < ny):
             return False
-        cells[i, 0], cells[i, 1] = int(fx), int(fy)
-        left, right = min(left, cells[i, 0]), max(right, cells[i, 0])
-    low = np.full(right - left + 1, ny, np.int64)
-    high = np.full(right - left + 1, -1, np.int64)
-    for i in range(n):
-        j = i + 1 if i + 1 < n else 0
-        x, y = cells[i, 0], cells[i, 1]
-        dx, dy = cells[j, 0] - x, cells[j, 1] - y
+        left, right = min(left, int(fx)), max(right, int(fx))
+    for x in range(left, right + 1):
+        spans[0, x] = ny
+        spans[1, x] = -1
+    for i in range(first, last):
+        j = i + 1 if i + 1 < last else first
+        x = int((vertices[i, 0] - origin_x) / resolution)
+        y = int((vertices[i, 1] - origin_y) / resolution)
+        dx = int((vertices[j, 0] - origin_x) / resolution) - x
+        dy = int((vertices[j, 1] - origin_y) / resolution) - y
         step_x, step_y = 1 if dx > 0 else -1, 1 if dy > 0 else -1
         adx, ady = abs(dx), abs(dy)
         longest = max(adx, ady)
-        error = longest // 2
+        error_x = error_y = longest // 2
         for _ in range(longest + 1):
-            if convex:
-                low[x - left], high[x - left] = min(low[x - left], y), max(high[x - left], y)
-            else:
-                costs[y, x] = value
-            if adx >= ady:
+            spans[0, x] = min(spans[0, x], y)
+            spans[1, x] = max(spans[1, x], y)
+            # the dominant axis steps each time, since its error reaches the threshold each time
+            error_x += adx
+            error_y += ady
+            if error_x >= longest:
+                error_x -= longest
                 x += step_x
-                error += ady
-                if error >= longest:
-                    y += step_y
-                    error -= longest
-            else:
+            if error_y >= longest:
+                error_y -= longest
                 y += step_y
-                error += adx
-                if error >= longest:
-                    x += step_x
-                    error -= longest
-    if convex:
-        for x in range(left, right + 1):
-            for y in range(low[x - left], high[x - left] + 1):
-                costs[y, x] = value
-        return True
-    crossings = np.empty(n, np.float64)
+            # the last step may leave the grid, but then nothing is written any more
     for x in range(left, right + 1):
-        at = origin_x + (x + 0.5) * resolution
-        count = 0
-        for i in range(n):
-            j = i + 1 if i + 1 < n else 0
-            xa, xb = vertices[i, 0], vertices[j, 0]
-            if (xa <= at) != (xb <= at):
-                crossings[count] = vertices[i, 1] + (at - xa) / (xb - xa) * (vertices[j, 1] - vertices[i, 1])
-                count += 1
-        for i in range(1, count):  # a handful: sort by insertion
-            held = crossings[i]
-            j = i
-            while j > 0 and crossings[j - 1] > held:
-                crossings[j] = crossings[j - 1]
-                j -= 1
-            crossings[j] = held
-        for i in range(0, count - 1, 2):
-            first = max(0, math.ceil((crossings[i] - origin_y) / resolution - 0.5))
-            last = min(ny - 1, math.floor((crossings[i + 1] - origin_y) / resolution - 0.5))
-            for y in range(first, last + 1):
-                costs[y, x] = value
+        for y in range(spans[0, x], spans[1, x] + 1):
+            costs[y, x] = value
     return True
 
 
 # --- windows ----------------------------------------------------------------------------------------------------------
-
-
-@kernel
-def shift_cells(cells, dx, dy, fill):
-    """Moves a grid by whole cells, in place: cell (x, y) takes the value of (x + dx, y + dy), or `fill` from outside."""
-    ny, nx = cells.shape
-    x_from, x_to = max(0, -dx), min(nx, nx - dx)
-    for k in range(ny):
-        y = k if dy >= 0 else ny - 1 - k
-        source = y + dy
-        if source < 0 or source >= ny or x_from >= x_to:
-            for x in range(nx):
-                cells[y, x] = fill
-            continue
-        if dx >= 0:
-            for x in range(x_from, x_to):
-                cells[y, x] = cells[source, x + dx]
-        else:
-            for x in range(x_to - 1, x_from - 1, -1):
-                cells[y, x] = cells[source, x + dx]
-        for x in range(x_from):
-            cells[y, x] = fill
-        for x in range(x_to, nx):
-            cells[y, x] = fill
 
 
 @kernel
@@ -498,49 +444,59 @@ def look_up_map(master, costs, x0, y0, x1, y1, affine, maximum):
 
 
 @kernel
-def count_up(lethal_row, counts, radius):
-    """One row further: cells to the nearest lethal cell behind in each column, at most radius + 1. Vectorises."""
+def count_up(lethal_row, counts, radius, out):
+    """One row further: cells to the nearest lethal cell behind in each column, at most radius + 1; kept in `out` too."""
     for x in range(counts.size):
         further = np.uint8(min(counts[x], radius) + np.uint8(1))
-        counts[x] = np.uint8(0) if lethal_row[x] == np.uint8(254) else further
+        further = np.uint8(0) if lethal_row[x] == np.uint8(254) else further
+        counts[x] = further
+        out[x] = further
 
 
 @kernel
-def keep_nearer(a, b, out):
-    """The smaller of both, cell by cell. Vectorises."""
-    for x in range(a.size):
-        out[x] = min(a[x], b[x])
+def keep_nearer(distances, others):
+    """The smaller of both, cell by cell, into `distances`."""
+    for x in range(others.size):
+        distances[x] = min(distances[x], others[x])
 
 
 @kernel
 def keep_dearer(costs, others):
-    """The larger of both, cell by cell, into `costs`. Vectorises."""
+    """The larger of both, cell by cell, into `costs`."""
     for x in range(others.size):
         costs[x] = max(costs[x], others[x])
 
 
 @kernel
+def set_bytes(row, value):
+    """Sets all of a row."""
+    for x in range(row.size):
+        row[x] = value
+
+
+@kernel
 def raise_costs(row, costs, unknown_from):
-    """The larger of both, into `row`; unknown cells are overwritten from a cost on. `costs` becomes 0. Vectorises."""
+    """The larger of both, into `row`; unknown cells are overwritten from a cost on."""
     for x in range(row.size):
         old, cost = row[x], costs[x]
         kept = np.uint8(cost if cost >= unknown_from else np.uint8(255))
         row[x] = kept if old == np.uint8(255) else max(old, cost)
-        costs[x] = np.uint8(0)
 
 
 @kernel
-def inflate(master, x0, y0, x1, y1, radius, ahead, behind, below, unknown_from):
+def inflate(master, x0, y0, x1, y1, radius, ahead, behind, below, rows, near, near_words, unknown_from):
     """Raises the window to the inflation cost of the nearest lethal cell, by its exact Euclidean distance.
 
     `ahead` (radius + 1, n): cost at `row` cells across and 1 + `column` cells along, 0 beyond the radius; column n - 1 holds
-    the cost right across. `behind` is `ahead` mirrored. `below` (>= y1 - y0, >= nx) is scratch. An unknown cell is
-    overwritten from the cost `unknown_from` on.
+    the cost right across. `behind` is `ahead` mirrored. An unknown cell is overwritten from the cost `unknown_from` on.
+    Scratch: `below` (>= y1 - y0, >= nx), `rows` (2, >= nx + 2 n + 16), `near` (a multiple of 8, >= nx + 24), which
+    `near_words` shows as uint64.
 
     Rows of the window are taken from the top down. `below` holds how far down the nearest lethal cell of each column is,
-    `above` how far up, `near` the smaller of both. Seen from this row that is all there is to know of a column, and it
+    `counts` how far up, `near` the smaller of both. Seen from this row that is all there is to know of a column, and it
     matters to the cells on its right only while its right neighbour is farther from an obstacle (the same on the left):
-    few columns have to be spread along the row, and most of the row has nothing near.
+    few columns have to be spread along the row, and most of the row has nothing near. The small loops that run over whole
+    rows are functions of their own because they vectorise there.
     """
     ny, nx = master.shape
     left, right = max(0, x0 - radius), min(nx, x1 + radius)
@@ -549,26 +505,25 @@ def inflate(master, x0, y0, x1, y1, radius, ahead, behind, below, unknown_from):
     reach = ahead.shape[1] - 1
     most = np.uint8(radius)
     far = np.uint8(radius + 1)
-    count = np.full(width, far, np.uint8)
+    counts = rows[0, 0:width]
+    set_bytes(counts, far)
     for y in range(bottom, y1):
-        count_up(master[y, left:right], count, most)
-        if y >= y0:
-            below[y - y0, 0:width] = count
-    # eight cells at a time: one word of `near` says that nothing is near; at least one word of margin on both sides
+        count_up(master[y, left:right], counts, most, below[max(y - y0, 0), 0:width])
+    # eight cells at a time: one word of `near` says that nothing is near; a word of margin on both sides
     words = (width + 7) // 8 + 2
-    near = np.full(8 * words, far, np.uint8)
-    near_words = near.view(np.uint64)
+    set_bytes(near[0 : 8 * words], far)
     nothing = near_words[0]
     near_row = near[8 : 8 + width]
     margin = reach + 8
-    costs = np.zeros(8 * words + 2 * margin, np.uint8)
-    count[:] = far
+    costs = rows[1, 0 : width + 2 * margin]
+    set_bytes(costs, np.uint8(0))
+    set_bytes(counts, far)
     for y in range(top - 1, y0 - 1, -1):
         row = master[y, left:right]
-        count_up(row, count, most)
+        count_up(row, counts, most, near_row)
         if y >= y1:
             continue
-        keep_nearer(count, below[y - y0, 0:width], near_row)
+        keep_nearer(near_row, below[y - y0, 0:width])
         first, last = width, -1
         for word in range(1, words - 1):
             if near_words[word] == nothing:
@@ -588,5 +543,4 @@ def inflate(master, x0, y0, x1, y1, radius, ahead, behind, below, unknown_from):
             first, last = max(x0 - left, first - radius), min(x1 - left, last + radius + 1)
             if first < last:
                 raise_costs(row[first:last], costs[margin + first : margin + last], unknown_from)
-            # what was spread beyond the window
-            costs[:] = 0
+            set_bytes(costs, np.uint8(0))

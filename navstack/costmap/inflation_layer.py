@@ -63,7 +63,7 @@ class InflationLayer(Layer):
         self._geometry: GridGeometry | None = None
         self._ahead = self._behind = np.zeros((1, 1), np.uint8)
         self._unknown_from = np.uint8(1 if params.inflate_unknown else INSCRIBED)
-        self._scratch = np.zeros((1, 1), np.uint8)
+        self._below = self._rows = np.zeros((1, 1), np.uint8)
         self._margin = 0.0
         self._last = Bounds()
         self._everything = True
@@ -71,7 +71,7 @@ class InflationLayer(Layer):
     def match_size(self, geometry: GridGeometry) -> None:
         """Allocates and tabulates the costs."""
         self._geometry = geometry
-        self._scratch = np.zeros(geometry.shape, np.uint8)
+        self._below = np.zeros(geometry.shape, np.uint8)
         self._inflate = _kernels.inflate.compiled()
         self._tabulate()
 
@@ -104,7 +104,16 @@ class InflationLayer(Layer):
         if not self.params.enabled or self.radius_cells == 0:
             return
         self._inflate(
-            master.data, *window, self.radius_cells, self._ahead, self._behind, self._scratch, self._unknown_from
+            master.data,
+            *window,
+            self.radius_cells,
+            self._ahead,
+            self._behind,
+            self._below,
+            self._rows,
+            self._near,
+            self._near_words,
+            self._unknown_from,
         )
 
     def reset(self, region: Bounds | None = None, *, invert: bool = False) -> int:
@@ -135,3 +144,7 @@ class InflationLayer(Layer):
         costs[cells_away > self.radius_cells] = 0
         self._ahead = np.ascontiguousarray(costs)
         self._behind = np.ascontiguousarray(costs[:, ::-1])
+        longest = geometry.nx + 2 * costs.shape[1] + 16
+        self._rows = np.zeros((2, longest), np.uint8)
+        self._near = np.zeros(8 * (geometry.nx // 8 + 4), np.uint8)
+        self._near_words = self._near.view(np.uint64)

@@ -25,7 +25,7 @@ from navstack.core.errors import InputError, InternalError
 from navstack.core.frames import clean_frame
 from navstack.costmap import _kernels
 from navstack.costmap.params import CostmapParams
-from navstack.costmap.regions import window_shift
+from navstack.costmap.regions import shift_cells, window_shift
 from navstack.costmap.static_layer import StaticLayer
 from navstack.interfaces import Layer, LayerContext
 
@@ -224,7 +224,7 @@ class LayeredCostmap:
             _settled(old.origin_x + dx * resolution, self._base.origin_x + self._moved[0] * resolution),
             _settled(old.origin_y + dy * resolution, self._base.origin_y + self._moved[1] * resolution),
         )
-        _kernels.shift_cells(self.master.data, *window_shift(old, new), self.default_cost)
+        shift_cells(self.master.data, *window_shift(old, new), self.default_cost)
         self.master.geometry = new
         for layer in self._layers:
             layer.shift_to(new)

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from navstack.core import UNKNOWN, Bounds, Costmap, Footprint, GridGeometry, Pose2D, SensorData, Window
 from navstack.core.parameters import ParamModel, param
 from navstack.costmap import _kernels
+from navstack.costmap.convex_parts import convex_parts
 from navstack.costmap.mark_log import MarkLog
 from navstack.costmap.observation_buffer import Observation, ObservationBuffer, ObservationSourceParams
-from navstack.costmap.regions import forget_region, window_shift
+from navstack.costmap.regions import forget_region, shift_cells, window_shift
 from navstack.interfaces import Layer, LayerContext
 from navstack.plugins import LAYERS
 
@@ -92,25 +93,26 @@ class ObstacleLayer(Layer):
         self.costs = np.full(geometry.shape, self.default_cost, np.uint8)
         # called several times per update: without the wrapper that defers compiling
         self._clear_rays, self._mark_points = _kernels.clear_rays.compiled(), _kernels.mark_points.compiled()
-        self._place_footprint, self._fill_polygon = (
+        self._place_footprint, self._fill_convex = (
             _kernels.place_footprint.compiled(),
-            _kernels.fill_polygon.compiled(),
+            _kernels.fill_convex.compiled(),
         )
         self._combine_max = _kernels.combine_max.compiled()
+        self._spans = np.zeros((2, geometry.nx), np.int64)
         self._allocate_marks(geometry)
 
     def shift_to(self, geometry: GridGeometry) -> None:
         """Keeps the cells that the old and the new window share."""
         dx, dy = window_shift(self.geometry, geometry)
-        _kernels.shift_cells(self.costs, dx, dy, self.default_cost)
+        shift_cells(self.costs, dx, dy, self.default_cost)
         self._shift_marks(dx, dy)
         self.geometry = geometry
 
     def set_footprint(self, footprint: Footprint) -> None:
         """The outline whose cells are freed."""
-        self._outline = np.array(footprint.vertices)
+        self._parts = convex_parts(footprint.vertices)
+        self._outline = np.concatenate(self._parts)
         self._placed = np.zeros_like(self._outline)
-        self._outline_convex = is_convex(self._outline)
 
     # --- update -------------------------------------------------------------------------------------------------------
 
@@ -154,7 +156,13 @@ class ObstacleLayer(Layer):
             return
         if params.footprint_clearing_enabled:
             g = self.geometry
-            self._fill_polygon(self.costs, self._placed, self._outline_convex, g.origin_x, g.origin_y, g.resolution, 0)
+            first = 0
+            for part in self._parts:
+                last = first + len(part)
+                self._fill_convex(
+                    self.costs, self._placed, first, last, self._spans, g.origin_x, g.origin_y, g.resolution, 0
+                )
+                first = last
         if params.combination_method == MAXIMUM:
             self._combine_max(master.data, self.costs, *window)
         elif params.combination_method == OVERWRITE:
@@ -199,7 +207,7 @@ class ObstacleLayer(Layer):
         self.serials = np.zeros(geometry.shape, np.uint16)
 
     def _shift_marks(self, dx: int, dy: int) -> None:
-        _kernels.shift_cells(self.serials, dx, dy, 0)
+        shift_cells(self.serials, dx, dy, 0)
 
     def _reset_marks(self, region: Bounds | None, invert: bool) -> None:
         forget_region(self.serials, self.geometry, region, invert, 0)
@@ -234,12 +242,3 @@ class ObstacleLayer(Layer):
 def cells_in(distance: float, resolution: float) -> float:
     """costmap_2d's cellDistance: a distance (m) in cells, rounded up."""
     return float(max(0, math.ceil(distance / resolution)))
-
-
-def is_convex(vertices: NDArray[np.float64]) -> bool:
-    """True when the outline (n, 2) turns one way only."""
-    edges = np.roll(vertices, -1, axis=0) - vertices
-    following = np.roll(edges, -1, axis=0)
-    turns = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
-    slack = 1e-12 * max(1.0, float(np.abs(turns).max(initial=0.0)))
-    return bool((turns >= -slack).all() or (turns <= slack).all())

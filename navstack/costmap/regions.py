@@ -19,6 +19,14 @@ def window_shift(old: GridGeometry, new: GridGeometry) -> tuple[int, int]:
     return max(-old.nx, min(old.nx, dx)), max(-old.ny, min(old.ny, dy))
 
 
+def shift_cells(cells: NDArray[Any], dx: int, dy: int, fill: int) -> None:
+    """Moves a grid by whole cells, in place: cell (x, y) takes the value of (x + dx, y + dy), or `fill` from outside."""
+    ny, nx = cells.shape
+    kept = cells[max(dy, 0) : ny + min(dy, 0), max(dx, 0) : nx + min(dx, 0)].copy()
+    cells.fill(fill)
+    cells[max(-dy, 0) : ny + min(-dy, 0), max(-dx, 0) : nx + min(-dx, 0)] = kept
+
+
 def forget_region(
     cells: NDArray[Any], geometry: GridGeometry, region: Bounds | None, invert: bool, value: int
 ) -> tuple[int, Bounds]:

@@ -12,7 +12,7 @@ from navstack.core.parameters import ParamModel, param
 from navstack.costmap import _kernels
 from navstack.costmap.observation_buffer import Observation
 from navstack.costmap.obstacle_layer import ObstacleLayer, ObstacleLayerParams, cells_in
-from navstack.costmap.regions import forget_region
+from navstack.costmap.regions import forget_region, shift_cells
 from navstack.interfaces import LayerContext
 from navstack.plugins import LAYERS
 
@@ -47,7 +47,7 @@ class VoxelLayerParams(ObstacleLayerParams):
 class VoxelLayer(ObstacleLayer):
     """Obstacles in columns of voxels: what passes above or below an obstacle does not clear it.
 
-    A column is a word of bits: per level "unknown or marked" and "marked", above them the serial of the observation that
+    A column is a word of bits: per level "seen free" and "marked", above them the serial of the observation that
     marked it last. 3 bytes a cell up to 8 levels, 5 beyond.
     """
 
@@ -64,23 +64,19 @@ class VoxelLayer(ObstacleLayer):
     def _serial_bits(self) -> int:
         return min(8 * self._word.itemsize - 2 * self.levels, 16)
 
-    @property
-    def _unknown_column(self) -> int:
-        return (1 << self.levels) - 1
-
     def _allocate_marks(self, geometry: GridGeometry) -> None:
-        self.columns = np.full(geometry.shape, self._unknown_column, self._word)
+        self.columns = np.zeros(geometry.shape, self._word)
         self._clear_voxel_rays, self._mark_voxels = (
             _kernels.clear_voxel_rays.compiled(),
             _kernels.mark_voxels.compiled(),
         )
 
     def _shift_marks(self, dx: int, dy: int) -> None:
-        _kernels.shift_cells(self.columns, dx, dy, self._unknown_column)
+        shift_cells(self.columns, dx, dy, 0)
 
     def _reset_marks(self, region: Bounds | None, invert: bool) -> None:
         # ROS differs: clearArea leaves the voxels, so that a ray through a cleared column brings the obstacle back
-        forget_region(self.columns, self.geometry, region, invert, self._unknown_column)
+        forget_region(self.columns, self.geometry, region, invert, 0)
 
     def _forget_serials(self, first: int, last: int) -> None:
         serials = self.columns >> (2 * self.levels)
@@ -95,8 +91,8 @@ class VoxelLayer(ObstacleLayer):
         word = int(self.columns[iy, ix])
         signs: list[str] = []
         for level in range(self.levels):
-            marked, known = word >> (level + self.levels) & 1, not word >> level & 1
-            signs.append("#" if marked else "." if known else "?")
+            marked, free = word >> (level + self.levels) & 1, word >> level & 1
+            signs.append("#" if marked else "." if free else "?")
         return "".join(signs)
 
     def _grid(self) -> NDArray[np.float64]:
