@@ -24,6 +24,7 @@ from navstack.interfaces import GlobalPlanner, Plan
 from navstack.plugins import GLOBAL_PLANNERS
 
 _PATIENCE = 8
+_HAIR = 1e-9
 _ENDPOINT_REACH = 2  # planner_core.cpp, clearEndpoint
 
 
@@ -122,8 +123,11 @@ class GlobalPlannerROS(GlobalPlanner):
         wave = self._wave
         target = free[0][1]
         gx, gy = _fractional(grid.geometry, free[0][0], target, params.old_navfn_behavior)
-        first_stop = int(gx), int(gy)  # where C++ stops (parity 12); at most one cell before the target
-        if ends.is_blocked(grid, rule, first_stop):
+        first_stop = (
+            math.floor(gx + _HAIR),
+            math.floor(gy + _HAIR),
+        )  # where C++ stops (parity 12); at most one cell before the target
+        if not grid.geometry.contains_cell(*first_stop) or ends.is_blocked(grid, rule, first_stop):
             first_stop = target
         spread(wave, grid, rule, start, start_cell, first_stop, params)
         potential = wave.full_potential() if keep_potential else None
@@ -142,7 +146,7 @@ class GlobalPlannerROS(GlobalPlanner):
             potential[cell[1], cell[0]] = cost
             if grid is not costmap:
                 potential = np.ascontiguousarray(potential[1:-1, 1:-1])
-        cells = descend(wave, grid, start, start_cell, used, cell, params)
+        cells = descend(wave, grid, start, start_cell, used, cell, params).astype(np.float64)
         offset = 0.0 if params.old_navfn_behavior else 0.5
         g = grid.geometry
         poses = np.zeros((len(cells) + 1, 3))
@@ -203,9 +207,10 @@ def spread(
     fronts = [(x + 1, y), (x - 1, y), (x, y - 1), (x, y + 1)]
     if not params.old_navfn_behavior:
         fx, fy = _fractional(grid.geometry, start, start_cell, False)
-        ix, iy = math.floor(fx), math.floor(fy)
-        dx = math.floor((fx - ix) * 100.0 + 0.5) / 100.0
-        dy = math.floor((fy - iy) * 100.0 + 0.5) / 100.0
+        # to hundredths of a cell, as C++; before taking the cell, so that a hair's breadth does not change it
+        hx, hy = math.floor(fx * 100.0 + 0.5), math.floor(fy * 100.0 + 0.5)
+        ix, iy = hx // 100, hy // 100
+        dx, dy = (hx % 100) / 100.0, (hy % 100) / 100.0
         square = [
             ((ix, iy), dx * dy),
             ((ix + 1, iy), (1.0 - dx) * dy),
@@ -264,9 +269,11 @@ def descend(
         rule = wave.rule
         cells = trace.grid_path(wave.pot, nx, wave.ny, k, wave.cost, rule.steps, not params.use_dijkstra)
         cells[0] = gx, gy
+        if len(cells) > 1 and (cells[-1] != start_cell).any():  # another of the four seeds
+            cells = np.vstack([cells, np.array([start_cell], np.float32)])
         return cells
     sx, sy = _fractional(grid.geometry, start, start_cell, params.old_navfn_behavior)
-    ix, iy = math.floor(gx), math.floor(gy)
+    ix, iy = math.floor(gx + _HAIR), math.floor(gy + _HAIR)
     if wave.potential_of(ix, iy) < math.inf:  # C++ starts there, or fails (parity 12)
         k = iy * nx + ix
     else:

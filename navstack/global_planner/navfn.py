@@ -140,7 +140,7 @@ class NavfnROS(GlobalPlanner):
                 raise ends.start_occupied(costmap, rule, start, start_cell)
             raise ends.no_path(costmap, wave, start, goal, goal_cell)
         used, cell = reached
-        cells = descend(wave, cell, root=start_cell)
+        cells = descend(wave, cell, root=start_cell).astype(np.float64)
         poses = np.zeros((len(cells) + 1, 3))
         poses[:-1, 0] = costmap.geometry.origin_x + cells[::-1, 0] * costmap.geometry.resolution
         poses[:-1, 1] = costmap.geometry.origin_y + cells[::-1, 1] * costmap.geometry.resolution
