@@ -15,35 +15,19 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Costmap, Footprint, Path, Pose2D, RobotState, Twist2D
-from navstack.core.errors import ControlError, NoValidControlError
+from navstack.core import Costmap, Footprint, Pose2D, RobotState, Twist2D
+from navstack.core.errors import ControlError
 from navstack.core.parameters import ParamModel, PluginSpec, param
-from navstack.interfaces import (
-    ControlInput,
-    Critic,
-    LocalPlan,
-    LocalPlanner,
-    Rollouts,
-    ScoringContext,
-    VelocityLimits,
-)
+from navstack.interfaces import ControlInput, Critic, LocalPlan, Rollouts, ScoringContext, VelocityLimits
 from navstack.local_planner import critics as _critics
 from navstack.local_planner.critics._scale import RosDistro
 from navstack.local_planner.critics.obstacle import ObstacleCritic, ObstacleParams
 from navstack.local_planner.critics.oscillation import OscillationCritic
 from navstack.local_planner.goal_checker import GoalChecker
-from navstack.local_planner.map_grid import MapGrid
-from navstack.local_planner.plan_view import PlanView
+from navstack.local_planner.plan_follower import PlanFollower, at_least_standing
 from navstack.local_planner.rollouts import Simulator, velocity_window
 from navstack.local_planner.scoring import ScoreTable, score
-from navstack.local_planner.stop_rotate import braking_twist, turning_twist
-from navstack.local_planner.verdict import no_valid_control
 from navstack.plugins import CRITICS, LOCAL_PLANNERS
-
-DEFAULT_PERIOD_S = 0.05
-"""The control period without a controller_frequency."""
-SAME_GOAL = 1e-6
-"""Goals nearer than this (m, rad) are one goal."""
 
 _NO_TOPIC = "navstack publishes no topics; every command carries its table of samples"
 
@@ -179,21 +163,33 @@ def make_critics(params: DWAParams) -> list[Critic]:
 
 
 @LOCAL_PLANNERS.register("dwa", aliases=("dwa_local_planner/DWAPlannerROS",))
-class DWAPlanner(LocalPlanner):
+class DWAPlanner(PlanFollower):
     """Follows a plan by the dynamic window approach; stops and turns at the goal.
 
     Stateful between cycles: the plan, whether the goal's position has been reached, the oscillation flags.
     """
 
-    Params = DWAParams
+    Params: ClassVar[type[ParamModel]] = DWAParams
     params: DWAParams
 
     def __init__(self, params: DWAParams) -> None:
-        super().__init__(params)
         p = params
-        self._period = 1.0 / p.controller_frequency if p.controller_frequency > 0.0 else DEFAULT_PERIOD_S
+        critics = make_critics(p)
+        # commands near the goal are checked against obstacles even where a list of critics leaves them out
+        own = next((c for c in critics if isinstance(c, ObstacleCritic)), None)
+        super().__init__(
+            p,
+            critics,
+            own
+            or ObstacleCritic(
+                "obstacle", ObstacleParams(scaling_speed=p.scaling_speed, max_scaling_factor=p.max_scaling_factor)
+            ),
+            GoalChecker(p.xy_goal_tolerance, p.yaw_goal_tolerance, p.trans_stopped_vel, p.theta_stopped_vel),
+            latch=p.latch_xy_goal_tolerance,
+            prune=p.prune_plan,
+            controller_frequency=p.controller_frequency,
+        )
         self._limits = self._limits_of(None, None)
-        self._checker = GoalChecker(p.xy_goal_tolerance, p.yaw_goal_tolerance, p.trans_stopped_vel, p.theta_stopped_vel)
         self._simulator = Simulator(
             (p.vx_samples, p.vy_samples, p.vth_samples),
             p.sim_time,
@@ -201,18 +197,7 @@ class DWAPlanner(LocalPlanner):
             p.angular_sim_granularity,
             accelerate=not p.use_dwa,
         )
-        self.critics = make_critics(p)
-        self._names = tuple(c.name for c in self.critics)
-        # commands near the goal are checked against obstacles even where a list of critics leaves them out
-        own = next((c for c in self.critics if isinstance(c, ObstacleCritic)), None)
-        self._guard = own or ObstacleCritic(
-            "obstacle", ObstacleParams(scaling_speed=p.scaling_speed, max_scaling_factor=p.max_scaling_factor)
-        )
-        self._plan = PlanView()
-        self._goal: Pose2D | None = None
-        self._latched = False
-        self._rotating = False
-        self._last: tuple[ScoringContext, Rollouts] | None = None
+        self._oscillation = [c for c in critics if isinstance(c, OscillationCritic)]
 
     # --- limits -----------------------------------------------------------------------------------------------------
 
@@ -250,26 +235,20 @@ class DWAPlanner(LocalPlanner):
                 raise ControlError(f"{name} must be a speed of at least 0, not {value}", limit=name, value=value)
         self._limits = self._limits_of(max_vel_trans, max_vel_theta)
 
-    @property
-    def period(self) -> float:
-        """Seconds between two commands."""
-        return self._period
+    # --- the state of the flags -------------------------------------------------------------------------------------
 
-    # --- plan and goal ----------------------------------------------------------------------------------------------
-
-    def set_plan(self, plan: Path, goal: Pose2D) -> None:
-        """Follow `plan` to `goal`. With the goal of before it is a replan: the latch holds."""
-        if not goal.is_finite():
-            raise ControlError(f"the goal is not finite: {tuple(goal)}", goal=list(goal))
-        self._plan.set(plan)
-        before = self._goal
-        self._goal = Pose2D(*goal)
-        # as in C++: every plan allows every direction again
+    def plan_changed(self, *, same_goal: bool) -> None:
+        """As in C++, every plan allows every direction again."""
+        del same_goal
         self._reset_oscillation()
-        if before is not None and all(abs(a - b) <= SAME_GOAL for a, b in zip(before, goal)):
-            return  # ROS differs: there every replan forgets that the position was reached (parity 17)
-        self._latched = False
-        self._rotating = False
+
+    def command_checked(self) -> None:
+        """As in C++, so does a command at the goal."""
+        self._reset_oscillation()
+
+    def _reset_oscillation(self) -> None:
+        for critic in self._oscillation:
+            critic.reset()
 
     def goal_reached(self, inputs: ControlInput) -> bool:
         """Position (or latched), heading and stopped."""
@@ -278,41 +257,12 @@ class DWAPlanner(LocalPlanner):
         goal = inputs.plan_to_costmap.apply(self._goal)
         pose = inputs.state.pose
         return (
-            self._at_position(pose, goal)
-            and self._checker.at_heading(pose, goal)
-            and self._checker.stopped(inputs.state.velocity)
+            self.at_position(pose, goal)
+            and self.checker.at_heading(pose, goal)
+            and self.checker.stopped(inputs.state.velocity)
         )
-
-    def _at_position(self, pose: Pose2D, goal: Pose2D) -> bool:
-        if self.params.latch_xy_goal_tolerance and self._latched:
-            return True
-        if self._checker.at_position(pose, goal):
-            self._latched = True
-            return True
-        return False
 
     # --- the command ------------------------------------------------------------------------------------------------
-
-    def compute_command(self, inputs: ControlInput) -> LocalPlan:
-        """One cycle: follow the plan, or brake and turn at the goal's position.
-
-        Raises InvalidPathError when no part of the plan is near, NoValidControlError when every sample is rejected.
-        """
-        state = inputs.state
-        if not (state.pose.is_finite() and state.velocity.is_finite()):
-            raise ControlError(
-                f"the robot's pose {tuple(state.pose)} or velocity {tuple(state.velocity)} is not finite",
-                pose=list(state.pose),
-                velocity=list(state.velocity),
-            )
-        plan = self._plan.in_sight(
-            state.pose, inputs.plan_to_costmap, inputs.costmap.geometry, prune=self.params.prune_plan
-        )
-        assert self._goal is not None  # a plan came with it
-        goal = inputs.plan_to_costmap.apply(self._goal)
-        if self._at_position(state.pose, goal):
-            return self._stop_and_rotate(inputs, plan, goal)
-        return self.search(state, inputs.costmap, inputs.footprint, plan, goal)
 
     def search(
         self,
@@ -323,31 +273,28 @@ class DWAPlanner(LocalPlanner):
         goal: Pose2D,
     ) -> LocalPlan:
         """The best sample for following `plan` (n, 3), all in the costmap's frame (DWAPlanner::findBestPath)."""
-        limits = self._limits
-        costmap = _for_kernels(costmap)
-        context = ScoringContext(state, costmap, footprint, plan, goal, limits)
+        context = self.context(state, costmap, footprint, plan, goal)
         window = self._window(state, plan)
         samples, rollouts, table = self._scored(window, context)
         if table.best < 0 and self._turn_from_rest(window, state):
             context.shared.clear()
             samples, rollouts, table = self._scored(window, context)
-        self._last = context, rollouts
-        samples = samples.copy()
-        best = table.best
-        if best < 0:
-            text, data = no_valid_control(
-                table, self.critics, rollouts, samples, costmap, footprint, limits.max_vel_trans
-            )
-            raise NoValidControlError(
-                text,
-                **data,
-                plan=self._result(Twist2D(), "follow", samples, table, rollouts, context),
-            )
-        command = Twist2D(*rollouts.samples[best].tolist())
-        for critic in self.critics:
-            if isinstance(critic, OscillationCritic):
-                critic.chosen(command, state.pose, limits.min_vel_trans)
-        return self._result(command, "follow", samples, table, rollouts, context)
+        command = Twist2D()
+        if table.best >= 0:
+            command = Twist2D(*rollouts.samples[table.best].tolist())
+            for critic in self._oscillation:
+                critic.chosen(command, state.pose, self._limits.min_vel_trans)
+        return self.result(command, samples.copy(), table, rollouts, context)
+
+    def simulated(self, command: Twist2D, state: RobotState) -> Rollouts:
+        """The one trajectory of a command at the goal, however slow it is."""
+        free = at_least_standing(self._limits)
+        return self._simulator.run(np.array([command]), state.pose, state.velocity, free)
+
+    def explain_last(self) -> dict[str, Any]:
+        """As for every follower, with the flags of `oscillation`."""
+        flags = self._oscillation[0].flags if self._oscillation else {}
+        return {**super().explain_last(), "oscillation": flags}
 
     def _scored(
         self, window: NDArray[np.float64], context: ScoringContext
@@ -386,136 +333,3 @@ class DWAPlanner(LocalPlanner):
         # ROS differs: with acc_lim_theta / controller_frequency below min_vel_theta a robot that cannot go ahead is stuck
         window[2] = -lowest, lowest
         return True
-
-    def _result(
-        self,
-        command: Twist2D,
-        mode: str,
-        samples: NDArray[np.float64],
-        table: ScoreTable,
-        rollouts: Rollouts,
-        context: ScoringContext,
-    ) -> LocalPlan:
-        best = table.best
-        return LocalPlan(
-            command,
-            mode,
-            samples,
-            self._names,
-            table.costs,
-            table.scales,
-            table.totals,
-            table.rejected_by,
-            best,
-            rollouts.poses[best, : rollouts.counts[best]].copy() if best >= 0 else None,
-            Path(context.plan, context.costmap.frame),
-            tuple(context.shared.get("notes", ())),
-        )
-
-    def explain(self, inputs: ControlInput) -> dict[str, Any]:
-        """What `explain_last` says, of the last search whatever `inputs` are."""
-        del inputs
-        return self.explain_last()
-
-    def explain_last(self) -> dict[str, Any]:
-        """Of the last search: `poses` (K, T, 3), `counts` (K,), `commands` (K, 3), `first_contact` (K,), `grids` by critic."""
-        if self._last is None:
-            return {}
-        _, rollouts = self._last
-        grids: dict[str, NDArray[np.float64]] = {}
-        for critic in self.critics:
-            grid = getattr(critic, "grid", None)
-            if isinstance(grid, MapGrid):
-                grids[critic.name] = grid.values()
-        return {
-            "poses": rollouts.poses.copy(),
-            "counts": rollouts.counts.copy(),
-            "commands": rollouts.samples.copy(),
-            "first_contact": self._guard.first_contact.copy(),
-            "grids": grids,
-            "oscillation": next((c.flags for c in self.critics if isinstance(c, OscillationCritic)), {}),
-        }
-
-    # --- at the goal's position -------------------------------------------------------------------------------------
-
-    def _stop_and_rotate(self, inputs: ControlInput, plan: NDArray[np.float64], goal: Pose2D) -> LocalPlan:
-        state, limits = inputs.state, self._limits
-        local_plan = Path(plan, inputs.costmap.frame)
-        if self._checker.at_heading(state.pose, goal):
-            self._rotating = False
-            return LocalPlan(
-                Twist2D(), "arrived", critics=self._names, local_plan=local_plan, **_empty(len(self._names))
-            )
-        if not self._rotating and not self._checker.stopped(state.velocity):
-            mode, doing = "brake", "braking"
-            command = braking_twist(state.velocity, limits, self._period)
-        else:
-            self._rotating = True
-            mode, doing = "rotate_to_goal", "turning in place"
-            error = self._checker.yaw_error(state.pose, goal)
-            command = turning_twist(error, state.velocity.wz, limits, self._period, limits.min_vel_theta)
-        return self._checked(command, mode, doing, inputs, plan, goal)
-
-    def _checked(
-        self, command: Twist2D, mode: str, doing: str, inputs: ControlInput, plan: NDArray[np.float64], goal: Pose2D
-    ) -> LocalPlan:
-        """`command` if its trajectory hits nothing."""
-        self._reset_oscillation()
-        state, limits = inputs.state, self._limits
-        costmap = _for_kernels(inputs.costmap)
-        context = ScoringContext(state, costmap, inputs.footprint, plan, goal, limits)
-        # the brake may be slower, or faster, than samples may be: it is simulated all the same
-        free = limits._replace(min_vel_trans=0.0, min_vel_theta=0.0, max_vel_trans=math.inf)
-        samples = np.array([command])
-        rollouts = self._simulator.run(samples, state.pose, state.velocity, free)
-        if rollouts.counts[0] == 0:  # standing: the present pose is what can be checked
-            rollouts.counts[0] = 1
-            rollouts.poses[0, 0] = state.pose
-        table = score([self._guard], context, rollouts)
-        self._last = context, rollouts
-        if table.best < 0:
-            text, data = no_valid_control(
-                table, [self._guard], rollouts, samples, costmap, inputs.footprint, limits.max_vel_trans
-            )
-            raise NoValidControlError(
-                f"{doing} at the goal at ({command.vx:.3f}, {command.vy:.3f}) m/s, {command.wz:.3f} rad/s: {text}",
-                **data,
-                mode=mode,
-            )
-        costs = np.full((1, len(self._names)), np.nan)
-        if self._guard in self.critics:
-            costs[0, self.critics.index(self._guard)] = table.costs[0, 0]
-        return LocalPlan(
-            command,
-            mode,
-            samples,
-            self._names,
-            costs,
-            np.array([critic.scale for critic in self.critics]),
-            table.totals,
-            table.rejected_by,
-            0,
-            rollouts.poses[0, : rollouts.counts[0]].copy(),
-            Path(plan, costmap.frame),
-        )
-
-    def _reset_oscillation(self) -> None:
-        for critic in self.critics:
-            if isinstance(critic, OscillationCritic):
-                critic.reset()
-
-
-def _empty(critics: int) -> dict[str, Any]:
-    return {
-        "samples": np.empty((0, 3)),
-        "costs": np.empty((0, critics)),
-        "scales": np.zeros(critics),
-        "totals": np.empty(0),
-        "rejected_by": np.empty(0, np.int8),
-    }
-
-
-def _for_kernels(costmap: Costmap) -> Costmap:
-    """The costmap itself, or a copy of one whose array the kernels were not compiled for (a view, read-only)."""
-    flags = costmap.data.flags
-    return costmap if flags.c_contiguous and flags.writeable else costmap.copy()
