@@ -264,7 +264,11 @@ class _Assembly:
         specs = self._plugin_list(space, "plugins")
         params: Any = self.binder.bind(CostmapParams, space, fixed=_fixed_list("plugins", specs))
         padding = params.footprint_padding if params is not None else 0.0
+        before = len(self.findings)
         outline = outline_of(space, padding, self.findings)
+        # what is wrong with a footprint is said once, by those who know what one is
+        told = {f.key for f in self.findings[before:] if f.rule == "footprint"}
+        self.findings[:] = [f for f in self.findings if f.rule == "footprint" or f.key not in told]
         layers: list[PluginChoice[Layer]] = []
         good = specs is not None
         for spec in specs or ():

@@ -4,7 +4,7 @@
 """
 
 from navstack.params.findings import Finding, Location, Severity
-from navstack.params.sources import Sources, packaged_sets, read_sources
+from navstack.params.sources import Sources, packaged_folder, packaged_sets, read_sources
 from navstack.params.tree import Leaf, Space
 from navstack.params.yaml_reader import read_yaml
 
@@ -15,6 +15,7 @@ __all__ = [
     "Severity",
     "Sources",
     "Space",
+    "packaged_folder",
     "parameter_sets",
     "read_sources",
     "read_yaml",

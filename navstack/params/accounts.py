@@ -100,6 +100,11 @@ def nearest(name: str, known: Iterable[str], cutoff: float = 0.75) -> str | None
     return by_lower[close[0]] if close else None
 
 
+def _source(leaf: Leaf) -> Location | int:
+    """What tells one written value from another: its place, or itself where it has none (a Python mapping)."""
+    return leaf.at if leaf.at.line else id(leaf.node)
+
+
 class Accountant:
     """Goes through the tree after everything was read and says what is left."""
 
@@ -108,8 +113,8 @@ class Accountant:
         self.binder = binder
         self.catalogue = catalogue
         self.findings: list[Finding] = []
-        self.read: set[Location] = {leaf.at for leaf in root.leaves() if leaf.used}
-        """Places whose value was read in one namespace: in another it needs no excuse (files loaded into both costmaps)."""
+        self.read = {_source(leaf) for leaf in root.leaves() if leaf.used}
+        """Values that were read in one namespace: in another they need no excuse (files loaded into both costmaps)."""
         self.models: dict[str, list[type[ParamModel]]] = {}
         for space, model in binder.bound:
             self.models.setdefault(space.path, []).append(model)
@@ -123,11 +128,11 @@ class Accountant:
         models = self.models.get(space.path, [])
         for name, child in space.children.items():
             if isinstance(child, Leaf):
-                if not child.used and child.at not in self.read:
+                if not child.used and _source(child) not in self.read:
                     self._leaf(space, child, models)
             elif child.used or self._holds_used(child):
                 self._namespace(child)
-            elif not all(leaf.at in self.read for leaf in child.leaves()):
+            elif not all(_source(leaf) in self.read for leaf in child.leaves()):
                 self._unknown_namespace(space, name, child)
 
     @staticmethod
@@ -235,7 +240,8 @@ class Accountant:
     # --- one namespace ----------------------------------------------------------------------------------------------
 
     def _unknown_namespace(self, parent: Space, name: str, space: Space) -> None:
-        places = [c.name for c in parent.children.values() if isinstance(c, Space) and c.used]
+        below = [path.rpartition("/") for path in self.models if path]
+        places = [name for above, _, name in below if above == parent.path]
         where = parent.name or "move_base"
         package = FOREIGN.get(name) if not parent.path else None
         if package is not None:

@@ -110,6 +110,9 @@ class LaunchReader:
     # --- XML --------------------------------------------------------------------------------------------------------
 
     def _parse(self, path: Path, shown: str) -> Element | None:
+        if path.exists() and not path.is_file():
+            self.say("error", "cannot-read", Location(shown), f"{shown} is no file; name a launch file")
+            return None
         try:
             with path.open("rb") as stream:
                 data = stream.read(MAX_BYTES + 1)

@@ -65,6 +65,8 @@ def outline_of(costmap: Space, padding: float, findings: list[Finding]) -> Outli
     radius = leaf.value
     if isinstance(radius, bool) or not isinstance(radius, (int, float)):
         return None  # its type is reported with the costmap's other parameters
+    if radius < 0.0:
+        return None  # likewise
     if not radius > 0.0:
         message = f"robot_radius = {radius:g} leaves no robot; write its radius in metres, over 0"
         findings.append(finding("error", "footprint", leaf.node.at, leaf.path, message))

@@ -51,6 +51,11 @@ def packaged_sets() -> list[str]:
     return sorted(p.name for p in here.iterdir() if p.is_dir() and p.joinpath("costmap_common_params.yaml").is_file())
 
 
+def packaged_folder(name: str) -> Path:
+    """The folder of a packaged set. (Packages can be read from archives; an installed wheel lies in a folder.)"""
+    return Path(str(package_files("navstack.params").joinpath(name)))
+
+
 @dataclass(slots=True)
 class Sources:
     """The tree that the sources make together, and what was noticed on the way."""
@@ -112,9 +117,7 @@ def _read_one(out: Sources, text: str) -> None:
         path_text, namespace = text, ""
     path = Path(path_text)
     if not path.exists() and path_text in packaged_sets():
-        # the package may be read from a zip file by others; an installed wheel lies in a folder
-        folder = Path(str(package_files("navstack.params").joinpath(path_text)))
-        _read_folder(out, folder, path_text, namespace)
+        _read_folder(out, packaged_folder(path_text), path_text, namespace)
     elif path.is_dir():
         _read_folder(out, path, path_text.rstrip("/") or "/", namespace)
     elif path.exists():

@@ -417,6 +417,9 @@ class YamlFile:
 def read_yaml(path: Path, shown: str | None = None) -> YamlFile:
     """Reads a parameter file; everything wrong with it becomes findings. `shown` is its name in messages."""
     name = shown or str(path)
+    # a pipe or a device would never end
+    if path.exists() and not path.is_file():
+        return _unread(name, "cannot-read", "is no file; name a YAML file")
     try:
         # one byte more than allowed tells a file that is too large without reading it all
         with path.open("rb") as stream:
