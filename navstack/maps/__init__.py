@@ -45,10 +45,15 @@ def places(name: str) -> Places:
 
     read: Any = yaml.safe_load(_file(name, _ENDING).read_text(encoding="utf-8"))
     return Places(
-        start=Pose2D(*read["start"]),
-        goals=tuple(Pose2D(*goal) for goal in read["goals"]),
-        places={place: Pose2D(*pose) for place, pose in read["places"].items()},
+        start=_pose(read["start"]),
+        goals=tuple(_pose(goal) for goal in read["goals"]),
+        places={place: _pose(pose) for place, pose in read["places"].items()},
     )
+
+
+def _pose(numbers: list[float]) -> Pose2D:
+    x, y, yaw = map(float, numbers)
+    return Pose2D(x, y, yaw)
 
 
 def _file(name: str, ending: str) -> Path:

@@ -21,7 +21,8 @@ OX, OY, OYAW = 9, 10, 11  # odometry, odom frame
 DISTANCE = 12  # travelled, m
 TOUCHING = 13  # 1 from a contact until it is left
 CX, CY, CYAW = 14, 15, 16  # pose of that contact
-STATE_SIZE = 17
+OVERRUN = 17  # 1 while a moving disc lies over the robot
+STATE_SIZE = 18
 
 # no point of the footprint moves further than this between two tests for contact, m
 SWEEP_STEP = 0.005
@@ -101,7 +102,9 @@ def polygon_on_cells(squares, polygon, cx, cy, radius):
                 continue
             j = n - 1
             for i in range(n):
-                if segment_meets_square(polygon[j, 0], polygon[j, 1], polygon[i, 0], polygon[i, 1], ix, iy):
+                if segment_meets_square(
+                    polygon[j, 0], polygon[j, 1], polygon[i, 0], polygon[i, 1], float(ix), float(iy)
+                ):
                     return iy * nx + ix
                 j = i
             if polygon_contains(polygon, ix + 0.5, iy + 0.5):
@@ -139,18 +142,26 @@ def choose_discs(discs, x, y, reach, chosen):
 
 
 @kernel
+def disc_contact(discs, disc, footprint, radius, x, y, c, s):
+    """True when the footprint (n, 2), at a pose with cosine c and sine s of its yaw, meets the disc."""
+    dx, dy, r = discs[disc, 0] - x, discs[disc, 1] - y, discs[disc, 2]
+    if dx * dx + dy * dy > (radius + r) * (radius + r):
+        return False
+    return polygon_to_point(footprint, c * dx + s * dy, c * dy - s * dx) < r
+
+
+@kernel
 def find_contact(squares, grid, discs, chosen, count, footprint, radius, x, y, yaw, placed):
     """What the footprint (n, 2) touches at a pose in the map: cell index >= 0, disc -2 - k, or -1 for nothing.
 
     `placed` (n, 2) is scratch.
     """
-    n = footprint.shape[0]
     resolution = grid[3]
     c, s = math.cos(grid[2]), math.sin(grid[2])
     gx = (c * (x - grid[0]) + s * (y - grid[1])) / resolution
     gy = (c * (y - grid[1]) - s * (x - grid[0])) / resolution
     c, s = math.cos(yaw - grid[2]), math.sin(yaw - grid[2])
-    for i in range(n):
+    for i in range(footprint.shape[0]):
         placed[i, 0] = gx + (c * footprint[i, 0] - s * footprint[i, 1]) / resolution
         placed[i, 1] = gy + (s * footprint[i, 0] + c * footprint[i, 1]) / resolution
     cell = polygon_on_cells(squares, placed, gx, gy, radius / resolution)
@@ -158,19 +169,9 @@ def find_contact(squares, grid, discs, chosen, count, footprint, radius, x, y, y
         return cell
     c, s = math.cos(yaw), math.sin(yaw)
     for k in range(count):
-        disc = chosen[k]
-        dx, dy, r = discs[disc, 0] - x, discs[disc, 1] - y, discs[disc, 2]
-        if dx * dx + dy * dy > (radius + r) * (radius + r):
-            continue
-        if polygon_to_point(footprint, c * dx + s * dy, c * dy - s * dx) < r:
-            return -2 - disc
+        if disc_contact(discs, chosen[k], footprint, radius, x, y, c, s):
+            return -2 - chosen[k]
     return -1
-
-
-@kernel
-def towards(value, target, most):
-    """`value` moved to `target` by no more than `most`."""
-    return value + min(max(target - value, -most), most)
 
 
 @kernel
@@ -184,24 +185,42 @@ def wrapped(angle):
 
 
 @kernel
-def drive(state, command, steps, dt, limits, keep, noise, squares, grid, discs, footprint, radius, samples, contacts):
+def drive(
+    state, command, steps, dt, limits, keep, noise, squares, grid, discs, moving, footprint, radius, samples, contacts
+):
     """Drives `steps` physics steps of `dt` (s) at `command` [vx, vy, wz]; returns the number of new contacts.
 
-    `state` (17,) is changed. `limits` = most change of vx, vy, wz in a step; `keep` = share of the velocity error that the
+    `state` (18,) is changed. `limits` = most change of vx, vy, wz in a step; `keep` = share of the velocity error that the
     lag leaves after a step; `noise` (steps or 0, 6): relative errors of the true motion vx, vy, wz against the wheels', and
-    of the odometry against the wheels'. `samples` (>= steps, 9) receives true pose, odometry pose, velocity after each
-    step; `contacts` (>= steps, 2) int64 the step and what was hit (as `find_contact`).
+    of the odometry against the wheels'. `moving`: the discs have moved since the last call. `samples` (>= steps, 9) receives
+    true pose, odometry pose, velocity after each step; `contacts` (>= 2 steps, 2) int64 the step and what was hit (as
+    `find_contact`).
     """
     hits = 0
-    n = footprint.shape[0]
-    placed = np.empty((n, 2))
+    placed = np.empty((footprint.shape[0], 2))
     chosen = np.empty(discs.shape[0], np.int64)
     count = choose_discs(discs, state[X], state[Y], radius + HORIZON, chosen)
     chosen_x, chosen_y = state[X], state[Y]
+    if moving:
+        # a disc that came over the robot is a contact, but does not hold it: it may leave in any direction
+        c, s = math.cos(state[YAW]), math.sin(state[YAW])
+        over = -1
+        rest = 0
+        for k in range(count):
+            if disc_contact(discs, chosen[k], footprint, radius, state[X], state[Y], c, s):
+                over = chosen[k]
+            else:
+                chosen[rest] = chosen[k]
+                rest += 1
+        count = rest
+        if over >= 0 and state[OVERRUN] == 0.0 and state[TOUCHING] == 0.0:
+            contacts[hits, 0], contacts[hits, 1] = 0, -2 - over
+            hits += 1
+        state[OVERRUN] = 1.0 if over >= 0 else 0.0
     for step in range(steps):
         for i in range(3):
             state[LX + i] = command[i] + keep * (state[LX + i] - command[i])
-            state[VX + i] = towards(state[VX + i], state[LX + i], limits[i])
+            state[VX + i] += min(max(state[LX + i] - state[VX + i], -limits[i]), limits[i])
         mx, my, mz = dt * state[VX], dt * state[VY], dt * state[WZ]
         ox, oy, oz = mx, my, mz
         if noise.shape[0] > 0:
@@ -215,25 +234,14 @@ def drive(state, command, steps, dt, limits, keep, noise, squares, grid, discs, 
             if math.hypot(state[X] + dx - chosen_x, state[Y] + dy - chosen_y) + length > HORIZON:
                 count = choose_discs(discs, state[X], state[Y], radius + length + HORIZON, chosen)
                 chosen_x, chosen_y = state[X], state[Y]
-            # swept: test the outline every SWEEP_STEP, unless all of the motion is known to be clear
+            # swept: the outline is tested every SWEEP_STEP of its way
             parts = math.ceil(moved / SWEEP_STEP)
             hit = -1
             free = 0
             for part in range(1, parts + 1):
                 f = part / parts
-                hit = find_contact(
-                    squares,
-                    grid,
-                    discs,
-                    chosen,
-                    count,
-                    footprint,
-                    radius,
-                    state[X] + f * dx,
-                    state[Y] + f * dy,
-                    state[YAW] + f * mz,
-                    placed,
-                )
+                x, y, yaw = state[X] + f * dx, state[Y] + f * dy, state[YAW] + f * mz
+                hit = find_contact(squares, grid, discs, chosen, count, footprint, radius, x, y, yaw, placed)
                 if hit != -1:
                     break
                 free = part

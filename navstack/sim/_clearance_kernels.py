@@ -37,7 +37,7 @@ def outline_to_square(outline, left, bottom):
     for i in range(n):
         best = min(best, point_to_square(outline[i, 0], outline[i, 1], left, bottom))
     for i in range(4):
-        best = min(best, polygon_to_point(outline, left + (i & 1), bottom + (i >> 1)))
+        best = min(best, polygon_to_point(outline, left + float(i & 1), bottom + float(i >> 1)))
     return best
 
 
@@ -72,7 +72,7 @@ def clearance(squares, grid, discs, outline, x, y, yaw):
             step = 1 if whole else max(2 * ring, 1)
             for column in range(ix - ring, ix + ring + 1, step):
                 if 0 <= column < nx and squares[0, row, column] == 0:
-                    best = min(best, outline_to_square(placed, column, row))
+                    best = min(best, outline_to_square(placed, float(column), float(row)))
         ring += 1
     best *= resolution
     c, s = math.cos(yaw), math.sin(yaw)

@@ -26,10 +26,13 @@ class Lidar:
         self._seed = seed
         self._number = number
 
-    def scan(self, world: World, base: Pose2D, index: int, stamp: float) -> LaserScan:
+    def scan(
+        self, world: World, base: Pose2D, index: int, stamp: float, discs: NDArray[np.float64] | None = None
+    ) -> LaserScan:
         """Scan number `index`, taken with the robot's base at `base` (map frame) at `stamp` (s).
 
-        A pure function of its arguments and the seed: a scan that nobody asked for changes no other.
+        `discs`: the world's round obstacles at that time, when the caller knows them already. A pure function of its
+        arguments and the seed: a scan that nobody asked for changes no other.
         """
         p = self.params
         eye = Transform2D(*base) @ self.mounting
@@ -43,7 +46,7 @@ class Lidar:
         ranges = sweep(
             world.squares,
             world.grid,
-            world.discs,
+            world.discs_at(stamp) if discs is None else discs,
             eye.x,
             eye.y,
             eye.yaw,

@@ -72,6 +72,7 @@ class SimulatedRobot:
         self.params = params
         self.world = world
         self.footprint = footprint
+        self._outline = footprint.vertices.copy()  # the kernels are compiled for arrays that may be written to
         self.base_frame, self.odom_frame, self.map_frame = base_frame, odom_frame, map_frame
         self.frames = FrameTree()
         self.collisions: list[Contact] = []
@@ -122,8 +123,9 @@ class SimulatedRobot:
                     frame=frame,
                 )
         self._next_scan = [0] * len(self._lidars)
-        # (lidar, index, step, true pose of the base) of the scans nobody has fetched yet
-        self._pending: list[tuple[int, int, int, Pose2D]] = []
+        # (lidar, index, step, true pose of the base, discs) of the scans nobody has fetched yet
+        self._pending: list[tuple[int, int, int, Pose2D, NDArray[np.float64]]] = []
+        self._discs = world.discs_at(0.0)
         self._scan_due: float = 0
         self.frames.set(odom_frame, base_frame, Transform2D(*odometry), 0.0)
         if self._drifts:
@@ -150,11 +152,16 @@ class SimulatedRobot:
         steps = last - first
         if len(self._samples) < steps:
             self._samples = np.empty((steps, 9))
-            self._contacts = np.empty((steps, 2), np.int64)
+            self._contacts = np.empty((2 * steps, 2), np.int64)
+        observed = first
         while self._step < last:
-            self._drive(self._commanded_until(last), first)
-        if steps:
-            self._observe(first, last)
+            # among moving obstacles step by step, each at its place of the time
+            self._drive(self._commanded_until(self._step + 1 if self.world.moves else last), first)
+            if self.world.moves:
+                self._observe(first, observed)
+                observed = self._step
+        if observed < last:
+            self._observe(first, observed)
         return self._samples[:steps]
 
     def _commanded_until(self, last: int) -> int:
@@ -173,6 +180,7 @@ class SimulatedRobot:
     def _drive(self, until: int, first: int) -> None:
         steps, done = until - self._step, self._step - first
         samples = self._samples[done:]
+        self._discs = self.world.discs_at(until / self._frequency)
         hits = body.drive(
             self._state,
             np.array(self._commands[0][1]),
@@ -183,15 +191,16 @@ class SimulatedRobot:
             self._noise(steps) if self._noisy else _NO_NOISE,
             self.world.squares,
             self.world.grid,
-            self.world.discs,
-            self.footprint.vertices,
+            self._discs,
+            self.world.moves,
+            self._outline,
             self.footprint.circumscribed_radius,
             samples,
             self._contacts,
         )
         for row in range(hits):
             step, hit = int(self._contacts[row, 0]), int(self._contacts[row, 1])
-            kind, index, x, y = self.world.described(hit)
+            kind, index, x, y = self.world.described(hit, self._discs)
             pose = Pose2D(*samples[step, :3].tolist())
             self.collisions.append(Contact((self._step + step + 1) / self._frequency, pose, kind, index, (x, y)))
         self._step = until
@@ -215,8 +224,8 @@ class SimulatedRobot:
         """The scans that fell due since the last call, oldest first, each from where the robot was at its time."""
         pending, self._pending = self._pending, []
         return [
-            self._lidars[number].scan(self.world, pose, index, step / self._frequency)
-            for number, index, step, pose in pending
+            self._lidars[number].scan(self.world, pose, index, step / self._frequency, discs)
+            for number, index, step, pose, discs in pending
         ]
 
     def command(self, twist: Twist2D) -> None:
@@ -246,14 +255,14 @@ class SimulatedRobot:
     @property
     def in_contact(self) -> bool:
         """True from a contact until it is left."""
-        return bool(self._state[body.TOUCHING])
+        return bool(self._state[body.TOUCHING] or self._state[body.OVERRUN])
 
     # --- publishing ---------------------------------------------------------------------------------------------------
 
-    def _observe(self, first: int, last: int) -> None:
-        """Publishes the frames and takes the scans of the steps in (first, last]."""
+    def _observe(self, first: int, observed: int) -> None:
+        """Publishes the frames and takes the scans of the steps in (observed, now]; `samples` begin after step `first`."""
         frequency = self._frequency
-        for step, row in enumerate(self._samples[: last - first].tolist(), first + 1):
+        for step, row in enumerate(self._samples[observed - first : self._step - first].tolist(), observed + 1):
             moved = Transform2D(row[3], row[4], row[5])
             self.frames.set(self.odom_frame, self.base_frame, moved, step / frequency)
             if self._drifts:
@@ -267,7 +276,7 @@ class SimulatedRobot:
         for number, lidar in enumerate(self._lidars):
             index = self._next_scan[number]
             if self._scan_step(lidar, index) <= step:
-                self._pending.append((number, index, step, pose))
+                self._pending.append((number, index, step, pose, self._discs))
                 self._next_scan[number] = (
                     max(index, math.floor(step * lidar.params.frequency / self._frequency + 1e-6)) + 1
                 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +18,13 @@ from navstack.sim._lidar_kernels import free_squares
 OCCUPIED = 100
 """A cell of a map is a wall from this value on: what the static layer takes as lethal by default."""
 
-_POINT = np.zeros((1, 2))
-_POINT.setflags(write=False)
+
+class Mover(Protocol):
+    """Round obstacles whose places are a function of time."""
+
+    def discs(self, time: float) -> NDArray[np.float64]:
+        """(k, 3) x, y, radius in the map (m) at `time` (s); always the same k."""
+        ...
 
 
 class World:
@@ -32,8 +38,9 @@ class World:
         self,
         map: OccupancyGrid | None = None,
         discs: NDArray[np.float64] | Sequence[Sequence[float]] = (),
+        movers: Sequence[Mover] = (),
     ) -> None:
-        """`discs` (n, 3): x, y, radius (m); without a map the ground is empty.
+        """`discs` (n, 3): x, y, radius (m) of what stands still; without a map the ground is empty.
 
         Raises InputError for discs that are not finite or have no radius.
         """
@@ -45,69 +52,74 @@ class World:
         """[origin x, origin y, origin yaw, resolution] for the kernels."""
         self.squares: NDArray[np.uint8] = free_squares(self.map.data >= OCCUPIED)
         """(4, ny, nx): the free squares of every cell, one in each quadrant; 0 = occupied."""
+        self.movers = tuple(movers)
         self._discs = _checked_discs(discs)
 
     @property
-    def discs(self) -> NDArray[np.float64]:
-        """(n, 3) x, y, radius (m) of the round obstacles; not to be written to."""
-        return self._discs
+    def moves(self) -> bool:
+        """True when the discs are not the same at all times."""
+        return bool(self.movers)
 
-    def move_discs(self, discs: NDArray[np.float64] | Sequence[Sequence[float]]) -> None:
-        """Puts the round obstacles elsewhere, all at once."""
+    def discs_at(self, time: float) -> NDArray[np.float64]:
+        """(n, 3) x, y, radius (m) of all round obstacles at `time` (s), those that stand first. Not to be written to."""
+        if not self.movers:
+            return self._discs
+        return np.concatenate([self._discs, *(mover.discs(time) for mover in self.movers)])
+
+    def put_discs(self, discs: NDArray[np.float64] | Sequence[Sequence[float]]) -> None:
+        """Replaces the round obstacles that stand still: for whoever moves things step by step."""
         self._discs = _checked_discs(discs)
 
     def contains(self, pose: Pose2D) -> bool:
         """True for a position on the map."""
-        gx, gy = self._cells(pose.x, pose.y)
-        return 0.0 <= gx < self.map.geometry.nx and 0.0 <= gy < self.map.geometry.ny
+        geometry = self.map.geometry
+        c, s = math.cos(self.map.origin_yaw), math.sin(self.map.origin_yaw)
+        dx, dy = pose.x - geometry.origin_x, pose.y - geometry.origin_y
+        return 0.0 <= c * dx + s * dy < geometry.width_m and 0.0 <= c * dy - s * dx < geometry.height_m
 
-    def is_free(self, footprint: Footprint, pose: Pose2D) -> bool:
-        """True when the outline at `pose` meets neither an occupied cell nor a disc."""
-        return self.contact(footprint, pose) is None
+    def is_free(self, footprint: Footprint, pose: Pose2D, time: float = 0.0) -> bool:
+        """True when the outline at `pose` meets neither an occupied cell nor a disc at `time` (s)."""
+        return self.contact(footprint, pose, time) is None
 
-    def contact(self, footprint: Footprint, pose: Pose2D) -> tuple[str, int, float, float] | None:
+    def contact(self, footprint: Footprint, pose: Pose2D, time: float = 0.0) -> tuple[str, int, float, float] | None:
         """What the outline at `pose` meets: ("map", iy * nx + ix, x, y) or ("disc", index, x, y) with its centre (m)."""
+        discs = self.discs_at(time)
         hit = int(
             body.find_contact(
                 self.squares,
                 self.grid,
-                self._discs,
-                np.arange(len(self._discs)),
-                len(self._discs),
-                footprint.vertices,
+                discs,
+                np.arange(len(discs)),
+                len(discs),
+                footprint.vertices.copy(),
                 footprint.circumscribed_radius,
-                pose.x,
-                pose.y,
-                pose.yaw,
+                float(pose.x),
+                float(pose.y),
+                float(pose.yaw),
                 np.empty_like(footprint.vertices),
             )
         )
-        return None if hit == -1 else self.described(hit)
+        return None if hit == -1 else self.described(hit, discs)
 
-    def described(self, hit: int) -> tuple[str, int, float, float]:
+    def described(self, hit: int, discs: NDArray[np.float64]) -> tuple[str, int, float, float]:
         """A kernel's answer in words: kind, index, and the centre of what was hit (m)."""
         if hit < 0:
             index = -2 - hit
-            return "disc", index, float(self._discs[index, 0]), float(self._discs[index, 1])
+            return "disc", index, float(discs[index, 0]), float(discs[index, 1])
         geometry = self.map.geometry
         iy, ix = divmod(hit, geometry.nx)
         u, v = (ix + 0.5) * geometry.resolution, (iy + 0.5) * geometry.resolution
         c, s = math.cos(self.map.origin_yaw), math.sin(self.map.origin_yaw)
         return "map", hit, geometry.origin_x + c * u - s * v, geometry.origin_y + s * u + c * v
 
-    def clearance(self, pose: Pose2D, footprint: Footprint | None = None) -> float:
-        """Distance (m) from the position, or from the outline there, to the nearest obstacle; 0 in contact, else exact.
+    def clearance(self, pose: Pose2D, footprint: Footprint | None = None, time: float = 0.0) -> float:
+        """Distance (m) from the position, or from the outline there, to the nearest obstacle at `time` (s); exact.
 
-        inf when there is no obstacle at all.
+        0 in contact, inf when there is no obstacle at all.
         """
-        outline = _POINT if footprint is None else footprint.vertices
-        return float(clearance(self.squares, self.grid, self._discs, outline, pose.x, pose.y, pose.yaw))
-
-    def _cells(self, x: float, y: float) -> tuple[float, float]:
-        geometry = self.map.geometry
-        c, s = math.cos(self.map.origin_yaw), math.sin(self.map.origin_yaw)
-        dx, dy = x - geometry.origin_x, y - geometry.origin_y
-        return (c * dx + s * dy) / geometry.resolution, (c * dy - s * dx) / geometry.resolution
+        outline = np.zeros((1, 2)) if footprint is None else footprint.vertices.copy()
+        x, y, yaw = float(pose.x), float(pose.y), float(pose.yaw)
+        return float(clearance(self.squares, self.grid, self.discs_at(time), outline, x, y, yaw))
 
 
 def _checked_discs(discs: NDArray[np.float64] | Sequence[Sequence[float]]) -> NDArray[np.float64]:
@@ -121,5 +133,4 @@ def _checked_discs(discs: NDArray[np.float64] | Sequence[Sequence[float]]) -> ND
                 f"the obstacle {x:g},{y:g},{r:g} is none: give x, y and a radius above 0, in metres",
                 obstacle=[float(x), float(y), float(r)],
             )
-    array.setflags(write=False)
     return array

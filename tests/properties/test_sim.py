@@ -36,7 +36,7 @@ def solid(world: World) -> NDArray[np.object_]:
     corners = (cells[:, None, :] + np.array([[0, 0], [1, 0], [1, 1], [0, 1]])) * grid.geometry.resolution
     x, y = to_world(grid, corners[..., 0], corners[..., 1])
     squares = shapely.polygons(np.stack((x, y), axis=-1))
-    discs = [shapely.Point(x, y).buffer(radius, quad_segs=256) for x, y, radius in world.discs]
+    discs = [shapely.Point(x, y).buffer(radius, quad_segs=256) for x, y, radius in world.discs_at(0.0)]
     return np.array([*squares, *discs], dtype=object)
 
 
@@ -80,7 +80,7 @@ def test_contact_is_a_clearance_of_nothing(seed: int, outline: str) -> None:
         touched = (
             shapely.Point(x, y).buffer(world.map.geometry.resolution * math.sqrt(0.5))
             if kind == "map"
-            else shapely.Point(x, y).buffer(float(world.discs[index, 2]))
+            else shapely.Point(x, y).buffer(float(world.discs_at(0.0)[index, 2]))
         )
         assert shapely.Polygon(footprint.at(pose)).distance(touched) < 1e-9
         if kind == "map":

@@ -35,7 +35,7 @@ def march(world: World, eye: Pose2D, angles: NDArray[np.float64], reach: float) 
     x = eye.x + np.outer(np.cos(eye.yaw + angles), t)
     y = eye.y + np.outer(np.sin(eye.yaw + angles), t)
     hit = occupied_at(world.map, x, y)
-    for dx, dy, r in world.discs:
+    for dx, dy, r in world.discs_at(0.0):
         hit |= (x - dx) ** 2 + (y - dy) ** 2 <= r * r
     first = hit.argmax(axis=1)
     return np.where(hit.any(axis=1), t[first], np.inf)
@@ -59,7 +59,7 @@ def compare(world: World, eye: Pose2D, reach: float) -> None:
         x = eye.x + np.cos(eye.yaw + angles[i]) * (exact[i] + np.linspace(0.0, STEP, 2001))
         y = eye.y + np.sin(eye.yaw + angles[i]) * (exact[i] + np.linspace(0.0, STEP, 2001))
         inside = occupied_at(world.map, x, y)
-        for dx, dy, r in world.discs:
+        for dx, dy, r in world.discs_at(0.0):
             inside |= (x - dx) ** 2 + (y - dy) ** 2 <= r * r
         assert inside.any(), (i, exact[i], marched[i])
     assert agree.mean() > 0.9

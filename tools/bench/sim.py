@@ -87,9 +87,9 @@ def main() -> None:
             found: list[float] = []
             for pose in poses:
                 if crowd:
-                    world.move_discs(discs())
+                    world.put_discs(discs())
                 found.append(best_us(lambda lidar=lidar, pose=pose: lidar.scan(world, pose, 0, 0.0)))
-            world.move_discs(())
+            world.put_discs(())
             rows.append((name, f"640 beams over {fov:.2f} rad, {reach:g} m", statistics.median(found)))
 
     footprint = Footprint.from_radius(0.18)

@@ -1,0 +1,110 @@
+"""Discs on tracks, and a robot among them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from navstack.core import Footprint, Pose2D, Twist2D
+from navstack.core.errors import InputError
+from navstack.sim import LidarParams, SimParams, SimulatedRobot, Track, TrackedDiscs, World
+
+CIRCLE = Footprint.from_radius(0.18)
+AHEAD = SimParams(lidars={"laser": LidarParams(x=0.0, beams=1, range_min=0.0)})
+
+
+def test_there_and_back() -> None:
+    tracked = TrackedDiscs([Track([(0, 0), (3, 0), (3, 1)], 0.5, 0.2)])
+    places = [tracked.discs(t)[0].tolist() for t in (0, 2, 6, 7, 8, 9, 15, 16, 17)]
+    expected = [(0, 0), (1, 0), (3, 0), (3, 0.5), (3, 1), (3, 0.5), (0.5, 0), (0, 0), (0.5, 0)]
+    assert places == [pytest.approx([x, y, 0.2]) for x, y in expected]
+
+
+def test_round_and_round_and_backwards() -> None:
+    square = [(0, 0), (1, 0), (1, 1), (0, 1)]
+    tracked = TrackedDiscs([Track(square, 1.0, 0.1, closed=True, begin=0.5), Track(square, -1.0, 0.3, closed=True)])
+    assert tracked.discs(3.0)[:, :2] == pytest.approx(np.array([[0.0, 0.5], [1.0, 0.0]]))
+    assert tracked.discs(403.0) == pytest.approx(tracked.discs(3.0))
+    assert tracked.discs(3.0)[:, 2].tolist() == [0.1, 0.3]
+
+
+def test_every_disc_keeps_to_its_track_and_its_speed() -> None:
+    rng = np.random.default_rng(0)
+    tracks = [Track(rng.uniform(0, 5, (4, 2)) + 20 * k, float(rng.uniform(-2, 2)), 0.1, bool(k % 2)) for k in range(50)]
+    tracked = TrackedDiscs(tracks)
+    step = 1e-3
+    for t in rng.uniform(0, 100, 20):
+        here, there = tracked.discs(t), tracked.discs(t + step)
+        assert (np.floor(here[:, 0] / 20) == np.arange(50)).all()
+        moved = np.hypot(*(there - here)[:, :2].T)
+        speeds = np.abs([track.speed for track in tracks])
+        assert (moved <= step * speeds + 1e-12).all()
+        # but where it turned a corner
+        assert np.isclose(moved, step * speeds, rtol=1e-6).mean() > 0.9
+
+
+def test_wrong_tracks_are_refused() -> None:
+    for track, message in (
+        (Track([(0, 0)], 1.0, 0.1), "two points"),
+        (Track([(0, 0), (0, 0)], 1.0, 0.1), "no length"),
+        (Track([(0, 0), (1, math.nan)], 1.0, 0.1), "finite"),
+        (Track([(0, 0), (1, 0)], 1.0, 0.0), "radius above 0"),
+    ):
+        with pytest.raises(InputError, match=message):
+            TrackedDiscs([track])
+    assert TrackedDiscs([]).discs(1.0).shape == (0, 3)
+
+
+def test_a_scan_sees_discs_where_they_were_at_its_time() -> None:
+    world = World(None, [[9.0, 9.0, 0.1]], [TrackedDiscs([Track([(5, 0), (2, 0)], 1.0, 0.5)])])
+    robot = SimulatedRobot(AHEAD, world, CIRCLE, Pose2D(0, 0, 0))
+    robot.advance_to(2.0)  # fetched at the end, after the disc has moved on
+    for scan in robot.scans():
+        assert scan.ranges[0] == pytest.approx(4.5 - scan.stamp, abs=1e-6)
+
+
+def test_a_disc_that_runs_into_a_standing_robot_is_one_contact_and_does_not_hold_it() -> None:
+    world = World(None, (), [TrackedDiscs([Track([(2, 0), (-2, 0)], 1.0, 0.3)])])
+    robot = SimulatedRobot(AHEAD, world, CIRCLE, Pose2D(0, 0, 0))
+    robot.advance_to(1.6)
+    assert [(c.kind, c.index) for c in robot.collisions] == [("disc", 0)]
+    assert robot.collisions[0].time == pytest.approx(1.52 + 0.02, abs=0.021)  # 2 - 0.3 - 0.18 m at 1 m/s
+    assert robot.collisions[0].at[0] == pytest.approx(0.48, abs=0.021)
+    assert robot.in_contact
+    assert robot.pose == Pose2D(0, 0, 0)
+    robot.command(Twist2D(0, 0, 0.5))
+    robot.advance_to(1.8)
+    assert robot.pose.yaw == pytest.approx(0.1)
+    robot.advance_to(3.9)  # it has passed
+    assert not robot.in_contact
+    assert len(robot.collisions) == 1
+    robot.advance_to(6.0)  # and comes again
+    assert len(robot.collisions) == 2
+
+
+def test_driving_into_a_moving_disc_is_one_contact_too() -> None:
+    world = World(None, (), [TrackedDiscs([Track([(2, 0), (-2, 0)], 0.3, 0.3)])])
+    robot = SimulatedRobot(AHEAD, world, CIRCLE, Pose2D(0, 0, 0))
+    robot.command(Twist2D(0.5))
+    robot.advance_to(3.0)
+    assert len(robot.collisions) == 1
+
+
+def test_a_world_that_moves_is_the_same_however_the_run_is_cut() -> None:
+    rng = np.random.default_rng(1)
+    tracks = [Track(rng.uniform(-4, 4, (3, 2)), float(rng.uniform(0.2, 1)), 0.15) for _ in range(12)]
+    world = World(None, (), [TrackedDiscs(tracks)])
+    start = next(
+        pose for pose in (Pose2D(x, 0.0, 0.0) for x in np.linspace(-4, 4, 40).tolist()) if world.is_free(CIRCLE, pose)
+    )
+    ends: list[tuple[object, ...]] = []
+    for cuts in (1, 13):
+        robot = SimulatedRobot(SimParams(acc_lim_x=1.0), world, CIRCLE, start)
+        robot.command(Twist2D(0.4, 0.0, 0.2))
+        for k in range(cuts):
+            robot.advance_to(10.0 * (k + 1) / cuts)
+        ends.append((robot.pose, robot.collisions, [scan.ranges.tobytes() for scan in robot.scans()]))
+    assert ends[0] == ends[1]
+    assert len(ends[0][1]) > 0  # pyright: ignore
