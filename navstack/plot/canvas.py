@@ -23,6 +23,8 @@ from navstack.core.files import ensure_directory, written_whole
 from navstack.plot import colors
 
 FORMATS = (".png", ".svg", ".pdf")
+MARK_PT = 7.0
+"""Radius of the discs of start and goals, in points (1/72 inch)."""
 
 _STYLE: dict[str, Any] = {
     "font.size": 9.0,
@@ -97,7 +99,7 @@ def area_of(points: Sequence[NDArray[np.float64]]) -> Bounds:
     return area
 
 
-def shaped(area: Bounds, widest: float = 2.5, tallest: float = 1.4, least: float = 3.0) -> Bounds:
+def shaped(area: Bounds, widest: float = 2.5, tallest: float = 1.4, least: float = 4.0) -> Bounds:
     """`area` grown about its middle until neither side is too short for a picture."""
     width, height = area.max_x - area.min_x, area.max_y - area.min_y
     new_width = max(width, height / tallest, least)
@@ -233,7 +235,7 @@ class Mark:
 
 def draw_marks(axes: Any, marks: Sequence[Mark], points_per_m: float, *, zorder: float = 8.0) -> None:
     """Draws marks; those that would hide each other share the disc of the first and list their texts in it."""
-    radius_pt = 7.0
+    radius_pt = MARK_PT
     groups: list[list[Mark]] = []
     for mark in marks:
         if not mark.pose.is_finite():

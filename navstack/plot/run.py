@@ -45,7 +45,7 @@ def plot_run(
             _draw_footprints(picture.axes, record, entries)
         entries += draw_obstacles(picture.axes, record)
         entries += draw_ends(picture.axes, record, picture.points_per_m)
-        _draw_incidents(picture.axes, record, entries)
+        _draw_incidents(picture.axes, record, entries, picture.points_per_m)
         picture.legend([handle for handle, _ in entries] + bands, [label for _, label in entries] + texts)
         return canvas.save(picture.figure, out, dpi)
 
@@ -59,7 +59,10 @@ def headline(record: Record) -> str:
     parts: list[str] = []
     if results:
         reached = sum(result.get("state") == "SUCCEEDED" for result in results)
-        parts.append(f"{reached} of {len(results)} goal{'s' if len(results) != 1 else ''} reached")
+        if len(results) == 1:
+            parts.append("goal reached" if reached else "goal not reached")
+        else:
+            parts.append(f"{reached} of {len(results)} goals reached")
     if len(record.times):
         parts.append(f"{record.path_length:.1f} m in {record.duration:.1f} s")
     recoveries = len(incidents(record))
@@ -210,11 +213,11 @@ def _draw_footprints(axes: Any, record: Record, entries: list[tuple[Any, str]]) 
     entries.append((handle, "footprint"))
 
 
-def _draw_incidents(axes: Any, record: Record, entries: list[tuple[Any, str]]) -> None:
+def _draw_incidents(axes: Any, record: Record, entries: list[tuple[Any, str]], points_per_m: float) -> None:
     recoveries = incidents(record)
     if recoveries and len(record.times):
-        at = _positions(record, [event.time for event in recoveries])
-        (marks,) = axes.plot(*at.T, "D", ms=8, color=colors.RECOVERY, mec="white", mew=1.2, ls="none", zorder=7)
+        at = _beside_marks(_positions(record, [event.time for event in recoveries]), record, points_per_m)
+        (marks,) = axes.plot(*at.T, "D", ms=7, color=colors.RECOVERY, mec="white", mew=1.2, ls="none", zorder=9)
         entries.append((marks, f"recovery ({len(recoveries)})" if len(recoveries) > 1 else "recovery"))
     contacts = record.collisions
     if len(contacts):
@@ -222,6 +225,16 @@ def _draw_incidents(axes: Any, record: Record, entries: list[tuple[Any, str]]) -
             *contacts[:, :2].T, "X", ms=11, color=colors.COLLISION, mec="black", mew=1.1, ls="none", zorder=9.5
         )
         entries.append((marks, f"collision ({len(contacts)})" if len(contacts) > 1 else "collision"))
+
+
+def _beside_marks(points: NDArray[np.float64], record: Record, points_per_m: float) -> NDArray[np.float64]:
+    """The points, moved up and left where the disc of the start or a goal would lie under them."""
+    discs = np.concatenate((record.poses[:1, :2], record.goals[:, :2]))
+    aside = points.copy()
+    for i, point in enumerate(points):
+        if (np.hypot(*(discs - point).T) * points_per_m < canvas.MARK_PT).any():
+            aside[i] += np.array([-1.3, 1.3]) * canvas.MARK_PT / points_per_m
+    return aside
 
 
 def _positions(record: Record, times: Sequence[float]) -> NDArray[np.float64]:

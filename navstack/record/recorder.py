@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,15 +23,12 @@ from navstack.core import (
     Twist2D,
     Window,
 )
-from navstack.core.errors import FrameError, jsonable
+from navstack.core.errors import jsonable
 from navstack.core.files import ensure_directory, written_whole
-from navstack.interfaces import LocalPlan, Robot
+from navstack.interfaces import LocalPlan
 from navstack.record import format as fmt
 from navstack.record.log import render_log
 from navstack.record.reader import Record
-
-if TYPE_CHECKING:
-    from navstack.move_base import MoveBase
 
 
 class Contact(Protocol):
@@ -87,7 +83,6 @@ class RunRecorder:
         self._local_plans: list[_LocalPlanRow] = []
         self._costmaps: dict[str, _CostmapLog] = {}
         self._scans: list[tuple[tuple[float, ...], int, NDArray[np.float32]]] = []
-        self._map_to_odom = Transform2D()
         self._scan_sources: dict[tuple[str, str], int] = {}
 
     # --- while the run goes on ----------------------------------------------------------------------------------------
@@ -98,36 +93,6 @@ class RunRecorder:
             return
         self._events.append(
             {"time": float(event.time), "kind": event.kind, "text": event.text, "data": jsonable(event.data)}
-        )
-
-    def take(self, robot: Robot, move_base: MoveBase, goal_index: int) -> None:
-        """Takes down what the tick of `move_base` just done brought: costmaps, plan, local plan, and a sample.
-
-        The pose is the simulator's truth where `robot` has a `pose`, else where localisation believes it to be.
-        """
-        turn = move_base.turn
-        t = turn.time
-        if turn.global_window is not None:
-            self.costmap(t, "global", move_base.global_costmap.master, turn.global_window)
-        if turn.local_window is not None:
-            self.costmap(t, "local", move_base.local_costmap.master)
-        if turn.plan is not None:
-            self.plan(t, turn.plan.path.poses, turn.plan.path.frame)
-        if turn.local_plan is not None:
-            self.local_plan(t, turn.local_plan)
-        odom = robot.state()
-        # not localised at this time: the last that was known stands
-        with suppress(FrameError):
-            self._map_to_odom = robot.frames.lookup(self._frames["global"], odom.frame, t)
-        truth: Pose2D | None = getattr(robot, "pose", None)
-        self.sample(
-            t,
-            pose=self._map_to_odom.apply(odom.pose) if truth is None else truth,
-            odom=odom,
-            map_to_odom=self._map_to_odom,
-            command=move_base.command,
-            state=move_base.state.value,
-            goal_index=goal_index,
         )
 
     def goal(self, t: float, pose: Pose2D) -> None:

@@ -128,7 +128,7 @@ def test_words(record):
         results=[{"state": "ABORTED"}],
         scenario={"map": "/maps/my.map.yaml", "params": ["a/b", "c", "d", "e"], "seed": 0, "ros_distro": "indigo"},
     )
-    assert headline(one) == "0 of 1 goal reached, 5.0 m in 11.8 s"
+    assert headline(one) == "goal not reached, 5.0 m in 11.8 s"
     assert circumstances(one) == "map my.map   params b, c, d, ..   distro indigo   seed 0"
 
 
