@@ -44,18 +44,19 @@ def info(json_: bool = typer.Option(False, "--json", help="One JSON document on 
     if json_:
         print_json(found)
         return
+    from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
     out = stdout()
     out.print("  ".join(f"{name} {number}" for name, number in found["versions"].items()))
-    table = Table("plugin", "name", "also known as", "from", title="plugins", title_justify="left")
+    table = Table("plugin", "name", "also known as", box=SIMPLE_HEAD, pad_edge=False)
     for kind, entries in found["plugins"].items():
         for i, entry in enumerate(entries):
+            foreign = "" if entry["origin"] == "navstack" else f" (from {entry['origin']})"
             table.add_row(
                 kind if i == 0 else "",
-                entry["name"],
-                ", ".join(entry["aliases"]),
-                entry["origin"],
+                entry["name"] + foreign,
+                "\n".join(entry["aliases"]),
                 end_section=i == len(entries) - 1,
             )
     out.print(table)

@@ -137,15 +137,19 @@ def _run(scenario: Scenario, *, quiet: bool) -> RunResult:
 
 
 def _print(result: RunResult, document: dict[str, Any]) -> None:
+    from rich.box import SIMPLE_HEAD
     from rich.markup import escape
     from rich.table import Table
 
     from navstack.cli.output import stdout
 
     out = stdout()
-    table = Table("goal", "state", "text", title="goals", title_justify="left")
-    for name in ("time", "driven", "left", "recoveries"):
-        table.add_column(name, justify="right")
+    table = Table(title="goals", title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
+    table.add_column("goal", no_wrap=True)
+    table.add_column("state", no_wrap=True)
+    table.add_column("text", max_width=28)
+    for name in ("time", "driven", "left", "recov."):
+        table.add_column(name, justify="right", no_wrap=True)
     for goal in result.goals:
         style = STATE_STYLE.get(goal.state, "bold red")
         table.add_row(
