@@ -2,6 +2,7 @@
 
 from navstack.local_planner import critics as _critics
 from navstack.local_planner.dwa import DWAParams, DWAPlanner
+from navstack.local_planner.trajectory_rollout import TrajectoryPlanner, TrajectoryPlannerParams
 
-__all__ = ["DWAParams", "DWAPlanner"]
+__all__ = ["DWAParams", "DWAPlanner", "TrajectoryPlanner", "TrajectoryPlannerParams"]
 del _critics

@@ -14,6 +14,17 @@ MAX_POINTS = 20_000_000
 """More points a cycle than this (about half a gigabyte) is a mistake in the granularities or the limits."""
 
 
+def check_points(samples: int, longest: int) -> None:
+    """Raises InputError when a cycle would simulate more points than memory should hold."""
+    if samples * longest > MAX_POINTS:
+        raise InputError(
+            f"{samples} trajectories of up to {longest} points are too many to simulate in a cycle; raise sim_granularity "
+            "or angular_sim_granularity, or lower sim_time or the numbers of samples",
+            samples=samples,
+            points=longest,
+        )
+
+
 def velocity_window(velocity: Twist2D, limits: VelocityLimits, horizon: float) -> NDArray[np.float64]:
     """(3, 2) lowest and highest vx, vy, wz that can be reached within `horizon` (s) and are within the limits.
 
@@ -88,13 +99,7 @@ class Simulator:
             counts,
         )
         longest = max(longest, 1)
-        if k * longest > MAX_POINTS:
-            raise InputError(
-                f"{k} trajectories of up to {longest} points are too many to simulate in a cycle; raise sim_granularity "
-                "or angular_sim_granularity, or lower sim_time or the numbers of samples",
-                samples=k,
-                points=longest,
-            )
+        check_points(k, longest)
         if self._points.size < k * longest * 3:
             self._points = np.empty(k * longest * 3)
         poses = self._points[: k * longest * 3].reshape(k, longest, 3)
