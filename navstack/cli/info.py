@@ -49,7 +49,8 @@ def info(json_: bool = typer.Option(False, "--json", help="One JSON document on 
 
     out = stdout()
     out.print("  ".join(f"{name} {number}" for name, number in found["versions"].items()))
-    table = Table("plugin", "name", "also known as", box=SIMPLE_HEAD, pad_edge=False)
+    table = Table("plugin", "name", box=SIMPLE_HEAD, pad_edge=False)
+    table.add_column("also known as", overflow="fold")
     for kind, entries in found["plugins"].items():
         for i, entry in enumerate(entries):
             foreign = "" if entry["origin"] == "navstack" else f" (from {entry['origin']})"
