@@ -8,6 +8,7 @@ from typing import Any, Literal, NamedTuple
 
 Severity = Literal["error", "warning", "info"]
 
+MAX_TEXT = 1200
 _ORDER = {"error": 0, "warning": 1, "info": 2}
 
 
@@ -64,8 +65,17 @@ class Finding:
 def finding(
     severity: Severity, rule: str, at: Location, key: str, message: str, suggestion: str | None = None
 ) -> Finding:
-    """A finding at a location."""
-    return Finding(severity, rule, at.file, at.line, at.column, key, message, suggestion)
+    """A finding at a location, on one line whatever the user's text in it."""
+    return Finding(severity, rule, at.file, at.line, at.column, _line(key), _line(message), suggestion)
+
+
+def _line(text: str) -> str:
+    """`text` without line breaks and control characters, and not endless."""
+    if len(text) > MAX_TEXT:
+        text = f"{text[: MAX_TEXT // 2]} [...] {text[-MAX_TEXT // 2 :]}"
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
 
 
 _GLOBAL, _LOCAL = "global_costmap", "local_costmap"
