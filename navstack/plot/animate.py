@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Costmap, Pose2D, Transform2D
+from navstack.core import FREE, Bounds, Costmap, Pose2D, Transform2D
 from navstack.core.errors import InputError, OutputError
 from navstack.core.files import ensure_directory, written_whole
 from navstack.plot import canvas, colors
@@ -79,7 +79,11 @@ class _Film:
         axes: Any = self.picture.axes
         draw_map(axes, record, self.picture.area)
         entries: list[tuple[Any, str]] = []
-        self._layers = [_Layer(axes, record, name) for name in ("global", "local") if len(record.costmap_times(name))]
+        self._layers = [
+            _Layer(axes, record, name, self.picture.area)
+            for name in ("global", "local")
+            if len(record.costmap_times(name))
+        ]
         before = set(map(id, axes.get_children()))
         obstacles = draw_obstacles(axes, record)
         ends = draw_ends(axes, record, self.picture.points_per_m)
@@ -165,15 +169,14 @@ class _Film:
 class _Layer:
     """A costmap over the map: what is free stays clear, a rolling one gets a frame around it."""
 
-    def __init__(self, axes: Any, record: Record, name: str) -> None:
+    def __init__(self, axes: Any, record: Record, name: str, area: Bounds) -> None:
         self.name = name
+        self._area = area
         self._record = record
         self._axes = axes
         self._times = record.costmap_times(name)
         self._updates: Iterator[tuple[float, Costmap]] = iter(())
         self._next = 0
-        self._colors = np.concatenate((colors.cost_colors(), np.full((256, 1), 255, np.uint8)), axis=1)
-        self._colors[0, 3] = 0
         self._image: Any = None
         self._border: Any = None
         self._drawn: Any = None
@@ -203,20 +206,20 @@ class _Layer:
                 self._drawn = picture.canvas.copy_from_bbox(picture.figure.bbox)
 
     def _show(self, costmap: Costmap, t: float) -> None:
-        x0, x1, y0, y1 = costmap.geometry.extent
-        corners = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
-        if self._image is None:
-            self._image = canvas.draw_grid(
-                self._axes, self._colors[costmap.data], costmap.geometry, pose=self._pose(costmap, t)
-            )
-            (self._border,) = self._axes.fill(*corners.T, fill=False, edgecolor=colors.INK, lw=1.0, ls=(0, (3, 2)))
-            self._image.set_animated(True)
-            self._border.set_animated(True)
         pose = self._pose(costmap, t)
-        self._image.set_data(self._colors[costmap.data])
-        self._image.set_extent((x0, x1, y0, y1))
+        x0, x1, y0, y1 = costmap.geometry.extent
+        corners = pose.apply_points(np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]]))
+        rgba, extent = canvas.visible(costmap.data, colors.COSTS, costmap.geometry, self._area, pose, clear=FREE)
+        if self._image is None:
+            self._image = self._axes.imshow(rgba, origin="lower", extent=extent, interpolation="nearest", animated=True)
+            (self._border,) = self._axes.fill(*corners.T, fill=False, edgecolor=colors.INK, lw=1.0, ls=(0, (3, 2)))
+            self._border.set_animated(True)
+            self._axes.set_xlim(self._area.min_x, self._area.max_x)
+            self._axes.set_ylim(self._area.min_y, self._area.max_y)
+        self._image.set_data(rgba)
+        self._image.set_extent(extent)
         self._image.set_transform(canvas.transform_of(pose) + self._axes.transData)
-        self._border.set_xy(pose.apply_points(corners))
+        self._border.set_xy(corners)
 
     def _pose(self, costmap: Costmap, t: float) -> Transform2D:
         return self._record.to_global(costmap.frame, t)

@@ -21,6 +21,7 @@ from navstack.core import Bounds, GridGeometry, Pose2D, Transform2D
 from navstack.core.errors import OutputError
 from navstack.core.files import ensure_directory, written_whole
 from navstack.plot import colors
+from navstack.plot.colors import Paint
 
 FORMATS = (".png", ".svg", ".pdf")
 MARK_PT = 7.0
@@ -173,30 +174,51 @@ class Picture:
 # --- what is drawn ----------------------------------------------------------------------------------------------------
 
 
+MOST_CELLS = 1600
+"""So many cells along a side are drawn one by one; of finer grids, blocks."""
+
+
+def visible(
+    cells: NDArray[Any],
+    paint: Paint,
+    geometry: GridGeometry,
+    area: Bounds,
+    pose: Transform2D,
+    *,
+    clear: int | None = None,
+) -> tuple[NDArray[np.uint8], tuple[float, float, float, float]]:
+    """RGBA of the cells that `area` (m, the picture's frame) shows, and their extent (m, the grid's own frame).
+
+    `pose`: where the grid's frame lies in the picture's.
+    """
+    corners = np.array([(x, y) for x in (area.min_x, area.max_x) for y in (area.min_y, area.max_y)])
+    seen = pose.inverse().apply_points(corners)
+    (x0, y0), (x1, y1) = seen.min(axis=0).tolist(), seen.max(axis=0).tolist()
+    window = geometry.window_of(Bounds(x0, y0, x1, y1))
+    part = cells[window.slices]
+    block = max(1, math.ceil(max(part.shape) / MOST_CELLS))
+    rgba = paint(np.ascontiguousarray(part), block=block, clear=clear)
+    r = geometry.resolution
+    left, bottom = geometry.origin_x + window.x0 * r, geometry.origin_y + window.y0 * r
+    return rgba, (left, left + rgba.shape[1] * block * r, bottom, bottom + rgba.shape[0] * block * r)
+
+
 def draw_grid(
     axes: Any,
-    rgb: NDArray[np.uint8],
+    cells: NDArray[Any],
+    paint: Paint,
     geometry: GridGeometry,
     *,
-    area: Bounds | None = None,
-    pose: Transform2D | None = None,
+    area: Bounds,
+    pose: Transform2D = Transform2D(),
+    clear: int | None = None,
     zorder: float = 0.0,
-    alpha: float | None = None,
 ) -> Any:
-    """Draws cells (ny, nx, 3|4) uint8; cut to `area` (m). `pose`: where the frame of the grid lies in the picture's frame."""
-    turned = pose is not None and not pose.is_identity()
-    extent = geometry.extent
-    if area is not None and not turned:
-        window = geometry.window_of(area)
-        rgb = rgb[window.slices]
-        r = geometry.resolution
-        x0, y0 = geometry.origin_x + window.x0 * r, geometry.origin_y + window.y0 * r
-        extent = (x0, x0 + rgb.shape[1] * r, y0, y0 + rgb.shape[0] * r)
+    """Draws the part of a grid that `area` shows; see `visible`. The image."""
+    rgba, extent = visible(cells, paint, geometry, area, pose, clear=clear)
     limits = axes.get_xlim(), axes.get_ylim()
-    image = axes.imshow(
-        rgb, origin="lower", extent=extent, interpolation="antialiased", zorder=zorder, alpha=alpha, aspect="equal"
-    )
-    if turned and pose is not None:
+    image = axes.imshow(rgba, origin="lower", extent=extent, interpolation="antialiased", zorder=zorder, aspect="equal")
+    if not pose.is_identity():
         image.set_transform(transform_of(pose) + axes.transData)
     axes.set_xlim(limits[0])
     axes.set_ylim(limits[1])

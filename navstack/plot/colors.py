@@ -54,17 +54,49 @@ def cost_colors() -> NDArray[np.uint8]:
     return table
 
 
-def paint_costs(costs: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """(ny, nx, 3) RGB of a costmap's cells."""
-    return cost_colors()[costs]
+class Paint:
+    """Colours for the cells of a grid of bytes, and which of several cells shows when they have to share a pixel.
+
+    A wall one cell wide must not fade away on a map of a whole campus: the cell of the highest rank wins.
+    """
+
+    def __init__(self, order: NDArray[np.uint8], rgb: NDArray[np.uint8]) -> None:
+        """`order` (256,): every value of a cell, the least conspicuous first; `rgb` (256, 3): colour of every value."""
+        self._rank = np.empty(256, np.uint8)
+        self._rank[order] = np.arange(256, dtype=np.uint8)
+        opaque = np.full((256, 1), 255, np.uint8)
+        self._rgba = np.concatenate((rgb, opaque), axis=1)[order]
+
+    def __call__(
+        self, cells: NDArray[np.uint8] | NDArray[np.int8], *, block: int = 1, clear: int | None = None
+    ) -> NDArray[np.uint8]:
+        """(ny, nx, 4) RGBA of cells (ny, nx); with `block`, one for every block x block cells (fewer at the far edges).
+
+        Cells of the value `clear` are transparent.
+        """
+        rank = self._rank[cells.view(np.uint8)]
+        if block > 1:
+            for axis in (0, 1):
+                rank = np.maximum.reduceat(rank, np.arange(0, rank.shape[axis], block), axis=axis)
+        rgba = self._rgba
+        if clear is not None:
+            rgba = rgba.copy()
+            rgba[self._rank[clear], 3] = 0
+        return rgba[rank]
 
 
-def paint_occupancy(cells: NDArray[np.int8]) -> NDArray[np.uint8]:
-    """(ny, nx, 3) RGB of an occupancy grid's cells: free white, occupied dark, between by share, unknown sand."""
-    share = np.clip(cells, 0, 100)[..., None] / 100.0
+def _occupancy_colors() -> NDArray[np.uint8]:
+    share = np.minimum(np.arange(256), 100)[:, None] / 100.0
     rgb = np.round((1.0 - share) * np.array(FREE_RGB) + share * np.array(LETHAL_RGB)).astype(np.uint8)
-    rgb[cells < 0] = UNKNOWN_RGB
+    rgb[128:] = UNKNOWN_RGB
     return rgb
+
+
+# unknown space is more than nothing, and less than anything seen
+COSTS: Final = Paint(np.array([FREE, UNKNOWN, *range(1, 255)], np.uint8), cost_colors())
+"""For costmaps."""
+OCCUPANCY: Final = Paint(np.array([0, *range(128, 256), *range(1, 128)], np.uint8), _occupancy_colors())
+"""For the int8 cells of an occupancy grid: free white, occupied dark, between by share, unknown sand."""
 
 
 def hex_of(rgb: tuple[int, int, int]) -> str:

@@ -33,7 +33,7 @@ def plot_costmap(
             title=title or f"costmap in {costmap.frame}",
             subtitle=f"{g.nx} x {g.ny} cells of {g.resolution:g} m",
         )
-        canvas.draw_grid(picture.axes, colors.paint_costs(costmap.data), g, area=picture.area)
+        canvas.draw_grid(picture.axes, costmap.data, colors.COSTS, g, area=picture.area)
         handles, labels = canvas.cost_legend(costmap.data[g.window_of(picture.area).slices])
         if robot is not None:
             if footprint is not None:

@@ -47,7 +47,7 @@ def plot_plan(
             area, title=title or _title(named), subtitle=_figures(named) if subtitle is None else subtitle
         )
         axes = picture.axes
-        canvas.draw_grid(axes, colors.paint_costs(costmap.data), g, area=picture.area)
+        canvas.draw_grid(axes, costmap.data, colors.COSTS, g, area=picture.area)
         handles: list[Any] = []
         labels: list[str] = []
         field = next((plan.potential for plan in named.values() if plan.potential is not None), None)
@@ -108,12 +108,14 @@ def _contours(axes: Any, potential: NDArray[np.float32], costmap: Costmap, area:
 
     g = costmap.geometry
     window = g.window_of(area)
-    field = potential[window.slices].astype(np.float64)
+    # a line every few pixels needs no more points than that
+    every = max(1, max(potential[window.slices].shape) // 600)
+    field = potential[window.slices][::every, ::every].astype(np.float64)
     reached = np.isfinite(field) & (field < _UNREACHED)
     if window.is_empty or min(field.shape) < 2 or np.ptp(field[reached] if reached.any() else np.zeros(1)) <= 0.0:
         return None
-    x = g.origin_x + (np.arange(window.x0, window.x1) + 0.5) * g.resolution
-    y = g.origin_y + (np.arange(window.y0, window.y1) + 0.5) * g.resolution
+    x = g.origin_x + (np.arange(window.x0, window.x1, every) + 0.5) * g.resolution
+    y = g.origin_y + (np.arange(window.y0, window.y1, every) + 0.5) * g.resolution
     levels = np.linspace(field[reached].min(), field[reached].max(), 26)[1:-1]
     axes.contour(
         x,

@@ -110,7 +110,7 @@ def draw_map(axes: Any, record: Record, area: Bounds) -> None:
         return
     g = grid.geometry
     turn = Transform2D(g.origin_x, g.origin_y, grid.origin_yaw) @ Transform2D(-g.origin_x, -g.origin_y, 0.0)
-    canvas.draw_grid(axes, colors.paint_occupancy(grid.data), g, area=area, pose=turn)
+    canvas.draw_grid(axes, grid.data, colors.OCCUPANCY, g, area=area, pose=turn)
 
 
 def draw_ground(axes: Any, record: Record, area: Bounds, costmap: str | None) -> tuple[list[Any], list[str]]:
@@ -121,7 +121,7 @@ def draw_ground(axes: Any, record: Record, area: Bounds, costmap: str | None) ->
     if last is None:
         return ([], []) if record.map is None else canvas.occupancy_legend()
     pose = record.to_global(last.frame, float(times[-1])) if len(record.times) else Transform2D()
-    canvas.draw_grid(axes, colors.paint_costs(last.data), last.geometry, area=area, pose=pose, zorder=0.5)
+    canvas.draw_grid(axes, last.data, colors.COSTS, last.geometry, area=area, pose=pose, zorder=0.5)
     window = last.geometry.window_of(area) if pose.is_identity() else last.geometry.window
     return canvas.cost_legend(last.data[window.slices])
 

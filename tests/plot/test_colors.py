@@ -49,15 +49,39 @@ def test_the_ramp_darkens_with_every_cost_band():
 
 def test_cells_are_painted_by_value():
     costs = np.array([[0, 253], [254, 255]], np.uint8)
-    assert colors.paint_costs(costs).tolist() == [
+    assert colors.COSTS(costs)[..., :3].tolist() == [
         [list(colors.FREE_RGB), list(colors.INSCRIBED_RGB)],
         [list(colors.LETHAL_RGB), list(colors.UNKNOWN_RGB)],
     ]
+    assert (colors.COSTS(costs)[..., 3] == 255).all()
+    assert colors.COSTS(costs, clear=0)[..., 3].tolist() == [[0, 255], [255, 255]]
     cells = np.array([[0, 100], [-1, 50]], np.int8)
-    painted = colors.paint_occupancy(cells)
+    painted = colors.OCCUPANCY(cells)[..., :3]
     assert painted[0].tolist() == [list(colors.FREE_RGB), list(colors.LETHAL_RGB)]
     assert painted[1, 0].tolist() == list(colors.UNKNOWN_RGB)
     assert colors.LETHAL_RGB[0] < painted[1, 1, 0] < 255
+
+
+def test_every_value_of_a_cell_has_its_colour():
+    costs = np.arange(256, dtype=np.uint8).reshape(16, 16)
+    assert np.array_equal(colors.COSTS(costs)[..., :3].reshape(-1, 3), colors.cost_colors())
+    cells = np.arange(-128, 128).astype(np.int8).reshape(16, 16)
+    painted = colors.OCCUPANCY(cells)[..., :3].reshape(-1, 3)
+    assert (painted[:128] == colors.UNKNOWN_RGB).all()  # -1, and what no map_server sends
+    assert (np.diff(painted[128:229].astype(int), axis=0) <= 0).all()
+
+
+def test_of_cells_that_share_a_pixel_the_gravest_shows():
+    costs = np.zeros((7, 7), np.uint8)
+    costs[0, 0], costs[1, 1], costs[4, 4], costs[6, 6] = 255, 7, 254, 255
+    costs[3, 3] = 253
+    blocks = colors.COSTS(costs, block=3)[..., :3]
+    table = colors.cost_colors()
+    assert blocks.shape == (3, 3, 3)
+    assert blocks[0, 0].tolist() == table[7].tolist()
+    assert blocks[1, 1].tolist() == table[254].tolist()
+    assert blocks[2, 2].tolist() == table[255].tolist()
+    assert blocks[0, 2].tolist() == table[0].tolist()
 
 
 def test_the_palette_has_room_for_shades():
