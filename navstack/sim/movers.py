@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core.errors import InputError
+from navstack.sim._mover_kernels import place_on_tracks
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,9 +33,13 @@ class TrackedDiscs:
 
     def __init__(self, tracks: Sequence[Track]) -> None:
         """Raises InputError for a track without length or with numbers that are not finite."""
-        corners: list[NDArray[np.float64]] = []
+        trips: list[NDArray[np.float64]] = []
+        ways: list[NDArray[np.float64]] = []
         for number, track in enumerate(tracks, 1):
-            points = np.array(track.points, np.float64)
+            try:
+                points = np.array(track.points, np.float64)
+            except (ValueError, TypeError):
+                points = np.empty(0)  # not even a table: told below
             if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2 or not np.isfinite(points).all():
                 raise InputError(f"track {number} needs at least two points [x, y] of finite numbers", track=number)
             if not (np.isfinite([track.speed, track.radius, track.begin]).all() and track.radius > 0.0):
@@ -43,36 +48,20 @@ class TrackedDiscs:
                 )
             # a round trip in either case
             trip = np.vstack((points, points[:1] if track.closed else points[-2::-1]))
-            if np.hypot(*np.diff(trip, axis=0).T).sum() <= 0.0:
+            way = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(trip, axis=0).T))))
+            if way[-1] <= 0.0:
                 raise InputError(f"track {number} has no length: its points are all one", track=number)
-            corners.append(trip)
+            trips.append(trip)
+            ways.append(way)
         self._radius = np.array([track.radius for track in tracks], np.float64)
         self._speed = np.array([track.speed for track in tracks], np.float64)
         self._begin = np.array([track.begin for track in tracks], np.float64)
-        # all legs of all tracks in one line, so that one search finds the leg of every disc
-        legs = [np.diff(trip, axis=0) for trip in corners]
-        lengths = [np.hypot(leg[:, 0], leg[:, 1]) for leg in legs]
-        self._length = np.array([length.sum() for length in lengths], np.float64)
-        self._line_begin = np.concatenate(([0.0], np.cumsum(self._length)))[:-1]
-        counts = np.array([len(leg) for leg in legs], np.int64)
-        self._last_leg = np.cumsum(counts) - 1
-        self._first_leg = self._last_leg - counts + 1
-        self._leg = np.concatenate([np.empty((0, 2)), *legs])
-        self._corner = np.concatenate([np.empty((0, 2)), *(trip[:-1] for trip in corners)])
-        self._leg_length = np.concatenate([np.empty(0), *lengths])
-        self._leg_begin = np.concatenate(
-            [
-                np.empty(0),
-                *(at + np.cumsum(length) - length for at, length in zip(self._line_begin, lengths, strict=True)),
-            ]
-        )
+        self._first_corner = np.concatenate(([0], np.cumsum([len(trip) for trip in trips], dtype=np.int64)))
+        self._corners = np.concatenate([np.empty((0, 2)), *trips])
+        self._corner_at = np.concatenate([np.empty(0), *ways])
 
     def discs(self, time: float) -> NDArray[np.float64]:
         """(k, 3) x, y, radius in the map (m) at `time` (s), in the order of the tracks."""
-        line = self._line_begin + (self._begin + self._speed * time) % self._length
-        leg = np.searchsorted(self._leg_begin, line, side="right") - 1
-        leg = np.clip(leg, self._first_leg, self._last_leg)  # rounding must not send a disc to its neighbour's track
-        length = self._leg_length[leg]
-        share = np.divide(line - self._leg_begin[leg], length, out=np.zeros(len(line)), where=length > 0.0)
-        at = self._corner[leg] + np.clip(share, 0.0, 1.0)[:, None] * self._leg[leg]
-        return np.column_stack((at, self._radius))
+        return place_on_tracks(
+            self._corners, self._first_corner, self._corner_at, self._speed, self._begin, self._radius, float(time)
+        )

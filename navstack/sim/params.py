@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, ClassVar, Literal
 
-from pydantic import field_validator
+from pydantic import field_validator, model_validator
 
 from navstack.core.parameters import ParamModel, param
 
@@ -36,6 +36,15 @@ class LidarParams(ParamModel):
     frequency: float = param(10.0, "scans per second", unit="Hz", gt=0.0)
     range_noise: float = param(0.0, "standard deviation of the ranges", unit="m", ge=0.0)
     dropout: float = param(0.0, "share of beams lost in each scan, reported as NaN", ge=0.0, le=1.0)
+
+    @model_validator(mode="after")
+    def _some_range(self) -> LidarParams:
+        if self.range_min >= self.range_max:
+            raise ValueError(
+                f"range_min = {self.range_min:g} leaves nothing to measure below range_max = {self.range_max:g}; "
+                "give a range_min under range_max"
+            )
+        return self
 
     @property
     def angle_increment(self) -> float:

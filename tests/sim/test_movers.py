@@ -48,6 +48,7 @@ def test_every_disc_keeps_to_its_track_and_its_speed() -> None:
 def test_wrong_tracks_are_refused() -> None:
     for track, message in (
         (Track([(0, 0)], 1.0, 0.1), "two points"),
+        (Track([(0, 0), (1,)], 1.0, 0.1), "two points"),
         (Track([(0, 0), (0, 0)], 1.0, 0.1), "no length"),
         (Track([(0, 0), (1, math.nan)], 1.0, 0.1), "finite"),
         (Track([(0, 0), (1, 0)], 1.0, 0.0), "radius above 0"),

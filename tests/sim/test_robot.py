@@ -272,6 +272,8 @@ def test_bad_parameters_are_refused() -> None:
         SimParams(map_to_odom=[0.0])
     with pytest.raises(ValueError, match="named twice: a"):
         SimParams(lasers=["a", "a"])
+    with pytest.raises(ValueError, match="range_min = 2 leaves nothing to measure below range_max = 1"):
+        LidarParams(range_min=2.0, range_max=1.0)
     with pytest.raises(InputError, match="radius above 0"):
         World(None, [[1.0, 2.0, 0.0]])
 
