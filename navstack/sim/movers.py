@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,11 +37,16 @@ class TrackedDiscs:
         trips: list[NDArray[np.float64]] = []
         ways: list[NDArray[np.float64]] = []
         for number, track in enumerate(tracks, 1):
-            try:
+            points: NDArray[np.float64] | None = None
+            with suppress(ValueError, TypeError):  # not even a table
                 points = np.array(track.points, np.float64)
-            except (ValueError, TypeError):
-                points = np.empty(0)  # not even a table: told below
-            if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2 or not np.isfinite(points).all():
+            if (
+                points is None
+                or points.ndim != 2
+                or points.shape[1] != 2
+                or len(points) < 2
+                or not np.isfinite(points).all()
+            ):
                 raise InputError(f"track {number} needs at least two points [x, y] of finite numbers", track=number)
             if not (np.isfinite([track.speed, track.radius, track.begin]).all() and track.radius > 0.0):
                 raise InputError(
