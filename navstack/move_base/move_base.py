@@ -737,6 +737,7 @@ class MoveBase:
         if self._state.mode is not Mode.CLEARING:
             self._plan = self._new_plan = plan
             self.turn.plan = plan
+        self._wake_planner = False  # whoever asked while the planner was busy has his plan
         if self.params.planner_frequency <= 0.0:
             self._planner_on = False
         if self.listeners:
@@ -807,6 +808,7 @@ class MoveBase:
         self._recovery_steps = Schedule(recovery.frequency or self.params.controller_frequency, now)
         self._recovery_polls = Schedule(self.params.controller_frequency, now)
         self._recovery_polls.advance(now)
+        self._recovery_steps.advance(now)
         mission.tally.recoveries.append(recovery.name)
         mission.rounds += 1
         try:
@@ -819,9 +821,12 @@ class MoveBase:
 
     def _recover(self, now: float) -> None:
         """A turn of a recovery that runs: unlike in C++, cancels, new goals and silent sensors are seen (parity 22)."""
-        if self._recovery_polls.is_due(now):
+        polled, stepped = self._recovery_polls.is_due(now), self._recovery_steps.is_due(now)
+        if polled:
             self._recovery_polls.advance(now)
-        elif not self._recovery_steps.is_due(now):
+        if stepped:
+            self._recovery_steps.advance(now)
+        if not (polled or stepped):
             return
         if self._preempted(now) or self._recovery is None or self._is_stale(now):
             return
@@ -831,12 +836,11 @@ class MoveBase:
                 f"{recovery.name} did not end within {self.recovery_time_limit_s:g} s", recovery=recovery.name
             )
             self._end_recovery(recovery, RecoveryStatus.FAILED, error.message, error.as_dict(), error, now)
-        elif self._recovery_steps.is_due(now):
+        elif stepped:
             self._step_recovery(recovery, now)
 
     def _step_recovery(self, recovery: RecoveryBehavior, now: float) -> None:
         first = now == self._recovery_began
-        self._recovery_steps.advance(now)
         error: NavError | None = None
         try:
             done = guards.recovery_step(recovery, self._local_state(now), now)
