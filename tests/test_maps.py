@@ -16,6 +16,7 @@ from scipy.ndimage import label
 
 from navstack.core import GridGeometry, OccupancyGrid
 from navstack.core.errors import MapError
+from navstack.map_io import load_map
 from navstack.maps import map_names, map_path, places
 from navstack.sim import World
 
@@ -66,6 +67,13 @@ def test_shipped_files_are_what_the_script_draws(script: ModuleType, tmp_path: P
             np.testing.assert_array_equal(np.array(Image.open(shipped)), np.array(Image.open(file)))
         else:
             assert shipped.read_text() == file.read_text()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_users_read_the_same_map(name: str) -> None:
+    loaded, expected = load_map(map_path(name)), read(name)
+    np.testing.assert_array_equal(loaded.data, expected.data)
+    assert (loaded.geometry, loaded.origin_yaw) == (expected.geometry, 0.0)
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -159,7 +159,7 @@ def office() -> Plan:
         middle = (left + right) / 2
         desk(middle - 0.9, 14.1, -1)
         desk(middle + 0.9, 14.1, -1)
-    plan.block(0.3, 10.2, 0.4, 2.4)  # shelves
+    plan.block(0.2, 10.2, 0.4, 2.4)  # shelves
     plan.block(8.35, 10.4, 0.4, 2.0)
     plan.block(12.35, 11.6, 0.4, 1.6)
     plan.round(5.0, 8.85, 0.18)  # plants
@@ -171,32 +171,32 @@ def office() -> Plan:
         plan.round(x, 10.85, 0.23)
         plan.round(x, 12.75, 0.23)
     plan.round(13.4, 11.8, 0.23)
-    plan.block(15.1, 14.75, 2.0, 0.3)  # a sideboard
+    plan.block(15.1, 14.85, 2.0, 0.3)  # a sideboard
     # a laboratory: benches and racks
     plan.block(20.3, 11.2, 0.9, 3.0)
-    plan.block(22.55, 12.2, 0.7, 4.6)
-    plan.block(19.9, 14.6, 3.2, 0.6)
+    plan.block(22.65, 12.2, 0.7, 4.6)
+    plan.block(19.9, 14.7, 3.2, 0.6)
     plan.round(19.5, 10.6, 0.22)
     plan.round(19.5, 12.0, 0.22)
-    plan.block(18.0, 9.3, 0.6, 0.8)
+    plan.block(17.95, 9.3, 0.6, 0.8)
     # an open-plan office with two islands of desks
     for x, y in ((1.6, 1.6), (4.3, 1.6), (1.6, 4.1), (4.3, 4.1)):
         plan.block(x, y, 1.4, 1.4)
     for x, y in ((1.6, 0.6), (4.3, 0.6), (1.6, 2.6), (4.3, 2.6), (1.2, 5.1), (4.3, 5.1)):
         plan.round(x, y, 0.24)
-    plan.block(5.7, 5.4, 0.4, 1.6)
+    plan.block(5.75, 5.4, 0.4, 1.6)
     # the manager's room
     desk(8.2, 1.6, -1)
-    plan.block(6.3, 3.4, 0.4, 2.2)
+    plan.block(6.25, 3.4, 0.4, 2.2)
     plan.round(9.0, 3.7, 0.5)
     plan.round(9.65, 6.1, 0.18)
     # stores: shelves on both sides
-    plan.block(10.35, 2.6, 0.5, 4.4)
-    plan.block(12.65, 2.6, 0.5, 4.4)
-    plan.block(11.5, 0.4, 1.4, 0.5)
+    plan.block(10.3, 2.6, 0.5, 4.4)
+    plan.block(12.7, 2.6, 0.5, 4.4)
+    plan.block(11.5, 0.25, 1.4, 0.5)
     # kitchen and lounge with two pillars
-    plan.block(17.6, 0.45, 5.0, 0.7)
-    plan.block(22.6, 1.6, 0.6, 2.4)
+    plan.block(17.6, 0.35, 5.0, 0.7)
+    plan.block(22.7, 1.6, 0.6, 2.4)
     plan.block(16.4, 3.6, 0.3, 0.3)
     plan.block(19.8, 3.6, 0.3, 0.3)
     for x, y in ((15.0, 2.9), (18.1, 3.2)):
@@ -204,10 +204,10 @@ def office() -> Plan:
         for k in range(3):
             a = math.radians(90 + 120 * k)
             plan.round(x + 0.75 * math.cos(a), y + 0.75 * math.sin(a), 0.2)
-    plan.block(17.6, 6.0, 2.2, 0.8)  # a sofa
+    plan.block(17.6, 6.05, 2.2, 0.8)  # a sofa
     plan.block(17.6, 5.0, 0.9, 0.5)
     plan.round(22.5, 6.0, 0.25)
-    plan.block(13.35, 4.4, 0.5, 0.9)
+    plan.block(13.3, 4.4, 0.5, 0.9)
     # things left in the corridor
     plan.block(12.6, 8.1, 0.7, 0.5)
     plan.round(5.6, 6.8, 0.2)
@@ -312,7 +312,7 @@ def warehouse() -> Plan:
                         plan.block(first + k * bay, y + post, 0.1, 0.1)
     # dock doors in the south wall with pallets waiting, an office, packing tables, pillars
     for x in (19.0, 23.0, 27.0):
-        plan.block(x, 0.25, 2.4, 0.2)
+        plan.block(x, 0.1, 2.4, 0.2)
         plan.block(x - 0.7, 1.6, 1.2, 0.8)
         if dice.chance(0.6):
             plan.block(x + 0.7, 1.6, 1.2, 0.8, 6.0)
@@ -321,14 +321,14 @@ def warehouse() -> Plan:
     plan.door(5.0, 2.4, along="y")
     plan.block(1.4, 0.6, 1.8, 0.8)
     plan.round(1.5, 1.4, 0.25)
-    plan.block(3.6, 3.3, 1.8, 0.4)
+    plan.block(3.6, 3.35, 1.8, 0.4)
     for x in (8.0, 11.0, 14.0):
         plan.block(x, 1.2, 2.0, 0.8)
         plan.round(x, 2.05, 0.22)
     for x in (7.3, 16.6, 25.9):
         plan.block(x, 3.9, 0.4, 0.4)
     plan.block(29.9, 4.1, 1.2, 1.2)  # the charging station
-    plan.block(30.5, 17.6, 0.6, 2.6)
+    plan.block(30.7, 17.6, 0.6, 2.6)
 
     lane = [row + 2 * depth + aisle / 2 for row in rows[:-1]]
     plan.places = {
