@@ -248,7 +248,7 @@ class _Assembly:
     # --- parts --------------------------------------------------------------------------------------------------------
 
     def _navstack(self) -> NavstackParams | None:
-        space = self.root.space("navstack") or Space("navstack", self.root.at, self.root)
+        space = self.binder.child(self.root, "navstack")
         nodes = None
         if self.distro is not None:
             at = Location("--distro")
@@ -302,6 +302,8 @@ class _Assembly:
         if entry is None:
             return None
         space = _planner_space(self.root, entry, written)
+        if self.root.children.get(space.name) is not space:
+            space = self.binder.child(self.root, space.name)
         made: Any = self.binder.bind(entry.cls.Params, space)
         if "critics" in entry.cls.Params.model_fields and not self._critics(space):
             return None

@@ -530,3 +530,21 @@ def test_folders_of_published_robots(path: Path) -> None:
     findings = check(str(path), overrides=[f"base_local_planner={DWA}"])
     acceptable = {"unknown-plugin", "out-of-range", "wrong-type", "ambiguous", "no-source", "footprint"}
     assert {f.rule for f in findings if f.severity == "error"} <= acceptable
+
+
+def test_a_packaged_name_is_the_packaged_set_wherever_one_stands(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "turtlebot").mkdir()
+    monkeypatch.chdir(tmp_path)
+    loaded = load_configuration(["turtlebot"])
+    assert loaded.navstack.ros_distro == "indigo"
+    assert [f.rule for f in loaded.findings if f.rule == "packaged-set"] == ["packaged-set"]
+    assert [f.rule for f in check("./turtlebot")] == ["no-source"]
+
+
+@pytest.mark.parametrize("name", ["NavfnROS", "DWAPlannerROS", "navstack", "conservative_reset"])
+def test_a_value_where_a_namespace_must_stand(name: str) -> None:
+    errors = [f for f in check(robot(**{name: 3})) if f.severity == "error"]
+    assert [(f.rule, f.key) for f in errors] == [("wrong-type", name)]
+    assert said(check(robot(**{name: None}))) == said(check(robot()))

@@ -423,26 +423,41 @@ def updates_keep_up(s: Subject) -> Iterator[Finding]:
 
 
 def simulated_sensors_are_heard(s: Subject) -> Iterator[Finding]:
-    """A simulated lidar whose topic no source listens to leaves the simulated robot blind."""
-    lidars = getattr(s.sim, "lidars", None) or {}
-    topics = [lidar.topic for lidar in lidars.values()]
+    """A simulated lidar that no source takes leaves the simulated robot blind."""
+    lidars: Mapping[str, Any] = getattr(s.sim, "lidars", None) or {}
     sources = [
-        (f"{name}/{layer}/{source}", getattr(p, "topic", "") or source)
+        (f"{name}/{layer}/{source}", (getattr(p, "topic", "") or source).strip("/"), p)
         for name, (_, _, layers) in s.costmaps.items()
         for layer, _, params in layers
         for source, p in _sources(params).items()
     ]
-    if not topics or not sources:
+    if not lidars or not sources:
         return
-    heard = {topic.strip("/") for _, topic in sources}
-    if any(topic.strip("/") in heard for topic in topics):
-        return
-    listed = ", ".join(sorted(heard))
-    message = (
-        f"the simulated robot's lidar publishes on {topics[0]}, but the costmaps listen to {listed}: in simulation the robot "
-        f"sees nothing; set navstack/sim/{next(iter(lidars))}/topic"
-    )
-    yield _say(s, "warning", "simulated-robot-blind", sources[0][0], ("topic",), message)
+    why = ""
+    at, names = sources[0][0], ("topic",)
+    for lidar in lidars.values():
+        for space, topic, p in sources:
+            if topic != lidar.topic.strip("/"):
+                continue
+            heights = _get(p, "min_obstacle_height", "max_obstacle_height") or [-math.inf, math.inf]
+            if getattr(p, "data_type", "LaserScan") != "LaserScan":
+                why, at, names = f"its data_type is {p.data_type}, not LaserScan", space, ("data_type", "topic")
+            elif not heights[0] <= lidar.height <= heights[1]:
+                why = (
+                    f"it keeps heights from {heights[0]:g} to {heights[1]:g} m, and the lidar is at {lidar.height:g} m"
+                )
+                at, names = space, ("min_obstacle_height", "max_obstacle_height")
+            else:
+                return
+    name, first = next(iter(lidars.items()))
+    if why:
+        message = f"{at} does not take what the simulated robot's lidar sees on {first.topic}: {why}; "
+        message += f"correct it, or set navstack/sim/{name}"
+    else:
+        listed = ", ".join(sorted({topic for _, topic, _ in sources}))
+        message = f"the simulated robot's lidar publishes on {first.topic}, but the costmaps listen to {listed}; "
+        message += f"set navstack/sim/{name}/topic"
+    yield _say(s, "warning", "simulated-robot-blind", at, names, f"in simulation the robot sees nothing: {message}")
 
 
 # --- recoveries -------------------------------------------------------------------------------------------------------

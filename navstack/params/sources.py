@@ -116,7 +116,10 @@ def _read_one(out: Sources, text: str) -> None:
     if not at or Path(text).exists():
         path_text, namespace = text, ""
     path = Path(path_text)
-    if not path.exists() and path_text in packaged_sets():
+    if path_text in packaged_sets():
+        if path.exists():
+            message = f"{path_text} is the packaged set here, not the folder of that name; write ./{path_text} for that"
+            out.say("info", "packaged-set", Location(path_text), message)
         _read_folder(out, packaged_folder(path_text), path_text, namespace)
     elif path.is_dir():
         _read_folder(out, path, path_text.rstrip("/") or "/", namespace)

@@ -74,6 +74,7 @@ def test_weights_that_are_heavy_on_either_scale_are_not_blamed_on_it() -> None:
                                  "global_costmap__static_layer": {"track_unknown_space": False}}, ("track_unknown_space",)),
         ("updates-too-slow", {"local_costmap__update_frequency": 1.0}, ("0.55 m", "20")),
         ("simulated-robot-blind", {"navstack": {"sim": {"laser": {"topic": "front/scan"}}}}, ("front/scan", "scan")),
+        ("simulated-robot-blind", {"navstack": {"sim": {"laser": {"height": 2.5}}}}, ("2.5 m", "from 0 to 2 m")),
     ],
 )  # fmt: skip
 def test_each_rule_finds_its_combination_with_the_numbers(
