@@ -12,7 +12,9 @@ from __future__ import annotations
 
 import hashlib
 import os
+import shutil
 import threading
+import time
 from collections.abc import Callable
 from functools import cache, update_wrapper
 from pathlib import Path
@@ -22,6 +24,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _LOCK = threading.RLock()
+_OUTDATED_S = 30 * 86400.0
 _PACKAGE = Path(__file__).resolve().parent.parent
 
 
@@ -96,7 +99,16 @@ def _cache_folder() -> str | None:
     try:
         root = Path(base) if base else Path.home() / ".cache"
         folder = root / "navstack" / f"kernels-{digest.hexdigest()[:16]}"
-        folder.mkdir(parents=True, exist_ok=True)
+        if not folder.is_dir():
+            folder.mkdir(parents=True, exist_ok=True)
+            _remove_outdated(folder)
     except (OSError, RuntimeError):
         return None
     return str(folder) if os.access(folder, os.W_OK | os.X_OK) else None
+
+
+def _remove_outdated(present: Path) -> None:
+    """Removes caches of former states of the kernels that nobody made use of for a month."""
+    for other in present.parent.glob("kernels-*"):
+        if other != present and time.time() - other.stat().st_mtime > _OUTDATED_S:
+            shutil.rmtree(other, ignore_errors=True)

@@ -68,3 +68,13 @@ def test_boundscheck_is_a_compilation_of_its_own(tmp_path: Path) -> None:
     checked = run(tmp_path, XDG_CACHE_HOME=str(tmp_path / "cache"), NAVSTACK_BOUNDSCHECK="1")
     assert checked[:2] == ["10", "caught"]
     assert checked[2] != plain[2]
+
+
+def test_caches_of_former_kernels_are_removed_in_time(tmp_path: Path) -> None:
+    old, recent = (tmp_path / "cache" / "navstack" / f"kernels-{name}" for name in ("old", "recent"))
+    old.mkdir(parents=True)
+    recent.mkdir()
+    os.utime(old, (0, 0))
+    run(tmp_path, XDG_CACHE_HOME=str(tmp_path / "cache"))
+    assert not old.exists()
+    assert recent.exists()
