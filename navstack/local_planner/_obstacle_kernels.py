@@ -120,40 +120,43 @@ def highest_around(costs, x0, y0, x1, y1, reach, rows, out):
     Cells from which the outline can leave the map get 255. `rows` (ny, nx) is scratch.
     """
     ny, nx = costs.shape
+    source, across, target = costs.ravel(), rows.ravel(), out.ravel()
     radius = math.ceil(reach)
     low_x, high_x = max(x0, radius), min(x1, nx - radius)
     low_y, high_y = max(y0, radius), min(y1, ny - radius)
     for iy in range(y0, y1):
-        out[iy, x0:x1] = 255
+        for ix in range(x0, x1):
+            out[iy, ix] = 0 if low_x <= ix < high_x and low_y <= iy < high_y else 255
     if low_x >= high_x or low_y >= high_y:
         return
-    for iy in range(low_y, high_y):
-        out[iy, low_x:high_x] = 0
+    # unsigned indices: nothing to wrap around, so that the loops over a row become vector instructions
+    number = np.uint64(high_x - low_x)
     for iy in range(low_y - radius, high_y + radius):
-        rows[iy, low_x:high_x] = costs[iy, low_x:high_x]
+        base = np.uint64(iy * nx + low_x)
+        for i in range(number):
+            across[base + i] = source[base + i]
     width = 0
     for dy in range(radius, -1, -1):
-        wanted = 0
         squared = reach * reach
+        wanted = 0
         if squared >= max(0.0, dy - 1.0) ** 2:
             wanted = int(1.5 + math.sqrt(squared - max(0.0, dy - 1.0) ** 2))
         if squared >= max(0.0, dy - 1.5) ** 2:
             wanted = max(wanted, int(1.0 + math.sqrt(squared - max(0.0, dy - 1.5) ** 2)))
-        wanted = min(wanted, radius)
-        while width < wanted:
+        while width < min(wanted, radius):
             width += 1
             for iy in range(low_y - radius, high_y + radius):
-                row = rows[iy, low_x:high_x]
-                left = costs[iy, low_x - width : high_x - width]
-                right = costs[iy, low_x + width : high_x + width]
-                for i in range(len(row)):
-                    row[i] = max(row[i], max(left[i], right[i]))
+                base = np.uint64(iy * nx + low_x)
+                left = np.uint64(iy * nx + low_x - width)
+                right = np.uint64(iy * nx + low_x + width)
+                for i in range(number):
+                    across[base + i] = max(across[base + i], max(source[left + i], source[right + i]))
         for iy in range(low_y, high_y):
-            target = out[iy, low_x:high_x]
-            above = rows[iy + dy, low_x:high_x]
-            below = rows[iy - dy, low_x:high_x]
-            for i in range(len(target)):
-                target[i] = max(target[i], max(above[i], below[i]))
+            base = np.uint64(iy * nx + low_x)
+            above = np.uint64((iy + dy) * nx + low_x)
+            below = np.uint64((iy - dy) * nx + low_x)
+            for i in range(number):
+                target[base + i] = max(target[base + i], max(across[above + i], across[below + i]))
 
 
 @kernel
@@ -166,40 +169,18 @@ def footprint_scale(command, scaling_speed, max_speed, max_scaling):
 
 
 @kernel
-def obstacle_scores(
-    costs,
-    origin_x,
-    origin_y,
-    resolution,
-    vertices,
-    circumscribed,
-    commands,
-    poses,
-    counts,
-    alive,
-    scaling_speed,
-    max_speed,
-    max_scaling,
-    sum_scores,
-    rows,
-    bounds,
-    cells,
-    out,
-    where,
-):
-    """ObstacleCostFunction: per trajectory the highest (or summed) cost of max(outline, centre), -6 where it collides.
+def cells_of(poses, counts, alive, commands, scaling, nx, ny, origin_x, origin_y, resolution, cells):
+    """Flat cells of all points into `cells` (K, T), -1 off the map; the box around them and the largest outline's scale.
 
-    `rows` (ny, nx), `bounds` (2, ny, nx) uint8 and `cells` (K, T) int32 are scratch. `where` (K,): index of the first
-    point that collides, -1 without. The outline is walked only where the costs around can change the result.
+    `scaling` = scaling_speed, max_speed, max_scaling. The box is x0, y0, x1, y1, half open; empty when x0 >= x1.
     """
-    ny, nx = costs.shape
     low_x, low_y, high_x, high_y = nx, ny, -1, -1
     inverse = 1.0 / resolution
     largest = 1.0
     for k in range(len(counts)):
         if not alive[k]:
             continue
-        largest = max(largest, footprint_scale(commands[k], scaling_speed, max_speed, max_scaling))
+        largest = max(largest, footprint_scale(commands[k], scaling[0], scaling[1], scaling[2]))
         for i in range(counts[k]):
             fx = cell_coordinate(poses[k, i, 0], origin_x, resolution, inverse)
             fy = cell_coordinate(poses[k, i, 1], origin_y, resolution, inverse)
@@ -209,26 +190,45 @@ def obstacle_scores(
                 cells[k, i] = iy * nx + ix
                 low_x, high_x = min(low_x, ix), max(high_x, ix)
                 low_y, high_y = min(low_y, iy), max(high_y, iy)
-    # two upper bounds: for the outline as it is, and for the one that has grown most
-    farthest = 1.0 * (nx + ny)
-    reach = min(circumscribed / resolution + 1e-6, farthest)
-    grown = min(largest * circumscribed / resolution + 1e-6, farthest)
-    if high_x >= 0:
-        highest_around(costs, low_x, low_y, high_x + 1, high_y + 1, reach, rows, bounds[0])
-        if grown > reach:
-            highest_around(costs, low_x, low_y, high_x + 1, high_y + 1, grown, rows, bounds[1])
-    flat = costs.ravel()
+    return low_x, low_y, high_x + 1, high_y + 1, largest
 
+
+@kernel
+def obstacle_scores(
+    costs,
+    origin_x,
+    origin_y,
+    resolution,
+    vertices,
+    commands,
+    poses,
+    counts,
+    alive,
+    scaling,
+    sum_scores,
+    bounds,
+    cells,
+    out,
+    where,
+):
+    """ObstacleCostFunction: per trajectory the highest (or summed) cost of max(outline, centre), -6 where it collides.
+
+    `bounds` (2, ny, nx): what no outline around a cell can exceed, for the outline as it is and for the largest; `cells`
+    (K, T) as `cells_of` left them. `where` (K,): index of the first point that collides, -1 without. The outline is
+    walked only where the costs around can change the result.
+    """
+    flat = costs.ravel()
     for k in range(len(counts)):
         where[k] = -1
         if not alive[k]:
             continue
         n = counts[k]
-        scale = footprint_scale(commands[k], scaling_speed, max_speed, max_scaling)
+        scale = footprint_scale(commands[k], scaling[0], scaling[1], scaling[2])
         bound = bounds[0 if scale == 1.0 else 1].ravel()
         total = 0.0
         # the costliest neighbourhood first: after it most points cannot raise the maximum
-        first = -1
+        first = 0
+        done = -1
         if not sum_scores:
             most = 0
             for i in range(n):
@@ -238,54 +238,30 @@ def obstacle_scores(
             if most == 0:
                 out[k] = 0.0
                 continue
-            cell = cells[k, first]
-            cost = -1
-            if cell >= 0:
-                cost = perimeter_cost(
-                    costs,
-                    origin_x,
-                    origin_y,
-                    resolution,
-                    vertices,
-                    poses[k, first, 0],
-                    poses[k, first, 1],
-                    poses[k, first, 2],
-                    scale,
-                )
-            if cost >= 0:
-                total = np.float64(max(cost, np.int64(flat[cell])))
-            else:
-                first = -1  # found again below, in order, unless an earlier point collides
-        for i in range(n):
-            cell = cells[k, i]
-            if cell < 0:
-                total = ILLEGAL
-                where[k] = i
-                break
-            around = np.int64(bound[cell])
-            if sum_scores:
-                if around == 0:
+        for step in range(-1, n):
+            i = step
+            if step < 0:
+                if sum_scores:
                     continue
-            elif i == first or np.float64(around) <= total:
+                i = first
+            elif i == done:
                 continue
-            cost = perimeter_cost(
-                costs,
-                origin_x,
-                origin_y,
-                resolution,
-                vertices,
-                poses[k, i, 0],
-                poses[k, i, 1],
-                poses[k, i, 2],
-                scale,
-            )
+            cell = cells[k, i]
+            cost = OFF_MAP
+            if cell >= 0:
+                around = np.float64(bound[cell])
+                if around == 0.0 or (around <= total and not sum_scores):
+                    continue
+                x, y, yaw = poses[k, i, 0], poses[k, i, 1], poses[k, i, 2]
+                cost = perimeter_cost(costs, origin_x, origin_y, resolution, vertices, x, y, yaw, scale)
             if cost < 0:
+                if step < 0:
+                    continue  # found again below, in order, unless an earlier point collides
                 total = ILLEGAL
                 where[k] = i
                 break
+            if step < 0:
+                done = first
             cost = max(cost, np.int64(flat[cell]))
-            if sum_scores:
-                total += cost
-            else:
-                total = max(total, np.float64(cost))
+            total = total + cost if sum_scores else max(total, np.float64(cost))
         out[k] = total

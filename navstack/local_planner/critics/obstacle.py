@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from navstack.core.parameters import ParamModel, param
 from navstack.interfaces import Critic, Rollouts, ScoringContext
-from navstack.local_planner._obstacle_kernels import obstacle_scores
+from navstack.local_planner._obstacle_kernels import cells_of, highest_around, obstacle_scores
 from navstack.local_planner.critics._scale import RosDistro, obstacle_scale
 from navstack.plugins import CRITICS
 
@@ -72,24 +72,43 @@ class ObstacleCritic(Critic):
             self._cells = np.empty(k * t, np.int32)
         g = context.costmap.geometry
         p = self.params
-        obstacle_scores(
-            context.costmap.data,
+        costs, outline = context.costmap.data, context.footprint
+        cells = self._cells[: k * t].reshape(k, t)
+        scaling = np.array((p.scaling_speed, context.limits.max_vel_trans, p.max_scaling_factor))
+        x0, y0, x1, y1, largest = cells_of(
+            rollouts.poses,
+            rollouts.counts,
+            alive,
+            rollouts.samples,
+            scaling,
+            g.nx,
+            g.ny,
             g.origin_x,
             g.origin_y,
             g.resolution,
-            context.footprint.vertices,
-            context.footprint.circumscribed_radius,
+            cells,
+        )
+        # two upper bounds: for the outline as it is, and for the one that has grown most
+        if x0 < x1:
+            reach = outline.circumscribed_radius / g.resolution + 1e-6
+            farthest = float(g.nx + g.ny)
+            highest_around(costs, x0, y0, x1, y1, min(reach, farthest), self._rows, self._bounds[0])
+            if largest > 1.0:
+                highest_around(costs, x0, y0, x1, y1, min(largest * reach, farthest), self._rows, self._bounds[1])
+        obstacle_scores(
+            costs,
+            g.origin_x,
+            g.origin_y,
+            g.resolution,
+            outline.vertices,
             rollouts.samples,
             rollouts.poses,
             rollouts.counts,
             alive,
-            p.scaling_speed,
-            context.limits.max_vel_trans,
-            p.max_scaling_factor,
+            scaling,
             p.sum_scores,
-            self._rows,
             self._bounds,
-            self._cells[: k * t].reshape(k, t),
+            cells,
             self._out,
             self.first_contact,
         )
