@@ -6,7 +6,7 @@ Parameters come by constructor, data by argument, failures by exception (`navsta
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any, ClassVar, NamedTuple, Protocol
@@ -50,6 +50,23 @@ class LayerContext:
     """The costmap's own setting, which obstacle layers take as their default."""
     static_map: OccupancyGrid | None = None
     """The map of map_server, None when the robot has none."""
+    read_map: Callable[[str], OccupancyGrid] | None = None
+    """Reads a map file by its path (`navstack.map_io.load_map`), for layers that name one in their parameters."""
+
+
+@dataclass(frozen=True, slots=True)
+class LayerSays:
+    """What a layer has to say about one cell, and on whose word."""
+
+    cost: int | None
+    """The cost the layer itself holds there; None when it says nothing."""
+    text: str
+    """In words."""
+    source: str | None = None
+    """The observation source behind it."""
+    stamp: float | None = None
+    """When that source saw it (s)."""
+    data: dict[str, Any] = field(default_factory=dict[str, Any])
 
 
 class Layer(ABC):
@@ -92,6 +109,11 @@ class Layer(ABC):
         """False when an expected sensor is silent for too long at `now` (s)."""
         del now
         return True
+
+    def explain(self, ix: int, iy: int, master: Costmap) -> LayerSays | None:
+        """What this layer says about a cell of `master`, and why; computed on request only. None: nothing to add."""
+        del ix, iy, master
+        return None
 
     @property
     def clearable(self) -> bool:

@@ -49,4 +49,19 @@ class PointCloud:
     topic: str = "points"
 
 
-SensorData = LaserScan | PointCloud
+@dataclass(frozen=True, slots=True)
+class RangeReading:
+    """One distance of a sonar or infrared sensor, as sensor_msgs/Range: something lies on an arc of `field_of_view` (rad)
+    about the x axis of `frame`, `range_m` metres away; nothing within `max_range` when it is that or more.
+    """
+
+    range_m: float
+    field_of_view: float
+    min_range: float
+    max_range: float
+    stamp: float = 0.0
+    frame: str = "sonar_link"
+    topic: str = "sonar"
+
+
+SensorData = LaserScan | PointCloud | RangeReading

@@ -1,23 +1,44 @@
 """Costmaps: layers of costs over a grid, and the sensors that feed them."""
 
+from navstack.costmap.denoise_layer import DenoiseLayer, DenoiseLayerParams
 from navstack.costmap.inflation_layer import InflationLayer, InflationLayerParams, inflation_cost
 from navstack.costmap.layered_costmap import LayeredCostmap, LayerSpec, footprint_of, parse_footprint
+from navstack.costmap.mask_layers import (
+    KeepoutMaskLayer,
+    MaskLayerParams,
+    SpeedLimit,
+    SpeedMaskLayer,
+    SpeedMaskLayerParams,
+)
 from navstack.costmap.observation_buffer import ObservationBuffer, ObservationSourceParams
 from navstack.costmap.obstacle_layer import ObstacleLayer, ObstacleLayerParams
 from navstack.costmap.params import CostmapParams
+from navstack.costmap.provenance import CellProvenance, LayerShare
+from navstack.costmap.range_sensor_layer import RangeSensorLayer, RangeSensorLayerParams
 from navstack.costmap.static_layer import StaticLayer, StaticLayerParams
 from navstack.costmap.voxel_layer import VoxelLayer, VoxelLayerParams
 
 __all__ = [
+    "CellProvenance",
     "CostmapParams",
+    "DenoiseLayer",
+    "DenoiseLayerParams",
     "InflationLayer",
     "InflationLayerParams",
+    "KeepoutMaskLayer",
+    "LayerShare",
     "LayerSpec",
     "LayeredCostmap",
+    "MaskLayerParams",
     "ObservationBuffer",
     "ObservationSourceParams",
     "ObstacleLayer",
     "ObstacleLayerParams",
+    "RangeSensorLayer",
+    "RangeSensorLayerParams",
+    "SpeedLimit",
+    "SpeedMaskLayer",
+    "SpeedMaskLayerParams",
     "StaticLayer",
     "StaticLayerParams",
     "VoxelLayer",

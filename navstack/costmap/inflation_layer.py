@@ -13,11 +13,11 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import INSCRIBED, LETHAL, Bounds, Costmap, Footprint, GridGeometry, Pose2D, Window
+from navstack.core import INSCRIBED, LETHAL, Bounds, Costmap, Footprint, GridGeometry, Pose2D, Window, describe_cost
 from navstack.core.parameters import ParamModel, param
 from navstack.costmap import _kernels
 from navstack.costmap.regions import EVERYWHERE
-from navstack.interfaces import Layer, LayerContext
+from navstack.interfaces import Layer, LayerContext, LayerSays
 from navstack.plugins import LAYERS
 
 MAX_CELLS = 253
@@ -47,6 +47,17 @@ def inflation_cost(
     cost[...] = np.where(d <= inscribed_radius, INSCRIBED, cost)
     cost[...] = np.where(d == 0.0, LETHAL, cost)
     return cost
+
+
+def nearest_lethal(costs: NDArray[np.uint8], ix: int, iy: int, radius: int) -> tuple[int, int] | None:
+    """The lethal cell nearest to (ix, iy) within `radius` cells; the lowest row, then column, of equals."""
+    x0, y0 = max(0, ix - radius), max(0, iy - radius)
+    rows, columns = np.nonzero(costs[y0 : iy + radius + 1, x0 : ix + radius + 1] == LETHAL)
+    if not len(rows):
+        return None
+    squared = (rows + y0 - iy) ** 2 + (columns + x0 - ix) ** 2
+    best = int(squared.argmin())
+    return (int(columns[best]) + x0, int(rows[best]) + y0) if squared[best] <= radius * radius else None
 
 
 @LAYERS.register("inflation", aliases=("costmap_2d/InflationLayer", "nav2_costmap_2d/InflationLayer"))
@@ -114,6 +125,22 @@ class InflationLayer(Layer):
             self._near,
             self._near_words,
             self._unknown_from,
+        )
+
+    def explain(self, ix: int, iy: int, master: Costmap) -> LayerSays:
+        """The nearest lethal cell and what its distance costs."""
+        nearest = nearest_lethal(master.data, ix, iy, self.radius_cells)
+        if nearest is None:
+            return LayerSays(0, f"no obstacle within {self.params.inflation_radius:g} m")
+        resolution = master.geometry.resolution
+        distance = math.hypot(nearest[0] - ix, nearest[1] - iy) * resolution
+        cost = int(inflation_cost(distance, self.inscribed_radius, self.params.cost_scaling_factor))
+        x, y = master.geometry.cell_to_world(*nearest)
+        where = "in this cell" if distance == 0.0 else f"{distance:.3f} m away at ({x:.3f}, {y:.3f})"
+        return LayerSays(
+            cost,
+            f"the nearest obstacle is {where}; inscribed radius {self.inscribed_radius:.3f} m, {describe_cost(cost)}",
+            data={"obstacle": [x, y], "obstacle_cell": list(nearest), "distance_m": distance},
         )
 
     def reset(self, region: Bounds | None = None, *, invert: bool = False) -> int:

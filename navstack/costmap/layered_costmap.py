@@ -6,7 +6,7 @@ Source of the rules: costmap_2d/src/layered_costmap.cpp and costmap_2d_ros.cpp.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Final, NamedTuple
 
 from navstack.core import (
@@ -24,7 +24,9 @@ from navstack.core import (
 from navstack.core.errors import InputError, InternalError
 from navstack.core.frames import clean_frame
 from navstack.costmap import _kernels
+from navstack.costmap.mask_layers import SpeedLimit, SpeedMaskLayer
 from navstack.costmap.params import CostmapParams
+from navstack.costmap.provenance import CellProvenance, explain_cell
 from navstack.costmap.regions import shift_cells, window_shift
 from navstack.costmap.static_layer import StaticLayer
 from navstack.interfaces import Layer, LayerContext
@@ -59,6 +61,7 @@ class LayeredCostmap:
         footprint: Footprint,
         frames: FrameTree,
         static_map: OccupancyGrid | None = None,
+        read_map: Callable[[str], OccupancyGrid] | None = None,
     ) -> None:
         self.name = name
         self.params = params
@@ -84,6 +87,7 @@ class LayeredCostmap:
                 rolling_window=params.rolling_window,
                 track_unknown_space=params.track_unknown_space,
                 static_map=static_map,
+                read_map=read_map,
             )
             self._layers.append(spec.cls(spec.params, context))
         self._listeners = [x for x in self._layers if type(x).observe is not Layer.observe]
@@ -157,6 +161,19 @@ class LayeredCostmap:
     def is_current(self, now: float) -> bool:
         """False when a layer's sensor is silent for too long."""
         return all(layer.is_current(now) for layer in self._layers)
+
+    def explain_cell(self, x: float, y: float) -> CellProvenance:
+        """Which layer and which source set the cell at a world point (m), when, and what every layer says there.
+
+        Raises InputError for a point off the costmap. Updates pay nothing for it: the layers are asked to write the
+        cell's surroundings once more, into a copy.
+        """
+        return explain_cell(self, x, y)
+
+    def speed_limit(self, x: float, y: float) -> SpeedLimit | None:
+        """The lowest limit that a speed mask sets at a point (m); None without."""
+        limits = [layer.limit_at(x, y) for layer in self._layers if isinstance(layer, SpeedMaskLayer)]
+        return min((limit for limit in limits if limit is not None), default=None)
 
     # --- changes ------------------------------------------------------------------------------------------------------
 

@@ -86,7 +86,7 @@ class ObservationBuffer:
         self._tolerance_s = tolerance_s
         self._is_scan = params.data_type == "LaserScan"
         self._keep_one = params.observation_persistence == 0.0
-        self._pending: deque[SensorData] = deque()
+        self._pending: deque[LaserScan | PointCloud] = deque()
         self._since: float | None = None
         self._directions: NDArray[np.float64] | None = None
         self._directions_key = (0, 0.0, 0.0)
@@ -99,12 +99,16 @@ class ObservationBuffer:
         topic = data.topic
         if topic != self.topic and topic.removeprefix("/") != self.topic:
             return False
-        if isinstance(data, LaserScan) != self._is_scan:
-            return False
         if isinstance(data, LaserScan):
+            if not self._is_scan:
+                return False
             _check_scan(data)
-        else:
+        elif isinstance(data, PointCloud):
+            if self._is_scan:
+                return False
             _check_cloud(data)
+        else:
+            return False
         if len(self._pending) >= PENDING:
             self._pending.popleft()
             self.dropped += 1
@@ -134,7 +138,7 @@ class ObservationBuffer:
                             pending.popleft()
                         break
             else:
-                waiting: deque[SensorData] = deque()
+                waiting: deque[LaserScan | PointCloud] = deque()
                 for data in pending:
                     observation = self._observation(data)
                     if observation is None:
@@ -163,7 +167,7 @@ class ObservationBuffer:
         """Gives the sensor its full time again (after a reset)."""
         self._since = None
 
-    def _observation(self, data: SensorData) -> Observation | None:
+    def _observation(self, data: LaserScan | PointCloud) -> Observation | None:
         try:
             at = self._frames.lookup(self.frame, data.frame, data.stamp, self._tolerance_s)
             sensor = self.params.sensor_frame

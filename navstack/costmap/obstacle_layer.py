@@ -9,14 +9,14 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import UNKNOWN, Bounds, Costmap, Footprint, GridGeometry, Pose2D, SensorData, Window
+from navstack.core import LETHAL, UNKNOWN, Bounds, Costmap, Footprint, GridGeometry, Pose2D, SensorData, Window
 from navstack.core.parameters import ParamModel, param
 from navstack.costmap import _kernels
 from navstack.costmap.convex_parts import convex_parts
 from navstack.costmap.mark_log import MarkLog
 from navstack.costmap.observation_buffer import Observation, ObservationBuffer, ObservationSourceParams
 from navstack.costmap.regions import forget_region, shift_cells, window_shift
-from navstack.interfaces import Layer, LayerContext
+from navstack.interfaces import Layer, LayerContext, LayerSays
 from navstack.plugins import LAYERS
 
 OVERWRITE, MAXIMUM = 0, 1
@@ -182,6 +182,27 @@ class ObstacleLayer(Layer):
             buffer.restart()
         return cleared
 
+    def explain(self, ix: int, iy: int, master: Costmap) -> LayerSays:
+        """Which source marked or freed the cell, and when, as far as it is remembered."""
+        del master
+        cost = int(self.costs[iy, ix])
+        data = self._details(ix, iy)
+        if cost == LETHAL:
+            known = self.log.look_up(self.serial_at(ix, iy))
+            if known is None:
+                return LayerSays(cost, "marked by an observation that is no longer remembered", data=data)
+            source, stamp = known
+            return LayerSays(cost, f'marked by "{source}" at {stamp:.3f} s', source, stamp, data)
+        if cost == UNKNOWN:
+            return LayerSays(None, "nobody has looked, or it was cleared", data=data)
+        for buffer in self._clearing:
+            for seen in buffer.observations:
+                if self._passes(seen, ix, iy):
+                    return LayerSays(
+                        cost, f'freed by "{buffer.name}" at {seen.stamp:.3f} s', buffer.name, seen.stamp, data
+                    )
+        return LayerSays(cost, "free by default, under the robot, or freed by an earlier observation", data=data)
+
     def is_current(self, now: float) -> bool:
         """False when a source with an expected_update_rate is silent for longer."""
         return all(b.is_current(now) for b in self.buffers)
@@ -218,6 +239,19 @@ class ObstacleLayer(Layer):
     def serial_at(self, ix: int, iy: int) -> int:
         """Serial of the observation that marked a cell last, 0 when not known."""
         return int(self.serials[iy, ix])
+
+    def _details(self, ix: int, iy: int) -> dict[str, Any]:
+        del ix, iy
+        return {}
+
+    def _passes(self, seen: Observation, ix: int, iy: int) -> bool:
+        """True when a ray of that observation passes the cell: cast once more, over an empty grid."""
+        held, self.costs = self.costs, np.full(self.costs.shape, LETHAL, np.uint8)
+        try:
+            self._clear(seen, np.zeros(4))
+            return int(self.costs[iy, ix]) != LETHAL
+        finally:
+            self.costs = held
 
     def _clear(self, seen: Observation, box: NDArray[np.float64]) -> bool:
         g = self.geometry

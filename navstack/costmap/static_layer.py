@@ -20,12 +20,13 @@ from navstack.core import (
     Pose2D,
     Transform2D,
     Window,
+    describe_cost,
 )
 from navstack.core.errors import InputError
 from navstack.core.parameters import ParamModel, param
 from navstack.costmap import _kernels
 from navstack.costmap.regions import EVERYWHERE
-from navstack.interfaces import Layer, LayerContext
+from navstack.interfaces import Layer, LayerContext, LayerSays
 from navstack.plugins import LAYERS
 
 
@@ -125,6 +126,21 @@ class StaticLayer(Layer):
             *window,
             cell_affine(to_map, master.geometry, self.map.geometry),
             self.params.use_maximum,
+        )
+
+    def explain(self, ix: int, iy: int, master: Costmap) -> LayerSays:
+        """The value of the map there."""
+        a = cell_affine(self._to_map(), master.geometry, self.map.geometry)
+        column, row = math.floor(a[0] + a[1] * ix + a[2] * iy), math.floor(a[3] + a[4] * ix + a[5] * iy)
+        if not self.map.geometry.contains_cell(column, row):
+            return LayerSays(None, "off the map")
+        cost = int(self.costs[row, column])
+        value = int(self.map.data[row, column])
+        return LayerSays(
+            cost,
+            f"the map says {value} in its cell ({column}, {row}): {describe_cost(cost)}",
+            source="map",
+            data={"map_cell": [column, row], "map_value": value},
         )
 
     def reset(self, region: Bounds | None = None, *, invert: bool = False) -> int:

@@ -99,6 +99,16 @@ class VoxelLayer(ObstacleLayer):
         g, p = self.geometry, self.params
         return np.array([g.origin_x, g.origin_y, p.origin_z, g.resolution, p.z_resolution, p.max_obstacle_height])
 
+    def _details(self, ix: int, iy: int) -> dict[str, Any]:
+        return {"column": self.column_at(ix, iy)}
+
+    def _passes(self, seen: Observation, ix: int, iy: int) -> bool:
+        held, self.columns = self.columns, np.zeros_like(self.columns)
+        try:
+            return super()._passes(seen, ix, iy)
+        finally:
+            self.columns = held
+
     def _clear(self, seen: Observation, box: NDArray[np.float64]) -> bool:
         if seen.count == 0:
             return True
