@@ -1,0 +1,185 @@
+"""Whatever the costmap, pose and plan: a command within limits, or the right exception."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from navstack.core import Costmap, Footprint, GridGeometry, Path, Pose2D, RobotState, Transform2D, Twist2D
+from navstack.core.errors import ControlError, InvalidPathError, NoValidControlError
+from navstack.interfaces import ControlInput, LocalPlan, LocalPlanner
+from navstack.local_planner import DWAPlanner
+from navstack.local_planner._obstacle_kernels import highest_around, perimeter_cost
+from navstack.plugins import LOCAL_PLANNERS
+
+PLANNERS = [entry.name for entry in LOCAL_PLANNERS]
+FOOTPRINTS = [
+    Footprint.from_radius(0.18, 0.01),
+    Footprint(np.array([[0.3, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.3, -0.2]])),
+    Footprint(np.array([[0.5, 0.0], [-0.3, 0.25], [-0.1, 0.0], [-0.3, -0.25]])),
+]
+SETTINGS = settings(deadline=None, max_examples=60, derandomize=True)
+
+
+@st.composite
+def costmaps(draw: st.DrawFn) -> Costmap:
+    nx, ny = draw(st.integers(1, 60)), draw(st.integers(1, 60))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    values = np.array([0, 50, 128, 252, 253, 255], np.uint8)
+    costs = rng.choice(values, size=(ny, nx), p=[0.85, 0.05, 0.04, 0.02, 0.02, 0.02])
+    lethal = rng.random((ny, nx)) < draw(st.sampled_from([0.0, 0.005, 0.1]))
+    costs[lethal] = 254
+    resolution = draw(st.sampled_from([0.02, 0.05, 0.1, 0.3]))
+    return Costmap(GridGeometry(nx, ny, resolution, draw(st.floats(-3, 3)), draw(st.floats(-3, 3))), costs, "odom")
+
+
+positions = st.floats(-4.0, 4.0)
+speeds = st.floats(-2.0, 2.0)
+poses = st.builds(Pose2D, positions, positions, st.floats(-math.pi, math.pi))
+twists = st.builds(Twist2D, speeds, st.sampled_from([0.0, 0.1, -0.3]), speeds)
+
+
+@st.composite
+def plans(draw: st.DrawFn) -> np.ndarray[Any, Any]:
+    """Empty, of one pose, far away, back and forth, all poses equal, or with a number that is none."""
+    n = draw(st.integers(0, 60))
+    kind = draw(st.sampled_from(["walk", "back_and_forth", "same", "far"]))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    start = rng.uniform(-3.0, 3.0, 2)
+    if kind == "same":
+        xy = np.tile(start, (n, 1))
+    elif kind == "back_and_forth":
+        xy = start + np.column_stack((np.abs(np.arange(n) % 20 - 10) * 0.1, np.zeros(n)))
+    else:
+        xy = start + rng.normal(0.0, 0.1, (n, 2)).cumsum(axis=0) + (50.0 if kind == "far" else 0.0)
+    out = np.column_stack((xy, rng.uniform(-math.pi, math.pi, n)))
+    if n and draw(st.integers(0, 7)) == 0:
+        out[draw(st.integers(0, n - 1)), draw(st.integers(0, 2))] = draw(st.sampled_from([math.nan, math.inf]))
+    return out
+
+
+def make(name: str, draw: st.DrawFn) -> LocalPlanner:
+    cls = LOCAL_PLANNERS.get(name).cls
+    values: dict[str, Any] = {
+        "controller_frequency": draw(st.sampled_from([1.0, 5.0, 20.0, 50.0])),
+        "vx_samples": draw(st.integers(1, 6)),
+        "vy_samples": draw(st.integers(1, 3)),
+        "vth_samples": draw(st.integers(1, 8)),
+        "vtheta_samples": draw(st.integers(1, 8)),
+        "use_dwa": draw(st.booleans()),
+        "dwa": draw(st.booleans()),
+        "sum_scores": draw(st.booleans()),
+        "prune_plan": draw(st.booleans()),
+        "latch_xy_goal_tolerance": draw(st.booleans()),
+        "heading_scoring": draw(st.booleans()),
+        "simple_attractor": draw(st.sampled_from([False, False, True])),
+        "meter_scoring": draw(st.booleans()),
+        "ros_distro": draw(st.sampled_from(["noetic", "indigo"])),
+    }
+    return cls(cls.Params(**{k: v for k, v in values.items() if k in cls.Params.model_fields}))
+
+
+def check(planner: LocalPlanner, plan: LocalPlan) -> None:
+    limits, command = planner.limits, plan.command
+    assert command.is_finite()
+    assert min(0.0, limits.min_vel_x) - 1e-6 <= command.vx <= max(0.0, limits.max_vel_x) + 1e-6 or plan.mode == "brake"
+    assert min(0.0, limits.min_vel_y) - 1e-6 <= command.vy <= max(0.0, limits.max_vel_y) + 1e-6 or plan.mode == "brake"
+    assert abs(command.wz) <= limits.max_vel_theta + 1e-6 or plan.mode == "brake"
+
+
+@pytest.mark.parametrize("name", PLANNERS)
+@SETTINGS
+@given(data=st.data())
+def test_a_command_or_the_right_exception(name: str, data: st.DataObject) -> None:
+    planner = make(name, data.draw)
+    footprint = data.draw(st.sampled_from(FOOTPRINTS))
+    raw = data.draw(plans())
+    if len(raw) == 0 or not np.isfinite(raw).all():
+        with pytest.raises(InvalidPathError):
+            planner.set_plan(Path(raw, "map"), Pose2D(0.0, 0.0))
+        return
+    goal = Pose2D(*raw[-1])
+    planner.set_plan(Path(raw, "map"), goal)
+    moved = data.draw(st.sampled_from([Transform2D(), Transform2D(0.3, -0.2, 1.0)]))
+    for _ in range(3):
+        costmap = data.draw(costmaps())
+        before = costmap.data.copy()
+        inputs = ControlInput(RobotState(data.draw(poses), data.draw(twists)), costmap, footprint, moved)
+        try:
+            plan = planner.compute_command(inputs)
+        except ControlError as error:
+            assert type(error) in (InvalidPathError, NoValidControlError)
+            assert error.message and error.as_dict()["code"] in (103, 106)
+        else:
+            check(planner, plan)
+            assert plan.rejected_by is not None
+            assert plan.best == -1 or plan.rejected_by[plan.best] == -1
+            # never a legal verdict for an outline with a corner on a lethal or unknown cell, or off the map
+            if plan.trajectory is not None:
+                for row in plan.trajectory:
+                    for x, y in footprint.at(Pose2D(*row)):
+                        cost = costmap.cost_at(float(x), float(y))
+                        assert cost is not None and cost < 254
+        assert np.array_equal(costmap.data, before)
+        planner.goal_reached(inputs)
+
+
+@SETTINGS
+@given(costmap=costmaps(), poses_=st.lists(poses, min_size=1, max_size=8), scale=st.floats(1.0, 1.5), data=st.data())
+def test_no_outline_costs_more_than_the_bound(
+    costmap: Costmap, poses_: list[Pose2D], scale: float, data: st.DataObject
+) -> None:
+    """The bound that decides which outlines are walked at all holds wherever the centre lies in its cell."""
+    g = costmap.geometry
+    footprint = data.draw(st.sampled_from(FOOTPRINTS))
+    rows, bound = np.empty_like(costmap.data), np.empty_like(costmap.data)
+    reach = min(scale * footprint.circumscribed_radius / g.resolution + 1e-6, float(g.nx + g.ny))
+    highest_around(costmap.data, 0, 0, g.nx, g.ny, reach, rows, bound)
+    for pose in poses_:
+        x = g.origin_x + abs(pose.x) / 4.0 * g.width_m
+        y = g.origin_y + abs(pose.y) / 4.0 * g.height_m
+        cell = g.world_to_cell(x, y)
+        if cell is None:
+            continue
+        cost = perimeter_cost(
+            costmap.data, g.origin_x, g.origin_y, g.resolution, footprint.vertices, x, y, pose.yaw, scale
+        )
+        limit = int(bound[cell[1], cell[0]])
+        assert cost <= limit
+        if cost < 0:
+            assert limit >= 254
+
+
+@SETTINGS
+@given(pose=poses, velocity=twists, side=st.floats(0.11, 0.9), ahead=st.floats(0.3, 1.4))
+def test_mirrored_scenes_have_mirrored_tables(pose: Pose2D, velocity: Twist2D, side: float, ahead: float) -> None:
+    """In an empty map, DWA judges a sample as it judges its mirror image in the mirrored scene."""
+
+    def table(sign: float) -> dict[tuple[float, float], float]:
+        cls = LOCAL_PLANNERS.get("dwa").cls
+        planner = cls(cls.Params(max_vel_y=0.0, min_vel_y=0.0, controller_frequency=5.0))
+        assert isinstance(planner, DWAPlanner)
+        x, y = 0.31 + 0.001 * pose.x, 0.0137 + 0.001 * pose.y
+        line = np.linspace(0.0, 1.0, 40)[:, None] * np.array([[ahead, side * sign, 0.0]])
+        line += np.array([[x, y * sign, 0.0]])
+        costmap = Costmap(GridGeometry(80, 80, 0.05, -2.0, -2.0), frame="odom")
+        state = RobotState(Pose2D(x, y * sign, pose.yaw * sign), Twist2D(velocity.vx, 0.0, velocity.wz * sign))
+        try:
+            plan = planner.search(state, costmap, FOOTPRINTS[0], line, Pose2D(*line[-1]))
+        except NoValidControlError as error:
+            plan = error.data["plan"]
+        return {
+            (round(float(s[0]), 5), round(float(s[2]) * sign, 5) + 0.0): float(t)
+            for s, t in zip(plan.samples, plan.totals, strict=True)
+        }
+
+    left, right = table(1.0), table(-1.0)
+    assert left.keys() == right.keys()
+    # a point within float32's precision of a cell's border may fall on either side of it
+    different = sum(not np.isclose(left[k], right[k], equal_nan=True) for k in left)
+    assert different <= 0.02 * len(left) + 1
