@@ -17,8 +17,11 @@ def jsonable(value: Any) -> Any:
         return {str(k): jsonable(v) for k, v in value.items()}
     if isinstance(value, np.ndarray):
         return jsonable(value.tolist())
-    if isinstance(value, (list, tuple, set, frozenset)):
+    if isinstance(value, (list, tuple)):
         return [jsonable(v) for v in value]
+    if isinstance(value, (set, frozenset)):
+        # the order of a set of names differs from process to process
+        return sorted((jsonable(v) for v in value), key=repr)
     if isinstance(value, np.generic):
         return jsonable(value.item())
     if isinstance(value, float):

@@ -127,6 +127,8 @@ class Picture:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
+        # a file name that is no UTF-8 holds lone surrogates, which no font draws
+        title, subtitle = (text.encode("utf-8", "replace").decode() for text in (title, subtitle))
         self.area = area = shaped(area, least=0.0)
         left, right, bottom, top = 0.62, 0.18, 0.55, 0.72 if subtitle else 0.5
         w, h = area.max_x - area.min_x, area.max_y - area.min_y

@@ -25,7 +25,8 @@ same file byte for byte. "map" below is the global frame, "odom" the local frame
     costmaps          {name: frame}
     scan_sources      [[topic, frame], ..], see column `source` of `scans`
 
-`events.jsonl`, one object per line: `{"time" s, "kind", "text", "data"}` as `navstack.core.Event`.
+`events.jsonl`, one object per line: `{"time" s, "kind", "text", "data"}` as `navstack.core.Event`; those of kind
+"feedback" are left out, since `samples` says the same.
 
 Tables (structured arrays, one row per ..):
 
@@ -152,12 +153,17 @@ def dump_json(value: Any) -> str:
 def write(file: IO[bytes], meta: dict[str, Any], events: list[dict[str, Any]], arrays: dict[str, NDArray[Any]]) -> None:
     """Writes a record: the same content gives the same bytes (fixed order, no time stamps)."""
     with zipfile.ZipFile(file, "w") as archive:
-        _add(archive, META, dump_json(meta).encode())
-        _add(archive, EVENTS, "".join(dump_json(event) + "\n" for event in events).encode())
+        _add(archive, META, _encoded(dump_json(meta)))
+        _add(archive, EVENTS, _encoded("".join(dump_json(event) + "\n" for event in events)))
         for name, array in arrays.items():
             buffer = io.BytesIO()
             np.lib.format.write_array(buffer, array, version=(1, 0), allow_pickle=False)
             _add(archive, f"{name}.npy", buffer.getbuffer())
+
+
+def _encoded(text: str) -> bytes:
+    # a file name that is no UTF-8 holds lone surrogates: JSON spells them \\udcXX, and reads them back
+    return text.encode("utf-8", "backslashreplace")
 
 
 def _add(archive: zipfile.ZipFile, name: str, content: bytes | memoryview) -> None:

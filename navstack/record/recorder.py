@@ -175,7 +175,7 @@ class RunRecorder:
         with written_whole(files["record"]) as record, written_whole(files["log"]) as log:
             with record.open("wb") as out:
                 fmt.write(out, meta, events, arrays)
-            log.write_text(text, encoding="utf-8", newline="\n")
+            log.write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")
         return files
 
     def _members(self) -> tuple[dict[str, Any], list[dict[str, Any]], dict[str, NDArray[Any]]]:

@@ -206,7 +206,7 @@ def test_an_area_can_be_given(record, tmp_path):
 
 
 def test_names_may_hold_anything(tmp_path):
-    run = a_run([(0, 0), (1, 1)], scenario={"map": "$\\alpha_{", "params": ["地図", "%s"]})
+    run = a_run([(0, 0), (1, 1)], scenario={"map": "$\\alpha_{", "params": ["地図", "%s", "\udcff"]})
     plot_run(run, tmp_path / "ü $x.png", title="$^{ {0}")
     assert (tmp_path / "ü $x.png").stat().st_size > 10_000
 
