@@ -5,7 +5,7 @@ Every key is accounted for. What stops is an error; all of them are reported at 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Generic, Literal, NamedTuple, TypeVar
 
@@ -93,6 +93,8 @@ class Configuration:
     """Warnings and notes, by file and line."""
     tree: Space = field(repr=False, compare=False)
     """All parameters as loaded."""
+    origins: Mapping[str, Location] = field(repr=False, compare=False)
+    """Full name of a parameter (`DWAPlannerROS/max_vel_x`) -> where its value was written; not there: the default."""
 
 
 def load_configuration(
@@ -239,6 +241,7 @@ class _Assembly:
                 navstack=navstack,
                 findings=(),
                 tree=self.root,
+                origins=self.binder.origins,
             )
             if self.complete:
                 self.findings += check_rules(_subject(made))

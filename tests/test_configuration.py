@@ -498,6 +498,18 @@ def test_planners_by_their_own_names_and_another_than_the_selected() -> None:
         choose_global_planner(bad, "global_planner")
 
 
+def test_every_value_knows_where_it_was_written() -> None:
+    loaded = load_configuration(["turtlebot"], overrides=["DWAPlannerROS/sim_time=1.5"])
+    origins = loaded.origins
+    # by today's name, also where a former one was written, and where ROS finds it for a source
+    assert str(origins["DWAPlannerROS/max_vel_trans"]) == "turtlebot/dwa_local_planner_params.yaml:10:18"
+    assert str(origins["DWAPlannerROS/sim_time"]) == "--set argument 1"
+    assert origins["DWAPlannerROS/controller_frequency"].file == "turtlebot/move_base_params.yaml"
+    scan = origins["local_costmap/obstacle_layer/scan/obstacle_range"]
+    assert (scan.file, scan.line) == ("turtlebot/costmap_common_params.yaml", 19)
+    assert "DWAPlannerROS/twirling_scale" not in origins
+
+
 def test_loading_twice_gives_the_same() -> None:
     first, second = load_configuration(["turtlebot"]), load_configuration(["turtlebot"])
     assert first == second

@@ -13,6 +13,8 @@ from navstack.params.findings import Finding, Location, finding
 from navstack.params.tree import COSTMAPS, Leaf, Space
 
 _FAR = 2
+MAX_GUESSES = 200
+"""Names for which a nearest known one is looked up in one loading."""
 
 FOREIGN = {
     "TrajectoryPlannerROS": "base_local_planner",
@@ -115,9 +117,18 @@ class Accountant:
         self.findings: list[Finding] = []
         self.read = {_source(leaf) for leaf in root.leaves() if leaf.used}
         """Values that were read in one namespace: in another they need no excuse (files loaded into both costmaps)."""
+        self._guesses = MAX_GUESSES
+        self.recovery_names = {n for m in catalogue.recoveries for n in iter_names(m)}
         self.models: dict[str, list[type[ParamModel]]] = {}
         for space, model in binder.bound:
             self.models.setdefault(space.path, []).append(model)
+
+    def _nearest(self, name: str, known: Iterable[str], cutoff: float = 0.75) -> str | None:
+        """What a misspelt name means; gives up on files that are misspelt all over, since comparing takes time."""
+        if self._guesses <= 0:
+            return None
+        self._guesses -= 1
+        return nearest(name, known, cutoff)
 
     def settle(self) -> list[Finding]:
         """Findings about every key that nothing read."""
@@ -159,7 +170,7 @@ class Accountant:
             return
         if leaf.value is None and not space.path and (name in self.catalogue.planners or name in FOREIGN):
             return  # a namespace without a parameter
-        close = nearest(name, [n for m in models for n in iter_names(m)])
+        close = self._nearest(name, [n for m in models for n in iter_names(m)])
         elsewhere = [p for p in self.catalogue.home.get(name, []) if p != where]
         far_off = all(self._distance(space, p) > _FAR for p in elsewhere)
         if elsewhere and not (far_off and close is not None) and self._elsewhere(space, leaf, elsewhere):
@@ -177,7 +188,7 @@ class Accountant:
             message = f"{name} is a parameter of {package}, not of {where}, so it has no effect; remove it"
             self.say("warning", "unknown", leaf, message)
             return
-        far = nearest(name, self.catalogue.home, cutoff=0.86)
+        far = self._nearest(name, self.catalogue.home, cutoff=0.86)
         if far is not None:
             place = self.catalogue.home[far][0]
             message = f"{where} has no parameter {name}, so it has no effect; did you mean {place}/{far}?"
@@ -264,8 +275,7 @@ class Accountant:
         if not parent.path:
             known |= dict.fromkeys((*COSTMAPS, "navstack", *FOREIGN))
             known |= self.catalogue.planners
-        model = known.get(name)
-        close = nearest(name, known, cutoff=0.7)
+        close = self._nearest(name, known, cutoff=0.7)
         if close is not None and close != name:
             model = known.get(close) or self._model_at(parent, close)
             message = f"{where} has no namespace {name}, so what stands under it has no effect; did you mean {close}?"
@@ -274,8 +284,7 @@ class Accountant:
                 self._names_only(space, [model])
             return
         leaves = list(space.leaves())
-        recovery = {n for m in self.catalogue.recoveries for n in iter_names(m)}
-        if not parent.path and all(leaf.name in recovery for leaf in leaves):
+        if not parent.path and all(leaf.name in self.recovery_names for leaf in leaves):
             message = (
                 f"{name} is not among the recovery_behaviors, so its parameters have no effect; list it or remove it"
             )

@@ -47,6 +47,8 @@ class Binder:
         self.navstack = dict(navstack or {})
         self.bound: list[tuple[Space, type[ParamModel]]] = []
         """Which model each namespace was read with, for telling what is left over."""
+        self.origins: dict[str, Location] = {}
+        """Parameter by its full name of today -> where its value was written; not there: the default."""
 
     def bind(
         self,
@@ -80,6 +82,7 @@ class Binder:
             if leaf is not None:
                 leaf.used = True
                 chosen[name] = (leaf.path, leaf.at, leaf.node)
+        self.origins.update({space.join(n): node.at for n, (_, _, node) in chosen.items()})
         given: dict[str, Any] = {n: self.navstack[n] for n in sorted(model.FROM_NAVSTACK) if n in self.navstack}
         given.update(fixed or {})
         values = {n: plain(node) for n, (_, _, node) in chosen.items()} | given

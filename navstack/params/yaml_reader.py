@@ -23,7 +23,7 @@ from navstack.params.findings import Finding, Location, finding
 
 MAX_BYTES = 1_000_000
 MAX_DEPTH = 50
-MAX_VALUES = 50_000
+MAX_VALUES = 20_000
 MAX_ALIASED = 10_000
 MAX_NUMBER_CHARS = 100
 """A longer plain scalar is text, whatever it looks like: reading it as a number takes quadratic time."""

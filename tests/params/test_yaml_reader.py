@@ -151,7 +151,7 @@ def test_bombs_depth_and_size_are_refused_quickly(tmp_path: Path) -> None:
     assert [f.rule for f in parse_yaml("\n".join(lines), "t").findings] == ["alias-bomb"]
     assert [f.rule for f in parse_yaml("a: " + "[" * 100_000, "t").findings] == ["too-deep"]
     assert [f.rule for f in parse_yaml("".join(" " * i + "a:\n" for i in range(60)), "t").findings] == ["too-deep"]
-    assert [f.rule for f in parse_yaml("[" + "1," * 400_000 + "1]", "t").findings] == ["too-large"]
+    assert [f.rule for f in parse_yaml("[" + "1," * 100_000 + "1]", "t").findings] == ["too-large"]
     large = tmp_path / "large.yaml"
     large.write_text("# " + "x" * 1_000_000)
     assert [f.rule for f in read_yaml(large).findings] == ["too-large"]
