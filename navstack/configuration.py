@@ -216,10 +216,13 @@ class _Assembly:
             convert_pre_hydro(space, self.findings)
         global_costmap = self._costmap("global_costmap")
         local_costmap = self._costmap("local_costmap")
-        move_base: Any = self.binder.bind(MoveBaseParams, self.root)
+        listed = self._plugin_list(self.root, "recovery_behaviors")
+        move_base: Any = self.binder.bind(
+            MoveBaseParams, self.root, fixed=_fixed_list(self.root, "recovery_behaviors", listed)
+        )
         global_planner = self._planner(GLOBAL_PLANNERS, "base_global_planner")
         local_planner = self._planner(LOCAL_PLANNERS, "base_local_planner")
-        recoveries = self._recoveries(move_base, local_costmap)
+        recoveries = self._recoveries(listed, move_base, local_costmap)
         self._check_planners_not_in_use()
         made = None
         if not (
@@ -265,7 +268,7 @@ class _Assembly:
     def _costmap(self, name: str) -> CostmapConfiguration | None:
         space = self.root.ensure(name, self.root.at)
         specs = self._plugin_list(space, "plugins")
-        params: Any = self.binder.bind(CostmapParams, space, fixed=_fixed_list("plugins", specs))
+        params: Any = self.binder.bind(CostmapParams, space, fixed=_fixed_list(space, "plugins", specs))
         padding = params.footprint_padding if params is not None else 0.0
         before = len(self.findings)
         outline = outline_of(space, padding, self.findings)
@@ -303,32 +306,28 @@ class _Assembly:
         spec = _Spec(key, written, leaf.node.at if leaf else self.root.at, key)
         entry = self._plugin(registry, spec)
         if entry is None:
+            _excuse(self.root, _short(written))
             return None
         space = _planner_space(self.root, entry, written)
         if self.root.children.get(space.name) is not space:
             space = self.binder.child(self.root, space.name)
-        made: Any = self.binder.bind(entry.cls.Params, space)
-        if "critics" in entry.cls.Params.model_fields and not self._critics(space):
-            return None
+        fixed: dict[str, Any] | None = None
+        if "critics" in entry.cls.Params.model_fields:
+            specs = self._plugin_list(space, "critics")
+            known = [self._plugin(CRITICS, s) is not None for s in specs or ()]
+            fixed = _fixed_list(space, "critics", specs if all(known) else None)
+        made: Any = self.binder.bind(entry.cls.Params, space, fixed=fixed)
         return None if made is None else PluginChoice(entry.name, entry.cls, made, space.path)
-
-    def _critics(self, space: Space) -> bool:
-        """False when a planner's list of critics names one that is not registered."""
-        specs = self._plugin_list(space, "critics")
-        # a list, so that every unknown critic is reported
-        found = [self._plugin(CRITICS, spec) for spec in specs or ()]
-        return specs is not None and None not in found
 
     def _somewhere(self) -> str:
         """The file that a missing parameter of move_base's own would stand in."""
         return next((f for f in self.files if "move_base" in f), self.files[0] if self.files else "")
 
     def _recoveries(
-        self, move_base: MoveBaseParams | None, local_costmap: CostmapConfiguration | None
+        self, specs: list[_Spec] | None, move_base: MoveBaseParams | None, local_costmap: CostmapConfiguration | None
     ) -> tuple[PluginChoice[RecoveryBehavior], ...] | None:
-        specs = self._plugin_list(self.root, "recovery_behaviors")
         todo: list[tuple[_Spec, dict[str, Any]]] = []
-        if self.root.leaf("recovery_behaviors") is None and self.root.space("recovery_behaviors") is None:
+        if "recovery_behaviors" not in self.root.children:
             if move_base is None or local_costmap is None:
                 return None
             at = Location(self._somewhere())
@@ -495,7 +494,10 @@ def layer_names(entry: PluginEntry[Layer]) -> list[str]:
     return list(dict.fromkeys(names))
 
 
-def _fixed_list(key: str, specs: Sequence[_Spec] | None) -> dict[str, Any]:
+def _fixed_list(space: Space, key: str, specs: Sequence[_Spec] | None) -> dict[str, Any] | None:
+    """A plugin list as checked here, in the place of what was written; None where nothing was."""
+    if key not in space.children:
+        return None
     return {key: [PluginSpec(name=s.name, type=s.type) for s in specs] if specs is not None else None}
 
 

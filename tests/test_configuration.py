@@ -183,6 +183,7 @@ def test_a_robot_without_anything_to_say() -> None:
             "DWAPlannerROS/planner_frequency",
             "planner_frequency",
         ),
+        ({"local_costmap__origin_z": 2}, "elsewhere", "local_costmap/origin_z", None),
         ({"local_costmap__z_voxels": 2}, "elsewhere", "local_costmap/z_voxels", None),
         ({"local_costmap__static_layer": {"enabled": True}}, "layer-not-listed", "local_costmap/static_layer", None),
         (
@@ -298,6 +299,9 @@ def test_a_namespace_without_a_parameter_is_nothing_to_speak_of() -> None:
             "r/layer_names",
             ('"obstacles"', "obstacle_layer", "leave layer_names out"),
         ),
+        ({"recovery_behaviors": "none"}, "plugin-list", "recovery_behaviors", ("none", "not a list")),
+        ({"recovery_behaviors": [{"name": 1, "type": "a"}]}, "plugin-list", "recovery_behaviors", ("not text",)),
+        ({"DWAPlannerROS__critics": "path"}, "plugin-list", "DWAPlannerROS/critics", ("not a list",)),
         ({"navstack__ros_distro": "kinetic"}, "wrong-value", "navstack/ros_distro", ("kinetic", "noetic", "indigo")),
         ({"local_costmap__inflation_layer": 3}, "wrong-type", "local_costmap/inflation_layer", ("namespace",)),
         ({"global_costmap": 3}, "wrong-type", "global_costmap", ("namespace",)),
@@ -482,6 +486,14 @@ def test_recoveries_have_their_own_namespaces() -> None:
         "conservative_reset",
         "aggressive_reset",
     ]
+
+
+def test_critics_that_are_listed_have_namespaces() -> None:
+    listed = [{"name": "near", "type": "path"}, {"name": "goal", "type": "goal"}]
+    loaded = load(DWAPlannerROS={"critics": listed, "near": {}})
+    assert [c.name for c in loaded.local_planner.params.critics] == ["near", "goal"]
+    assert list(loaded.local_planner.params.critic_params) == ["near", "goal"]
+    assert not [f for f in loaded.findings if f.severity == "warning"]
 
 
 def test_planners_by_their_own_names_and_another_than_the_selected() -> None:

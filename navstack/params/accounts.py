@@ -236,11 +236,10 @@ class Accountant:
         """True when a component takes a parameter of that name from there."""
         return any(name in iter_names(m) and name not in m.NO_EFFECT for m in self.models.get(space.path, []))
 
-    @staticmethod
-    def _distance(space: Space, place: str) -> int:
+    def _distance(self, space: Space, place: str) -> int:
         """How far a user would have to move a parameter: below, up, beside, farther."""
         parent = space.parent
-        if place in space.children:
+        if place in space.children or (space.name in COSTMAPS and place in self.catalogue.layers):
             return 0
         if parent is not None and place in (parent.name or "move_base", "move_base"):
             return 1

@@ -85,7 +85,7 @@ class Binder:
         self.origins.update({space.join(n): node.at for n, (_, _, node) in chosen.items()})
         given: dict[str, Any] = {n: self.navstack[n] for n in sorted(model.FROM_NAVSTACK) if n in self.navstack}
         given.update(fixed or {})
-        values = {n: plain(node) for n, (_, _, node) in chosen.items()} | given
+        values = {n: plain(node) for n, (_, _, node) in chosen.items()} | {n: _raw(v) for n, v in given.items()}
         ok = True
         children: dict[str, ParamModel] = {}
         for child, child_model in model.child_models(values).items():
@@ -314,6 +314,13 @@ class Binder:
 
 
 _BAD = frozenset({"wrong-type", "out-of-range", "missing"})
+
+
+def _raw(value: Any) -> Any:
+    """A value given by code, as a user would have written it."""
+    if isinstance(value, ParamModel):
+        return value.model_dump()
+    return [_raw(v) for v in value] if isinstance(value, list) else value
 
 
 def _fits(annotation: Any, node: ScalarNode) -> bool:
