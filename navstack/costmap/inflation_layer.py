@@ -13,7 +13,18 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import INSCRIBED, LETHAL, Bounds, Costmap, Footprint, GridGeometry, Pose2D, Window, describe_cost
+from navstack.core import (
+    INSCRIBED,
+    LETHAL,
+    UNKNOWN,
+    Bounds,
+    Costmap,
+    Footprint,
+    GridGeometry,
+    Pose2D,
+    Window,
+    describe_cost,
+)
 from navstack.core.parameters import ParamModel, param
 from navstack.costmap import _kernels
 from navstack.costmap.regions import EVERYWHERE
@@ -21,7 +32,7 @@ from navstack.interfaces import Layer, LayerContext, LayerSays
 from navstack.plugins import LAYERS
 
 MAX_CELLS = 253
-"""Largest inflation radius in cells: distances along a column are kept in a byte."""
+"""Largest inflation radius in cells for the fast kernel, which keeps distances along a column in a byte."""
 
 
 class InflationLayerParams(ParamModel):
@@ -43,10 +54,8 @@ def inflation_cost(
     """
     d = np.asarray(distance, np.float64)
     falloff = np.exp(np.minimum(-cost_scaling_factor * (d - inscribed_radius), 0.0))
-    cost = ((INSCRIBED - 1) * falloff).astype(np.uint8)
-    cost[...] = np.where(d <= inscribed_radius, INSCRIBED, cost)
-    cost[...] = np.where(d == 0.0, LETHAL, cost)
-    return cost
+    cost = np.where(d <= inscribed_radius, float(INSCRIBED), np.floor((INSCRIBED - 1) * falloff))
+    return np.where(d == 0.0, float(LETHAL), cost).astype(np.uint8)
 
 
 def nearest_lethal(costs: NDArray[np.uint8], ix: int, iy: int, radius: int) -> tuple[int, int] | None:
@@ -114,6 +123,9 @@ class InflationLayer(Layer):
         """Raises the costs around every lethal cell in the window or near it."""
         if not self.params.enabled or self.radius_cells == 0:
             return
+        if self.radius_cells > MAX_CELLS:
+            self._inflate_far(master, window)
+            return
         self._inflate(
             master.data,
             *window,
@@ -126,6 +138,26 @@ class InflationLayer(Layer):
             self._near_words,
             self._unknown_from,
         )
+
+    def _inflate_far(self, master: Costmap, window: Window) -> None:
+        """The same for radii that the kernel cannot count in a byte: scipy's distance transform around the window."""
+        from scipy import ndimage
+
+        reach = self.radius_cells
+        y0, x0 = max(0, window.y0 - reach), max(0, window.x0 - reach)
+        lethal = master.data[y0 : window.y1 + reach, x0 : window.x1 + reach] == LETHAL
+        if not lethal.any():
+            return
+        distance: Any = ndimage.distance_transform_edt
+        cells: NDArray[np.float64] = distance(~lethal)
+        cells = np.sqrt(np.rint(cells[window.y0 - y0 : window.y1 - y0, window.x0 - x0 : window.x1 - x0] ** 2))
+        costs = inflation_cost(cells * self._resolution, self.inscribed_radius, self.params.cost_scaling_factor)
+        costs[cells > reach] = 0
+        old = master.data[window.slices]
+        unknown = old == UNKNOWN
+        np.maximum(old, costs, out=old)
+        write = unknown & (costs >= self._unknown_from)
+        old[write] = costs[write]
 
     def explain(self, ix: int, iy: int, master: Costmap) -> LayerSays:
         """The nearest lethal cell and what its distance costs."""
@@ -161,8 +193,11 @@ class InflationLayer(Layer):
         radius = self.params.inflation_radius
         # farther than the grid is wide there is nothing
         cells = max(0, math.ceil(radius / resolution))
-        self.radius_cells = min(cells, geometry.nx + geometry.ny, MAX_CELLS)
+        self.radius_cells = min(cells, geometry.nx + geometry.ny)
+        self._resolution = resolution
         self._margin = max(radius, cells * geometry.resolution)
+        if self.radius_cells > MAX_CELLS:
+            return
         # cost at `row` cells across and 1 .. n cells along, the cost right across last; n in whole vectors of 16 bytes
         across = np.arange(self.radius_cells + 1.0)
         along = np.append(np.arange(1.0, 16 * math.ceil(max(self.radius_cells, 1) / 16) + 1.0), 0.0)
