@@ -23,6 +23,8 @@ class Lidar:
         self.mounting = Transform2D(params.x, params.y, params.yaw)
         angles = params.angle_min + params.angle_increment * np.arange(params.beams)
         self._beams: NDArray[np.float64] = np.column_stack((np.cos(angles), np.sin(angles)))
+        self._angle_min, self._angle_increment = params.angle_min, params.angle_increment
+        self._noisy = params.range_noise > 0.0 or params.dropout > 0.0
         self._seed = seed
         self._number = number
 
@@ -35,9 +37,9 @@ class Lidar:
         arguments and the seed: a scan that nobody asked for changes no other.
         """
         p = self.params
-        eye = Transform2D(*base) @ self.mounting
+        eye = Transform2D(base.x, base.y, base.yaw) @ self.mounting
         noise, kept = _NO_NOISE, _NO_LOSS
-        if p.range_noise > 0.0 or p.dropout > 0.0:
+        if self._noisy:
             rng = np.random.Generator(np.random.PCG64([self._seed, 1 + self._number, index]))
             if p.range_noise > 0.0:
                 noise = p.range_noise * rng.standard_normal(p.beams)
@@ -51,8 +53,8 @@ class Lidar:
             eye.y,
             eye.yaw,
             self._beams,
-            p.angle_min,
-            p.angle_increment,
+            self._angle_min,
+            self._angle_increment,
             p.range_min,
             p.range_max,
             noise,
@@ -60,8 +62,8 @@ class Lidar:
         )
         return LaserScan(
             ranges=ranges,
-            angle_min=p.angle_min,
-            angle_increment=p.angle_increment,
+            angle_min=self._angle_min,
+            angle_increment=self._angle_increment,
             range_min=p.range_min,
             range_max=p.range_max,
             stamp=stamp,

@@ -62,6 +62,8 @@ class SimulatedRobot:
         """
         if not start.is_finite():
             raise InputError(f"the start {tuple(start)} is not finite", pose=start)
+        if seed < 0:
+            raise InputError(f"the seed {seed} is below 0; give a whole number from 0 on", seed=seed)
         touched = world.contact(footprint, start)
         if touched is not None:
             raise InputError(

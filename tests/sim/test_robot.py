@@ -260,6 +260,11 @@ def test_a_start_in_a_wall_is_refused() -> None:
         robot(world=corridor(10, 0.05), start=Pose2D(1.9, 0.0, 0.0))
 
 
+def test_a_seed_below_zero_is_refused() -> None:
+    with pytest.raises(InputError, match="the seed -1 is below 0"):
+        robot(seed=-1)
+
+
 def test_commands_that_are_no_numbers_are_refused() -> None:
     with pytest.raises(InputError, match="finite"):
         robot().command(Twist2D(math.nan))
