@@ -26,11 +26,8 @@ BEYOND = np.float32(2e10)
 INF = np.float32(np.inf)
 
 # indices into the state array (int64)
-NCURRENT, NOVER, X0, Y0, X1, Y1, EXPANDED, NPARKED = range(8)
-STATE_SIZE = 8
-# indices into the level array (float32)
-THRESHOLD, LIMIT, LOWEST_PARKED = range(3)
-LEVEL_SIZE = 3
+NCURRENT, NOVER, X0, Y0, X1, Y1, EXPANDED = range(7)
+STATE_SIZE = 7
 
 
 @kernel
@@ -108,14 +105,18 @@ def seed(pot, weight, state, current, cells, values, fronts):
 
 @kernel
 def _arrival(left, right, up, down, h, quadratic):
-    """The potential at which the wave enters a cell of cost h: along one axis, or as a plane wave over two (navfn)."""
-    a = min(left, right)
-    b = min(up, down)
-    low = min(a, b)
-    difference = abs(a - b)
-    if quadratic and difference < h:
-        q = np.float64(difference / h)
-        return low + h * np.float32((-0.2301 * q + 0.5307) * q + 0.7040)
+    """The potential at which the wave enters a cell of cost h: along one axis, or as a plane wave over two (navfn).
+
+    To the bit what C++ computes: a last digit can decide whether a neighbour is queued, and then the potentials behind it
+    differ by far more.
+    """
+    a = left if left < right else right
+    b = up if up < down else down
+    low = a if a < b else b
+    d = a - b if a > b else b - a
+    if quadratic and d < h:
+        q = np.float64(d / h)
+        return low + h * np.float32(-0.2301 * (q * q) + (0.5307 * q + 0.7040))
     return low + h
 
 
@@ -145,48 +146,46 @@ def wave(
     current,
     following,
     over,
-    parked,
     state,
     level,
-    rise,
-    quadratic,
+    last,
     stop,
-    ahead,
-    widen,
+    guide,
+    shift,
+    limit,
+    how,
 ):
-    """Runs the wavefront until its lists are empty or cell `stop` has a potential; it can be taken up again where it stopped.
+    """Runs the wavefront; it can be taken up again where it stopped.
 
     `cost` (ny*nx,) uint8; `steps` (256,) float32: the cost of entering a cell by its byte; `weights` (256,) float32: that
-    over sqrt(2), inf where blocked. `level`: the threshold, raised by `rise`. `stop` < 0: no stop.
+    over sqrt(2), inf where blocked. `level` (2,) float32: the threshold and
+    its rise. `how` 1: quadratic. It ends when the lists are empty, when the threshold exceeds `last`, or, unless `stop` < 0, when
+    cell `stop` has a potential.
 
-    `ahead` > 0: A*. A cell whose potential plus `ahead` per cell of Euclidean distance to `stop` exceeds the limit in
-    `level` is parked; when nothing else is left the limit is raised by the factor `widen` and the parked cells go on. The
-    order within the limit is Dijkstra's: in A*'s own order the front is a finger one cell wide, along which the quadratic
-    update sees one neighbour only and overestimates.
+    `guide`, unless of size 0: potentials from the other end, one per square of 2**shift cells with a ring around, and cells
+    where both together exceed `limit` are left out (their own cost, which both count, once).
 
-    Returns the four lists, larger ones where they had to grow.
+    Returns the three lists, larger ones where they had to grow.
     """
     ncur = state[NCURRENT]
-    nover = state[NOVER]
-    nparked = state[NPARKED]
+    nover = np.uint64(state[NOVER])
     expanded = state[EXPANDED]
-    threshold = level[THRESHOLD]
-    limit = level[LIMIT]
-    lowest_parked = level[LOWEST_PARKED]
+    threshold = level[0]
+    rise = level[1]
+    zero = np.uint64(0)
     one = np.uint64(1)
     stride = np.uint64(nx)
-    astar = stop >= 0 and ahead > 0.0
-    sx = stop % nx
-    sy = stop // nx
-    while ncur > 0:
+    quadratic = how == 1
+    guided = guide.size > 0
+    coarse = shift > 0
+    gnx = ((nx - 1) >> shift) + 3
+    while ncur > 0 and threshold <= last:
         following = _grown(following, 0, 4 * ncur)
-        over = _grown(over, nover, nover + 4 * ncur)
-        if astar:
-            parked = _grown(parked, nparked, nparked + ncur)
+        over = _grown(over, nover, np.int64(nover) + 4 * ncur)
         for i in range(ncur):
             k = np.uint64(current[i])
             weight[k] = weights[cost[k]]
-        nnext = 0
+        nnext = zero
         for i in range(ncur):
             k = np.uint64(current[i])
             old = pot[k]
@@ -204,74 +203,70 @@ def wave(
             h = steps[cost[k]]
             p = _arrival(left, right, up, down, h, quadratic)
             if p < old:
-                if astar:
-                    dx = np.float32(int(k) % nx - sx)
-                    dy = np.float32(int(k) // nx - sy)
-                    if p + ahead * np.sqrt(dx * dx + dy * dy) > limit:
-                        parked[nparked] = k
-                        nparked += 1
-                        weight[k] = INF
-                        lowest_parked = min(lowest_parked, p)
+                if guided:
+                    if coarse:
+                        rest = guide[(((int(k) // nx) >> shift) + 1) * gnx + ((int(k) % nx) >> shift) + 1]
+                    else:
+                        rest = guide[k]
+                    if p + rest - h > limit:
                         continue
                 expanded += 1
                 pot[k] = p
                 wl, wr = weight[k - one], weight[k + one]
                 wu, wd = weight[k - stride], weight[k + stride]
+                cl, cr = left > p + wl, right > p + wr
+                cu, cd = up > p + wu, down > p + wd
+                weight[k - one] = INF if cl else wl
+                weight[k + one] = INF if cr else wr
+                weight[k - stride] = INF if cu else wu
+                weight[k + stride] = INF if cd else wd
                 if p < threshold:
-                    c = left > p + wl
                     following[nnext] = k - one
-                    weight[k - one] = INF if c else wl
-                    nnext += c
-                    c = right > p + wr
+                    nnext += np.uint64(cl)
                     following[nnext] = k + one
-                    weight[k + one] = INF if c else wr
-                    nnext += c
-                    c = up > p + wu
+                    nnext += np.uint64(cr)
                     following[nnext] = k - stride
-                    weight[k - stride] = INF if c else wu
-                    nnext += c
-                    c = down > p + wd
+                    nnext += np.uint64(cu)
                     following[nnext] = k + stride
-                    weight[k + stride] = INF if c else wd
-                    nnext += c
+                    nnext += np.uint64(cd)
                 else:
-                    c = left > p + wl
                     over[nover] = k - one
-                    weight[k - one] = INF if c else wl
-                    nover += c
-                    c = right > p + wr
+                    nover += np.uint64(cl)
                     over[nover] = k + one
-                    weight[k + one] = INF if c else wr
-                    nover += c
-                    c = up > p + wu
+                    nover += np.uint64(cr)
                     over[nover] = k - stride
-                    weight[k - stride] = INF if c else wu
-                    nover += c
-                    c = down > p + wd
+                    nover += np.uint64(cu)
                     over[nover] = k + stride
-                    weight[k + stride] = INF if c else wd
-                    nover += c
+                    nover += np.uint64(cd)
         current, following = following, current
-        ncur = nnext
+        ncur = np.int64(nnext)
         if ncur == 0:
             threshold += rise
             current, over = over, current
-            ncur = nover
-            nover = 0
-        if stop >= 0 and pot[stop] < HIGH and (not astar or threshold > pot[stop]):
+            ncur = np.int64(nover)
+            nover = zero
+        if stop >= 0 and pot[stop] < HIGH:
             break
-        if ncur == 0 and nparked > 0:
-            current, parked = parked, current
-            ncur = nparked
-            nparked = 0
-            limit *= widen
-            threshold = lowest_parked + rise
-            lowest_parked = HIGH
     state[NCURRENT] = ncur
-    state[NOVER] = nover
-    state[NPARKED] = nparked
+    state[NOVER] = np.int64(nover)
     state[EXPANDED] = expanded
-    level[THRESHOLD] = threshold
-    level[LIMIT] = limit
-    level[LOWEST_PARKED] = lowest_parked
-    return current, following, over, parked
+    level[0] = threshold
+    return current, following, over
+
+
+@kernel
+def coarsen(cost, steps, weights, nx, ny, shift, out):
+    """The least whole cost of a free cell in every square of 2**shift cells into `out` uint8 (with a ring); 0 = none is free."""
+    gnx = ((nx - 1) >> shift) + 3
+    for i in range(out.size):
+        out[i] = 0
+    least = np.empty(256, np.uint8)  # by byte: its cost less one, 255 where blocked
+    for b in range(256):
+        least[b] = np.uint8(steps[b]) - 1 if weights[b] < INF else 255
+    for y in range(ny):
+        row = ((y >> shift) + 1) * gnx + 1
+        for x in range(nx):
+            v = least[cost[y * nx + x]]
+            i = row + (x >> shift)
+            if np.uint8(out[i] - 1) > v:  # 0 - 1 = 255: nothing yet
+                out[i] = v + 1

@@ -32,9 +32,10 @@ class CostRule:
         return "unknown, and allow_unknown is false" if cost == UNKNOWN and not self.allow_unknown else "an obstacle"
 
 
-def _rule(
+def rule_of(
     steps: NDArray[np.float32], blocked: NDArray[np.bool_], neutral: float, quadratic: bool, allow_unknown: bool
 ) -> CostRule:
+    """The rule with these `steps` (256,) float32 and these bytes `blocked` (256,)."""
     weights = (_INVSQRT2 * steps.astype(np.float64)).astype(np.float32)
     weights[blocked] = np.inf
     for array in (steps, weights, blocked):
@@ -49,7 +50,7 @@ def navfn_rule(allow_unknown: bool) -> CostRule:
     steps = np.minimum(NAVFN_NEUTRAL + (0.8 * bytes_).astype(np.int64), _HIGHEST_STEP).astype(np.float32)
     blocked = (bytes_ == INSCRIBED) | (bytes_ == LETHAL)
     blocked[UNKNOWN] = not allow_unknown
-    return _rule(steps, blocked, float(NAVFN_NEUTRAL), True, allow_unknown)
+    return rule_of(steps, blocked, float(NAVFN_NEUTRAL), True, allow_unknown)
 
 
 @cache
@@ -62,5 +63,5 @@ def global_planner_rule(
     free[UNKNOWN] = allow_unknown
     factor = np.float32(cost_factor)
     steps = bytes_.astype(np.float32) * factor + np.float32(neutral_cost)
-    steps = np.where(steps >= lethal_cost, np.float32(lethal_cost - 1), steps).astype(np.float32)
-    return _rule(steps, ~free, float(neutral_cost), quadratic, allow_unknown)
+    steps = np.where(steps >= lethal_cost, np.float32(max(1, lethal_cost - 1)), steps).astype(np.float32)
+    return rule_of(steps, ~free, float(neutral_cost), quadratic, allow_unknown)

@@ -18,8 +18,9 @@ from navstack.core.parameters import ParamModel, param
 from navstack.global_planner import _trace_kernels as trace
 from navstack.global_planner import ends
 from navstack.global_planner.cost_rule import CostRule, global_planner_rule
+from navstack.global_planner.guide import CoarseGuide, astar
 from navstack.global_planner.orientation_filter import OrientationMode, orient
-from navstack.global_planner.wavefront import Wavefront
+from navstack.global_planner.wavefront import Guide, Wavefront
 from navstack.interfaces import GlobalPlanner, Plan
 from navstack.plugins import GLOBAL_PLANNERS
 
@@ -90,6 +91,7 @@ class GlobalPlannerROS(GlobalPlanner):
     def __init__(self, params: GlobalPlannerParams | None = None) -> None:
         super().__init__(params or GlobalPlannerParams())
         self._wave = Wavefront()
+        self._coarse = CoarseGuide()
 
     def make_plan(
         self,
@@ -129,12 +131,22 @@ class GlobalPlannerROS(GlobalPlanner):
         )  # where C++ stops (parity 12); at most one cell before the target
         if not grid.geometry.contains_cell(*first_stop) or ends.is_blocked(grid, rule, first_stop):
             first_stop = target
-        spread(wave, grid, rule, start, start_cell, first_stop, params)
-        potential = wave.full_potential() if keep_potential else None
-        if wave.potential_of(*first_stop) < math.inf:
-            if not (params.use_grid_path or params.old_navfn_behavior):
-                wave.complete(target[0], target[1], _ENDPOINT_REACH)
-            extend(wave, target, params)
+        potential: NDArray[np.float32] | None = None
+
+        def attempt(guide: Guide | None, limit: float) -> float:
+            nonlocal potential
+            spread(wave, grid, rule, start, start_cell, first_stop, params, guide, limit)
+            potential = wave.full_potential() if keep_potential else None
+            if wave.potential_of(*first_stop) < math.inf:
+                if not (params.use_grid_path or params.old_navfn_behavior):
+                    wave.complete(target[0], target[1], _ENDPOINT_REACH)
+                extend(wave, target, guide, limit)
+            return wave.potential_of(*target)
+
+        if params.use_dijkstra:
+            attempt(None, math.inf)
+        else:
+            astar(self._coarse, grid, rule, start_cell, target, 2.0 * params.neutral_cost, attempt)
         reached = next((c for c in free if wave.potential_of(*c[1]) < math.inf), None)
         if reached is None:
             if wave.expanded == 0 and ends.is_blocked(grid, rule, start_cell):
@@ -196,6 +208,8 @@ def spread(
     start_cell: ends.Cell,
     target: ends.Cell,
     params: GlobalPlannerParams,
+    guide: Guide | None = None,
+    limit: float = math.inf,
 ) -> None:
     """Runs the wave from the start until it reaches the cell `target` (DijkstraExpansion::calculatePotentials).
 
@@ -236,19 +250,22 @@ def spread(
             seeds = [(c[1] * nx + c[0], params.neutral_cost * 2.0 * w) for c, w in square]
             fronts = [outer for outer, inner in around if inner in open_]
         # ROS differs: beside an obstacle the start's own cell is the only seed; C++ seeds through the obstacle
-    wave.begin(grid, rule, seeds=seeds, fronts=fronts, target=target, threshold=float(params.lethal_cost))
-    extend(wave, target, params)
-
-
-def extend(wave: Wavefront, target: ends.Cell, params: GlobalPlannerParams) -> None:
-    """Lets the wave run on until it reaches the cell `target`, if it has not yet."""
-    if wave.potential_of(*target) < math.inf:
-        return
-    wave.run(
-        target[1] * wave.nx + target[0],
-        ahead=0.0 if params.use_dijkstra else 0.99 * params.neutral_cost,
+    wave.begin(
+        grid,
+        rule,
+        seeds=seeds,
+        fronts=fronts,
+        target=target,
+        threshold=float(params.lethal_cost),
         rise=2.0 * params.neutral_cost,
     )
+    extend(wave, target, guide, limit)
+
+
+def extend(wave: Wavefront, target: ends.Cell, guide: Guide | None = None, limit: float = math.inf) -> None:
+    """Lets the wave run on until it reaches the cell `target`, if it has not yet."""
+    if wave.potential_of(*target) == math.inf:
+        wave.run(target[1] * wave.nx + target[0], guide=guide, limit=limit)
 
 
 def descend(

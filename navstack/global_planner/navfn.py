@@ -17,14 +17,13 @@ from navstack.core.parameters import ParamModel, param
 from navstack.global_planner import _trace_kernels as trace
 from navstack.global_planner import ends
 from navstack.global_planner.cost_rule import NAVFN_NEUTRAL, CostRule, navfn_rule
-from navstack.global_planner.wavefront import Wavefront
+from navstack.global_planner.guide import CoarseGuide, astar
+from navstack.global_planner.wavefront import Guide, Wavefront
 from navstack.interfaces import GlobalPlanner, Plan
 from navstack.plugins import GLOBAL_PLANNERS
 
 _FIRST_THRESHOLD = 254.0  # navfn.h, COST_OBS
-_RISE = 2.0 * NAVFN_NEUTRAL  # navfn.cpp, priInc
-# A wave over free cells rises by 49.8 (49.6 at worst) per cell of Euclidean distance, not 50: the fit is no exact distance
-_AHEAD = 0.99 * NAVFN_NEUTRAL
+RISE = 2.0 * NAVFN_NEUTRAL  # navfn.cpp, priInc
 _PATIENCE = 40  # C++ bounces for up to 20 points and then comes through: as it does
 
 
@@ -59,7 +58,8 @@ def spread(
     root: ends.Cell,
     target: ends.Cell,
     stop: bool = True,
-    astar: bool = False,
+    guide: Guide | None = None,
+    limit: float = math.inf,
 ) -> None:
     """Runs the wave from cell `root` until it reaches `target`, with `stop` false over everything (calcNavFnDijkstra)."""
     x, y = root
@@ -71,8 +71,9 @@ def spread(
         fronts=[(x + 1, y), (x - 1, y), (x, y - 1), (x, y + 1)],
         target=target,
         threshold=_FIRST_THRESHOLD,
+        rise=RISE,
     )
-    wave.run(target[1] * nx + target[0] if stop else -1, ahead=_AHEAD if astar else 0.0, rise=_RISE)
+    wave.run(target[1] * nx + target[0] if stop else -1, guide=guide, limit=limit)
 
 
 def descend(wave: Wavefront, cell: ends.Cell, *, root: ends.Cell) -> NDArray[np.float32]:
@@ -109,6 +110,7 @@ class NavfnROS(GlobalPlanner):
     def __init__(self, params: NavfnParams | None = None) -> None:
         super().__init__(params or NavfnParams())
         self._wave = Wavefront()
+        self._coarse = CoarseGuide()
 
     def make_plan(
         self,
@@ -133,7 +135,16 @@ class NavfnROS(GlobalPlanner):
         if not free:
             raise ends.goal_occupied(costmap, rule, goal, goal_cell, params.default_tolerance)
         wave = self._wave
-        spread(wave, costmap, rule, root=start_cell, target=free[0][1], astar=params.use_astar)
+        target = free[0][1]
+
+        def attempt(guide: Guide | None, limit: float) -> float:
+            spread(wave, costmap, rule, root=start_cell, target=target, guide=guide, limit=limit)
+            return wave.potential_of(*target)
+
+        if params.use_astar:
+            astar(self._coarse, costmap, rule, start_cell, target, RISE, attempt)
+        else:
+            attempt(None, math.inf)
         reached = next((c for c in free if wave.potential_of(*c[1]) < math.inf), None)
         if reached is None:
             if wave.expanded == 0 and ends.is_blocked(costmap, rule, start_cell):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +16,15 @@ from navstack.global_planner.cost_rule import CostRule
 UNREACHED: Final = float(kernels.HIGH)
 _MARGIN: Final = 32
 _FIRST_LISTS: Final = 4096
-_FIRST_LIMIT: Final = 1.03
-_WIDEN: Final = 1.05
+_NO_GUIDE: Final = np.empty(0, np.float32)
+
+
+class Guide(NamedTuple):
+    """Potentials from the other end, by which a wave is kept to the cells that can lie on a good path."""
+
+    values: NDArray[np.float32]
+    """One per square of 2**shift cells, with a ring around; one per cell, without a ring, when shift is 0."""
+    shift: int
 
 
 class Wavefront:
@@ -32,12 +39,11 @@ class Wavefront:
         self.ny = 0
         self._pot = np.empty(0, np.float32)
         self._weight = np.empty(0, np.float32)
-        self._lists = [np.empty(_FIRST_LISTS, np.uint32) for _ in range(4)]
+        self._lists = [np.empty(_FIRST_LISTS, np.uint32) for _ in range(3)]
         self._state = np.zeros(kernels.STATE_SIZE, np.int64)
-        self._level = np.zeros(kernels.LEVEL_SIZE, np.float32)
+        self._level = np.zeros(2, np.float32)
         self._cost = np.empty(0, np.uint8)
         self._rule: CostRule | None = None
-        self._seeds: list[int] = []
 
     @property
     def pot(self) -> NDArray[np.float32]:
@@ -74,11 +80,15 @@ class Wavefront:
         fronts: Sequence[tuple[int, int]],
         target: tuple[int, int],
         threshold: float,
+        rise: float,
+        *,
+        whole: bool = False,
     ) -> None:
         """Forgets the last wave and sets up one that starts from `seeds` (cell number, potential).
 
         `fronts` are the cells (ix, iy) queued first, in this order; those that are blocked, on the outermost ring or outside are
-        passed over. `target` is the cell it is to reach; `threshold` navfn's first one.
+        passed over. `target` is the cell it is to reach; `threshold` navfn's first one, `rise` what it
+        grows by. `whole` opens the whole grid at once: a potential that is read as a guide must be defined everywhere.
         """
         ny, nx = costmap.data.shape
         if (nx, ny) != (self.nx, self.ny):
@@ -87,9 +97,9 @@ class Wavefront:
             self._weight = np.empty(nx * ny, np.float32)
         self._cost = np.ascontiguousarray(costmap.data).reshape(-1)
         self._rule = rule
-        self._seeds = [k for k, _ in seeds]
         self._state[:] = 0
-        self._level[:] = threshold, np.inf, kernels.HIGH
+        self._level[:] = threshold, rise
+        margin = max(nx, ny) if whole else _MARGIN
         xs = [target[0], *(k % nx for k, _ in seeds)]
         ys = [target[1], *(k // nx for k, _ in seeds)]
         kernels.open_rectangle(
@@ -100,10 +110,10 @@ class Wavefront:
             nx,
             ny,
             self._state,
-            min(xs) - _MARGIN,
-            min(ys) - _MARGIN,
-            max(xs) + _MARGIN + 1,
-            max(ys) + _MARGIN + 1,
+            min(xs) - margin,
+            min(ys) - margin,
+            max(xs) + margin + 1,
+            max(ys) + margin + 1,
         )
         inside = [y * nx + x for x, y in fronts if 0 < x < nx - 1 and 0 < y < ny - 1]
         kernels.seed(
@@ -116,39 +126,34 @@ class Wavefront:
             np.array(inside, np.int64),
         )
 
-    def run(self, stop: int = -1, *, ahead: float = 0.0, rise: float = 100.0) -> None:
-        """Spreads until nothing is left to do or cell `stop` has a potential; may be called again to go on.
+    def run(
+        self, stop: int = -1, *, last: float = math.inf, guide: Guide | None = None, limit: float = math.inf
+    ) -> None:
+        """Spreads until nothing is left to do, cell `stop` has a potential, or the threshold exceeds `last`.
 
-        `ahead` > 0: A* toward `stop`, with that much potential per cell of distance. `rise`: navfn's step of the threshold.
+        May be called again to go on. With a `guide`, cells where the potentials from both ends together exceed `limit` are
+        left out.
         """
-        rule = self.rule
-        if ahead > 0.0:
-            self._level[kernels.LIMIT] = self._first_limit(stop, ahead, rise)
         self._lists[:] = kernels.wave(
             self._cost,
             self._pot,
             self._weight,
-            rule.steps,
-            rule.weights,
+            self.rule.steps,
+            self.rule.weights,
             self.nx,
             self.ny,
             self._lists[0],
             self._lists[1],
             self._lists[2],
-            self._lists[3],
             self._state,
             self._level,
-            np.float32(rise),
-            rule.quadratic,
+            np.float32(last),
             int(stop),
-            np.float32(ahead),
-            np.float32(_WIDEN),
+            _NO_GUIDE if guide is None else guide.values,
+            0 if guide is None else guide.shift,
+            np.float32(limit),
+            int(self.rule.quadratic),
         )
-
-    def _first_limit(self, stop: int, ahead: float, rise: float) -> float:
-        root = self._seeds[0]
-        distance = math.hypot(stop % self.nx - root % self.nx, stop // self.nx - root // self.nx)
-        return _FIRST_LIMIT * ahead * distance + 4.0 * rise
 
     def complete(self, ix: int, iy: int, reach: int) -> None:
         """Gives the free cells without potential within `reach` cells of (ix, iy) one from their neighbours."""

@@ -1,0 +1,163 @@
+"""Times of the global planners against the C++ they come from.
+
+    python tools/bench/global_planner.py REFERENCE_FOLDER [--repeats 15] [--json]
+
+REFERENCE_FOLDER holds `calibrate.py` and `cpp_reference.json` (C++ times and the calibration time of that moment); beside it lie
+`golden/` and `data/`, or wherever NAVSTACK_GOLDEN and NAVSTACK_DATA say. Prints, per case, the median of the repeats, C++'s
+time on this machine now (its time then, scaled by the calibration), and the ratio: above 1, we are faster. The calibration
+is taken anew before every case, because machines are shared.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import json
+import math
+import os
+import statistics
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from navstack.core import Costmap, GridGeometry, Pose2D
+from navstack.global_planner import GlobalPlannerParams, GlobalPlannerROS, NavfnParams, NavfnROS, navfn
+from navstack.global_planner.cost_rule import CostRule, rule_of
+from navstack.global_planner.guide import CoarseGuide, astar
+from navstack.global_planner.wavefront import Guide, Wavefront
+
+Run = Callable[[], object]
+
+
+def raw_rule() -> CostRule:
+    """The bytes themselves are navfn's costs, as in navfn's own test."""
+    steps = np.arange(256, dtype=np.float32)
+    return rule_of(steps, steps >= 254, 50.0, True, True)
+
+
+def costmap(data: np.ndarray[Any, Any]) -> Costmap:
+    return Costmap(GridGeometry(data.shape[1], data.shape[0], 0.1), np.ascontiguousarray(data))
+
+
+def raw_navfn(
+    data: np.ndarray[Any, Any],
+    start: tuple[int, int],
+    goal: tuple[int, int],
+    *,
+    stop: bool = True,
+    use_astar: bool = False,
+) -> Run:
+    grid, rule, wave, coarse = costmap(data), raw_rule(), Wavefront(), CoarseGuide()
+
+    def attempt(guide: Guide | None, limit: float) -> float:
+        navfn.spread(wave, grid, rule, root=goal, target=start, stop=stop, guide=guide, limit=limit)
+        return wave.potential_of(*start)
+
+    def run() -> object:
+        if use_astar:
+            astar(coarse, grid, rule, goal, start, navfn.RISE, attempt)
+        else:
+            attempt(None, math.inf)
+        path = navfn.descend(wave, start, root=goal)
+        assert len(path) > 10
+        return path
+
+    return run
+
+
+def world(
+    data: np.ndarray[Any, Any], planner: NavfnROS | GlobalPlannerROS, start: tuple[int, int], goal: tuple[int, int]
+) -> Run:
+    grid = costmap(data)
+    a, b = Pose2D(*grid.geometry.cell_to_world(*start)), Pose2D(*grid.geometry.cell_to_world(*goal))
+
+    def run() -> object:
+        return planner.make_plan(grid, a, b)
+
+    return run
+
+
+def cases(golden: Path, data: Path) -> dict[str, Run]:
+    with Image.open(data / "maps/navfn__willow_costmap/willow_costmap.pgm") as image:
+        willow = np.array(image)
+    large = willow[np.arange(4000)[:, None] * 1217 // 4000, np.arange(4000)[None, :] * 1132 // 4000]
+    with np.load(golden / "costmap_static_willow010_r020_csf5.npz") as z:
+        master = z["master"]
+    sx, sy, gx, gy = (int(v) for v in (golden / "queries.txt").read_text().split()[:4])
+
+    def scaled(x: int, y: int) -> tuple[int, int]:
+        return x * 4000 // 1132, y * 4000 // 1217
+
+    free = np.where(large == 50, 0, large).astype(np.uint8)
+    start, goal = (1106, 866), (350, 450)
+    tiled = np.tile(master, (7, 7))
+    far = (gx + 6 * master.shape[1], gy + 6 * master.shape[0])
+    return {
+        "navfn_willow": raw_navfn(willow, start, goal),
+        "navfn_willow_full": raw_navfn(willow, start, goal, stop=False),
+        "navfn_4000": raw_navfn(large, scaled(*start), scaled(*goal)),
+        "navfn_astar_willow": raw_navfn(willow, start, goal, use_astar=True),
+        "navfn_willow010": world(master, NavfnROS(), (sx, sy), (gx, gy)),
+        "navfn_astar_willow010": world(master, NavfnROS(NavfnParams(use_astar=True)), (sx, sy), (gx, gy)),
+        "navfn_tiled": world(tiled, NavfnROS(), (sx, sy), far),
+        "gp_dijkstra_gradient_willow010": world(master, GlobalPlannerROS(), (sx, sy), (gx, gy)),
+        "gp_astar_grid_willow010": world(
+            master,
+            GlobalPlannerROS(GlobalPlannerParams(use_dijkstra=False, use_quadratic=False, use_grid_path=True)),
+            (sx, sy),
+            (gx, gy),
+        ),
+        "gp_dijkstra_gradient_4000": world(free, GlobalPlannerROS(), scaled(520, 362), scaled(691, 88)),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("reference", type=Path)
+    parser.add_argument("--repeats", type=int, default=15)
+    parser.add_argument("--only", default="")
+    parser.add_argument("--json", action="store_true")
+    args = parser.parse_args()
+    spec = importlib.util.spec_from_file_location("calibrate", args.reference / "calibrate.py")
+    assert spec is not None
+    assert spec.loader is not None
+    calibrate = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(calibrate)
+    golden = Path(os.environ.get("NAVSTACK_GOLDEN") or args.reference.parent / "golden")
+    data = Path(os.environ.get("NAVSTACK_DATA") or args.reference.parent / "data")
+    rows: list[dict[str, Any]] = []
+    for name, run in cases(golden, data).items():
+        if args.only not in name:
+            continue
+        run()
+        run()
+        now = calibrate.calibration_ms()
+        times: list[float] = []
+        for _ in range(args.repeats):
+            began = time.perf_counter()
+            run()
+            times.append((time.perf_counter() - began) * 1e3)
+        now = min(now, calibrate.calibration_ms())
+        ours = statistics.median(times)
+        reference = json.loads((args.reference / "cpp_reference.json").read_text())
+        cpp = reference["cases"][name]["ms"] * now / reference["calibration_ms"]
+        rows.append(
+            {"case": name, "ms": ours, "best_ms": min(times), "cpp_ms": cpp, "ratio": cpp / ours, "calibration_ms": now}
+        )
+        if not args.json:
+            r = rows[-1]
+            print(
+                f"{name:32s} {ours:9.2f} ms (best {min(times):9.2f})  C++ {cpp:9.2f} ms  ratio {r['ratio']:6.2f}"
+                f"  calibration {now:.1f} ms",
+                flush=True,
+            )
+    if args.json:
+        print(json.dumps(rows, indent=1))
+
+
+if __name__ == "__main__":
+    main()
