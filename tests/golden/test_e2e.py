@@ -14,11 +14,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
-from navstack.configuration import load_configuration
-from navstack.map_io import load_map
 
+from navstack.configuration import load_configuration
 from navstack.core import Pose2D
+from navstack.map_io import load_map
 from navstack.maps import map_path, places
 from navstack.scenario import RunResult, Scenario, run_scenario
 
@@ -53,9 +54,42 @@ def test_three_goals_are_reached_as_by_cpp(three_goals: tuple[list[dict[str, Any
         assert goal.state == case["final_state"] == "SUCCEEDED"
         assert goal.text == case["final_text"]
         assert goal.path_length_m == pytest.approx(case["path_length"], rel=0.05)
-        assert goal.time_s == pytest.approx(case["time"], rel=0.15)
         assert goal.recoveries == 0
+    for case, goal in zip(theirs[:2], ours.goals[:2], strict=True):
+        assert goal.time_s == pytest.approx(case["time"], rel=0.15)
     assert ours.collisions == 0
+
+
+def test_the_third_goal_takes_as_long_as_in_cpp_or_spares_its_turn_on_the_spot(
+    golden_dir: Path, data_dir: Path
+) -> None:
+    """At (34.0, 14.3) noetic's scale weighs a wall so heavily that every way on costs more than turning (parity 31).
+
+    On its one recorded run C++ turned a full circle there, 7 s of its 41. Whether a run does is decided by centimetres: of
+    starts within about 1 cm of C++'s some turn the circle and take 41 s, the others 34 s. Both are held here: with the
+    circle within 5 % of C++'s time, without it within 15 % of C++'s time less the circle.
+    """
+    case = golden(golden_dir, "three_goals_intended")[2]
+    odometry = np.array(case["odom"])
+    still = odometry[(odometry[:, 0] > 3.0) & (odometry[:, 0] < 14.0) & (np.abs(odometry[:, 4]) < 1e-6)]
+    circle_s = still[-1, 0] - still[0, 0]
+    assert 6.0 < circle_s < 9.0
+    rng = np.random.default_rng(1)
+    grid = load_map(data_dir / WILLOW)
+    configuration = load_configuration([data_dir / "params/turtlebot2/param"])
+    goal = Pose2D(*case["goal"][:3])
+    turned: list[float] = []
+    went_on: list[float] = []
+    for offset in rng.normal(0.0, (0.01, 0.01, 0.02), (24, 3)):
+        start = Pose2D(*(odometry[0, 1:4] + offset))
+        (outcome,) = run_scenario(Scenario(grid, configuration, start, (goal,)), record=False).goals
+        assert outcome.succeeded
+        assert outcome.path_length_m == pytest.approx(case["path_length"], rel=0.05)
+        (turned if outcome.time_s > case["time"] - 0.5 * circle_s else went_on).append(outcome.time_s)
+    assert turned, "no start led to the turn on the spot that C++ made"
+    assert went_on
+    assert turned == pytest.approx([case["time"]] * len(turned), rel=0.05)
+    assert went_on == pytest.approx([case["time"] - circle_s] * len(went_on), rel=0.15)
 
 
 def test_a_goal_inside_a_wall_is_aborted_with_the_reason(golden_dir: Path, data_dir: Path) -> None:
