@@ -20,6 +20,8 @@ from navstack.costmap import _kernels
 
 PENDING: Final = 50
 """Messages kept while their transform is awaited (the queue length of obstacle_layer.cpp)."""
+FARTHEST: Final = 1e30
+"""Distances beyond are no distances (m); a float32 could not hold them."""
 MAX_POINTS: Final = 10_000_000
 """Beams or points of a message beyond which it is a mistake."""
 
@@ -88,6 +90,7 @@ class ObservationBuffer:
         self._keep_one = params.observation_persistence == 0.0
         self._pending: deque[LaserScan | PointCloud] = deque()
         self._since: float | None = None
+        self._restarted = False
         self._directions: NDArray[np.float64] | None = None
         self._directions_key = (0, 0.0, 0.0)
         self._project_scan = _kernels.project_scan.compiled()
@@ -159,13 +162,13 @@ class ObservationBuffer:
         if allowed == 0.0:
             return True
         if self._since is None:
-            self._since = now
+            self._since = now if self.last_stamp is None or self._restarted else self.last_stamp
         newest = self._since if self.last_stamp is None else max(self.last_stamp, self._since)
         return now - newest <= allowed
 
     def restart(self) -> None:
         """Gives the sensor its full time again (after a reset)."""
-        self._since = None
+        self._since, self._restarted = None, True
 
     def _observation(self, data: LaserScan | PointCloud) -> Observation | None:
         try:
@@ -194,12 +197,15 @@ class ObservationBuffer:
         key = (n, scan.angle_min, scan.angle_increment)
         directions = self._directions
         if directions is None or key != self._directions_key:
-            angles = scan.angle_min + np.arange(n) * scan.angle_increment
-            directions = self._directions = np.column_stack((np.cos(angles), np.sin(angles)))
+            with np.errstate(all="ignore"):  # angles that overflow give points that are no numbers: passed over later
+                angles = scan.angle_min + np.arange(n) * scan.angle_increment
+                directions = self._directions = np.column_stack((np.cos(angles), np.sin(angles)))
             self._directions_key = key
         inf_range = math.nan
-        if self.params.inf_is_valid:  # ROS adds in float32
-            inf_range = float(np.float32(scan.range_max) - np.float32(0.0001))
+        if self.params.inf_is_valid:
+            # ROS adds in float32
+            beyond = scan.range_max > FARTHEST
+            inf_range = math.inf if beyond else float(np.float32(scan.range_max) - np.float32(0.0001))
         out = np.empty((n, 3), np.float32)
         count = self._project_scan(
             scan.ranges,
@@ -236,7 +242,7 @@ def _check_scan(scan: LaserScan) -> None:
         raise InputError(f"a scan of {len(ranges):,} beams is beyond {MAX_POINTS:,}", topic=scan.topic)
     # one sum instead of five tests: it is finite only when each is
     total = scan.angle_min + scan.angle_increment + scan.range_min + scan.stamp + scan.height
-    if total - total != 0.0 or scan.range_max != scan.range_max:
+    if total - total != 0.0 or scan.range_max != scan.range_max or abs(scan.height) > FARTHEST:
         numbers = (scan.angle_min, scan.angle_increment, scan.range_min, scan.stamp, scan.height)
         raise InputError(
             "a scan's angle_min, angle_increment, range_min, stamp and height must be finite numbers and range_max a number,"

@@ -62,6 +62,7 @@ class RangeSensorLayer(Layer):
         self._pending: deque[RangeReading] = deque(maxlen=PENDING)
         self._last_reading: float | None = None
         self._since: float | None = None
+        self._restarted = False
         self._extra = Bounds()
 
     def match_size(self, geometry: GridGeometry) -> None:
@@ -81,7 +82,8 @@ class RangeSensorLayer(Layer):
         cone = (data.field_of_view, data.min_range, data.max_range, data.stamp)
         if math.isnan(data.range_m) or not all(map(math.isfinite, cone)) or data.field_of_view <= 0.0:
             raise InputError(
-                f"a range reading must have a range, a cone and a stamp that are numbers, not {data}", topic=data.topic
+                f"a range reading's distance, cone and stamp must be numbers and its cone wider than 0, not {data}",
+                topic=data.topic,
             )
         self._pending.append(data)
         self._last_reading = data.stamp if self._last_reading is None else max(self._last_reading, data.stamp)
@@ -115,7 +117,7 @@ class RangeSensorLayer(Layer):
         cleared, touched = forget_region(marked, self.geometry, region, invert, 0)
         forget_region(self.costs, self.geometry, region, invert, EVEN)
         self._extra = self._extra.union(touched)
-        self._since = None
+        self._since, self._restarted = None, True
         return cleared
 
     def is_current(self, now: float) -> bool:
@@ -124,7 +126,7 @@ class RangeSensorLayer(Layer):
         if allowed == 0.0:
             return True
         if self._since is None:
-            self._since = now
+            self._since = now if self._last_reading is None or self._restarted else self._last_reading
         newest = self._since if self._last_reading is None else max(self._last_reading, self._since)
         return now - newest <= allowed
 
