@@ -1,0 +1,365 @@
+"""DWA's rules one by one: what is copied from C++, what is mended, what a plugin may do."""
+
+from __future__ import annotations
+
+import math
+import tracemalloc
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from navstack.core import INSCRIBED, LETHAL, Costmap, Footprint, GridGeometry, Path, Pose2D, RobotState, Twist2D
+from navstack.core.errors import InvalidPathError, NoValidControlError
+from navstack.core.parameters import ParamModel, PluginSpec, param
+from navstack.interfaces import ControlInput, Critic, Rollouts, ScoringContext, VelocityLimits
+from navstack.local_planner import DWAParams, DWAPlanner
+from navstack.local_planner.critics import DEFAULT_CRITICS, ObstacleCritic, OscillationCritic
+from navstack.local_planner.critics.oscillation import OscillationParams
+from navstack.local_planner.rollouts import velocity_window
+from navstack.local_planner.stop_rotate import braking_twist, turning_twist
+from navstack.plugins import CRITICS
+
+FOOTPRINT = Footprint.from_radius(0.18)
+TURTLEBOT: dict[str, Any] = {
+    "max_vel_trans": 0.5,
+    "max_vel_x": 0.5,
+    "max_vel_y": 0.0,
+    "min_vel_y": 0.0,
+    "max_vel_theta": 5.0,
+    "acc_lim_x": 1.0,
+    "acc_lim_y": 0.0,
+    "acc_lim_theta": 2.0,
+    "controller_frequency": 5.0,
+    "sim_time": 1.0,
+    "vx_samples": 6,
+    "vy_samples": 1,
+    "path_distance_bias": 64.0,
+    "goal_distance_bias": 24.0,
+    "occdist_scale": 0.5,
+}
+LINE = np.column_stack((np.linspace(0.0, 1.5, 31), np.zeros(31), np.zeros(31)))
+
+
+def empty_map() -> Costmap:
+    return Costmap(GridGeometry(80, 80, 0.05, -2.0, -2.0), frame="odom")
+
+
+def planner_on(line: NDArray[np.float64] = LINE, **more: Any) -> DWAPlanner:
+    planner = DWAPlanner(DWAParams(**{**TURTLEBOT, **more}))
+    planner.set_plan(Path(line, "odom"), Pose2D(*line[-1]))
+    return planner
+
+
+def at(pose: Pose2D, velocity: Twist2D = Twist2D(), costmap: Costmap | None = None) -> ControlInput:
+    return ControlInput(RobotState(pose, velocity), costmap or empty_map(), FOOTPRINT)
+
+
+# --- parameters -------------------------------------------------------------------------------------------------------
+
+
+def test_effective_defaults_are_noetics() -> None:
+    p = DWAParams()
+    assert (p.max_vel_trans, p.min_vel_trans, p.max_vel_theta, p.min_vel_theta) == (0.55, 0.1, 1.0, 0.4)
+    assert (p.path_distance_bias, p.goal_distance_bias, p.occdist_scale) == (0.6, 0.8, 0.01)
+    assert (p.vx_samples, p.vy_samples, p.vth_samples, p.sim_time) == (3, 10, 20, 1.7)
+    assert not p.prune_plan and p.use_dwa and not p.latch_xy_goal_tolerance
+
+
+def test_names_of_former_releases_are_known() -> None:
+    for old, new in DWAParams.RENAMED.items():
+        assert new in DWAParams.model_fields and old not in DWAParams.model_fields
+    assert DWAParams.RENAMED["vtheta_samples"] == "vth_samples"
+    assert not set(DWAParams.NO_EFFECT) & set(DWAParams.model_fields)
+
+
+@pytest.mark.parametrize("values", [{"vx_samples": 0}, {"sim_time": 0.0}, {"acc_lim_x": -1.0}, {"max_vel_x": math.nan}])
+def test_values_out_of_range_are_refused(values: dict[str, Any]) -> None:
+    with pytest.raises(ValidationError):
+        DWAParams(**values)
+
+
+@pytest.mark.parametrize(("distro", "factor", "obstacle"), [("noetic", 1.0, 0.5), ("indigo", 0.5, 0.5 * 0.05)])
+def test_scoring_scale_of_both_distros(distro: str, factor: float, obstacle: float) -> None:
+    """Parity 31."""
+    plan = planner_on(ros_distro=distro).compute_command(at(Pose2D(0.0, 0.0, 0.1)))
+    assert plan.scales is not None
+    path, goal = 64.0 * 0.05 * factor, 24.0 * 0.05 * factor
+    np.testing.assert_allclose(plan.scales, [1.0, obstacle, goal, path, path, goal, 0.0])
+
+
+# --- samples and trajectories -----------------------------------------------------------------------------------------
+
+
+def test_window_stays_within_limits_and_acceleration() -> None:
+    limits = planner_on().limits
+    window = velocity_window(Twist2D(0.3, 0.0, 4.9), limits, 0.2)
+    np.testing.assert_allclose(window, [[0.1, 0.5], [0.0, 0.0], [4.5, 5.0]])
+    # a robot that measures a little strafing cannot be told to strafe
+    assert velocity_window(Twist2D(0.0, 0.001, 0.0), limits, 0.2)[1].tolist() == [0.0, 0.0]
+    # one that is too fast gets the limit
+    assert velocity_window(Twist2D(2.0, 0.0, 0.0), limits, 0.2)[0].tolist() == [0.5, 0.5]
+
+
+def test_the_last_simulated_pose_is_not_scored() -> None:
+    """Parity 28: 0.5 m/s for 1 s ends at 0.475 m, the pose before the last step."""
+    planner = planner_on()
+    planner.compute_command(at(Pose2D(0.0, 0.0), Twist2D(0.4, 0.0, 0.0)))
+    why = planner.explain_last()
+    k = int(np.flatnonzero((why["commands"][:, 0] == 0.5) & (why["commands"][:, 2] == 0.0))[0])
+    n = int(why["counts"][k])
+    assert why["poses"][k, 0].tolist() == [0.0, 0.0, 0.0]
+    assert why["poses"][k, n - 1, 0] == pytest.approx(0.475, abs=1e-6)
+
+
+def test_an_angular_speed_above_pi_keeps_its_sign() -> None:
+    """Parity 15: behind the robot's back, turning at 4.6 rad/s already."""
+    planner = planner_on(-LINE)
+    plan = planner.compute_command(at(Pose2D(0.0, 0.0, 0.3), Twist2D(0.0, 0.0, 4.6)))
+    assert plan.command.wz > 4.0
+
+
+def test_holonomic_samples_keep_their_order() -> None:
+    planner = planner_on(max_vel_y=0.2, min_vel_y=-0.2, acc_lim_y=1.0, vy_samples=3, vx_samples=2, vth_samples=2)
+    plan = planner.compute_command(at(Pose2D(0.0, 0.0, 0.0), Twist2D(0.3, 0.0, 0.0)))
+    assert plan.samples is not None
+    expected = [(x, y, w) for x in (0.1, 0.5) for y in (-0.2, 0.0, 0.2) for w in (-0.4, 0.0, 0.4)]
+    np.testing.assert_allclose(plan.samples, expected, atol=1e-7)
+
+
+def test_a_robot_at_rest_starts_at_any_frequency() -> None:
+    """C++ finds every sample too slow when one period's acceleration stays below the lowest speeds."""
+    for frequency in (20.0, 50.0):
+        ahead = planner_on(controller_frequency=frequency).compute_command(at(Pose2D(0.0, 0.0, 0.0)))
+        assert ahead.command.vx == pytest.approx(0.1, abs=1e-6)
+        # with its nose at a wall it turns
+        wall = empty_map()
+        wall.data[:, 45] = LETHAL
+        aside = planner_on(-LINE, controller_frequency=frequency).compute_command(at(Pose2D(0.0, 0.0), costmap=wall))
+        assert aside.command.vx == 0.0 and abs(aside.command.wz) == pytest.approx(0.4, abs=1e-6)
+
+
+# --- critics ----------------------------------------------------------------------------------------------------------
+
+
+def test_obstacle_scores_sum_or_maximum() -> None:
+    costmap = empty_map()
+    costmap.data[:, 50:] = 100
+    highest = planner_on().compute_command(at(Pose2D(0.0, 0.0), Twist2D(0.4, 0.0, 0.0), costmap))
+    summed = planner_on(sum_scores=True).compute_command(at(Pose2D(0.0, 0.0), Twist2D(0.4, 0.0, 0.0), costmap))
+    assert highest.costs is not None and summed.costs is not None
+    assert set(np.unique(highest.costs[:, 1])) <= {0.0, 100.0}
+    assert (summed.costs[:, 1] >= highest.costs[:, 1]).all()
+    assert (summed.costs[:, 1] % 100.0 == 0.0).all() and summed.costs[:, 1].max() > 100.0
+
+
+def test_local_goal_in_an_inscribed_cell_moves_back_along_the_plan() -> None:
+    """Parity 27: C++ rejects every sample here."""
+    costmap = empty_map()
+    costmap.data[:, 68:] = INSCRIBED
+    plan = planner_on().compute_command(at(Pose2D(0.0, 0.0, 0.0), costmap=costmap))
+    assert plan.command.vx > 0.0
+    assert any("moved back over" in note for note in plan.notes)
+    assert not planner_on().compute_command(at(Pose2D(0.0, 0.0, 0.0))).notes
+
+
+def test_alignment_is_off_near_the_goal() -> None:
+    near = planner_on().compute_command(at(Pose2D(1.25, 0.0, 0.0)))
+    far = planner_on().compute_command(at(Pose2D(0.5, 0.0, 0.0)))
+    i = DEFAULT_CRITICS.index("alignment")
+    assert near.scales is not None and near.scales[i] == 0.0
+    assert far.scales is not None and far.scales[i] > 0.0
+
+
+def test_oscillation_flags() -> None:
+    critic = OscillationCritic("oscillation", OscillationParams())
+    turning = np.array([[0.0, 0.0, 0.5], [0.0, 0.0, -0.5], [0.3, 0.0, 0.0]])
+    rollouts = Rollouts(turning, np.zeros((3, 1, 3)), np.ones(3, np.int64))
+    alive = np.ones(3, np.bool_)
+    critic.chosen(Twist2D(0.0, 0.0, 0.5), Pose2D(0.0, 0.0), 0.1)
+    assert critic.score(rollouts, alive).tolist() == [0.0, 0.0, 0.0]
+    critic.chosen(Twist2D(0.0, 0.0, -0.5), Pose2D(0.0, 0.0), 0.1)
+    assert critic.flags["rot_neg_only"]
+    assert critic.score(rollouts, alive).tolist() == [-5.0, 0.0, 0.0]
+    # moved far enough: every direction again
+    critic.chosen(Twist2D(0.3, 0.0, 0.0), Pose2D(0.06, 0.0), 0.1)
+    assert not any(critic.flags.values())
+
+
+class _LeftParams(ParamModel):
+    weight: float = param(1.0, "weight")
+
+
+class _Left(Critic):
+    """Wants to turn left, and forbids to turn right fast."""
+
+    Params = _LeftParams
+    CODES = {-9: "turns right"}  # noqa: RUF012
+
+    @property
+    def scale(self) -> float:
+        return self.params.weight
+
+    def prepare(self, context: ScoringContext) -> None:
+        assert context.plan.shape[1] == 3
+
+    def score(self, rollouts: Rollouts, alive: NDArray[np.bool_]) -> NDArray[np.float64]:
+        w = rollouts.samples[:, 2]
+        return np.where(w < -0.2, -9.0, 1.0 - w)
+
+
+def test_a_third_partys_critic_joins_the_list(monkeypatch: pytest.MonkeyPatch) -> None:
+    listed = [PluginSpec(name=n, type=n) for n in DEFAULT_CRITICS]
+    same = planner_on(critics=listed).compute_command(at(Pose2D(0.0, 0.0, 0.2), Twist2D(0.3, 0.0, 0.0)))
+    default = planner_on().compute_command(at(Pose2D(0.0, 0.0, 0.2), Twist2D(0.3, 0.0, 0.0)))
+    np.testing.assert_array_equal(same.totals, default.totals)
+    assert same.command == default.command and same.critics == default.critics
+
+    monkeypatch.setattr(CRITICS, "_entries", dict(CRITICS._entries))
+    monkeypatch.setattr(CRITICS, "_lookup", dict(CRITICS._lookup))
+    CRITICS.add("left", _Left, origin="test")
+    entries = [{"name": n, "type": n} for n in DEFAULT_CRITICS] + [{"name": "veer", "type": "left"}]
+    assert DWAParams.child_models({"critics": entries})["veer"] is _LeftParams
+    planner = planner_on(
+        critics=[*listed, PluginSpec(name="veer", type="left")], critic_params={"veer": _LeftParams(weight=500.0)}
+    )
+    plan = planner.compute_command(at(Pose2D(0.0, 0.0, 0.0), Twist2D(0.3, 0.0, 0.0)))
+    assert plan.critics[-1] == "veer" and plan.command.wz > 0.3
+    assert plan.samples is not None and plan.rejected_by is not None and plan.totals is not None
+    right = plan.samples[:, 2] < -0.2
+    assert (plan.rejected_by[right] == len(DEFAULT_CRITICS)).all() and (plan.totals[right] == -9.0).all()
+
+
+def test_without_the_obstacle_critic_the_goal_is_still_guarded() -> None:
+    listed = [PluginSpec(name=n, type=n) for n in ("path", "goal")]
+    planner = planner_on(critics=listed, scaling_speed=0.3)
+    assert not any(isinstance(c, ObstacleCritic) for c in planner.critics)
+    costmap = empty_map()
+    costmap.data[40, 73] = LETHAL
+    with pytest.raises(NoValidControlError, match="turning in place at the goal"):
+        planner.compute_command(at(Pose2D(1.5, 0.0, 2.0), costmap=costmap))
+
+
+# --- the verdict ------------------------------------------------------------------------------------------------------
+
+
+def test_the_verdict_counts_and_says_where() -> None:
+    costmap = empty_map()
+    costmap.data[:, 49:51] = LETHAL
+    with pytest.raises(NoValidControlError) as caught:
+        planner_on().compute_command(at(Pose2D(0.2, 0.0, 0.0), Twist2D(0.5, 0.0, 0.0), costmap))
+    message, data = caught.value.message, caught.value.data
+    assert message.startswith("126 of 126 rejected: 126 obstacle (footprint on lethal (254) 0.0")
+    assert data["samples"] == 126 and data["rejected"] == {"obstacle": 126}
+    contact = data["contact"]
+    assert contact["cost"] == LETHAL and contact["cell"][0] == 49
+    assert 0.0 < contact["ahead_m"] < 0.1
+    table = data["plan"]
+    assert table.best == -1 and (table.rejected_by == 1).all()
+
+
+# --- plan and goal ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("latch", [True, False])
+def test_the_latch_outlives_a_replan(latch: bool) -> None:
+    """Parity 17: C++ forgets it with every plan."""
+    planner = planner_on(latch_xy_goal_tolerance=latch)
+    turned = Pose2D(1.5, 0.0, 2.0)
+    assert planner.compute_command(at(turned)).mode == "rotate_to_goal"
+    planner.set_plan(Path(LINE, "odom"), Pose2D(*LINE[-1]))
+    outside = Pose2D(1.5, 0.2, 2.0)
+    assert planner.compute_command(at(outside)).mode == ("rotate_to_goal" if latch else "follow")
+    planner.set_plan(Path(LINE, "odom"), Pose2D(1.5, 0.0, 0.5))  # another goal
+    assert planner.compute_command(at(outside)).mode == "follow"
+
+
+def test_brakes_before_it_turns() -> None:
+    planner = planner_on()
+    fast = planner.compute_command(at(Pose2D(1.45, 0.0, 2.0), Twist2D(0.5, 0.0, 0.0)))
+    assert fast.mode == "brake" and fast.command == pytest.approx((0.3, 0.0, 0.0))
+    slow = planner.compute_command(at(Pose2D(1.5, 0.0, 2.0), Twist2D(0.05, 0.0, 0.0)))
+    assert slow.mode == "rotate_to_goal" and slow.command.vx == 0.0 and slow.command.wz < 0.0
+    done = planner.compute_command(at(Pose2D(1.5, 0.0, 0.05), Twist2D(0.0, 0.0, 0.0)))
+    assert done.mode == "arrived" and done.command == Twist2D()
+    assert planner.goal_reached(at(Pose2D(1.5, 0.0, 0.05)))
+    assert not planner.goal_reached(at(Pose2D(1.5, 0.0, 0.05), Twist2D(0.0, 0.0, 0.3)))
+
+
+def limits_of(**more: float) -> VelocityLimits:
+    return planner_on().limits._replace(**more)
+
+
+@pytest.mark.parametrize(
+    ("error", "turning", "expected"),
+    [
+        (1.0, 0.0, 0.4),  # one period's acceleration from rest
+        (-1.0, 0.0, -0.4),
+        (3.0, 0.9, 1.0),  # the limit
+        (0.1, 1.0, 0.6),  # no slower than braking allows
+        (0.05, 1.0, 0.44721360),  # no faster than can be stopped: sqrt(2 a e)
+        (0.02, 0.0, 0.4),  # never slower than the base can turn
+    ],
+)
+def test_turning_speed(error: float, turning: float, expected: float) -> None:
+    twist = turning_twist(error, turning, limits_of(max_vel_theta=1.0, acc_lim_theta=2.0), 0.2, 0.4)
+    assert twist == pytest.approx((0.0, 0.0, expected))
+
+
+def test_braking_stops_every_axis() -> None:
+    limits = limits_of(acc_lim_y=0.5)
+    assert braking_twist(Twist2D(0.5, -0.2, 1.0), limits, 0.2) == pytest.approx((0.3, -0.1, 0.6))
+    assert braking_twist(Twist2D(-0.1, 0.05, -0.3), limits, 0.2) == Twist2D()
+
+
+def test_prune_plan_drops_what_lies_behind() -> None:
+    """A plan that starts 1.5 m behind the robot is seen from 1 m behind it on, and forgotten before."""
+    behind = np.column_stack((np.linspace(-1.5, 1.5, 61), np.zeros(61), np.zeros(61)))
+    seen = planner_on(behind, prune_plan=True).compute_command(at(Pose2D(0.0, 0.0))).local_plan
+    all_of_it = planner_on(behind).compute_command(at(Pose2D(0.0, 0.0))).local_plan
+    assert seen is not None and all_of_it is not None
+    assert seen.poses[0, 0] == pytest.approx(-0.95) and all_of_it.poses[0, 0] == pytest.approx(-1.5)
+    with pytest.raises(InvalidPathError, match="prune_plan"):
+        planner_on(prune_plan=True).compute_command(at(Pose2D(0.0, 1.2)))
+
+
+def test_the_plan_in_sight_ends_one_pose_beyond_the_window() -> None:
+    long = np.column_stack((np.linspace(0.0, 6.0, 121), np.zeros(121), np.zeros(121)))
+    seen = planner_on(long).compute_command(at(Pose2D(0.0, 0.0))).local_plan
+    assert seen is not None and seen.poses[-1, 0] == pytest.approx(2.05)
+
+
+# --- running on and on ------------------------------------------------------------------------------------------------
+
+
+def test_cycles_do_not_grow() -> None:
+    planner = planner_on()
+    inputs = at(Pose2D(0.0, 0.0, 0.1), Twist2D(0.3, 0.0, 0.0))
+
+    def run(cycles: int) -> int:
+        for _ in range(cycles):
+            planner.set_plan(Path(LINE, "odom"), Pose2D(*LINE[-1]))
+            planner.compute_command(inputs)
+        return tracemalloc.get_traced_memory()[0]
+
+    tracemalloc.start()
+    try:
+        run(50)
+        before = run(50)
+        after = run(500)
+    finally:
+        tracemalloc.stop()
+    assert after - before < 20_000
+
+
+def test_read_only_and_sliced_costmaps_are_fine() -> None:
+    big = np.zeros((80, 200), np.uint8)
+    big[:44, 66] = LETHAL
+    sliced = Costmap(GridGeometry(80, 80, 0.05, -2.0, -2.0), big[:, 10:90], "odom")
+    fixed = Costmap(sliced.geometry, big[:, 10:90].copy(), "odom")
+    fixed.data.setflags(write=False)
+    inputs = [at(Pose2D(0.0, 0.0, 0.1), Twist2D(0.3, 0.0, 0.0), c) for c in (sliced, fixed)]
+    a, b = (planner_on().compute_command(i) for i in inputs)
+    np.testing.assert_array_equal(a.totals, b.totals)
