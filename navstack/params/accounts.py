@@ -57,7 +57,7 @@ FOREIGN_NAMES = {
 """Parameters of planners that exist elsewhere, as they turn up in other components' namespaces."""
 
 
-GONE = {"planner_costmap_publish_frequency": "navfn and global_planner read it before 2014"}
+GONE = {"planner_costmap_publish_frequency": "nothing reads it any more (navfn removed it as unused)"}
 """Parameters of former releases that nothing reads any more, and why they are still written."""
 
 

@@ -111,17 +111,25 @@ def scoring_scale(s: Subject) -> Iterator[Finding]:
     """Parity 31: weights tuned before 2018 make obstacles 1 / (2 * resolution) times heavier than their authors saw."""
     params = s.local_planner[2]
     found = _get(params, "path_distance_bias", "goal_distance_bias", "occdist_scale", "sim_time", "max_vel_x")
-    if found is None or not hasattr(params, "forward_point_distance"):
+    dwa, rollout = hasattr(params, "forward_point_distance"), hasattr(params, "meter_scoring")
+    if found is None or not (dwa or rollout):
         return
     _, goal, occdist, sim_time, max_vel_x = found
     resolution = s.costmaps["local_costmap"][0].resolution
     horizon = sim_time * max_vel_x
 
     def worth(distro: str) -> tuple[float, float]:
-        # goal and goal_front both fall by a metre's worth; the obstacle critic counts the dearest pose
+        # the obstacle critic counts the dearest pose of a trajectory
+        obstacle = occdist * INSCRIBED_NEXT
+        if rollout:
+            # TrajectoryPlannerROS counts cells unless told to count metres; only then did it weigh obstacles by resolution
+            if not params.meter_scoring:
+                return goal / resolution, obstacle
+            return goal, obstacle * resolution if distro == "indigo" else obstacle
+        # DWA: goal and goal_front both fall by a metre's worth
         if distro == "indigo":
-            return goal, occdist * resolution * INSCRIBED_NEXT
-        return 2.0 * goal, occdist * INSCRIBED_NEXT
+            return goal, obstacle * resolution
+        return 2.0 * goal, obstacle
 
     metre, passing = worth(s.distro)
     if occdist <= 0.0 or passing <= HORIZONS_LOST * metre * horizon:
@@ -132,7 +140,7 @@ def scoring_scale(s: Subject) -> Iterator[Finding]:
         f"(occdist_scale {occdist:g})"
     )
     old_metre, old_passing = worth("indigo")
-    factor = max(1.0, 1.0 / (2.0 * resolution)) if resolution > 0.0 else 10.0
+    factor = max(1.0, 1.0 / ((1.0 if rollout else 2.0) * resolution))
     way_out = f"divide occdist_scale by {factor:g}"
     if s.distro != "indigo" and old_passing <= HORIZONS_LOST * old_metre * horizon:
         way_out = (

@@ -43,6 +43,21 @@ def test_the_scoring_scale_of_before_2018() -> None:
     assert "scoring-scale" not in rules_of()
 
 
+def test_the_scoring_scale_of_trajectory_rollout_with_meter_scoring() -> None:
+    """The weights of the published jackals, which spin in place in 13 of 50 BARN worlds (parity 31)."""
+    weights = {"meter_scoring": True, "goal_distance_bias": 1.0, "path_distance_bias": 0.75, "occdist_scale": 0.1}
+    rollout = {"base_local_planner": "base_local_planner/TrajectoryPlannerROS"}
+    one = found("scoring-scale", **rollout, TrajectoryPlannerROS={**weights, "sim_time": 2.0, "max_vel_x": 0.5})
+    for number in ("is worth 1 ", "costs 25.2", "1 a metre against 1.26", "divide occdist_scale by 20"):
+        assert number in one.message
+    old = {**rollout, "TrajectoryPlannerROS": {**weights, "sim_time": 2.0, "max_vel_x": 0.5}}
+    assert "scoring-scale" not in rules_of(**old, navstack={"ros_distro": "indigo"})
+    # counted in cells, progress weighs twenty times more
+    assert "scoring-scale" not in rules_of(
+        **rollout, TrajectoryPlannerROS={"occdist_scale": 0.1, "goal_distance_bias": 1.0}
+    )
+
+
 def test_weights_that_are_heavy_on_either_scale_are_not_blamed_on_it() -> None:
     one = found("scoring-scale", DWAPlannerROS={**OLD, "occdist_scale": 50.0})
     assert "set navstack/ros_distro" not in one.message
