@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Generator, Mapping
+from contextlib import contextmanager
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -57,3 +58,13 @@ def as_json_text(document: Mapping[str, Any]) -> str:
     from navstack.core.errors import jsonable
 
     return json.dumps(jsonable(dict(document)), indent=2, allow_nan=False) + "\n"
+
+
+@contextmanager
+def frames_bar(*, quiet: bool) -> Generator[Callable[[int, int], None]]:
+    """A progress bar on stderr for something that says how much of it is done: `progress(done, total)`."""
+    from rich.progress import Progress
+
+    with Progress(console=stderr(), transient=True, disable=quiet or not stderr().is_terminal) as bar:
+        task = bar.add_task("drawing", total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)

@@ -40,7 +40,7 @@ def plan(
     choice = choose_global_planner(configuration, planner) if planner else None
     folder = ensure_directory(out) if out is not None else None
     began = time.perf_counter()
-    found = plan_on_map(configuration, grid, start_pose, goal_pose, planner=choice)
+    found = plan_on_map(configuration, grid, start_pose, goal_pose, planner=choice, keep_potential=folder is not None)
     took_ms = (time.perf_counter() - began) * 1e3
     document = _document(found, took_ms)
     if folder is not None:
@@ -53,6 +53,7 @@ def plan(
             picture,
             start=start_pose,
             goal=goal_pose,
+            footprint=found.costmap.footprint,
             title=f"{path.stem}: {found.planner}",
         )
         document["files"] = {"picture": str(picture), "plan": str(text)}

@@ -106,8 +106,14 @@ def _scenario(
         obstacles=obstacles,
         seed=seed,
         time_limit_s=time_limit,
-        names={"map": path.name, "params": [Path(p).name for p in params], "overrides": list(overrides)},
+        names={"map": path.name, "params": [_short_name(p) for p in params], "overrides": list(overrides)},
     )
+
+
+def _short_name(source: str) -> str:
+    """`.../turtlebot2/param` is known as turtlebot2/param; where it lies on this machine is nobody's business."""
+    path = Path(source)
+    return f"{path.parent.name}/{path.name}" if path.name in ("param", "params", "config") else path.name
 
 
 def _run(scenario: Scenario, *, quiet: bool) -> RunResult:
