@@ -33,5 +33,6 @@ def check(
         if f.suggestion:
             out.print(f"    [dim]->[/] {escape(f.suggestion)}")
     warnings = sum(f.severity == "warning" for f in findings)
-    out.print(f"{errors} errors, {warnings} warnings, {len(findings) - errors - warnings} notes")
+    counts = ((errors, "error"), (warnings, "warning"), (len(findings) - errors - warnings, "note"))
+    out.print(", ".join(f"{n} {what}{'' if n == 1 else 's'}" for n, what in counts))
     return 2 if errors else 0

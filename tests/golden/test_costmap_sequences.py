@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from navstack.core import Footprint, FrameTree, GridGeometry, LaserScan, OccupancyGrid, Pose2D, Transform2D
+from navstack.core import Footprint, FrameTree, GridGeometry, LaserScan, OccupancyGrid, Transform2D
 from navstack.costmap import CostmapParams, LayeredCostmap, LayerSpec
 from navstack.costmap.inflation_layer import InflationLayer, InflationLayerParams
 from navstack.costmap.observation_buffer import ObservationSourceParams
