@@ -101,8 +101,8 @@ def recovery_step(recovery: RecoveryBehavior, state: RobotState, now: float) -> 
 def check_twist(who: str, twist: Any) -> None:
     """Raises InternalError for what cannot be commanded."""
     try:
-        finite = Twist2D(*twist).is_finite()
-    except (TypeError, ValueError):
+        finite = isinstance(twist, Twist2D) and twist.is_finite()
+    except TypeError:  # a component is no number
         finite = False
     if not finite:
-        raise internal(who, f"wants to command {twist}, which is not three finite numbers")
+        raise internal(who, f"wants to command {twist}, which is not a Twist2D of three finite numbers")

@@ -428,6 +428,11 @@ class MoveBase:
         else:
             self._control.restart(now)
             self._driver_error = None
+            # a costmap that failed before gets its chance before the goal is judged by it
+            if self._global_error is not None:
+                self._global_update.restart(now)
+            if self._local_error is not None:
+                self._local_update.restart(now)
             self._apply(NavEvent.GOAL_ACCEPTED, now)
 
     def _accept(self, now: float) -> _Mission:
@@ -436,6 +441,7 @@ class MoveBase:
         goal = handle.goal
         self._plan = self._new_plan = self._local_plan = None
         self._stale_since = None
+        self._planning.abandon()
         self._progress.reset()
         self._emit(
             now,

@@ -57,6 +57,10 @@ class Planning(Protocol):
         """The answer, once."""
         ...
 
+    def abandon(self) -> None:
+        """Nobody waits for the answer any more; the next request need not wait for it either."""
+        ...
+
 
 class InlinePlanning:
     """Plans at once on the costmap of that moment; the answer arrives `planning_time` (s) later."""
@@ -104,3 +108,8 @@ class InlinePlanning:
         self._answer = None
         self._due = math.inf
         return answer
+
+    def abandon(self) -> None:
+        """Forgets the request."""
+        self._answer = None
+        self._due = math.inf
