@@ -283,9 +283,10 @@ def clear_voxel_rays(
             if word != old:
                 flat_columns[np.uint64(offset)] = word
             marked = (word >> levels) & level_mask
-            if bits_set(marked) <= mark_threshold:
+            if marked == 0 or bits_set(marked) <= mark_threshold:
                 unknown = level_mask & ~(word | marked)
-                flat_costs[np.uint64(offset)] = 0 if bits_set(unknown) <= unknown_threshold else 255
+                known = unknown_threshold >= levels or bits_set(unknown) <= unknown_threshold
+                flat_costs[np.uint64(offset)] = 0 if known else 255
             # the dominant axis steps each time, since its error reaches the threshold each time
             error_x += span_x
             error_y += span_y

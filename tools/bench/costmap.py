@@ -27,7 +27,6 @@ from navstack.core import (
     FrameTree,
     GridGeometry,
     LaserScan,
-    OccupancyGrid,
     Pose2D,
     Transform2D,
 )
