@@ -2,7 +2,11 @@
 """Breadth-first distances over the local costmap, and what trajectories cost on them (base_local_planner's MapGrid).
 
 A grid is stored flat with a ring of obstacles around it, so that no neighbour needs a bounds check. Its values:
-0.. = steps to the target over 4-connected free cells, FREE_UNREACHED, BLOCKED (cost >= 253, or the ring).
+0.. = steps to the target over 4-connected free cells, FREE_UNREACHED, BLOCKED (cost >= 253, or the ring). One more value
+at the end is FREE_UNREACHED for ever.
+
+The wave goes no farther than somebody looks: trajectories end near the robot, and the wave passes most of the costmap only
+after that. A distance is final when it is set, so a wave that stopped and went on gives the same grid.
 """
 
 from __future__ import annotations
@@ -18,18 +22,19 @@ BLOCKED = -2
 
 
 @kernel
-def grid_distances(costs, origin_x, origin_y, resolution, plan, last_only, step_back, distances, queue):
-    """Distances (cells) to the plan's cells inside the map, or with `last_only` to the last of them.
+def start_wave(costs, origin_x, origin_y, resolution, plan, last_only, step_back, distances, queue, wave):
+    """Starts a wave at the plan's cells inside the map, or with `last_only` at the last of them.
 
     `plan` (n, 3) is densified to the resolution; its cells count from the first inside the map until it leaves (unknown
     cells are outside). With `step_back` a last cell that is blocked is replaced by the last one before that is not.
-    `distances`, `queue`: int32, (ny + 2) * (nx + 2). Returns how many seeds there were and how many cells were stepped
-    back over; 0 seeds: nothing of the plan is inside.
+    `distances`, `queue`: int32, (ny + 2) * (nx + 2) + 1; `wave` (2,) int64: where the queue begins and ends. Returns how many
+    seeds there were and how many cells were stepped back over; 0 seeds: nothing of the plan is inside.
     """
     ny, nx = costs.shape
     width = nx + 2
     distances[:width] = BLOCKED
     distances[(ny + 1) * width :] = BLOCKED
+    distances[(ny + 2) * width] = FREE_UNREACHED
     for iy in range(ny):
         row = costs[iy]
         base = (iy + 1) * width
@@ -96,11 +101,17 @@ def grid_distances(costs, origin_x, origin_y, resolution, plan, last_only, step_
         distances[cell] = 0
         queue[0] = cell
         tail = 1
-    seeds = tail
+    wave[0] = 0
+    wave[1] = tail
+    return tail, stepped_back
 
+
+@kernel
+def run_wave(distances, queue, wave, until, width):
+    """Goes on with the wave until the cell `until` is reached, or to its end."""
+    head, tail = wave[0], wave[1]
     # without branches: a cell that needs no visit is written where the next one will overwrite it
-    head = 0
-    while head < tail:
+    while head < tail and distances[until] == FREE_UNREACHED:
         cell = queue[head]
         head += 1
         step = distances[cell] + 1
@@ -128,27 +139,38 @@ def grid_distances(costs, origin_x, origin_y, resolution, plan, last_only, step_
         queue[tail] = near
         distances[near] = step if new else distances[near]
         tail += new
-    return seeds, stepped_back
+    wave[0] = head
+    wave[1] = tail
 
 
 @kernel
-def grid_value(distances, cell, width, size):
+def grid_value(distances, queue, wave, cell, width, size):
     """C++'s target_dist of a cell: its distance, `size` for an obstacle the wave touched, `size + 1` unreachable."""
-    value = distances[cell]
-    if value >= 0:
-        return value
-    if value == BLOCKED and (
-        distances[cell - 1] >= 0
-        or distances[cell + 1] >= 0
-        or distances[cell - width] >= 0
-        or distances[cell + width] >= 0
-    ):
-        return size
-    return size + 1
+    blocked = distances[cell] == BLOCKED
+    for side in range(5):
+        # an obstacle was touched when the wave reached one of its neighbours
+        near = cell
+        if side == 1:
+            near = cell - 1
+        elif side == 2:
+            near = cell + 1
+        elif side == 3:
+            near = cell - width
+        elif side == 4:
+            near = cell + width
+        if side > 0 and not blocked:
+            break
+        if distances[near] == FREE_UNREACHED:
+            run_wave(distances, queue, wave, near, width)
+        if distances[near] >= 0:
+            return np.int64(size) if blocked else np.int64(distances[near])
+    return np.int64(size + 1)
 
 
 @kernel
-def grid_scores(distances, nx, ny, origin_x, origin_y, resolution, poses, counts, alive, ahead, stop_on_failure, out):
+def grid_scores(
+    distances, queue, wave, nx, ny, origin_x, origin_y, resolution, poses, counts, alive, ahead, stop_on_failure, out
+):
     """Value of the grid at the last point of each trajectory that is alive, seen `ahead` metres before the robot.
 
     -4: a point off the map; with `stop_on_failure` -3: a point in an obstacle, -2: a point that cannot be reached.
@@ -188,12 +210,13 @@ def grid_scores(distances, nx, ny, origin_x, origin_y, resolution, poses, counts
                 score = -4.0
                 break
             cell = (int(fy) + 1) * width + int(fx) + 1
-            if stop_on_failure:
-                value = distances[cell]
-                if value < 0:
-                    score = -3.0 if grid_value(distances, cell, width, size) == size else -2.0
+            if not stop_on_failure and i < n - 1:
+                continue
+            value = np.int64(distances[cell])
+            if value < 0:
+                value = grid_value(distances, queue, wave, cell, width, size)
+                if stop_on_failure and value >= size:
+                    score = -3.0 if value == size else -2.0
                     break
-                score = np.float64(value)
-            elif i == n - 1:
-                score = np.float64(grid_value(distances, cell, width, size))
+            score = np.float64(value)
         out[k] = score

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from navstack.core import Costmap
 from navstack.interfaces import Rollouts, ScoringContext
-from navstack.local_planner._grid_kernels import BLOCKED, grid_distances, grid_scores
+from navstack.local_planner._grid_kernels import BLOCKED, grid_scores, run_wave, start_wave
 
 
 @dataclass(slots=True, eq=False)
@@ -17,7 +17,9 @@ class MapGrid:
     """Breadth-first distances (cells) to a plan, or to its last cell in the window."""
 
     distances: NDArray[np.int32]
-    """Flat, with a ring of one cell around the costmap's (see `_grid_kernels`)."""
+    """Flat, with a ring of one cell around the costmap's (see `_grid_kernels`); as far as the wave has come."""
+    queue: NDArray[np.int32]
+    wave: NDArray[np.int64]
     costmap: Costmap
     seeds: int
     """Cells the wave started from; 0: nothing of the plan lies in the window."""
@@ -27,7 +29,9 @@ class MapGrid:
     def values(self) -> NDArray[np.float64]:
         """(ny, nx) as C++ holds them: distance, nx*ny in an obstacle that was touched, nx*ny + 1 not reached."""
         g = self.costmap.geometry
-        d = self.distances.reshape(g.ny + 2, g.nx + 2)
+        end = (g.nx + 2) * (g.ny + 2)
+        run_wave(self.distances, self.queue, self.wave, end, g.nx + 2)
+        d = self.distances[:end].reshape(g.ny + 2, g.nx + 2)
         reached = d >= 0
         beside = np.zeros_like(reached)
         beside[1:-1] = reached[:-2] | reached[2:]
@@ -48,6 +52,8 @@ class MapGrid:
         g = self.costmap.geometry
         grid_scores(
             self.distances,
+            self.queue,
+            self.wave,
             g.nx,
             g.ny,
             g.origin_x,
@@ -76,11 +82,12 @@ class GridBuffer:
         """The grid of distances to `plan` (n, 3), or to its last cell inside the window."""
         g = costmap.geometry
         size = (g.nx + 2) * (g.ny + 2)
-        if len(self._distances) != size:
-            self._distances = np.empty(size, np.int32)
+        if len(self._distances) != size + 1:
+            self._distances = np.empty(size + 1, np.int32)
             # one place more: a cell that needs no visit is written behind the last one
             self._queue = np.empty(size + 1, np.int32)
-        seeds, stepped_back = grid_distances(
+        wave = np.empty(2, np.int64)
+        seeds, stepped_back = start_wave(
             costmap.data,
             g.origin_x,
             g.origin_y,
@@ -90,8 +97,9 @@ class GridBuffer:
             step_back,
             self._distances,
             self._queue,
+            wave,
         )
-        return MapGrid(self._distances, costmap, seeds, stepped_back)
+        return MapGrid(self._distances, self._queue, wave, costmap, seeds, stepped_back)
 
 
 def shared_path_grid(context: ScoringContext, buffer: GridBuffer) -> MapGrid:
