@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 
 from navstack.core import Costmap, Footprint, GridGeometry, Path, Pose2D, RobotState, Transform2D, Twist2D
 from navstack.core.errors import ControlError, InvalidPathError, NoValidControlError
-from navstack.interfaces import ControlInput, LocalPlan, LocalPlanner
+from navstack.interfaces import ControlInput, LocalPlan, LocalPlanner, Rollouts
 from navstack.local_planner import DWAPlanner
 from navstack.local_planner._obstacle_kernels import highest_around, perimeter_cost
+from navstack.local_planner.map_grid import GridBuffer
 from navstack.plugins import LOCAL_PLANNERS
 
 PLANNERS = [entry.name for entry in LOCAL_PLANNERS]
@@ -153,6 +154,41 @@ def test_no_outline_costs_more_than_the_bound(
         assert cost <= limit
         if cost < 0:
             assert limit >= 254
+
+
+@SETTINGS
+@given(costmap=costmaps(), line=plans(), last_only=st.booleans(), seed=st.integers(0, 2**32 - 1), strict=st.booleans())
+def test_a_wave_that_stops_and_goes_on_gives_the_same_scores(
+    costmap: Costmap, line: np.ndarray[Any, Any], last_only: bool, seed: int, strict: bool
+) -> None:
+    """Grids are computed as far as critics look: against the whole grid, with C++'s values, looked up point by point."""
+    line = line[np.isfinite(line).all(axis=1)]
+    if len(line) == 0:
+        return
+    g = costmap.geometry
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(0.0, 1.0, (12, 4, 3)) * (g.width_m * 1.02, g.height_m * 1.02, 6.0)
+    points[:, :, 0] += g.origin_x
+    points[:, :, 1] += g.origin_y
+    rollouts = Rollouts(np.zeros((12, 3)), points, rng.integers(1, 5, 12))
+    alive = np.ones(12, np.bool_)
+    grid = GridBuffer().build(costmap, line, last_only=last_only)
+    lazy = grid.score(rollouts, alive, np.empty(12), ahead=0.05, stop_on_failure=strict)
+    whole = grid.values()
+    size = g.nx * g.ny
+    for k in range(12):
+        expected = 0.0
+        for x, y, yaw in points[k, : rollouts.counts[k]].tolist():
+            cell = g.world_to_cell(x + 0.05 * math.cos(yaw), y + 0.05 * math.sin(yaw))
+            expected = -4.0 if cell is None else float(whole[cell[1], cell[0]])
+            if expected == -4.0:
+                break
+            if strict and expected >= size:
+                expected = -3.0 if expected == size else -2.0
+                break
+        assert lazy[k] == expected
+    again = grid.score(rollouts, alive, np.empty(12), ahead=0.05, stop_on_failure=strict)
+    np.testing.assert_array_equal(lazy, again)
 
 
 @SETTINGS
