@@ -146,7 +146,8 @@ def main() -> None:
             else ""
         )
         print(
-            f"{row['case']:14s} {row['samples']:4d} samples  median {row['median_ms']:.3f} ms  best {row['best_ms']:.3f} ms{against}"
+            f"{row['case']:14s} {row['samples']:4d} samples  median {row['median_ms']:.3f} ms  "
+            f"best {row['best_ms']:.3f} ms{against}"
         )
 
 
