@@ -6,13 +6,15 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
-from navstack.configuration import Configuration
+from navstack import __version__
+from navstack.configuration import Configuration, load_configuration
 from navstack.core import Listener, OccupancyGrid, Pose2D, angle_between
-from navstack.move_base import MoveBase
+from navstack.core.errors import RecordError
+from navstack.move_base import GoalHandle, MoveBase
 from navstack.navigator import build_move_base, odometry_frame, simulated_robot, true_footprint
-from navstack.record import RunRecorder
+from navstack.record import Record, RunRecorder
 from navstack.sim import SimulatedRobot
 
 Progress = Callable[[float, int], None]
@@ -35,7 +37,7 @@ class Scenario:
     """Where map and parameters came from, for the record."""
 
     def described(self) -> dict[str, Any]:
-        """The scenario as the record keeps it (JSON)."""
+        """The scenario as the record keeps it (JSON): with the map, all that `from_record` needs to make it again."""
         return {
             **self.names,
             "ros_distro": self.configuration.navstack.ros_distro,
@@ -44,7 +46,65 @@ class Scenario:
             "obstacles": [list(obstacle) for obstacle in self.obstacles],
             "seed": self.seed,
             "time_limit_s": self.time_limit_s,
+            "navstack": __version__,
+            "parameters": _spelled(self.configuration.tree.as_dict()),
         }
+
+    @classmethod
+    def from_record(cls, record: Record) -> Scenario:
+        """The scenario that a record was made from, its parameters as they were then.
+
+        Raises RecordError for records that do not hold one, ParameterError for parameters that this version refuses.
+        """
+        told = record.scenario
+        missing = [key for key in _NEEDED if key not in told]
+        if record.map is None:
+            missing.append("map")
+        if missing or record.map is None:
+            raise RecordError(
+                f"{record.path or 'the record'} does not hold what it takes to run it again ({', '.join(missing)} "
+                "missing): it was recorded by an older navstack or by hand; record the run again",
+                missing=missing,
+            )
+        try:
+            return cls(
+                map=record.map,
+                configuration=load_configuration([dict(_read_back(told["parameters"]))], distro=told["ros_distro"]),
+                start=Pose2D(*told["start"]),
+                goals=tuple(Pose2D(*goal) for goal in told["goals"]),
+                obstacles=tuple((x, y, r) for x, y, r in told["obstacles"]),
+                seed=told["seed"],
+                time_limit_s=told["time_limit_s"],
+                names={key: value for key, value in told.items() if key not in _NEEDED and key != "navstack"},
+            )
+        except (TypeError, ValueError) as exc:
+            raise RecordError(
+                f"the scenario of {record.path or 'the record'} is damaged ({exc}); record the run again"
+            ) from exc
+
+
+_NEEDED: Final = ("ros_distro", "start", "goals", "obstacles", "seed", "time_limit_s", "parameters")
+_NOT_FINITE: Final = {".inf": math.inf, "-.inf": -math.inf, ".nan": math.nan}
+
+
+def _spelled(value: Any) -> Any:
+    """Parameters for JSON, which has no infinity: spelled as YAML does."""
+    if isinstance(value, dict):
+        return {key: _spelled(v) for key, v in value.items()}
+    if isinstance(value, list):
+        return [_spelled(v) for v in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return ".nan" if math.isnan(value) else ".inf" if value > 0.0 else "-.inf"
+    return value
+
+
+def _read_back(value: Any) -> Any:
+    """The inverse of `_spelled`."""
+    if isinstance(value, dict):
+        return {key: _read_back(v) for key, v in value.items()}
+    if isinstance(value, list):
+        return [_read_back(v) for v in value]
+    return _NOT_FINITE.get(value, value) if isinstance(value, str) else value
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,6 +204,87 @@ def _take_down(recorder: RunRecorder, robot: SimulatedRobot, move_base: MoveBase
     )
 
 
+class Run:
+    """A scenario being driven, a control cycle at a time; goes on to the next goal when one fails.
+
+    Raises an InputError or PlanningError when the robot cannot stand at the start.
+    """
+
+    def __init__(self, scenario: Scenario, *, record: bool = True, listeners: Sequence[Listener] = ()) -> None:
+        configuration = scenario.configuration
+        self.scenario = scenario
+        self.robot = simulated_robot(
+            configuration, scenario.map, scenario.start, obstacles=scenario.obstacles, seed=scenario.seed
+        )
+        self.recorder: RunRecorder | None = None
+        if record:
+            self.recorder = RunRecorder(
+                map=scenario.map,
+                footprint=true_footprint(configuration),
+                scenario=scenario.described(),
+                global_frame=configuration.global_costmap.params.global_frame,
+                local_frame=odometry_frame(configuration),
+                base_frame=configuration.local_costmap.params.robot_base_frame,
+            )
+        heard = [self.recorder, *listeners] if self.recorder is not None else list(listeners)
+        self.move_base = build_move_base(configuration, self.robot, static_map=scenario.map, listeners=heard)
+        self.goal_index = -1
+        """The goal being driven to, -1 before the first step."""
+        self.outcomes: list[GoalOutcome] = []
+        self.done = False
+        """True when every goal has ended."""
+        self._handle: GoalHandle | None = None
+        self._begun, self._driven = 0.0, 0.0
+
+    def step(self) -> bool:
+        """One control cycle: the world goes on to its time, then the goal manager ticks. False: nothing is left to do."""
+        handle = self._under_way()
+        if handle is None:
+            return False
+        robot, move_base = self.robot, self.move_base
+        robot.advance_to(move_base.next_due(robot.time))
+        move_base.tick(robot.time)
+        if self.recorder is not None:
+            _take_down(self.recorder, robot, move_base, self.goal_index)
+        if robot.time - self._begun > self.scenario.time_limit_s:
+            move_base.cancel_goal(handle)
+        return True
+
+    def _under_way(self) -> GoalHandle | None:
+        """The goal to work on, the next one where one has ended; None after the last."""
+        while not self.done and (self._handle is None or self._handle.is_done):
+            if self._handle is not None:
+                self.outcomes.append(self._outcome(self._handle))
+            if self.goal_index + 1 == len(self.scenario.goals):
+                self.done = True
+                if self.recorder is not None:
+                    self.recorder.finish([outcome.as_dict() for outcome in self.outcomes], self.robot.collisions)
+                break
+            self.goal_index += 1
+            goal = self.scenario.goals[self.goal_index]
+            self._begun, self._driven = self.robot.time, self.robot.distance_travelled
+            self._handle = self.move_base.send_goal(goal)
+            if self.recorder is not None:
+                self.recorder.goal(self._begun, goal)
+        return None if self.done else self._handle
+
+    def _outcome(self, handle: GoalHandle) -> GoalOutcome:
+        robot, goal, result = self.robot, self.scenario.goals[self.goal_index], handle.result
+        return GoalOutcome(
+            goal=goal,
+            state=handle.status.name,
+            text=handle.text,
+            error_code=result.error_code,
+            error_name=result.error_name,
+            message=result.message,
+            time_s=robot.time - self._begun,
+            path_length_m=robot.distance_travelled - self._driven,
+            distance_left_m=robot.pose.distance_to(goal),
+            yaw_left_rad=abs(angle_between(robot.pose.yaw, goal.yaw)),
+            recoveries=result.recoveries,
+        )
+
+
 def run_scenario(
     scenario: Scenario,
     *,
@@ -156,62 +297,15 @@ def run_scenario(
     Raises an InputError or PlanningError when the robot cannot stand at the start.
     """
     wall_start = time.perf_counter()
-    configuration = scenario.configuration
-    robot = simulated_robot(
-        configuration, scenario.map, scenario.start, obstacles=scenario.obstacles, seed=scenario.seed
-    )
-    recorder: RunRecorder | None = None
-    if record:
-        recorder = RunRecorder(
-            map=scenario.map,
-            footprint=true_footprint(configuration),
-            scenario=scenario.described(),
-            global_frame=configuration.global_costmap.params.global_frame,
-            local_frame=odometry_frame(configuration),
-            base_frame=configuration.local_costmap.params.robot_base_frame,
-        )
-    heard = [recorder, *listeners] if recorder is not None else list(listeners)
-    move_base = build_move_base(configuration, robot, static_map=scenario.map, listeners=heard)
-    outcomes: list[GoalOutcome] = []
-    for index, goal in enumerate(scenario.goals):
-        begun, driven = robot.time, robot.distance_travelled
-        handle = move_base.send_goal(goal)
-        if recorder is not None:
-            recorder.goal(begun, goal)
-        while not handle.is_done:
-            due = move_base.next_due(robot.time)
-            robot.advance_to(due)
-            move_base.tick(robot.time)
-            if recorder is not None:
-                _take_down(recorder, robot, move_base, index)
-            if progress is not None:
-                progress(robot.time, index)
-            if robot.time - begun > scenario.time_limit_s:
-                move_base.cancel_goal(handle)
-        result = handle.result
-        pose = robot.pose
-        outcomes.append(
-            GoalOutcome(
-                goal=goal,
-                state=handle.status.name,
-                text=handle.text,
-                error_code=result.error_code,
-                error_name=result.error_name,
-                message=result.message,
-                time_s=robot.time - begun,
-                path_length_m=robot.distance_travelled - driven,
-                distance_left_m=pose.distance_to(goal),
-                yaw_left_rad=abs(angle_between(pose.yaw, goal.yaw)),
-                recoveries=result.recoveries,
-            )
-        )
-    if recorder is not None:
-        recorder.finish([outcome.as_dict() for outcome in outcomes], robot.collisions)
+    run = Run(scenario, record=record, listeners=listeners)
+    while run.step():
+        if progress is not None:
+            progress(run.robot.time, run.goal_index)
     return RunResult(
-        goals=tuple(outcomes),
-        simulated_s=robot.time,
+        goals=tuple(run.outcomes),
+        simulated_s=run.robot.time,
         wall_s=time.perf_counter() - wall_start,
-        collisions=len(robot.collisions),
+        collisions=len(run.robot.collisions),
         seed=scenario.seed,
-        recorder=recorder,
+        recorder=run.recorder,
     )
