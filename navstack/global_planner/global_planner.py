@@ -20,6 +20,7 @@ from navstack.global_planner import ends
 from navstack.global_planner.cost_rule import CostRule, global_planner_rule
 from navstack.global_planner.guide import CoarseGuide, astar
 from navstack.global_planner.orientation_filter import OrientationMode, orient
+from navstack.global_planner.replanning import GoalField, Memory, Request
 from navstack.global_planner.wavefront import Guide, Wavefront
 from navstack.interfaces import GlobalPlanner, Plan
 from navstack.plugins import GLOBAL_PLANNERS
@@ -92,6 +93,13 @@ class GlobalPlannerROS(GlobalPlanner):
         super().__init__(params or GlobalPlannerParams())
         self._wave = Wavefront()
         self._coarse = CoarseGuide()
+        self._field = GoalField()
+        self._memory = Memory()
+
+    def forget(self) -> None:
+        """The next plan is made from scratch."""
+        self._field = GoalField()
+        self._memory = Memory()
 
     def make_plan(
         self,
@@ -110,6 +118,10 @@ class GlobalPlannerROS(GlobalPlanner):
         del footprint
         params = cast("GlobalPlannerParams", self.params)
         ends.cells_of(costmap, start, goal)  # before the ring is added: outside is outside
+        request = Request(start, goal, costmap.geometry, costmap.frame, keep_potential)
+        known = self._memory.recall(costmap, request)
+        if known is not None:
+            return known
         grid = costmap if params.outline_map else _with_ring(costmap)
         rule = global_planner_rule(
             params.lethal_cost, params.neutral_cost, params.cost_factor, params.allow_unknown, params.use_quadratic
@@ -132,21 +144,29 @@ class GlobalPlannerROS(GlobalPlanner):
         if not grid.geometry.contains_cell(*first_stop) or ends.is_blocked(grid, rule, first_stop):
             first_stop = target
         potential: NDArray[np.float32] | None = None
+        guided = False
 
         def attempt(guide: Guide | None, limit: float) -> float:
-            nonlocal potential
+            nonlocal potential, guided
+            guided = guide is not None
             spread(wave, grid, rule, start, start_cell, first_stop, params, guide, limit)
             potential = wave.full_potential() if keep_potential else None
             if wave.potential_of(*first_stop) < math.inf:
                 if not (params.use_grid_path or params.old_navfn_behavior):
                     wave.complete(target[0], target[1], _ENDPOINT_REACH)
                 extend(wave, target, guide, limit)
+                if guided:
+                    wave.settle(target, guide, limit)
             return wave.potential_of(*target)
 
-        if params.use_dijkstra:
-            attempt(None, math.inf)
-        else:
-            astar(self._coarse, grid, rule, start_cell, target, 2.0 * params.neutral_cost, attempt)
+        rise = 2.0 * params.neutral_cost
+
+        def first() -> object:
+            if params.use_dijkstra:
+                return attempt(None, math.inf)
+            return astar(self._coarse, grid, rule, start_cell, target, rise, attempt)
+
+        self._field.search(grid, rule, start_cell, target, rise, attempt, lambda: wave.expanded, first)
         reached = next((c for c in free if wave.potential_of(*c[1]) < math.inf), None)
         if reached is None:
             if wave.expanded == 0 and ends.is_blocked(grid, rule, start_cell):
@@ -172,7 +192,7 @@ class GlobalPlannerROS(GlobalPlanner):
         moved = goal.distance_to(used)
         if moved > 0.0:
             notes.append(f"the goal cannot be reached; the plan ends {moved:.2f} m from it (default_tolerance)")
-        return Plan(
+        plan = Plan(
             path=Path(poses, costmap.frame),
             cost=cost,
             goal=used,
@@ -181,6 +201,11 @@ class GlobalPlannerROS(GlobalPlanner):
             potential=potential,
             notes=tuple(notes),
         )
+        whole = (0, 0, costmap.geometry.nx, costmap.geometry.ny)
+        # without a guide a wave looks at every cell that could matter; with one, others may come to matter
+        everything = guided or params.default_tolerance > 0.0 or grid is not costmap
+        self._memory.remember(costmap, request, plan, whole if everything else wave.rectangle)
+        return plan
 
 
 def _with_ring(costmap: Costmap) -> Costmap:

@@ -16,7 +16,7 @@ from navstack.global_planner.wavefront import Guide, Wavefront
 Cell = tuple[int, int]
 _SHIFT: Final = 2
 _SLACK_RISES: Final = 6.0
-_WIDEN: Final = (1.03, 1.12)
+_WIDEN: Final = (1.06, 1.2)
 
 
 def _coarse_rule(quadratic: bool) -> CostRule:

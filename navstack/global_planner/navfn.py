@@ -18,6 +18,7 @@ from navstack.global_planner import _trace_kernels as trace
 from navstack.global_planner import ends
 from navstack.global_planner.cost_rule import NAVFN_NEUTRAL, CostRule, navfn_rule
 from navstack.global_planner.guide import CoarseGuide, astar
+from navstack.global_planner.replanning import GoalField, Memory, Request
 from navstack.global_planner.wavefront import Guide, Wavefront
 from navstack.interfaces import GlobalPlanner, Plan
 from navstack.plugins import GLOBAL_PLANNERS
@@ -111,6 +112,13 @@ class NavfnROS(GlobalPlanner):
         super().__init__(params or NavfnParams())
         self._wave = Wavefront()
         self._coarse = CoarseGuide()
+        self._field = GoalField()
+        self._memory = Memory()
+
+    def forget(self) -> None:
+        """The next plan is made from scratch."""
+        self._field = GoalField()
+        self._memory = Memory()
 
     def make_plan(
         self,
@@ -130,6 +138,11 @@ class NavfnROS(GlobalPlanner):
         params = cast("NavfnParams", self.params)
         rule = navfn_rule(params.allow_unknown)
         start_cell, goal_cell = ends.cells_of(costmap, start, goal)
+        keep_potential = keep_potential or params.visualize_potential
+        request = Request(start, goal, costmap.geometry, costmap.frame, keep_potential)
+        known = self._memory.recall(costmap, request)
+        if known is not None:
+            return known
         candidates = ends.goal_candidates(costmap, goal, params.default_tolerance)
         free = [c for c in candidates if c[1] == start_cell or not ends.is_blocked(costmap, rule, c[1])]
         if not free:
@@ -137,14 +150,22 @@ class NavfnROS(GlobalPlanner):
         wave = self._wave
         target = free[0][1]
 
+        guided = False
+
         def attempt(guide: Guide | None, limit: float) -> float:
+            nonlocal guided
+            guided = guide is not None
             spread(wave, costmap, rule, root=start_cell, target=target, guide=guide, limit=limit)
+            if guided:
+                wave.settle(target, guide, limit)
             return wave.potential_of(*target)
 
-        if params.use_astar:
-            astar(self._coarse, costmap, rule, start_cell, target, RISE, attempt)
-        else:
-            attempt(None, math.inf)
+        def first() -> object:
+            if params.use_astar:
+                return astar(self._coarse, costmap, rule, start_cell, target, RISE, attempt)
+            return attempt(None, math.inf)
+
+        self._field.search(costmap, rule, start_cell, target, RISE, attempt, lambda: wave.expanded, first)
         reached = next((c for c in free if wave.potential_of(*c[1]) < math.inf), None)
         if reached is None:
             if wave.expanded == 0 and ends.is_blocked(costmap, rule, start_cell):
@@ -162,12 +183,17 @@ class NavfnROS(GlobalPlanner):
         moved = goal.distance_to(used)
         if moved > 0.0:
             notes.append(f"the goal cannot be reached; the plan ends {moved:.2f} m from it (default_tolerance)")
-        return Plan(
+        plan = Plan(
             path=Path(poses, costmap.frame),
             cost=wave.potential_of(*cell),
             goal=used,
             goal_moved_m=moved,
             cells_expanded=wave.expanded,
-            potential=wave.full_potential() if keep_potential or params.visualize_potential else None,
+            potential=wave.full_potential() if keep_potential else None,
             notes=tuple(notes),
         )
+        # without a guide a wave looks at every cell that could matter; with one, others may come to matter
+        everything = guided or params.default_tolerance > 0.0
+        whole = (0, 0, costmap.geometry.nx, costmap.geometry.ny)
+        self._memory.remember(costmap, request, plan, whole if everything else wave.rectangle)
+        return plan

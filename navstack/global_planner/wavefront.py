@@ -155,6 +155,57 @@ class Wavefront:
             int(self.rule.quadratic),
         )
 
+    def settle(self, cell: tuple[int, int], guide: Guide | None, limit: float) -> None:
+        """Runs on until nothing that is queued could lower the potential of `cell` any more.
+
+        A wave that stops where it first arrives, as C++'s, may have come by a way that the next round would beat by a per cent.
+        """
+        reached = self.potential_of(*cell)
+        if reached < math.inf:
+            self.run(last=reached, guide=guide, limit=limit)
+
+    def revise(
+        self, changed: NDArray[np.int64], were_blocked: NDArray[np.bool_], *, cheaper: NDArray[np.bool_], rise: float
+    ) -> None:
+        """The costs of the cells `changed` are others now: lowers the potential where it has become cheaper.
+
+        What has become dearer keeps its potential, as a lower bound; so this is for guides only. The wave under way is
+        interrupted for it and taken up again where it was.
+        """
+        nx, ny = self.nx, self.ny
+        weight, pot = self._weight, self._pot
+        inner = (changed % nx > 0) & (changed % nx < nx - 1) & (changed >= nx) & (changed < (ny - 1) * nx)
+        waiting = ~were_blocked & np.isinf(weight[changed])  # queued by the wave under way: it will see to them
+        free = inner & ~waiting
+        weight[changed[free]] = self.rule.weights[self._cost[changed[free]]]
+        cells = changed[free & cheaper]
+        around = (
+            pot[np.stack([cells - 1, cells + 1, cells - nx, cells + nx])]
+            if cells.size
+            else np.empty((4, 0), np.float32)
+        )
+        lowest = around.min(axis=0) if cells.size else np.empty(0, np.float32)
+        cells = cells[lowest < UNREACHED]
+        if cells.size == 0:
+            return
+        suspended, level = self._queued(), float(self._level[0])
+        weight[cells] = np.inf
+        self._queue(cells.astype(np.uint32))
+        self._level[0] = min(level, float(lowest.min()) + rise)
+        self.run(last=level)
+        self._queue(np.concatenate([suspended, self._queued()]))
+        self._level[0] = level
+
+    def _queued(self) -> NDArray[np.uint32]:
+        n, m = int(self._state[kernels.NCURRENT]), int(self._state[kernels.NOVER])
+        return np.concatenate([self._lists[0][:n], self._lists[2][:m]])
+
+    def _queue(self, cells: NDArray[np.uint32]) -> None:
+        if cells.size > self._lists[0].size:
+            self._lists[0] = np.empty(2 * cells.size, np.uint32)
+        self._lists[0][: cells.size] = cells
+        self._state[kernels.NCURRENT], self._state[kernels.NOVER] = cells.size, 0
+
     def complete(self, ix: int, iy: int, reach: int) -> None:
         """Gives the free cells without potential within `reach` cells of (ix, iy) one from their neighbours."""
         rule = self.rule

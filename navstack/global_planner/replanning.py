@@ -1,0 +1,164 @@
+"""Planning to the same goal again: once a second a robot asks the same question from a little further on.
+
+`Memory` hands out the last plan when nothing changed. `GoalField` keeps a potential from the goal between plans and lets it
+guide the planner's own wave, which comes from the start: the wave then visits only cells through which a path can
+come within a hair of the best. What it finds is what it would find without a guide, so nothing depends on how the
+field came about; the field decides only how many cells are looked at:
+
+- cells that became dearer leave the field too low, which is still a bound: more cells are looked at;
+- cells that became cheaper are repaired at once, by a wave from them (it can only lower what it touches);
+- a guide that misled a few times in a row (too many cells looked at) or altogether (no path) is built anew.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import Costmap, GridGeometry, Pose2D
+from navstack.global_planner.cost_rule import CostRule
+from navstack.global_planner.wavefront import Guide, Wavefront
+from navstack.interfaces import Plan
+
+Cell = tuple[int, int]
+_WORTHWHILE: Final = 3000
+"""Cells lowered by the last wave from which on a field pays (about 0.1 ms)."""
+_FACTORS: Final = (1.005, 1.1)
+"""Factor on the estimate within which the wave is kept, at first and then; with a slack on top, see `_slack`."""
+_BEYOND_RISES: Final = 8.0
+_MISLED: Final = 3
+"""Plans in a row for which the field was far too low, after which it is built anew."""
+_MANY_CHANGES: Final = 0.05
+"""Part of the cells that may change before the field is built anew."""
+
+
+class Request(NamedTuple):
+    """What was asked for."""
+
+    start: Pose2D
+    goal: Pose2D
+    geometry: GridGeometry
+    frame: str
+    keep_potential: bool
+
+
+class Memory:
+    """The last plan, handed out again as long as the request and every cell its wave looked at are the same."""
+
+    def __init__(self) -> None:
+        self._request: Request | None = None
+        self._plan: Plan | None = None
+        self._rectangle = (0, 0, 0, 0)
+        self._seen = np.empty((0, 0), np.uint8)
+
+    def recall(self, costmap: Costmap, request: Request) -> Plan | None:
+        """The plan for this request, None when it must be made."""
+        if request != self._request:
+            return None
+        x0, y0, x1, y1 = self._rectangle
+        return self._plan if np.array_equal(costmap.data[y0:y1, x0:x1], self._seen) else None
+
+    def remember(self, costmap: Costmap, request: Request, plan: Plan, rectangle: tuple[int, int, int, int]) -> None:
+        """Keeps a plan, and the cells of `rectangle` = (x0, y0, x1, y1), all that its wave looked at."""
+        x0, y0, x1, y1 = rectangle
+        plan.path.poses.setflags(write=False)  # it may be handed out twice
+        self._request, self._plan, self._rectangle = request, plan, rectangle
+        self._seen = costmap.data[y0:y1, x0:x1].copy()
+
+
+class GoalField:
+    """The potential from a goal, kept up to date while the costmap changes."""
+
+    def __init__(self) -> None:
+        self._key: tuple[Cell, GridGeometry, CostRule] | None = None
+        self._asked = 0
+        self._built = False
+        self._misled = 0
+        self._wave = Wavefront()
+        self._kept: Costmap | None = None
+
+    def search(
+        self,
+        costmap: Costmap,
+        rule: CostRule,
+        start: Cell,
+        goal: Cell,
+        rise: float,
+        attempt: Callable[[Guide | None, float], float],
+        effort: Callable[[], int],
+        otherwise: Callable[[], object],
+    ) -> None:
+        """Runs `attempt(guide, limit)`, which returns the goal's potential, until it succeeds; for first plans `otherwise()`.
+
+        `effort()` tells how many cells the last attempt lowered.
+        """
+        key = (goal, costmap.geometry, rule)
+        if self._key is None or self._key[:2] != key[:2] or self._key[2] is not rule:
+            self._key, self._asked, self._built = key, 0, False
+        again = self._asked > _WORTHWHILE and not rule.blocked[costmap.data[start[1], start[0]]]
+        estimate = self._estimate(costmap, rule, start, goal, rise) if again else math.inf
+        if estimate < math.inf:
+            guide = Guide(self._wave.pot, 0)
+            for factor in _FACTORS:
+                if attempt(guide, factor * estimate + _slack(estimate, rise)) < math.inf:
+                    right = factor == _FACTORS[0] and effort() <= max(_WORTHWHILE, self._asked // 2)
+                    self._misled = 0 if right else self._misled + 1
+                    self._built = self._misled < _MISLED
+                    return
+            self._built = False
+        otherwise()
+        self._asked = max(self._asked, effort())
+
+    def _estimate(self, costmap: Costmap, rule: CostRule, start: Cell, goal: Cell, rise: float) -> float:
+        """Brings the field up to date, as far as the start and a little beyond; the potential there, inf when unreached."""
+        wave = self._wave
+        if self._built:
+            self._built = self._update(costmap.data, rule, rise)
+        if not self._built:
+            self._kept = costmap.copy()
+            x, y = goal
+            wave.begin(
+                self._kept,
+                rule,
+                seeds=[(y * costmap.geometry.nx + x, 0.0)],
+                fronts=[(x + 1, y), (x - 1, y), (x, y - 1), (x, y + 1)],
+                target=start,
+                threshold=2.0 * rise,
+                rise=rise,
+                whole=True,
+            )
+            self._built, self._misled = True, 0
+        if wave.potential_of(*start) == math.inf:
+            wave.run(start[1] * wave.nx + start[0])
+        estimate = wave.potential_of(*start)
+        if estimate < math.inf:
+            wave.run(last=estimate + _BEYOND_RISES * rise)
+        return estimate
+
+    def _update(self, data: NDArray[np.uint8], rule: CostRule, rise: float) -> bool:
+        """Takes over what changed since; False when the field is better built anew."""
+        assert self._kept is not None
+        kept, new = self._kept.data.reshape(-1), data.reshape(-1)
+        changed = np.flatnonzero(kept != new)
+        if changed.size == 0:
+            return True
+        if changed.size > _MANY_CHANGES * kept.size:
+            return False
+        before, after = kept[changed], new[changed]
+        kept[changed] = after
+        price = np.where(rule.blocked, np.float32(np.inf), rule.steps)
+        self._wave.revise(changed, rule.blocked[before], cheaper=price[after] < price[before], rise=rise)
+        return True
+
+
+def _slack(estimate: float, rise: float) -> float:
+    """What the wave may exceed the estimate by, in potential.
+
+    The two potentials disagree by up to a few cells around their roots, where a wave is no plane yet: that counts on a
+    short way, where a wide berth costs little, and is within the factor on a long one.
+    """
+    return rise * max(2.0, 6.0 - estimate / (50.0 * rise))
