@@ -150,21 +150,16 @@ def _rows() -> Iterable[Transition]:
     )
     yield Transition(_M.IDLE, _E.GOAL_INVALID, _M.IDLE, outcome=_O.BAD_QUATERNION)
     for mode in _ACTIVE:
-        # no stop: the robot keeps its command until the new plan, or the next cycle without one
-        yield Transition(
-            mode,
-            _E.GOAL_REPLACED,
-            _M.PLANNING,
-            (_A.DROP_RECOVERY, _A.RESET_TIMERS, _A.RESET_OSCILLATION, _A.WAKE_PLANNER),
-            index_rule=IndexRule.RESET,
-        )
-        yield Transition(
-            mode,
-            _E.FRAME_CHANGED,
-            _M.PLANNING,
-            (_A.DROP_RECOVERY, _A.RESET_TIMERS, _A.RESET_OSCILLATION, _A.WAKE_PLANNER),
-            index_rule=IndexRule.RESET,
-        )
+        # no stop while driving: the robot keeps its command until the new plan, or the next cycle without one
+        halt = (_A.STOP_IF_MOVING,) if mode is _M.CLEARING else ()
+        for event in (_E.GOAL_REPLACED, _E.FRAME_CHANGED):
+            yield Transition(
+                mode,
+                event,
+                _M.PLANNING,
+                (_A.DROP_RECOVERY, *halt, _A.RESET_TIMERS, _A.RESET_OSCILLATION, _A.WAKE_PLANNER),
+                index_rule=IndexRule.RESET,
+            )
         # ROS differs (parity 25): C++ leaves the planner running and the robot moving
         yield _ends(mode, _E.GOAL_INVALID, _O.BAD_QUATERNION)
         yield _ends(mode, _E.CANCELED, _O.CANCELED)
