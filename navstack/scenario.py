@@ -17,6 +17,9 @@ from navstack.navigator import build_move_base, odometry_frame, simulated_robot,
 from navstack.record import Record, RunRecorder
 from navstack.sim import SimulatedRobot
 
+WARM_UP_S = 1.0
+"""Simulated seconds after which every stage of driving has had its turn."""
+
 Progress = Callable[[float, int], None]
 """Called now and then with the simulated time (s) and the index of the present goal."""
 
@@ -148,7 +151,7 @@ class GoalOutcome:
 
 @dataclass(frozen=True, slots=True)
 class RunResult:
-    """How a run ended. `wall_s` is the only thing here that differs from run to run."""
+    """How a run ended. `wall_s` (without the time to load the robot's parameters and the map) is all that differs from run to run."""
 
     goals: tuple[GoalOutcome, ...]
     simulated_s: float
@@ -283,6 +286,16 @@ class Run:
             yaw_left_rad=abs(angle_between(robot.pose.yaw, goal.yaw)),
             recoveries=result.recoveries,
         )
+
+
+def warm_up(scenario: Scenario) -> None:
+    """Drives the first moments of a run and forgets them, so that its kernels are compiled and loaded.
+
+    The run itself is not touched: it starts anew. Raises what `run_scenario` raises.
+    """
+    run = Run(scenario, record=False)
+    while run.robot.time < WARM_UP_S and run.step():
+        pass
 
 
 def run_scenario(

@@ -120,7 +120,16 @@ def _run(scenario: Scenario, *, quiet: bool) -> RunResult:
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from navstack.cli.output import stderr
-    from navstack.scenario import run_scenario
+    from navstack.core.jit import kernels_are_cached
+    from navstack.scenario import run_scenario, warm_up
+
+    # said in full when it takes long, so that nobody takes the first run for a hang
+    what = "loading" if kernels_are_cached() else "compiling, this first time only and for about half a minute,"
+    if quiet:
+        warm_up(scenario)
+    else:
+        with stderr().status(f"{what} the kernels"):
+            warm_up(scenario)
 
     # how long the tour will take is not known: the bar counts goals, the text the simulated time
     columns = (

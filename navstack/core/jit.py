@@ -88,6 +88,12 @@ def _dispatcher(function: Callable[P, R]) -> Callable[P, R]:
     return cast("Callable[P, R]", numba.njit(**options)(function))
 
 
+def kernels_are_cached() -> bool:
+    """False when the kernels of this state of the package are yet to be compiled: the first run takes its time."""
+    folder = _cache_folder()
+    return folder is not None and next(Path(folder).rglob("*.nbi"), None) is not None
+
+
 @cache
 def _cache_folder() -> str | None:
     """The folder for this state of the kernels, None when none can be written to."""
