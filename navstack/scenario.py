@@ -151,7 +151,7 @@ class GoalOutcome:
 
 @dataclass(frozen=True, slots=True)
 class RunResult:
-    """How a run ended. `wall_s` (without the time to load the robot's parameters and the map) is all that differs from run to run."""
+    """How a run ended. `wall_s` is the only thing here that differs from run to run; loading and warming up are not in it."""
 
     goals: tuple[GoalOutcome, ...]
     simulated_s: float
