@@ -6,7 +6,8 @@ a threshold that rises by a fixed step whenever current and next are both empty.
 
 Per cell two float32: `pot`, the potential, HIGH where there is none; and `weight` = cost / sqrt(2), what a neighbour must
 undercut to queue the cell, or inf while the cell is queued, blocked, or on the outermost ring. With that, "is it worth
-queueing" is one comparison, and pushing needs no branch: the cell is stored at the end of the list and the end moves by 0 or 1.
+queueing" is one comparison. A weight is written only when that changes it: writing it back in any case saves the branch, but
+then the next cell waits for the store, and it is slower by a third.
 
 Only an open rectangle of both arrays holds values; everything outside is whatever the memory held before. The
 unreached cells of the rectangle's rim carry the potential EDGE, so that the one comparison when a cell is taken off the list
@@ -112,8 +113,12 @@ def _arrival(left, right, up, down, h, quadratic):
     """
     a = left if left < right else right
     b = up if up < down else down
-    low = a if a < b else b
-    d = a - b if a > b else b - a
+    if a < b:
+        low = a
+        d = b - a
+    else:
+        low = b
+        d = a - b
     if quadratic and d < h:
         q = np.float64(d / h)
         return low + h * np.float32(-0.2301 * (q * q) + (0.5307 * q + 0.7040))
@@ -180,8 +185,8 @@ def wave(
     coarse = shift > 0
     gnx = ((nx - 1) >> shift) + 3
     while ncur > 0 and threshold <= last:
-        following = _grown(following, 0, 4 * ncur)
-        over = _grown(over, nover, np.int64(nover) + 4 * ncur)
+        following = _grown(following, zero, np.int64(4 * ncur))
+        over = _grown(over, nover, np.int64(nover) + np.int64(4 * ncur))
         for i in range(ncur):
             k = np.uint64(current[i])
             weight[k] = weights[cost[k]]
@@ -214,30 +219,39 @@ def wave(
                 pot[k] = p
                 wl, wr = weight[k - one], weight[k + one]
                 wu, wd = weight[k - stride], weight[k + stride]
-                cl, cr = left > p + wl, right > p + wr
-                cu, cd = up > p + wu, down > p + wd
-                weight[k - one] = INF if cl else wl
-                weight[k + one] = INF if cr else wr
-                weight[k - stride] = INF if cu else wu
-                weight[k + stride] = INF if cd else wd
-                if p < threshold:
-                    following[nnext] = k - one
-                    nnext += np.uint64(cl)
-                    following[nnext] = k + one
-                    nnext += np.uint64(cr)
-                    following[nnext] = k - stride
-                    nnext += np.uint64(cu)
-                    following[nnext] = k + stride
-                    nnext += np.uint64(cd)
-                else:
-                    over[nover] = k - one
-                    nover += np.uint64(cl)
-                    over[nover] = k + one
-                    nover += np.uint64(cr)
-                    over[nover] = k - stride
-                    nover += np.uint64(cu)
-                    over[nover] = k + stride
-                    nover += np.uint64(cd)
+                near = p < threshold
+                if left > p + wl:
+                    weight[k - one] = INF
+                    if near:
+                        following[nnext] = k - one
+                        nnext += one
+                    else:
+                        over[nover] = k - one
+                        nover += one
+                if right > p + wr:
+                    weight[k + one] = INF
+                    if near:
+                        following[nnext] = k + one
+                        nnext += one
+                    else:
+                        over[nover] = k + one
+                        nover += one
+                if up > p + wu:
+                    weight[k - stride] = INF
+                    if near:
+                        following[nnext] = k - stride
+                        nnext += one
+                    else:
+                        over[nover] = k - stride
+                        nover += one
+                if down > p + wd:
+                    weight[k + stride] = INF
+                    if near:
+                        following[nnext] = k + stride
+                        nnext += one
+                    else:
+                        over[nover] = k + stride
+                        nover += one
         current, following = following, current
         ncur = np.int64(nnext)
         if ncur == 0:

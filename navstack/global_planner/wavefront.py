@@ -134,6 +134,8 @@ class Wavefront:
         May be called again to go on. With a `guide`, cells where the potentials from both ends together exceed `limit` are
         left out.
         """
+        if stop >= 0:
+            self._open(stop % self.nx, stop // self.nx)
         self._lists[:] = kernels.wave(
             self._cost,
             self._pot,
@@ -154,6 +156,24 @@ class Wavefront:
             np.float32(limit),
             int(self.rule.quadratic),
         )
+
+    def _open(self, ix: int, iy: int) -> None:
+        """Makes sure that the cell lies inside the rectangle, so that its potential can be read."""
+        x0, y0, x1, y1 = self.rectangle
+        if not (x0 <= ix < x1 and y0 <= iy < y1):
+            kernels.open_rectangle(
+                self._cost,
+                self._pot,
+                self._weight,
+                self.rule.weights,
+                self.nx,
+                self.ny,
+                self._state,
+                ix - _MARGIN,
+                iy - _MARGIN,
+                ix + _MARGIN + 1,
+                iy + _MARGIN + 1,
+            )
 
     def settle(self, cell: tuple[int, int], guide: Guide | None, limit: float) -> None:
         """Runs on until nothing that is queued could lower the potential of `cell` any more.

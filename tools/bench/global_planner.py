@@ -76,6 +76,7 @@ def world(
     a, b = Pose2D(*grid.geometry.cell_to_world(*start)), Pose2D(*grid.geometry.cell_to_world(*goal))
 
     def run() -> object:
+        planner.forget()
         return planner.make_plan(grid, a, b)
 
     return run
