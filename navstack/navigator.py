@@ -10,6 +10,7 @@ from navstack.core import Footprint, FrameTree, Listener, OccupancyGrid, Pose2D,
 from navstack.core.errors import InputError, StartOccupiedError, StartOutsideMapError
 from navstack.costmap import LayeredCostmap, LayerSpec
 from navstack.interfaces import GlobalPlanner, Plan, Robot
+from navstack.map_io import load_map
 from navstack.move_base import MoveBase
 from navstack.sim import SimulatedRobot, World
 
@@ -25,6 +26,7 @@ def build_costmap(
         footprint=configuration.footprint,
         frames=frames,
         static_map=static_map,
+        read_map=load_map,
     )
 
 
@@ -62,14 +64,17 @@ def simulated_robot(
     start: Pose2D,
     *,
     obstacles: Sequence[tuple[float, float, float]] = (),
+    low_obstacles: Sequence[tuple[float, float, float]] = (),
     seed: int = 0,
 ) -> SimulatedRobot:
     """A robot at `start` (map frame) among the map's walls and `obstacles` (x, y, radius; m), as `navstack: sim:` says.
 
+    Lidars do not see `low_obstacles`; bumpers feel them.
+
     Raises StartOutsideMapError or StartOccupiedError when it cannot stand there.
     """
     footprint = true_footprint(configuration)
-    world = World(static_map, obstacles)
+    world = World(static_map, obstacles, low_discs=low_obstacles)
     if not start.is_finite():
         raise InputError(f"the start {tuple(start)} is not finite; give x,y,yaw in metres and radians", pose=start)
     if not world.contains(start):
@@ -94,7 +99,7 @@ def simulated_robot(
         seed=seed,
         base_frame=configuration.local_costmap.params.robot_base_frame,
         odom_frame=odometry_frame(configuration),
-        map_frame=configuration.global_costmap.params.global_frame,
+        map_frame=true_frame(configuration),
     )
 
 
@@ -102,6 +107,12 @@ def odometry_frame(configuration: Configuration) -> str:
     """The frame odometry lives in: the local costmap's, unless that is the map's own."""
     local = configuration.local_costmap.params.global_frame
     return local if local != configuration.global_costmap.params.global_frame else "odom"
+
+
+def true_frame(configuration: Configuration) -> str:
+    """The frame of the simulated world: the global costmap's, or "map" above it for a robot that knows only odometry."""
+    frame = configuration.global_costmap.params.global_frame
+    return frame if frame != odometry_frame(configuration) else "map"
 
 
 def _nearest_free(world: World, footprint: Footprint, pose: Pose2D) -> str:
