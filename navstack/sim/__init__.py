@@ -1,9 +1,22 @@
-"""The simulator: a robot's body, odometry and lidars in a world made of a map and round obstacles."""
+"""The simulator: a robot's body, odometry, lidars and bumpers in a world made of a map and round obstacles."""
 
+from navstack.sim.bumper import Bumper
 from navstack.sim.lidar import Lidar
 from navstack.sim.movers import Track, TrackedDiscs
-from navstack.sim.params import LidarParams, SimParams
+from navstack.sim.params import BumperParams, LidarParams, SimParams
 from navstack.sim.robot import Contact, SimulatedRobot
 from navstack.sim.world import Mover, World
 
-__all__ = ["Contact", "Lidar", "LidarParams", "Mover", "SimParams", "SimulatedRobot", "Track", "TrackedDiscs", "World"]
+__all__ = [
+    "Bumper",
+    "BumperParams",
+    "Contact",
+    "Lidar",
+    "LidarParams",
+    "Mover",
+    "SimParams",
+    "SimulatedRobot",
+    "Track",
+    "TrackedDiscs",
+    "World",
+]

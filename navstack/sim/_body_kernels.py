@@ -192,9 +192,9 @@ def drive(
 
     `state` (18,) is changed. `limits` = most change of vx, vy, wz in a step; `keep` = share of the velocity error that the
     lag leaves after a step; `noise` (steps or 0, 6): relative errors of the true motion vx, vy, wz against the wheels', and
-    of the odometry against the wheels'. `moving`: the discs have moved since the last call. `samples` (>= steps, 9) receives
-    true pose, odometry pose, velocity after each step; `contacts` (>= 2 steps, 2) int64 the step and what was hit (as
-    `find_contact`).
+    of the odometry against the wheels'. `moving`: the discs have moved since the last call. `samples` (>= steps, 10) receives
+    true pose, odometry pose, velocity after each step, and 1 where the robot is in contact; `contacts` (>= 2 steps, 2)
+    int64 the step and what was hit (as `find_contact`).
     """
     hits = 0
     placed = np.empty((footprint.shape[0], 2))
@@ -270,4 +270,5 @@ def drive(
         samples[step, 0], samples[step, 1], samples[step, 2] = state[X], state[Y], state[YAW]
         samples[step, 3], samples[step, 4], samples[step, 5] = state[OX], state[OY], state[OYAW]
         samples[step, 6], samples[step, 7], samples[step, 8] = state[VX], state[VY], state[WZ]
+        samples[step, 9] = max(state[TOUCHING], state[OVERRUN])
     return hits

@@ -48,7 +48,7 @@ class Lidar:
         ranges = sweep(
             world.squares,
             world.grid,
-            world.discs_at(stamp) if discs is None else discs,
+            world.in_sight(world.discs_at(stamp) if discs is None else discs),
             eye.x,
             eye.y,
             eye.yaw,

@@ -60,6 +60,45 @@ class LidarParams(ParamModel):
         return -0.5 * self.angle_increment * (self.beams - 1)
 
 
+class BumperParams(ParamModel):
+    """Contact sensors around the body, as points where they are pressed. The defaults are the Kobuki's.
+
+    Its zones are those of its simulator (kobuki_gazebo): left, centre, right, none behind. kobuki_bumper2pc puts a point
+    in front of each pressed zone, a few centimetres off the body, so that the cell it marks is not freed with the
+    footprint, and lets a last cloud without near points tell the release.
+    """
+
+    topic: str = param(
+        "mobile_base/sensors/bumper_pointcloud", "topic of its clouds, as named by an observation source"
+    )
+    frame: str = param("bumper_link", "frame of its points, at the robot's centre; a child of the base frame")
+    zones: list[list[float]] = param(
+        [[0.5236, 1.5708], [-0.5236, 0.5236], [-1.5708, -0.5236]],
+        "[from, to] of each sector that feels, counterclockwise from straight ahead",
+        unit="rad",
+    )
+    height: float = param(0.04, "height of the points above the ground", unit="m", ge=0.0)
+    distance: float = param(
+        0.085,
+        "how far off the outline the points lie; a cell's diagonal and the footprint's padding at least, or the mark is "
+        "freed with the robot's own cells",
+        unit="m",
+        ge=0.0,
+    )
+    point: Literal["contact", "zone"] = param(
+        "contact", "contact: the point lies where the zone is touched; zone: in its middle, which is all a Kobuki knows"
+    )
+    frequency: float = param(50.0, "clouds per second while it is pressed; none otherwise", unit="Hz", gt=0.0)
+
+    @field_validator("zones")
+    @classmethod
+    def _sectors(cls, value: list[list[float]]) -> list[list[float]]:
+        for zone in value:
+            if len(zone) != 2 or not 0.0 < zone[1] - zone[0] <= 2.0 * math.pi + 1e-6:
+                raise ValueError(f"a zone is [from, to] in rad with from below to, a full circle at most, not {zone}")
+        return value
+
+
 class SimParams(ParamModel):
     """The simulated robot and its sensors.
 
@@ -67,7 +106,7 @@ class SimParams(ParamModel):
     50 Hz, with one forward-looking lidar, true odometry, and odom equal to map.
     """
 
-    CHILD_FIELD: ClassVar[str | None] = "lidars"
+    CHILD_FIELD: ClassVar[str | None] = "sensors"
 
     kinematics: Literal["differential", "holonomic"] = param(
         "differential", "differential: never moves sideways; holonomic: in every direction"
@@ -101,13 +140,18 @@ class SimParams(ParamModel):
     )
     map_to_odom: list[float] = param([0.0, 0.0, 0.0], "pose [x, y, yaw] of the odometry frame in the map at the start")
     lasers: list[str] = param(["laser"], "names of the lidars; each has its parameters in a namespace of that name")
-    lidars: dict[str, LidarParams] = param({}, "the parameters of each lidar, by name")
+    bumpers: list[str] = param(["bumper"], "names of the bumpers, likewise")
+    sensors: dict[str, LidarParams | BumperParams] = param({}, "the parameters of each lidar and bumper, by name")
 
     @classmethod
     def child_models(cls, values: Mapping[str, Any]) -> dict[str, type[ParamModel]]:
-        """A `LidarParams` for every name in `lasers`."""
-        names = values.get("lasers", ["laser"])
-        return {name: LidarParams for name in names if isinstance(name, str)} if isinstance(names, list) else {}
+        """A `LidarParams` for every name in `lasers`, a `BumperParams` for every one in `bumpers`."""
+        models: dict[str, type[ParamModel]] = {}
+        for key, default, model in (("bumpers", "bumper", BumperParams), ("lasers", "laser", LidarParams)):
+            names = values.get(key, [default])
+            if isinstance(names, list):
+                models |= {name: model for name in names if isinstance(name, str)}
+        return models
 
     @field_validator("map_to_odom")
     @classmethod
@@ -116,14 +160,32 @@ class SimParams(ParamModel):
             raise ValueError(f"map_to_odom is [x, y, yaw] in m, m, rad, not {value}")
         return value
 
-    @field_validator("lasers")
+    @field_validator("lasers", "bumpers")
     @classmethod
     def _named_once(cls, value: list[str]) -> list[str]:
         twice = sorted({name for name in value if value.count(name) > 1})
         if twice:
-            raise ValueError(f"each lidar needs a name of its own; named twice: {', '.join(twice)}")
+            raise ValueError(f"each sensor needs a name of its own; named twice: {', '.join(twice)}")
         return value
+
+    @model_validator(mode="after")
+    def _one_kind_each(self) -> SimParams:
+        both = [name for name in self.lasers if name in self.bumpers]
+        if both:
+            raise ValueError(f"{', '.join(both)} cannot be both a lidar and a bumper; give one of them another name")
+        return self
+
+    @property
+    def lidars(self) -> dict[str, LidarParams]:
+        """The parameters of those lidars that have a namespace, by name."""
+        return {name: p for name, p in self.sensors.items() if isinstance(p, LidarParams)}
 
     def lidar(self, name: str) -> LidarParams:
         """The parameters of one lidar; the defaults where it has no namespace."""
-        return self.lidars.get(name) or LidarParams()
+        found = self.sensors.get(name)
+        return found if isinstance(found, LidarParams) else LidarParams()
+
+    def bumper(self, name: str) -> BumperParams:
+        """The parameters of one bumper; the defaults where it has no namespace."""
+        found = self.sensors.get(name)
+        return found if isinstance(found, BumperParams) else BumperParams()

@@ -6,13 +6,25 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Footprint, FrameTree, LaserScan, Pose2D, RobotState, Transform2D, Twist2D, normalize_angle
+from navstack.core import (
+    Footprint,
+    FrameTree,
+    LaserScan,
+    PointCloud,
+    Pose2D,
+    RobotState,
+    Transform2D,
+    Twist2D,
+    normalize_angle,
+)
 from navstack.core.errors import InputError
 from navstack.sim import _body_kernels as body
+from navstack.sim.bumper import Bumper
 from navstack.sim.lidar import Lidar
 from navstack.sim.params import SimParams
 from navstack.sim.world import World
@@ -37,8 +49,20 @@ class Contact:
     """Centre of what was hit, in the map (m)."""
 
 
+class _Due(NamedTuple):
+    """What a sensor measures that nobody has fetched yet."""
+
+    sensor: Lidar | Bumper
+    number: int
+    step: int
+    pose: Pose2D
+    """True pose of the base."""
+    discs: NDArray[np.float64]
+
+
 class SimulatedRobot:
-    """A body, its odometry and its lidars in a `World`. Time is counted in whole physics steps; nothing here reads a clock.
+    """A body, its odometry, its lidars and bumpers in a `World`. Time is counted in whole physics steps; nothing
+    here reads a clock.
 
     A contact stops the robot where it was last free (to within 5 mm), wheels included. A run is a pure function of the
     parameters, the world, the start, the seed and the commands.
@@ -58,7 +82,7 @@ class SimulatedRobot:
     ) -> None:
         """`footprint` as it really is, without padding; `start` in the map (m, rad).
 
-        Raises InputError when the robot does not fit there, and for lidars that share a frame but not a place.
+        Raises InputError when the robot does not fit there, and for sensors that share a frame but not a place.
         """
         if not start.is_finite():
             raise InputError(f"the start {tuple(start)} is not finite", pose=start)
@@ -103,30 +127,36 @@ class SimulatedRobot:
         self._state = np.zeros(body.STATE_SIZE)
         self._state[body.X : body.YAW + 1] = start.x, start.y, normalize_angle(start.yaw)
         self._state[body.OX : body.OYAW + 1] = odometry
-        self._samples = np.empty((0, 9))
+        self._samples = np.empty((0, 10))
         self._contacts = np.empty((0, 2), np.int64)
 
         self._drifts = self._noisy and params.localization == "truth"
         if not self._drifts:
             self.frames.set_static(map_frame, odom_frame, offset)
         self._lidars = [Lidar(params.lidar(name), seed=seed, number=i) for i, name in enumerate(params.lasers)]
+        self._bumpers = [Bumper(params.bumper(name), footprint) for name in params.bumpers]
         mounted: dict[str, Transform2D] = {}
-        for lidar in self._lidars:
-            frame = lidar.params.frame
-            if mounted.setdefault(frame, lidar.mounting) != lidar.mounting:
+        for frame, mounting in [
+            *((lidar.params.frame, lidar.mounting) for lidar in self._lidars),
+            *((bumper.params.frame, Transform2D()) for bumper in self._bumpers),
+        ]:
+            if mounted.setdefault(frame, mounting) != mounting:
                 raise InputError(
-                    f'two lidars share the frame "{frame}" but not its place; give each a frame of its own', frame=frame
+                    f'two sensors share the frame "{frame}" but not its place; give each a frame of its own',
+                    frame=frame,
                 )
             if frame != base_frame:
-                self.frames.set_static(base_frame, frame, lidar.mounting)
-            elif not lidar.mounting.is_identity():
+                self.frames.set_static(base_frame, frame, mounting)
+            elif not mounting.is_identity():
                 raise InputError(
                     f"the lidar's frame \"{frame}\" is the robot's own, yet it is mounted elsewhere; name another frame",
                     frame=frame,
                 )
         self._next_scan = [0] * len(self._lidars)
-        # (lidar, index, step, true pose of the base, discs) of the scans nobody has fetched yet
-        self._pending: list[tuple[int, int, int, Pose2D, NDArray[np.float64]]] = []
+        # per bumper: the number of its next cloud while it is pressed, None otherwise
+        self._next_cloud: list[int | None] = [None] * len(self._bumpers)
+        self._pressed = False
+        self._pending: list[_Due] = []
         self._discs = world.discs_at(0.0)
         self._scan_due: float = 0
         self.frames.set(odom_frame, base_frame, Transform2D(*odometry), 0.0)
@@ -153,7 +183,7 @@ class SimulatedRobot:
         last = max(first, math.ceil(time * self._frequency - 1e-6))
         steps = last - first
         if len(self._samples) < steps:
-            self._samples = np.empty((steps, 9))
+            self._samples = np.empty((steps, 10))
             self._contacts = np.empty((2 * steps, 2), np.int64)
         observed = first
         while self._step < last:
@@ -164,7 +194,7 @@ class SimulatedRobot:
                 observed = self._step
         if observed < last:
             self._observe(first, observed)
-        return self._samples[:steps]
+        return self._samples[:steps, :9]
 
     def _commanded_until(self, last: int) -> int:
         """The step up to which the command in force at the present step holds."""
@@ -222,12 +252,16 @@ class SimulatedRobot:
         vx, vy, wz = self._state[body.VX : body.WZ + 1].tolist()
         return RobotState(Pose2D(x, y, yaw), Twist2D(vx, vy, wz), self.time, self.odom_frame)
 
-    def scans(self) -> Sequence[LaserScan]:
-        """The scans that fell due since the last call, oldest first, each from where the robot was at its time."""
+    def scans(self) -> Sequence[LaserScan | PointCloud]:
+        """What the sensors measured since the last call, oldest first, each from where the robot was at its time.
+
+        Lidars scan at their frequency. Bumpers give clouds while they are pressed, at once and then at theirs, and an empty
+        one when they are released.
+        """
         pending, self._pending = self._pending, []
         return [
-            self._lidars[number].scan(self.world, pose, index, step / self._frequency, discs)
-            for number, index, step, pose, discs in pending
+            sensor.scan(self.world, pose, number, step / self._frequency, discs)
+            for sensor, number, step, pose, discs in pending
         ]
 
     def command(self, twist: Twist2D) -> None:
@@ -272,21 +306,38 @@ class SimulatedRobot:
                 self.frames.set(self.map_frame, self.odom_frame, drifted, step / frequency)
             if step >= self._scan_due:
                 self._take_scans(step, Pose2D(row[0], row[1], row[2]))
+            if row[9] != 0.0 or self._pressed:
+                self._feel(step, Pose2D(row[0], row[1], row[2]), row[9] != 0.0)
 
     def _take_scans(self, step: int, pose: Pose2D) -> None:
         """Notes the scans that are due at `step`, and when the next one will be."""
         for number, lidar in enumerate(self._lidars):
             index = self._next_scan[number]
             if self._scan_step(lidar, index) <= step:
-                self._pending.append((number, index, step, pose, self._discs))
-                self._next_scan[number] = (
-                    max(index, math.floor(step * lidar.params.frequency / self._frequency + 1e-6)) + 1
-                )
+                self._pending.append(_Due(lidar, index, step, pose, self._discs))
+                self._next_scan[number] = self._after(index, step, lidar)
         self._scan_due = min(
             (self._scan_step(lidar, index) for lidar, index in zip(self._lidars, self._next_scan, strict=True)),
             default=math.inf,
         )
 
-    def _scan_step(self, lidar: Lidar, index: int) -> int:
+    def _feel(self, step: int, pose: Pose2D, touching: bool) -> None:
+        """Notes the clouds of the bumpers: the first at once, the others at their frequency, the last when it is over."""
+        for number, bumper in enumerate(self._bumpers):
+            index = self._next_cloud[number]
+            if index is None:
+                if not touching:
+                    continue
+            elif self._scan_step(bumper, index) > step:
+                continue
+            self._pending.append(_Due(bumper, int(touching), step, pose, self._discs))
+            self._next_cloud[number] = self._after(0, step, bumper) if touching else None
+        self._pressed = any(index is not None for index in self._next_cloud)
+
+    def _after(self, index: int, step: int, sensor: Lidar | Bumper) -> int:
+        """The number of the scan that follows number `index`, taken at `step`; those that were missed are left out."""
+        return max(index, math.floor(step * sensor.params.frequency / self._frequency + 1e-6)) + 1
+
+    def _scan_step(self, sensor: Lidar | Bumper, index: int) -> int:
         """The first physics step that is not before the time of that scan."""
-        return math.ceil(index * self._frequency / lidar.params.frequency - 1e-6)
+        return math.ceil(index * self._frequency / sensor.params.frequency - 1e-6)

@@ -39,8 +39,10 @@ class World:
         map: OccupancyGrid | None = None,
         discs: NDArray[np.float64] | Sequence[Sequence[float]] = (),
         movers: Sequence[Mover] = (),
+        low_discs: NDArray[np.float64] | Sequence[Sequence[float]] = (),
     ) -> None:
-        """`discs` (n, 3): x, y, radius (m) of what stands still; without a map the ground is empty.
+        """`discs` (n, 3): x, y, radius (m) of what stands still; without a map the ground is empty. `low_discs` likewise,
+        but no lidar sees them: thresholds, feet of chairs. A robot runs into them all the same.
 
         Raises InputError for discs that are not finite or have no radius.
         """
@@ -53,7 +55,8 @@ class World:
         self.squares: NDArray[np.uint8] = free_squares(self.map.data >= OCCUPIED)
         """(4, ny, nx): the free squares of every cell, one in each quadrant; 0 = occupied."""
         self.movers = tuple(movers)
-        self._discs = _checked_discs(discs)
+        self._low = _checked_discs(low_discs)
+        self._discs = np.concatenate([self._low, _checked_discs(discs)])
 
     @property
     def moves(self) -> bool:
@@ -61,14 +64,21 @@ class World:
         return bool(self.movers)
 
     def discs_at(self, time: float) -> NDArray[np.float64]:
-        """(n, 3) x, y, radius (m) of all round obstacles at `time` (s), those that stand first. Not to be written to."""
+        """(n, 3) x, y, radius (m) of all round obstacles at `time` (s): low ones, others that stand, movers.
+
+        Not to be written to.
+        """
         if not self.movers:
             return self._discs
         return np.concatenate([self._discs, *(mover.discs(time) for mover in self.movers)])
 
     def put_discs(self, discs: NDArray[np.float64] | Sequence[Sequence[float]]) -> None:
-        """Replaces the round obstacles that stand still: for whoever moves things step by step."""
-        self._discs = _checked_discs(discs)
+        """Replaces the round obstacles that stand still, except low ones: for whoever moves things step by step."""
+        self._discs = np.concatenate([self._low, _checked_discs(discs)])
+
+    def in_sight(self, discs: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Those of `discs`, as `discs_at` gave them, that a lidar sees: all but the low ones."""
+        return discs[len(self._low) :] if len(self._low) else discs
 
     def contains(self, pose: Pose2D) -> bool:
         """True for a position on the map."""
@@ -100,6 +110,26 @@ class World:
             )
         )
         return None if hit == -1 else self.described(hit, discs)
+
+    def touched(self, points: NDArray[np.float64], reach: float, discs: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """(n,) which of the points (n, 2) (m, map frame) have an occupied cell or one of `discs` within `reach` (m).
+
+        Cells are looked for on two rings of 16 points around each: good for those not much smaller than `reach`.
+        """
+        x, y = points[:, 0], points[:, 1]
+        away = np.hypot(x[:, None] - discs[:, 0], y[:, None] - discs[:, 1]) - discs[:, 2]
+        found = (away < reach).any(axis=1)
+        resolution, (_, ny, nx) = self.map.geometry.resolution, self.squares.shape
+        c, s = math.cos(self.map.origin_yaw), math.sin(self.map.origin_yaw)
+        dx, dy = x - self.map.geometry.origin_x, y - self.map.geometry.origin_y
+        ring = np.arange(16) * (math.pi / 8.0)
+        rings = np.concatenate(([0.0], 0.5 * reach * np.cos(ring), reach * np.cos(ring)))
+        gx = ((c * dx + s * dy)[:, None] + rings) / resolution
+        rings = np.concatenate(([0.0], 0.5 * reach * np.sin(ring), reach * np.sin(ring)))
+        gy = ((c * dy - s * dx)[:, None] + rings) / resolution
+        inside = (gx >= 0.0) & (gy >= 0.0) & (gx < nx) & (gy < ny)
+        ix, iy = np.where(inside, gx, 0.0).astype(np.int64), np.where(inside, gy, 0.0).astype(np.int64)
+        return found | (inside & (self.squares[0, iy, ix] == 0)).any(axis=1)
 
     def described(self, hit: int, discs: NDArray[np.float64]) -> tuple[str, int, float, float]:
         """A kernel's answer in words: kind, index, and the centre of what was hit (m)."""

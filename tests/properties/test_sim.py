@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from navstack.core import Footprint, OccupancyGrid, Pose2D, Twist2D
+from navstack.core import Footprint, OccupancyGrid, PointCloud, Pose2D, Twist2D
 from navstack.sim import Lidar, LidarParams, SimParams, SimulatedRobot, World
 from tests.sim.worlds import random_map, to_world
 
@@ -133,7 +133,7 @@ def test_the_same_run_however_it_is_cut(seed: int, cuts: int) -> None:
         wheel_slip=0.05,
         odometry_noise=0.05,
         velocity_lag=0.05,
-        lidars={"laser": LidarParams(beams=32, range_noise=0.01, dropout=0.05)},
+        sensors={"laser": LidarParams(beams=32, range_noise=0.01, dropout=0.05)},
     )
     world, pose = world_and_pose(seed)
     footprint = OUTLINES["round"]
@@ -150,5 +150,12 @@ def test_the_same_run_however_it_is_cut(seed: int, cuts: int) -> None:
             for k in range(n):
                 robot.advance_to(0.4 * (leg + (k + 1) / n))
                 scans += robot.scans()
-        ends.append((robot.pose, robot.state(), robot.collisions, [scan.ranges.tobytes() for scan in scans]))
+        ends.append(
+            (
+                robot.pose,
+                robot.state(),
+                robot.collisions,
+                [(s.points if isinstance(s, PointCloud) else s.ranges).tobytes() for s in scans],
+            )
+        )
     assert ends[0] == ends[1]

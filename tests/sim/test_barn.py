@@ -18,7 +18,7 @@ PARAMS = SimParams(
     acc_lim_x=10.0,
     acc_lim_theta=20.0,
     command_timeout=0.25,
-    lidars={
+    sensors={
         "laser": LidarParams(
             topic="front/scan",
             frame="front_laser",

@@ -7,12 +7,16 @@ import math
 import numpy as np
 import pytest
 
-from navstack.core import Footprint, Pose2D, Twist2D
+from navstack.core import Footprint, LaserScan, PointCloud, Pose2D, Twist2D
 from navstack.core.errors import InputError
 from navstack.sim import LidarParams, SimParams, SimulatedRobot, Track, TrackedDiscs, World
 
 CIRCLE = Footprint.from_radius(0.18)
-AHEAD = SimParams(lidars={"laser": LidarParams(x=0.0, beams=1, range_min=0.0)})
+AHEAD = SimParams(sensors={"laser": LidarParams(x=0.0, beams=1, range_min=0.0)})
+
+
+def measured(data: LaserScan | PointCloud) -> bytes:
+    return (data.ranges if isinstance(data, LaserScan) else data.points).tobytes()
 
 
 def test_there_and_back() -> None:
@@ -106,6 +110,6 @@ def test_a_world_that_moves_is_the_same_however_the_run_is_cut() -> None:
         robot.command(Twist2D(0.4, 0.0, 0.2))
         for k in range(cuts):
             robot.advance_to(10.0 * (k + 1) / cuts)
-        ends.append((robot.pose, robot.collisions, [scan.ranges.tobytes() for scan in robot.scans()]))
+        ends.append((robot.pose, robot.collisions, [measured(data) for data in robot.scans()]))
     assert ends[0] == ends[1]
     assert len(ends[0][1]) > 0  # pyright: ignore

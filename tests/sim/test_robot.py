@@ -177,7 +177,7 @@ def test_scans_are_taken_where_the_robot_was_at_their_times() -> None:
 
 
 def test_a_frequency_that_does_not_divide_that_of_the_physics() -> None:
-    it = robot(SimParams(lidars={"laser": LidarParams(frequency=15.0)}))
+    it = robot(SimParams(sensors={"laser": LidarParams(frequency=15.0)}))
     it.advance_to(2.0)
     stamps = [scan.stamp for scan in it.scans()]
     assert len(stamps) == 31
@@ -186,11 +186,11 @@ def test_a_frequency_that_does_not_divide_that_of_the_physics() -> None:
 
 def test_two_lidars() -> None:
     front, rear = LidarParams(frame="front", topic="a"), LidarParams(frame="rear", topic="b", yaw=math.pi, frequency=5)
-    it = robot(SimParams(lasers=["front", "rear"], lidars={"front": front, "rear": rear}))
+    it = robot(SimParams(lasers=["front", "rear"], sensors={"front": front, "rear": rear}))
     it.advance_to(0.4)
     assert "".join(scan.topic for scan in it.scans()) == "abaabaab"
-    with pytest.raises(InputError, match="share the frame"):
-        robot(SimParams(lasers=["a", "b"], lidars={"a": LidarParams(), "b": LidarParams(yaw=1.0)}))
+    with pytest.raises(InputError, match="two sensors share the frame"):
+        robot(SimParams(lasers=["a", "b"], sensors={"a": LidarParams(), "b": LidarParams(yaw=1.0)}))
 
 
 # --- contact ----------------------------------------------------------------------------------------------------------

@@ -1,0 +1,91 @@
+"""Bumpers: which of their zones are pressed while the robot touches something, as a cloud of points."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import Footprint, PointCloud, Pose2D
+from navstack.sim.params import BumperParams
+from navstack.sim.world import World
+
+FEELS: Final = 0.01
+"""What is this near to the outline presses (m): a robot in contact stands up to 5 mm off what stopped it."""
+SPACING: Final = 0.005
+"""Between the points of the outline that feel (m)."""
+
+_NOTHING = np.empty((0, 3), np.float32)
+
+
+class Bumper:
+    """Makes clouds from the poses of a robot that is in contact."""
+
+    def __init__(self, params: BumperParams, footprint: Footprint) -> None:
+        self.params = params
+        self._skin, self._outward = skin(footprint.vertices)
+        bearing = np.arctan2(self._skin[:, 1], self._skin[:, 0])
+        # (zones, points) which points of the outline belong to a zone
+        self._zones = [np.mod(bearing - zone[0], 2.0 * math.pi) < zone[1] - zone[0] for zone in params.zones]
+        self._middles = [_nearest_bearing(bearing, 0.5 * (zone[0] + zone[1])) for zone in params.zones]
+        self._last: tuple[Pose2D, NDArray[np.float64]] | None = None
+        self._points = _NOTHING
+
+    def scan(
+        self, world: World, base: Pose2D, index: int, stamp: float, discs: NDArray[np.float64] | None = None
+    ) -> PointCloud:
+        """The cloud of a robot at `base` (map frame) at `stamp` (s): a point per pressed zone, none with `index` 0.
+
+        `index` says whether the robot is in contact at all, `discs` are the world's round obstacles at that time, when the
+        caller knows them already.
+        """
+        points = _NOTHING
+        if index:
+            discs = world.discs_at(stamp) if discs is None else discs
+            # a robot that is stuck feels the same as before
+            if self._last is None or self._last[0] != base or self._last[1] is not discs:
+                self._last, self._points = (base, discs), self._pressed(world, base, discs)
+            points = self._points
+        return PointCloud(points, stamp, self.params.frame, self.params.topic)
+
+    def _pressed(self, world: World, base: Pose2D, discs: NDArray[np.float64]) -> NDArray[np.float32]:
+        c, s = math.cos(base.yaw), math.sin(base.yaw)
+        x, y = self._skin[:, 0], self._skin[:, 1]
+        touched = world.touched(np.column_stack((base.x + c * x - s * y, base.y + s * x + c * y)), FEELS, discs)
+        points: list[tuple[float, float, float]] = []
+        for zone, middle in zip(self._zones, self._middles, strict=True):
+            felt = np.nonzero(zone & touched)[0]
+            if not len(felt):
+                continue
+            at = middle
+            if self.params.point == "contact":
+                centre = self._skin[felt].mean(axis=0)
+                at = int(felt[np.argmin(((self._skin[felt] - centre) ** 2).sum(axis=1))])
+            px, py = (self._skin[at] + self.params.distance * self._outward[at]).tolist()
+            points.append((px, py, self.params.height))
+        return np.array(points, np.float32).reshape(-1, 3)
+
+
+def skin(vertices: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Points along an outline (n, 2), no farther apart than `SPACING`, and the unit vectors out of it there: both (m, 2)."""
+    ends = np.roll(vertices, -1, axis=0)
+    area = float((vertices[:, 0] * ends[:, 1] - vertices[:, 1] * ends[:, 0]).sum())
+    turn = 1.0 if area >= 0.0 else -1.0
+    points: list[NDArray[np.float64]] = []
+    normals: list[NDArray[np.float64]] = []
+    for start, end in zip(vertices, ends, strict=True):
+        edge = end - start
+        length = float(np.hypot(*edge))
+        if length == 0.0:
+            continue
+        share = np.arange(math.ceil(length / SPACING)) / math.ceil(length / SPACING)
+        points.append(start + share[:, None] * edge)
+        normals.append(np.tile(turn * np.array([edge[1], -edge[0]]) / length, (len(share), 1)))
+    return np.concatenate(points), np.concatenate(normals)
+
+
+def _nearest_bearing(bearings: NDArray[np.float64], wanted: float) -> int:
+    away = np.abs(np.mod(bearings - wanted + math.pi, 2.0 * math.pi) - math.pi)
+    return int(np.argmin(away))
