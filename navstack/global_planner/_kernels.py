@@ -84,7 +84,8 @@ def _grown(cells, count, least):
     if cells.size >= least:
         return cells
     larger = np.empty(2 * least, np.uint32)
-    larger[:count] = cells[:count]
+    for i in range(count):  # a slice would take the compiler a second
+        larger[i] = cells[i]
     return larger
 
 

@@ -81,18 +81,22 @@ def _surrounded(pot, k, nx):
 
 @kernel
 def _doubled(points):
-    larger = np.empty((2 * len(points), 2), np.float32)
-    larger[: len(points)] = points
+    larger = np.empty((2 * points.shape[0], 2), np.float32)
+    for i in range(points.shape[0]):  # a slice would take the compiler a second
+        larger[i, 0] = points[i, 0]
+        larger[i, 1] = points[i, 1]
     return larger
 
 
 @kernel
 def gradient_path(pot, nx, ny, k, dx, dy, root_x, root_y, enough, near, patience):
-    """Steps of half a cell down bilinearly interpolated unit gradients, from cell k (+ dx, dy) to the root: (n, 2) cells.
+    """Steps of half a cell down bilinearly interpolated unit gradients, from cell k (+ dx, dy) to the root.
+
+    Returns points (>= n, 2) in cells, and n.
 
     Ends with the root once the nearest cell's potential is under `enough` or the root is within `near` cells. Beside a
     cell without potential, or when two steps cancel, it moves to the lowest of the 8 neighbours instead (navfn calcPath,
-    GradientPath). When `patience` points bring no lower cell it goes on from the lowest so far by one such step. Empty
+    GradientPath). When `patience` points bring no lower cell it goes on from the lowest so far by one such step. n = 0
     when the potential has no way down, which a wavefront's never has.
     """
     points = np.empty((1024, 2), np.float32)
@@ -108,15 +112,15 @@ def gradient_path(pot, nx, ny, k, dx, dy, root_x, root_y, enough, near, patience
         nearest = max(0, min(limit - 1, nearest))
         x = np.float32(k % nx) + dx
         y = np.float32(k // nx) + dy
-        if n + 1 >= len(points):
+        if n + 1 >= points.shape[0]:
             points = _doubled(points)
         if pot[nearest] < enough or np.hypot(x - root_x, y - root_y) < near:
             points[n, 0] = root_x
             points[n, 1] = root_y
-            return points[: n + 1].copy()
+            return points, n + 1
         ix, iy = k % nx, k // nx
         if ix < 1 or iy < 1 or ix > nx - 2 or iy > ny - 2:
-            return points[:0].copy()
+            return points, 0
         points[n, 0] = x
         points[n, 1] = y
         n += 1
@@ -151,10 +155,10 @@ def gradient_path(pot, nx, ny, k, dx, dy, root_x, root_y, enough, near, patience
             to = _lowest_neighbour(pot, k, nx)
             if to == k:
                 if np.hypot(k % nx - root_x, k // nx - root_y) > 1.5:
-                    return points[:0].copy()
+                    return points, 0
                 points[n, 0] = root_x
                 points[n, 1] = root_y
-                return points[: n + 1].copy()
+                return points, n + 1
         k = to
         dx = np.float32(0.0)
         dy = np.float32(0.0)
@@ -180,7 +184,7 @@ def _cheapest_neighbour(pot, k, nx, cost, steps):
 
 @kernel
 def grid_path(pot, nx, ny, k, cost, steps, cheapest):
-    """From cell to cell until no neighbour is lower: (n, 2) cells.
+    """From cell to cell until no neighbour is lower: points (>= n, 2), and n.
 
     To the lowest of the 8 neighbours (GridPath), or with `cheapest` to the one with the least sum of potential and cost
     of getting there.
@@ -188,7 +192,7 @@ def grid_path(pot, nx, ny, k, cost, steps, cheapest):
     points = np.empty((1024, 2), np.float32)
     n = 0
     while True:
-        if n >= len(points):
+        if n >= points.shape[0]:
             points = _doubled(points)
         ix, iy = k % nx, k // nx
         points[n, 0] = ix
@@ -200,4 +204,4 @@ def grid_path(pot, nx, ny, k, cost, steps, cheapest):
         if to == k:
             break
         k = to
-    return points[:n].copy()
+    return points, n

@@ -309,7 +309,8 @@ def descend(
     if params.use_grid_path:
         # ROS differs: under A* the cheapest neighbour, not the lowest; C++'s A* gives cheaper grid paths than its Dijkstra
         rule = wave.rule
-        cells = trace.grid_path(wave.pot, nx, wave.ny, k, wave.cost, rule.steps, not params.use_dijkstra)
+        points, n = trace.grid_path(wave.pot, nx, wave.ny, k, wave.cost, rule.steps, not params.use_dijkstra)
+        cells = points[:n]
         cells[0] = gx, gy
         if len(cells) > 1 and (cells[-1] != start_cell).any():  # another of the four seeds
             cells = np.vstack([cells, np.array([start_cell], np.float32)])
@@ -321,7 +322,7 @@ def descend(
     else:
         ix, iy = goal_cell
         gx, gy = float(ix), float(iy)
-    return trace.gradient_path(
+    points, n = trace.gradient_path(
         wave.pot,
         nx,
         wave.ny,
@@ -334,3 +335,4 @@ def descend(
         np.float32(0.5),
         _PATIENCE,
     )
+    return points[:n]

@@ -79,7 +79,7 @@ def spread(
 
 def descend(wave: Wavefront, cell: ends.Cell, *, root: ends.Cell) -> NDArray[np.float32]:
     """The path (n, 2) of cells, with fractions, from `cell` down to the root of navfn's wave (calcPath)."""
-    return trace.gradient_path(
+    points, n = trace.gradient_path(
         wave.pot,
         wave.nx,
         wave.ny,
@@ -92,6 +92,7 @@ def descend(wave: Wavefront, cell: ends.Cell, *, root: ends.Cell) -> NDArray[np.
         np.float32(-1.0),
         _PATIENCE,
     )
+    return points[:n]
 
 
 @GLOBAL_PLANNERS.register("navfn", aliases=("navfn/NavfnROS",))
