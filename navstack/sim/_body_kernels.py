@@ -186,13 +186,29 @@ def wrapped(angle):
 
 @kernel
 def drive(
-    state, command, steps, dt, limits, keep, noise, squares, grid, discs, moving, footprint, radius, samples, contacts
+    state,
+    command,
+    steps,
+    dt,
+    limits,
+    keep,
+    noise,
+    squares,
+    grid,
+    discs,
+    moving,
+    footprint,
+    radius,
+    facing,
+    samples,
+    contacts,
 ):
     """Drives `steps` physics steps of `dt` (s) at `command` [vx, vy, wz]; returns the number of new contacts.
 
     `state` (18,) is changed. `limits` = most change of vx, vy, wz in a step; `keep` = share of the velocity error that the
     lag leaves after a step; `noise` (steps or 0, 6): relative errors of the true motion vx, vy, wz against the wheels', and
-    of the odometry against the wheels'. `moving`: the discs have moved since the last call. `samples` (>= steps, 10) receives
+    of the odometry against the wheels'. `moving`: the discs have moved since the last call. `facing`:
+    direction (rad) of a footprint that does not turn with the robot, NaN for one that does. `samples` (>= steps, 10) receives
     true pose, odometry pose, velocity after each step, and 1 where the robot is in contact; `contacts` (>= 2 steps, 2)
     int64 the step and what was hit (as `find_contact`).
     """
@@ -204,6 +220,8 @@ def drive(
     if moving:
         # a disc that came over the robot is a contact, but does not hold it: it may leave in any direction
         c, s = math.cos(state[YAW]), math.sin(state[YAW])
+        if not math.isnan(facing):
+            c, s = math.cos(facing), math.sin(facing)
         over = -1
         rest = 0
         for k in range(count):
@@ -241,6 +259,8 @@ def drive(
             for part in range(1, parts + 1):
                 f = part / parts
                 x, y, yaw = state[X] + f * dx, state[Y] + f * dy, state[YAW] + f * mz
+                if not math.isnan(facing):
+                    yaw = facing
                 hit = find_contact(squares, grid, discs, chosen, count, footprint, radius, x, y, yaw, placed)
                 if hit != -1:
                     break

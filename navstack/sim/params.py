@@ -64,8 +64,8 @@ class BumperParams(ParamModel):
     """Contact sensors around the body, as points where they are pressed. The defaults are the Kobuki's.
 
     Its zones are those of its simulator (kobuki_gazebo): left, centre, right, none behind. kobuki_bumper2pc puts a point
-    in front of each pressed zone, a few centimetres off the body, so that the cell it marks is not freed with the
-    footprint, and lets a last cloud without near points tell the release.
+    in front of each pressed zone, at 0.25 m for a body of 0.1755 m, so that the cell it marks is not freed with the
+    footprint, and a last cloud without near points tells the release.
     """
 
     topic: str = param(
@@ -79,9 +79,9 @@ class BumperParams(ParamModel):
     )
     height: float = param(0.04, "height of the points above the ground", unit="m", ge=0.0)
     distance: float = param(
-        0.085,
-        "how far off the outline the points lie; a cell's diagonal and the footprint's padding at least, or the mark is "
-        "freed with the robot's own cells",
+        0.075,
+        "how far off the outline the points lie; less than the footprint's padding and a cell, and the mark is freed with "
+        "the robot's own cells",
         unit="m",
         ge=0.0,
     )

@@ -64,7 +64,8 @@ class SimulatedRobot:
     """A body, its odometry, its lidars and bumpers in a `World`. Time is counted in whole physics steps; nothing
     here reads a clock.
 
-    A contact stops the robot where it was last free (to within 5 mm), wheels included. A run is a pure function of the
+    A contact stops the robot where it was last free (to within 5 mm), wheels included. A round one (`from_radius`) turns on
+    the spot even then. A run is a pure function of the
     parameters, the world, the start, the seed and the commands.
     """
 
@@ -99,6 +100,8 @@ class SimulatedRobot:
         self.world = world
         self.footprint = footprint
         self._outline = footprint.vertices.copy()  # the kernels are compiled for arrays that may be written to
+        # the corners of a polygon that stands for a circle must not catch: it does not turn with the robot
+        self._facing = start.yaw if _is_round(footprint) else math.nan
         self.base_frame, self.odom_frame, self.map_frame = base_frame, odom_frame, map_frame
         self.frames = FrameTree()
         self.collisions: list[Contact] = []
@@ -227,6 +230,7 @@ class SimulatedRobot:
             self.world.moves,
             self._outline,
             self.footprint.circumscribed_radius,
+            self._facing,
             samples,
             self._contacts,
         )
@@ -341,3 +345,11 @@ class SimulatedRobot:
     def _scan_step(self, sensor: Lidar | Bumper, index: int) -> int:
         """The first physics step that is not before the time of that scan."""
         return math.ceil(index * self._frequency / sensor.params.frequency - 1e-6)
+
+
+def _is_round(footprint: Footprint) -> bool:
+    """True for the polygon of a radius."""
+    circle = Footprint.from_radius(footprint.circumscribed_radius).vertices
+    return footprint.vertices.shape == circle.shape and bool(
+        np.allclose(footprint.vertices, circle, rtol=0.0, atol=1e-9)
+    )
