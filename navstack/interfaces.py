@@ -51,7 +51,7 @@ class LayerContext:
     static_map: OccupancyGrid | None = None
     """The map of map_server, None when the robot has none."""
     read_map: Callable[[str], OccupancyGrid] | None = None
-    """Reads a map file by its path (`navstack.map_io.load_map`), for layers that name one in their parameters."""
+    """Reads a map file by its path (`navstack.map_io.load_mask`), for layers that name one in their parameters."""
 
 
 @dataclass(frozen=True, slots=True)

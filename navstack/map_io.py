@@ -84,6 +84,20 @@ def load_map(path: str | Path) -> OccupancyGrid:
     The image (pgm, png, bmp, ..) is looked for relative to the YAML. Modes trinary, scale and raw; `negate`; `origin`
     with its yaw. Raises MapError, with file and line, for whatever cannot be used.
     """
+    return _load(path, lowest=1.0, highest=99.0)
+
+
+def load_mask(path: str | Path) -> OccupancyGrid:
+    """A costmap filter's mask as Nav2's map_server would publish it.
+
+    As `load_map`, but for the mode scale, which Nav2 spreads over 0 .. 100, rounded: white is 0, which means no limit, where
+    ROS 1's map_server says 1, a limit of 1 %.
+    """
+    return _load(path, lowest=0.0, highest=100.0)
+
+
+def _load(path: str | Path, *, lowest: float, highest: float) -> OccupancyGrid:
+    """`lowest`, `highest`: what the mode scale makes of the two thresholds."""
     document = _read_yaml(Path(path))
     resolution = document.number("resolution")
     if resolution <= 0.0:
@@ -103,7 +117,7 @@ def load_map(path: str | Path) -> OccupancyGrid:
     if mode not in MODES:
         raise document.error("mode", f'the mode must be one of {", ".join(MODES)}, not "{document.values["mode"]}"')
     channels, alpha = _read_image(document, with_alpha=mode == "trinary")
-    data = _occupancy(channels, alpha, mode=mode, negate=negate, occupied=occupied, free=free)
+    data = _occupancy(channels, alpha, mode=mode, negate=negate, occupied=occupied, free=free, span=(lowest, highest))
     ny, nx = data.shape
     return OccupancyGrid(data, GridGeometry(nx, ny, resolution, x, y), yaw, "map")
 
@@ -293,6 +307,7 @@ def _occupancy(
     negate: bool,
     occupied: float,
     free: float,
+    span: tuple[float, float],
 ) -> NDArray[np.int8]:
     """(ny, nx) int8 with row 0 at the bottom. Every possible sum of channels is looked up in a table."""
     count = channels.shape[2]
@@ -305,7 +320,9 @@ def _occupancy(
         share = (255.0 - mean) / 255.0
         table = np.full(share.shape, -1, np.int8)
         if mode == "scale":
-            table[:] = np.clip(1.0 + 98.0 * ((share - free) / (occupied - free)), -1.0, 100.0).astype(np.int8)
+            values = span[0] + (span[1] - span[0]) * ((share - free) / (occupied - free))
+            # ROS 1 cuts off, Nav2 rounds
+            table[:] = np.clip(values if span[0] > 0.0 else np.rint(values), -1.0, 100.0).astype(np.int8)
         table[share < free] = 0
         table[share > occupied] = 100
     sums = channels[:, :, 0] if count == 1 else channels.sum(axis=2, dtype=np.uint16)

@@ -10,7 +10,7 @@ from navstack.core import Footprint, FrameTree, Listener, OccupancyGrid, Pose2D,
 from navstack.core.errors import InputError, StartOccupiedError, StartOutsideMapError
 from navstack.costmap import LayeredCostmap, LayerSpec
 from navstack.interfaces import GlobalPlanner, Plan, Robot
-from navstack.map_io import load_map
+from navstack.map_io import load_mask
 from navstack.move_base import MoveBase
 from navstack.sim import SimulatedRobot, World
 
@@ -26,7 +26,7 @@ def build_costmap(
         footprint=configuration.footprint,
         frames=frames,
         static_map=static_map,
-        read_map=load_map,
+        read_map=load_mask,
     )
 
 
