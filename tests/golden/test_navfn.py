@@ -106,12 +106,12 @@ def test_dijkstra(case: Case, stop: bool, golden_dir: Path, data_dir: Path) -> N
         assert hausdorff(path, data[f"{key}_path"]) < PATH_TOLERANCE_CELLS
 
 
-@pytest.mark.parametrize("case", list(cases()), ids=str)
+# raw costs (mode 0) are not a costmap's: the planner that A* belongs to never sees any
+@pytest.mark.parametrize("case", [c for c in cases() if int(c.load()["query"][2]) != 0], ids=str)
 def test_astar_costs_what_dijkstra_does(case: Case, golden_dir: Path, data_dir: Path) -> None:
     data = case.load()
     nx, ny, mode, sx, sy, gx, gy = (int(v) for v in data["query"])
-    if mode == 0:
-        pytest.skip("raw costs do not come through the planner")
+    assert mode != 0
     costmap = Costmap(GridGeometry(nx, ny, 0.1), costs_of(case, data, golden_dir, data_dir))
     start, goal = Pose2D(*costmap.geometry.cell_to_world(gx, gy)), Pose2D(*costmap.geometry.cell_to_world(sx, sy))
     plans = []
