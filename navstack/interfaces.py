@@ -242,7 +242,7 @@ class LocalPlan:
 
     command: Twist2D
     mode: str = "follow"
-    """follow, brake, rotate_to_goal or arrived."""
+    """follow, brake, rotate_to_goal, arrived, or escape: backing out where every sample was rejected."""
     samples: NDArray[np.float64] | None = None
     """(K, 3) velocities vx, vy, wz that were tried."""
     critics: tuple[str, ...] = ()
@@ -282,7 +282,10 @@ class LocalPlanner(ABC):
 
     @abstractmethod
     def set_plan(self, plan: Path, goal: Pose2D) -> None:
-        """Follow this plan to this goal, both in the plan's frame. Same goal as before: a replan, nothing is forgotten.
+        """Follow this plan to this goal, both in the plan's frame.
+
+        Same goal as before: a replan, and what was achieved (a latched position) holds. Oscillation flags are reset by every
+        plan, as in C++.
 
         Raises InvalidPathError for a plan that is empty or not finite.
         """

@@ -26,7 +26,7 @@ from navstack.local_planner.map_grid import MapGrid
 from navstack.local_planner.plan_view import PlanView
 from navstack.local_planner.scoring import ScoreTable, score
 from navstack.local_planner.stop_rotate import braking_twist, turning_twist
-from navstack.local_planner.verdict import no_valid_control
+from navstack.local_planner.verdict import no_valid_control, sample_accounts
 
 DEFAULT_PERIOD_S = 0.05
 """The control period without a controller_frequency."""
@@ -63,7 +63,7 @@ class PlanFollower(LocalPlanner):
         self._goal: Pose2D | None = None
         self._latched = False
         self._rotating = False
-        self._last: tuple[ScoringContext, Rollouts] | None = None
+        self._last: tuple[ScoringContext, Rollouts, ScoreTable, LocalPlan] | None = None
 
     @property
     def period(self) -> float:
@@ -110,6 +110,7 @@ class PlanFollower(LocalPlanner):
         Raises InvalidPathError when no part of the plan is near, NoValidControlError when every sample is rejected.
         """
         state = inputs.state
+        self._last = None
         if not (state.pose.is_finite() and state.velocity.is_finite()):
             raise ControlError(
                 f"the robot's pose {tuple(state.pose)} or velocity {tuple(state.velocity)} is not finite",
@@ -159,13 +160,13 @@ class PlanFollower(LocalPlanner):
         table: ScoreTable,
         rollouts: Rollouts,
         context: ScoringContext,
+        mode: str = "follow",
     ) -> LocalPlan:
         """The command with its table; raises NoValidControlError with the table when no sample is legal."""
-        self._last = context, rollouts
         best = table.best
         plan = LocalPlan(
             command,
-            "follow",
+            mode,
             samples,
             self._names,
             table.costs,
@@ -177,6 +178,7 @@ class PlanFollower(LocalPlanner):
             Path(context.plan, context.costmap.frame),
             tuple(context.shared.get("notes", ())),
         )
+        self._last = context, rollouts, table, plan
         if best < 0:
             text, data = no_valid_control(
                 table, self.critics, rollouts, samples, context.costmap, context.footprint, self.limits.max_vel_trans
@@ -190,10 +192,19 @@ class PlanFollower(LocalPlanner):
         return self.explain_last()
 
     def explain_last(self) -> dict[str, Any]:
-        """Of the last search: `poses` (K, T, 3), `counts` (K,), `commands` (K, 3), `first_contact` (K,), `grids` by critic."""
+        """Of the last search, legal or not; empty before the first and where the robot has arrived.
+
+        `plan` the LocalPlan with its table, `poses` (K, T, 3), `counts` (K,), `commands` (K, 3), `first_contact` (K,), `grids`
+        by critic, `costmap` and `footprint` as the critics saw them, `rejections` in a sentence, `accounts`: per sample what
+        rejected it and where, `rule`: how the planner chooses, where that is not simply the lowest total.
+        """
         if self._last is None:
             return {}
-        _, rollouts = self._last
+        context, rollouts, table, plan = self._last
+        critics = self.critics if plan.mode in ("follow", "escape") else [self._guard]
+        samples = plan.samples if plan.samples is not None else rollouts.samples
+        fastest = self.limits.max_vel_trans
+        text, _ = no_valid_control(table, critics, rollouts, samples, context.costmap, context.footprint, fastest)
         grids: dict[str, NDArray[np.float64]] = {}
         for critic in self.critics:
             grid = getattr(critic, "grid", None)
@@ -205,7 +216,18 @@ class PlanFollower(LocalPlanner):
             "commands": rollouts.samples.copy(),
             "first_contact": self._guard.first_contact.copy(),
             "grids": grids,
+            "plan": plan,
+            "costmap": context.costmap,
+            "footprint": context.footprint,
+            "rejections": text,
+            "accounts": sample_accounts(table, critics, rollouts, context.costmap, context.footprint, fastest),
+            "rule": self.rule,
         }
+
+    @property
+    def rule(self) -> str:
+        """How the winner is chosen, where that is not simply the lowest total."""
+        return ""
 
     # --- at the goal's position -------------------------------------------------------------------------------------
 
@@ -247,8 +269,28 @@ class PlanFollower(LocalPlanner):
             rollouts.counts[0] = 1
             rollouts.poses[0, 0] = inputs.state.pose
         table = score([self._guard], context, rollouts)
-        self._last = context, rollouts
-        if table.best < 0:
+        costs = np.full((1, len(self._names)), np.nan)
+        rejected_by = table.rejected_by.copy()
+        if self._guard in self.critics:
+            place = self.critics.index(self._guard)
+            costs[0, place] = table.costs[0, 0]
+            rejected_by[rejected_by == 0] = place
+        legal = table.best >= 0
+        local = LocalPlan(
+            command if legal else Twist2D(),
+            mode,
+            samples,
+            self._names,
+            costs,
+            np.array([critic.scale for critic in self.critics]),
+            table.totals,
+            rejected_by,
+            table.best,
+            rollouts.poses[0, : rollouts.counts[0]].copy() if legal else None,
+            Path(plan, context.costmap.frame),
+        )
+        self._last = context, rollouts, table, local
+        if not legal:
             text, data = no_valid_control(
                 table,
                 [self._guard],
@@ -262,23 +304,9 @@ class PlanFollower(LocalPlanner):
                 f"{doing} at the goal at ({command.vx:.3f}, {command.vy:.3f}) m/s, {command.wz:.3f} rad/s: {text}",
                 **data,
                 mode=mode,
+                plan=local,
             )
-        costs = np.full((1, len(self._names)), np.nan)
-        if self._guard in self.critics:
-            costs[0, self.critics.index(self._guard)] = table.costs[0, 0]
-        return LocalPlan(
-            command,
-            mode,
-            samples,
-            self._names,
-            costs,
-            np.array([critic.scale for critic in self.critics]),
-            table.totals,
-            table.rejected_by,
-            0,
-            rollouts.poses[0, : rollouts.counts[0]].copy(),
-            Path(plan, context.costmap.frame),
-        )
+        return local
 
 
 def at_least_standing(limits: VelocityLimits) -> VelocityLimits:

@@ -20,6 +20,7 @@ from navstack.core import Costmap, Footprint, Pose2D, RobotState, Twist2D, angle
 from navstack.core.errors import ControlError
 from navstack.core.parameters import ParamModel, param
 from navstack.interfaces import ControlInput, Critic, LocalPlan, Rollouts, ScoringContext, VelocityLimits
+from navstack.local_planner._obstacle_kernels import perimeter_cost
 from navstack.local_planner._toward_kernels import free_outline, heading_differences, simulate_toward
 from navstack.local_planner.critics._scale import RosDistro
 from navstack.local_planner.critics.goal import GoalCritic, GoalParams
@@ -36,6 +37,8 @@ STOPPED = 1e-2
 """Slower than this (m/s, rad/s) counts as stopped: a constant in C++."""
 STRAFE = 0.1
 """Speed (m/s) forward and to either side of the two strafing samples of a holonomic robot."""
+OUTLINES = tuple(round(1.0 - 0.05 * i, 2) for i in range(9))
+"""How much of the outline must be free where the robot stands for it to back out: padding is no more than the rest."""
 HEADING_SCALE = 0.3
 """Weight of the heading difference with heading_scoring: a constant in C++."""
 
@@ -391,6 +394,16 @@ class TrajectoryPlanner(PlanFollower):
         self._reached = plan.mode == "arrived"
         return plan
 
+    @property
+    def rule(self) -> str:
+        """Turns in place are weighed by where they look to, and not taken back."""
+        closed = [way for way, other in (("left", self._only[1]), ("right", self._only[0])) if other]
+        until = f"; turning {' or '.join(closed)} is closed until it has moved" if closed else ""
+        return (
+            "of the turns in place that cost no more than the best sample ahead, the one that looks nearest to the goal "
+            f"wins{until}"
+        )
+
     # --- samples ----------------------------------------------------------------------------------------------------
 
     def moment(self, steps: int) -> int | None:
@@ -488,6 +501,7 @@ class TrajectoryPlanner(PlanFollower):
             best = int(np.where(legal[: len(forward)], totals[: len(forward)], np.inf).argmin())
         nearest = math.inf
         best, nearest = self._turn_in_place(best, nearest, len(forward), turns, dw, table, rollouts, legal)
+        mode = "follow"
         if best < 0 and p.holonomic_robot and self._y_vels:
             first = len(samples)
             sideways = np.zeros((len(self._y_vels), 3))
@@ -497,17 +511,42 @@ class TrajectoryPlanner(PlanFollower):
         if best >= 0:
             self._note_direction(samples[best], state.pose)
         elif p.escape_vel != 0.0:
-            # ROS differs: C++ backs up even when that hits something
             escape = np.array([(max(p.escape_vel, limits.min_vel_x), 0.0, 0.0)])
             samples, rollouts, table = self._more(context, samples, escape)
-            if table.rejected_by[-1] == -1:
+            if table.rejected_by[-1] == -1 or self._way_out(context, rollouts):
                 best = len(samples) - 1
+                mode = "escape"
                 if self._escape is None:
                     self._escape = state.pose
         self._forget(state.pose)
         command = Twist2D(*samples[best].tolist()) if best >= 0 else Twist2D()
         chosen = ScoreTable(table.costs, table.scales, table.totals, table.rejected_by, best)
-        return self.result(command, samples, chosen, rollouts, context)
+        return self.result(command, samples, chosen, rollouts, context, mode)
+
+    def _way_out(self, context: ScoringContext, rollouts: Rollouts) -> bool:
+        """True when backing out, the last trajectory, comes no nearer to anything than the robot already is.
+
+        ROS differs: C++ backs up whatever is behind it. Here the outline may stand on lethal cells (it is padded, and cells
+        are coarse), but, shrunk until it is free where it stands, it must stay free until the escape is over and braked.
+        """
+        p, g = self.params, context.costmap.geometry
+        speed = abs(float(rollouts.samples[-1, 0]))
+        braking = speed * speed / (2.0 * p.acc_lim_x) if p.acc_lim_x > 0.0 else 0.0
+        way = rollouts.poses[-1, : rollouts.counts[-1]]
+        along = np.hypot(way[:, 0] - way[0, 0], way[:, 1] - way[0, 1])
+        way = way[along <= p.escape_reset_dist + braking + g.resolution].tolist()
+
+        def is_free(x: float, y: float, yaw: float, scale: float) -> bool:
+            if g.world_to_cell(x, y) is None:
+                return False
+            vertices = context.footprint.vertices
+            cost = perimeter_cost(
+                context.costmap.data, g.origin_x, g.origin_y, g.resolution, vertices, x, y, yaw, scale
+            )
+            return cost >= 0
+
+        scale = next((scale for scale in OUTLINES if is_free(*way[0], scale)), None)
+        return scale is not None and all(is_free(*pose, scale) for pose in way)
 
     def _more(
         self, context: ScoringContext, samples: NDArray[np.float64], added: NDArray[np.float64]

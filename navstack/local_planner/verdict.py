@@ -1,4 +1,4 @@
-"""Why no sample was legal, in a sentence and in numbers."""
+"""Why samples were rejected, in a sentence and in numbers."""
 
 from __future__ import annotations
 
@@ -38,17 +38,24 @@ def first_contact(
 
 
 def cell_hit(costmap: Costmap, footprint: Footprint, pose: Pose2D, scale: float) -> tuple[int, int, int] | None:
-    """(ix, iy, cost) of a cell of at least 254 under the outline at `pose`; None when it only leaves the map."""
+    """(ix, iy, cost) of the first cell of at least 254 on the walk along the outline; None when it only leaves the map.
+
+    The same walk as the obstacle kernel's: from vertex to vertex (Bresenham), the longer axis leading.
+    """
     g = costmap.geometry
     corners = Footprint(footprint.vertices * scale).at(pose)
-    closed = np.vstack((corners, corners[:1]))
-    for a, b in pairwise(closed):
-        # half a cell a step: finds every cell that the walk along the edge can hit, give or take its corners
-        steps = max(2, int(np.ceil(np.hypot(*(b - a)) / (0.5 * g.resolution))) + 1)
-        for x, y in zip(np.linspace(a[0], b[0], steps), np.linspace(a[1], b[1], steps)):
-            cell = g.world_to_cell(float(x), float(y))
-            if cell is not None and costmap.data[cell[1], cell[0]] >= 254:
-                return cell[0], cell[1], int(costmap.data[cell[1], cell[0]])
+    cells = np.floor((corners - (g.origin_x, g.origin_y)) / g.resolution).astype(np.int64).tolist()
+    for (x0, y0), (x1, y1) in pairwise([*cells, cells[0]]):
+        dx, dy = x1 - x0, y1 - y0
+        steps, add = max(abs(dx), abs(dy)), min(abs(dx), abs(dy))
+        step_x, step_y = (1 if dx >= 0 else -1), (1 if dy >= 0 else -1)
+        for m in range(steps + 1):
+            side = (steps // 2 + m * add) // max(steps, 1)
+            along_x = abs(dx) >= abs(dy)
+            ix = x0 + (m if along_x else side) * step_x
+            iy = y0 + (side if along_x else m) * step_y
+            if 0 <= ix < g.nx and 0 <= iy < g.ny and costmap.data[iy, ix] >= 254:
+                return ix, iy, int(costmap.data[iy, ix])
     return None
 
 
@@ -95,4 +102,44 @@ def no_valid_control(
                 words = [critic.CODES[c] for c in codes if c in critic.CODES]
                 detail = f" ({'; '.join(words)})" if words else ""
         parts.append(f"{number} {name}{detail}")
-    return f"{sum(counted.values())} of {k} rejected: {', '.join(parts)}", data
+    total = f"{sum(counted.values())} of {k} rejected"
+    return f"{total}: {', '.join(parts)}" if parts else total, data
+
+
+def sample_accounts(
+    table: ScoreTable,
+    critics: Sequence[Critic],
+    rollouts: Rollouts,
+    costmap: Costmap,
+    footprint: Footprint,
+    max_speed: float,
+) -> list[dict[str, Any]]:
+    """For every sample `rejected_by` (a critic's name or None) and `reason`; for collisions `step`, `pose`, `ahead_m`, `cell`."""
+    accounts: list[dict[str, Any]] = []
+    for k, by in enumerate(table.rejected_by.tolist()):
+        if by == -1:
+            accounts.append({"rejected_by": None, "reason": ""})
+            continue
+        if by == NEVER:
+            accounts.append({"rejected_by": "limits", "reason": "too slow or too fast"})
+            continue
+        critic = critics[by]
+        code = table.totals[k]
+        reason = critic.CODES.get(int(code), "") if np.isfinite(code) else ""
+        account: dict[str, Any] = {"rejected_by": critic.name, "reason": reason}
+        if isinstance(critic, ObstacleCritic) and critic.first_contact[k] >= 0:
+            step = int(critic.first_contact[k])
+            along = rollouts.poses[k, : step + 1, :2]
+            pose = Pose2D(*(float(v) for v in rollouts.poses[k, step]))
+            speed = float(np.hypot(rollouts.samples[k, 0], rollouts.samples[k, 1]))
+            cell = cell_hit(costmap, footprint, pose, critic.footprint_scale(speed, max_speed))
+            account |= {
+                "reason": f"footprint on {describe_cost(cell[2])}" if cell else "footprint off the map",
+                "step": step,
+                "pose": list(pose),
+                "ahead_m": float(np.hypot(*np.diff(along, axis=0).T).sum()) if step else 0.0,
+                "cell": [cell[0], cell[1]] if cell else None,
+                "cost": cell[2] if cell else None,
+            }
+        accounts.append(account)
+    return accounts
