@@ -28,6 +28,7 @@ FLOORS = {
     "navigator": 4,
     "record": 5,
     "scenario": 5,
+    "explain": 6,
     "plot": 6,
     "bench": 6,
     "tune": 6,

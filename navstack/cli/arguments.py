@@ -40,6 +40,12 @@ def parse_pose(text: str, argument: str) -> Pose2D:
     return Pose2D(values[0], values[1], normalize_angle(values[2]) if len(values) == 3 else 0.0)
 
 
+def parse_point(text: str, argument: str) -> tuple[float, float]:
+    """`x,y` -> a point (m)."""
+    x, y = _numbers(text, argument, "x,y in metres, such as 29.75,7.95", (2,))
+    return x, y
+
+
 def parse_obstacle(text: str) -> tuple[float, float, float]:
     """`x,y,r` -> a disc (m)."""
     x, y, r = _numbers(text, "--obstacle", "x,y,r in metres, such as 3.0,1.5,0.2", (3,))

@@ -1,0 +1,119 @@
+"""What the inflation of a parameter set charges, distance by distance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.configuration import Configuration, CostmapConfiguration
+from navstack.core.errors import InputError
+from navstack.costmap.inflation_layer import InflationLayer, inflation_cost
+
+
+@dataclass(frozen=True, slots=True)
+class InflationCurve:
+    """Cost against distance in one costmap. Metres."""
+
+    costmaps: tuple[str, ...]
+    """Those that have it: `global`, `local` or both."""
+    resolution: float
+    inscribed_radius: float
+    """With the padding."""
+    circumscribed_radius: float
+    inflation_radius: float
+    cost_scaling_factor: float
+    cells: NDArray[np.float64]
+    """(k,) whole cells away from an obstacle (m), from 0 to the first beyond the inflation radius."""
+    cell_costs: NDArray[np.uint8]
+    """(k,) what is written there."""
+
+    def at(self, distances: NDArray[np.float64]) -> NDArray[np.uint8]:
+        """Cost at distances (m), as the formula has it on a grid of any resolution."""
+        costs = inflation_cost(distances, self.inscribed_radius, self.cost_scaling_factor)
+        # as far as whole cells cover it, like the layer
+        costs[distances > self.cells[-2] + 1e-9 if len(self.cells) > 1 else distances > 0.0] = 0
+        return costs
+
+    def as_dict(self) -> dict[str, Any]:
+        """Ready for JSON."""
+        return {
+            "costmaps": list(self.costmaps),
+            "resolution_m": self.resolution,
+            "inscribed_radius_m": self.inscribed_radius,
+            "circumscribed_radius_m": self.circumscribed_radius,
+            "inflation_radius_m": self.inflation_radius,
+            "cost_scaling_factor": self.cost_scaling_factor,
+            "curve": [{"cells": i, "distance_m": d, "cost": c} for i, (d, c) in enumerate(self.steps())],
+        }
+
+    def steps(self) -> list[tuple[float, int]]:
+        """Distance (m) and cost of every whole number of cells."""
+        return [(round(float(d), 6), int(c)) for d, c in zip(self.cells, self.cell_costs)]
+
+
+def inflation_curves(configuration: Configuration, *, map_resolution: float | None = None) -> list[InflationCurve]:
+    """The curves of the global and the local costmap; one where they are the same.
+
+    `map_resolution` (m): of the map that the global costmap will take its own from. Raises InputError when neither
+    costmap has an inflation layer.
+    """
+    curves: list[InflationCurve] = []
+    for name, chosen in (("global", configuration.global_costmap), ("local", configuration.local_costmap)):
+        curve = _curve(name, chosen, map_resolution)
+        if curve is None:
+            continue
+        twin = next((i for i, other in enumerate(curves) if _same(other, curve)), None)
+        if twin is None:
+            curves.append(curve)
+        else:
+            curves[twin] = InflationCurve((*curves[twin].costmaps, name), *_values(curve))
+    if not curves:
+        raise InputError(
+            "neither costmap has an inflation layer that is enabled: there is no curve to show; add a layer of type "
+            "costmap_2d::InflationLayer to their plugins"
+        )
+    return curves
+
+
+def _curve(name: str, chosen: CostmapConfiguration, map_resolution: float | None) -> InflationCurve | None:
+    params: Any = next(
+        (x.params for x in chosen.layers if issubclass(x.cls, InflationLayer) and x.params.enabled), None
+    )
+    if params is None:
+        return None
+    resolution = chosen.params.resolution
+    if map_resolution is not None and not chosen.params.rolling_window:
+        resolution = map_resolution
+    reach = int(np.ceil(params.inflation_radius / resolution))
+    cells: NDArray[np.float64] = (np.arange(reach + 2) * resolution).astype(np.float64)
+    costs = inflation_cost(cells, chosen.footprint.inscribed_radius, params.cost_scaling_factor)
+    costs[reach + 1 :] = 0
+    return InflationCurve(
+        (name,),
+        resolution,
+        chosen.footprint.inscribed_radius,
+        chosen.footprint.circumscribed_radius,
+        params.inflation_radius,
+        params.cost_scaling_factor,
+        cells,
+        costs,
+    )
+
+
+def _values(curve: InflationCurve) -> tuple[Any, ...]:
+    return (
+        curve.resolution,
+        curve.inscribed_radius,
+        curve.circumscribed_radius,
+        curve.inflation_radius,
+        curve.cost_scaling_factor,
+        curve.cells,
+        curve.cell_costs,
+    )
+
+
+def _same(a: InflationCurve, b: InflationCurve) -> bool:
+    return all(np.array_equal(x, y) for x, y in zip(_values(a), _values(b)))

@@ -1,0 +1,98 @@
+"""The inflation curve: what a costmap charges for being near an obstacle."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.plot import canvas, colors
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """The costs of one costmap (or of several with the same)."""
+
+    label: str
+    distances: NDArray[np.float64]
+    """(n,) metres."""
+    costs: NDArray[np.float64]
+    """(n,) at these distances, as the formula has them."""
+    cells: NDArray[np.float64]
+    """(k,) distances that occur on the grid straight ahead: whole cells (m)."""
+    cell_costs: NDArray[np.float64]
+    """(k,) what is written there."""
+    inscribed: float
+    """Metres, as all below."""
+    circumscribed: float
+    inflation: float
+    subtitle: str
+
+
+_COLORS = (colors.BLUE, colors.VERMILLION)
+
+
+def plot_inflation(curves: Sequence[Curve], path: str | os.PathLike[str], *, title: str, dpi: float = 130.0) -> Path:
+    """Draws cost against distance to a .png, .svg or .pdf, one panel per curve, the radii marked.
+
+    Raises OutputError. Returns the file.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    out = Path(path)
+    canvas.check_format(out)
+    with canvas.style():
+        panel, above, below = 3.7, 0.4, 0.55
+        height = above + len(curves) * panel
+        figure = Figure(figsize=(9.2, height))
+        FigureCanvasAgg(figure)
+        figure.text(0.075, 1.0 - 0.3 / height, title, fontsize=12, fontweight="bold", va="baseline")
+        reach = max(float(curve.distances[-1]) for curve in curves)
+        for i, curve in enumerate(curves):
+            bottom = (len(curves) - 1 - i) * panel + below
+            axes: Any = figure.add_axes((0.075, bottom / height, 0.66, (panel - below - 0.3) / height))
+            _panel(axes, curve, _COLORS[i % len(_COLORS)], reach)
+            axes.set_title(
+                f"{curve.label}   {curve.subtitle}", fontsize=8.5, fontweight="normal", color="#666666", pad=6
+            )
+            axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0, labelspacing=0.8)
+        return canvas.save(figure, out, dpi)
+
+
+def _panel(axes: Any, curve: Curve, color: str, reach: float) -> None:
+    axes.set_xlim(0.0, reach)
+    axes.set_ylim(-6.0, 268.0)
+    axes.set_yticks([0, 50, 100, 126, 150, 200, 253])
+    axes.set_xlabel("distance to the nearest obstacle cell, centre to centre (m)")
+    axes.set_ylabel("cost")
+    axes.axhspan(253.0, 268.0, color=colors.hex_of(colors.INSCRIBED_RGB), alpha=0.35, lw=0)
+    axes.axhline(126.0, color=colors.FAINT, lw=0.8, ls=(0, (1, 2)))
+    axes.axvspan(0.0, curve.inscribed, color=colors.hex_of(colors.INSCRIBED_RGB), alpha=0.16, lw=0)
+    axes.plot(curve.distances, curve.costs, color=color, lw=1.8, label="formula", zorder=4)
+    axes.step(
+        curve.cells, curve.cell_costs, where="mid", color=color, lw=0.9, alpha=0.55, zorder=3, label="cells of the grid"
+    )
+    axes.plot(
+        curve.cells,
+        curve.cell_costs,
+        "o",
+        ms=4.5,
+        color=color,
+        mec="white",
+        mew=0.7,
+        zorder=5,
+        label="whole cells away",
+    )
+    marks = (
+        (curve.inscribed, "inscribed radius", colors.BLACK, "-"),
+        (curve.circumscribed, "circumscribed radius", colors.PURPLE, (0, (5, 2))),
+        (curve.inflation, "inflation radius", colors.GREEN, (0, (2, 1.5))),
+    )
+    for at, name, ink, dashes in marks:
+        axes.axvline(at, color=ink, lw=1.4, ls=dashes, zorder=2, label=f"{name} {at:.3f} m")

@@ -1,0 +1,52 @@
+"""Drawn maps: two rooms with a wall between them and a door in it, at any angle."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from navstack.core import GridGeometry, OccupancyGrid
+
+RESOLUTION = 0.05
+SIZE_M = 8.0
+
+
+def two_rooms(
+    doors: dict[float, float], *, angle: float = 0.0, thickness: float = 0.2, resolution: float = RESOLUTION
+) -> OccupancyGrid:
+    """A square room of 8 m, split by a wall through its middle at `angle`; `doors`: where along it (m) -> how wide (m).
+
+    A cell is occupied when its centre lies in a wall.
+    """
+    n = round(SIZE_M / resolution)
+    centre = (np.arange(n) + 0.5) * resolution - SIZE_M / 2.0
+    x, y = np.meshgrid(centre, centre)
+    along = math.cos(angle) * x + math.sin(angle) * y
+    across = -math.sin(angle) * x + math.cos(angle) * y
+    wall = np.abs(across) <= thickness / 2.0
+    for at, width in doors.items():
+        wall &= ~(np.abs(along - at) < width / 2.0 - 1e-9)
+    wall |= (np.abs(x) > SIZE_M / 2.0 - 0.1) | (np.abs(y) > SIZE_M / 2.0 - 0.1)
+    return OccupancyGrid(np.where(wall, 100, 0).astype(np.int8), GridGeometry(n, n, resolution, -4.0, -4.0))
+
+
+def bare_room() -> OccupancyGrid:
+    """The room without the wall."""
+    grid = two_rooms({})
+    data = grid.data.copy()
+    data[2:-2, 2:-2] = 0
+    return OccupancyGrid(data, grid.geometry)
+
+
+def with_boxes(grid: OccupancyGrid, *boxes: tuple[float, float, float, float], value: int = 100) -> OccupancyGrid:
+    """With boxes x0, y0, x1, y1 (m) filled in."""
+    data = grid.data.copy()
+    g = grid.geometry
+    for x0, y0, x1, y1 in boxes:
+        (a, b), (c, d) = (
+            (round((x - g.origin_x) / g.resolution), round((y - g.origin_y) / g.resolution))
+            for x, y in ((x0, y0), (x1, y1))
+        )
+        data[b:d, a:c] = value
+    return OccupancyGrid(data, g, grid.origin_yaw, grid.frame)

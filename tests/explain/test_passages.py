@@ -1,0 +1,249 @@
+"""The passable-width report, against doors that were drawn."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import ndimage
+
+from navstack.configuration import Configuration, load_configuration
+from navstack.core import INSCRIBED, GridGeometry, OccupancyGrid
+from navstack.core.errors import InputError
+from navstack.explain import PassageReport, find_passages
+from navstack.explain.narrow import narrow_places
+from navstack.map_io import load_map
+from tests.explain.rooms import RESOLUTION, bare_room, two_rooms, with_boxes
+
+
+@pytest.fixture(scope="module")
+def turtlebot() -> Configuration:
+    return load_configuration(["turtlebot"])
+
+
+def report(configuration: Configuration, grid: OccupancyGrid, **limits: float) -> PassageReport:
+    return find_passages(configuration, grid, **({"narrowest": 0.1, "widest": 1.6} | limits))  # type: ignore[arg-type]
+
+
+WIDTHS = [0.3, 0.35, 0.4, 0.45, 0.5, 0.6, 0.65, 0.7, 0.8, 0.9, 0.95, 1.0, 1.1, 1.2]
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_a_door_along_the_grid_has_its_width(turtlebot: Configuration, width: float) -> None:
+    # a wall at whole cells: an even number of cells has its middle on a cell's edge
+    odd = round(width / RESOLUTION) % 2
+    middle = RESOLUTION / 2.0 if odd else 0.0
+    for angle in (0.0, math.pi / 2.0):
+        (door,) = report(turtlebot, two_rooms({middle: width}, angle=angle)).passages
+        assert door.width == pytest.approx(width)
+        at = (middle * math.cos(angle), middle * math.sin(angle))
+        assert math.hypot(door.x - at[0], door.y - at[1]) <= 2.0 * RESOLUTION
+
+
+@pytest.mark.parametrize("degrees", [3, 10, 26.565, 37, 45, 58, 71, 88, 115, 140, 163])
+@pytest.mark.parametrize("width", [0.3, 0.5, 0.75, 0.9, 1.2])
+def test_a_door_in_a_turned_wall_is_true_to_a_cell(turtlebot: Configuration, width: float, degrees: float) -> None:
+    angle = math.radians(degrees)
+    (door,) = report(turtlebot, two_rooms({0.3: width}, angle=angle)).passages
+    assert abs(door.width - width) <= RESOLUTION
+    assert math.hypot(door.x - 0.3 * math.cos(angle), door.y - 0.3 * math.sin(angle)) <= 0.15
+    (ax, ay), (bx, by) = door.ends
+    off = (math.atan2(by - ay, bx - ax) - angle + math.pi / 2.0) % math.pi - math.pi / 2.0
+    assert abs(off) < math.atan2(0.25, width)  # from jamb to jamb
+
+
+@pytest.mark.parametrize("degrees", [0, 17, 45, 74, 90])
+@pytest.mark.parametrize("width", WIDTHS)
+def test_not_passable_means_that_no_cell_leads_through(turtlebot: Configuration, width: float, degrees: float) -> None:
+    angle = math.radians(degrees)
+    found = report(turtlebot, two_rooms({0.0: width}, angle=angle))
+    (door,) = found.passages
+    label, _ = ndimage.label(found.costmap.data < INSCRIBED)
+    ahead = [found.costmap.geometry.world_to_cell(s * -math.sin(angle), s * math.cos(angle)) for s in (2.0, -2.0)]
+    (ax, ay), (bx, by) = (cell for cell in ahead if cell is not None)
+    assert (door.verdict != "blocked") == (label[ay, ax] == label[by, bx])
+    lowest = (
+        min(
+            cost
+            for cost in range(255)
+            if np.unique(ndimage.label(found.costmap.data <= cost)[0][[ay, by], [ax, bx]]).size == 1
+        )
+        if door.verdict != "blocked"
+        else None
+    )
+    if lowest is not None and degrees in (0, 90):
+        assert door.cost == lowest
+
+
+def test_verdicts_follow_the_cost(turtlebot: Configuration) -> None:
+    found = report(turtlebot, two_rooms({-2.5: 0.3, 0.0: 0.5, 2.5: 1.2}))
+    assert [(p.verdict, p.can_turn, p.fits) for p in found.passages] == [
+        ("blocked", False, False),
+        ("costly", True, True),
+        ("free", True, True),
+    ]
+    assert found.passages[0].cost == INSCRIBED
+    assert 126 <= found.passages[1].cost <= 252
+    assert found.passages[2].cost == 0
+    assert "inscribed radius 0.21" in found.passages[0].reason
+    assert f"cost {found.passages[1].cost} of 252" in found.passages[1].reason
+    assert "inflated up to 0.50 m" in found.passages[2].reason
+
+
+def test_the_widths_a_robot_needs_are_where_the_verdict_changes(turtlebot: Configuration) -> None:
+    needs = report(turtlebot, bare_room()).widths
+    cells = [round(width / RESOLUTION) for width in (needs.passable, needs.free)]
+    verdicts = {}
+    for n in range(3, 20):
+        grid = two_rooms({RESOLUTION / 2.0 * (n % 2): n * RESOLUTION})
+        (door,) = report(turtlebot, grid).passages
+        verdicts[n] = door.verdict
+    assert next(n for n in verdicts if verdicts[n] != "blocked") == cells[0]
+    assert next(n for n in verdicts if verdicts[n] == "free") == cells[1]
+
+
+def test_a_rectangular_robot_that_cannot_turn_is_told_so(turtlebot: Configuration) -> None:
+    long = load_configuration(
+        ["turtlebot"],
+        overrides=[f"{c}_costmap/footprint=[[-0.5,-0.2],[-0.5,0.2],[0.5,0.2],[0.5,-0.2]]" for c in ("local", "global")],
+    )
+    (door,) = report(long, two_rooms({0.0: 0.7})).passages
+    assert door.verdict != "blocked"
+    assert not door.can_turn
+    assert "cannot turn" in door.reason
+
+
+def test_without_inflation_a_door_narrower_than_the_robot_is_pointed_out() -> None:
+    bare = load_configuration(["turtlebot"], overrides=["global_costmap/inflation_layer/enabled=false"])
+    (door,) = report(bare, two_rooms({0.0: 0.3})).passages
+    assert (door.verdict, door.fits) == ("free", False)
+    assert "no inflation layer" in door.reason
+    assert "may touch" in door.reason
+
+
+def test_two_doors_between_the_same_rooms_are_two(turtlebot: Configuration) -> None:
+    found = report(turtlebot, two_rooms({-2.0: 0.8, 2.0: 0.9}, angle=0.5))
+    assert len(found.passages) == 2
+
+
+def test_a_deep_door_is_one_and_has_a_length(turtlebot: Configuration) -> None:
+    (corridor,) = report(turtlebot, two_rooms({0.0: 0.9}, thickness=3.0)).passages
+    assert corridor.width == pytest.approx(0.9)
+    assert corridor.length == pytest.approx(3.0, abs=0.2)
+    assert abs(corridor.y) <= 0.1
+    (turned,) = report(turtlebot, two_rooms({0.0: 0.9}, thickness=3.0, angle=0.6)).passages
+    assert turned.width == pytest.approx(0.9, abs=RESOLUTION)
+
+
+def test_rough_walls_do_not_make_passages(turtlebot: Configuration) -> None:
+    grid = two_rooms({0.0: 1.0}, thickness=3.0)
+    data = grid.data.copy()
+    random = np.random.default_rng(4)
+    for side, step in ((69, -1), (90, 1)):  # one cell comes off the corridor's walls here and there
+        rows = random.random(160) < 0.5
+        column = side
+        data[rows & (data[:, column] == 100), column] = 0
+        del step
+    found = report(turtlebot, OccupancyGrid(data, grid.geometry))
+    assert len(found.passages) == 1
+
+
+def test_furniture_that_stands_alone_makes_no_passage(turtlebot: Configuration) -> None:
+    chair = (2.0, 3.2, 2.4, 3.5)
+    assert report(turtlebot, with_boxes(bare_room(), chair)).passages == ()
+    sideboard = (0.0, 3.2, 2.4, 3.5)
+    (beside,) = report(turtlebot, with_boxes(bare_room(), sideboard)).passages
+    assert beside.width == pytest.approx(0.4)
+
+
+def test_a_speck_in_a_doorway_narrows_it(turtlebot: Configuration) -> None:
+    speck = (0.1, 0.0, 0.15, 0.05)
+    (door,) = report(turtlebot, with_boxes(two_rooms({0.0: 1.2}), speck)).passages
+    assert door.width == pytest.approx(0.7)
+    assert door.x < 0.0
+
+
+def test_openings_beyond_the_limits_are_left_out(turtlebot: Configuration) -> None:
+    grid = two_rooms({-2.5: 0.3, 0.0: 0.5, 2.5: 1.2})
+    assert [p.width for p in report(turtlebot, grid, narrowest=0.3, widest=0.5).passages] == pytest.approx([0.3, 0.5])
+    assert [p.width for p in report(turtlebot, grid, narrowest=0.31, widest=1.19).passages] == pytest.approx([0.5])
+    with pytest.raises(InputError, match="--narrowest below --widest"):
+        report(turtlebot, grid, narrowest=1.0, widest=0.5)
+
+
+def test_unknown_space_is_a_wall_on_request(turtlebot: Configuration) -> None:
+    grid = two_rooms({0.0: 0.9})
+    data = grid.data.copy()
+    data[data == 100] = -1
+    foggy = OccupancyGrid(data, grid.geometry)
+    seen = report(turtlebot, foggy)
+    assert seen.passages == ()
+    assert seen.unknown_border == 1.0
+    taken = find_passages(turtlebot, foggy, unknown_is_wall=True)
+    (door,) = taken.passages
+    assert door.width == pytest.approx(0.9)
+    assert door.cost == 0  # nobody inflates it
+
+
+def test_behind_the_map_there_is_nothing(turtlebot: Configuration) -> None:
+    for grid in (bare_room(), OccupancyGrid(np.full((40, 40), -1, np.int8), GridGeometry(40, 40, 0.05))):
+        assert report(turtlebot, grid).passages == ()
+    empty = OccupancyGrid(np.zeros((40, 40), np.int8), GridGeometry(40, 40, 0.05))
+    assert report(turtlebot, empty).passages == ()
+    full = OccupancyGrid(np.full((40, 40), 100, np.int8), GridGeometry(40, 40, 0.05))
+    assert report(turtlebot, full).passages == ()
+    row = OccupancyGrid(np.full((1, 40), 100, np.int8), GridGeometry(40, 1, 0.05))
+    assert report(turtlebot, row).passages == ()
+
+
+def test_a_turned_map_has_the_same_doors(turtlebot: Configuration) -> None:
+    grid = two_rooms({0.0: 0.9})
+    turned = OccupancyGrid(grid.data, grid.geometry, origin_yaw=0.4)
+    (door,) = report(turtlebot, turned).passages
+    assert door.width == pytest.approx(0.9, abs=1.5 * RESOLUTION)  # cells are looked up: rounded twice
+
+
+def test_the_local_costmap_judges_by_its_own_inflation() -> None:
+    differing = load_configuration(["turtlebot"], overrides=["local_costmap/inflation_layer/inflation_radius=0.2"])
+    grid = two_rooms({0.0: 0.6})
+    (by_global,) = find_passages(differing, grid).passages
+    (by_local,) = find_passages(differing, grid, costmap="local").passages
+    assert (by_global.verdict, by_local.verdict) == ("costly", "free")
+
+
+@settings(deadline=None, max_examples=25, derandomize=True)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 7))
+def test_a_mirrored_or_turned_map_has_the_same_widths(seed: int, pose: int) -> None:
+    random = np.random.default_rng(seed)
+    blocked = np.zeros((60, 60), bool)
+    blocked[[0, -1]] = blocked[:, [0, -1]] = True
+    for _ in range(8):
+        x, y = random.integers(0, 56, 2)
+        w, h = random.integers(2, 24, 2)
+        blocked[y : y + h, x : x + w] = True
+    other = np.rot90(blocked[::-1] if pose & 4 else blocked, pose & 3)
+    found = [narrow_places(m, ~m, narrowest=2.0, widest=20.0) for m in (blocked, np.ascontiguousarray(other))]
+    assert [p.distance for p in found[0]] == pytest.approx([p.distance for p in found[1]])
+    for place in found[0]:
+        (ax, ay), (bx, by) = place.first, place.second
+        assert blocked[ay, ax] and blocked[by, bx]
+        rows, columns = np.nonzero(blocked)
+        middle = (ax + bx) / 2.0, (ay + by) / 2.0
+        nearest = np.hypot(columns - middle[0], rows - middle[1]).min()
+        assert nearest == pytest.approx(place.distance / 2.0)  # its circle holds no obstacle
+
+
+@pytest.mark.parametrize("name", ["navigation_tutorials__willow-full-0.10/willow-full.yaml"])
+def test_the_doors_of_willow_garage(turtlebot: Configuration, data_dir: Path, name: str) -> None:
+    path = data_dir / "maps" / name
+    if not path.is_file():
+        pytest.skip("this map is not among the foreign data here")
+    found = find_passages(turtlebot, load_map(path))
+    doors = [(p.x, p.y) for p in found.passages]
+    # doors that anybody sees on the map: of two offices in the south west, and of the room in the middle west
+    for x, y in ((4.3, 8.8), (20.2, 8.5), (18.5, 34.3), (21.5, 34.6)):
+        assert min(math.hypot(x - dx, y - dy) for dx, dy in doors) < 0.5, (x, y)
