@@ -58,6 +58,7 @@ from navstack.move_base.params import MoveBaseParams
 from navstack.move_base.planning import InlinePlanning, PlanAnswer, Planning
 from navstack.move_base.progress import Progress, ProgressChecker
 from navstack.move_base.schedule import EPSILON_S, Schedule
+from navstack.move_base.speed_masks import SpeedMasks
 from navstack.move_base.state_machine import Action, Mode, NavEvent, NavState, Outcome, Transition, Trigger, step
 from navstack.move_base.tally import Tally
 
@@ -181,6 +182,7 @@ class MoveBase:
         self._stale_since: float | None = None
         self._progress = ProgressChecker(params.oscillation_distance)
         self._pose: Pose2D | None = None
+        self._speed_masks = SpeedMasks((local_costmap, global_costmap), local_planner)
         # commands
         self._command = STANDING
         self._command_time = -math.inf
@@ -645,6 +647,10 @@ class MoveBase:
             return
         if error is None and inputs is not None:
             try:
+                if self._speed_masks.heed(now, slowed=bool(self._followed)):
+                    limit = self._speed_masks.limit
+                    text = "no speed limit any more" if limit is None else f"speed limit {limit:.2f} m/s"
+                    self._emit(now, "info", f"{text}, says the speed mask", {"max_vel_trans": limit})
                 local = guards.compute_command(self.local_planner, inputs)
                 self._local_plan = self.turn.local_plan = local
                 mission.tally.commands += 1
