@@ -19,6 +19,10 @@ BUILT_IN = {
     "clear_costmap_recovery": "clear_costmap_recovery/ClearCostmapRecovery",
     "rotate_recovery": "rotate_recovery/RotateRecovery",
     "move_slow_and_clear": "move_slow_and_clear/MoveSlowAndClear",
+    "back_up": "nav2_behaviors/BackUp",
+    "drive_on_heading": "nav2_behaviors/DriveOnHeading",
+    "spin": "nav2_behaviors/Spin",
+    "wait": "nav2_behaviors/Wait",
 }
 
 
