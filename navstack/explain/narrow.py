@@ -141,8 +141,8 @@ class _Search:
         self.p, self.q, self.mine, self.other = p[keep], q[keep], mine[keep], other[keep]
         self.through, self.length, self.middle = through[keep], length[keep], middle[keep]
         self.saddle = saddle[keep]
-        self.wanted = self.saddle & self.open[iy, ix][keep]
-        self.wanted &= (self.length >= self.narrowest) & (self.length <= self.widest)
+        self.opening = self.saddle & self.open[iy, ix][keep]
+        self.wanted = self.opening & (self.length >= self.narrowest) & (self.length <= self.widest)
 
     def run(self) -> list[NarrowPlace]:
         """The narrow places, the narrowest first."""
@@ -210,7 +210,7 @@ class _Search:
         return first, second
 
     def _stretch(self, edge: int) -> NDArray[np.int64]:
-        """The saddles up to a cell wider that one gets to from `edge` in such narrowness, through nothing narrower."""
+        """The openings up to a cell wider that one gets to from `edge` in such narrowness, through nothing narrower."""
         least = float(self.through[edge]) - 1e-9
         limit = least + 0.5
         edges_of = self._edges_of()
@@ -225,7 +225,7 @@ class _Search:
             for e in edges_of[0][edges_of[1][triangle] : edges_of[1][triangle + 1]].tolist():
                 if self.through[e] < least:
                     continue
-                if self.saddle[e]:
+                if self.opening[e]:
                     found.add(e)
                 todo += [int(self.mine[e]), int(self.other[e])]
         return np.array(sorted(found), np.int64)

@@ -247,3 +247,6 @@ def test_the_doors_of_willow_garage(turtlebot: Configuration, data_dir: Path, na
     # doors that anybody sees on the map: of two offices in the south west, and of the room in the middle west
     for x, y in ((4.3, 8.8), (20.2, 8.5), (18.5, 34.3), (21.5, 34.6)):
         assert min(math.hypot(x - dx, y - dy) for dx, dy in doors) < 0.5, (x, y)
+    for passage in found.passages:
+        assert (passage.clearance <= found.inscribed_radius) == (passage.verdict == "blocked"), passage
+        assert passage.width <= 2.0 * (passage.clearance + found.costmap.geometry.resolution)
