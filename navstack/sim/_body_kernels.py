@@ -268,14 +268,16 @@ def drive(
             f = free / parts
             state[X] += f * dx
             state[Y] += f * dy
-            state[YAW] = wrapped(state[YAW] + f * mz)
+            # a round robot that is held goes on turning: its outline slides on itself
+            g = f if math.isnan(facing) else 1.0
+            state[YAW] = wrapped(state[YAW] + g * mz)
             state[DISTANCE] += f * length
             c, s = math.cos(state[OYAW] + 0.5 * oz), math.sin(state[OYAW] + 0.5 * oz)
             state[OX] += f * (c * ox - s * oy)
             state[OY] += f * (s * ox + c * oy)
-            state[OYAW] = wrapped(state[OYAW] + f * oz)
+            state[OYAW] = wrapped(state[OYAW] + g * oz)
             if hit != -1:
-                for i in range(3):
+                for i in range(3 if math.isnan(facing) else 2):
                     state[VX + i] = 0.0
                     state[LX + i] = 0.0
                 if state[TOUCHING] == 0.0:

@@ -69,20 +69,26 @@ class Bumper:
 
 
 def skin(vertices: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Points along an outline (n, 2), no farther apart than `SPACING`, and the unit vectors out of it there: both (m, 2)."""
-    ends = np.roll(vertices, -1, axis=0)
-    area = float((vertices[:, 0] * ends[:, 1] - vertices[:, 1] * ends[:, 0]).sum())
-    turn = 1.0 if area >= 0.0 else -1.0
+    """Points along an outline (n, 2), no farther apart than `SPACING`, and the unit vectors out of it there: both (m, 2).
+
+    Out of a corner is half way between its two edges' normals.
+    """
+    vertices = vertices[np.any(vertices != np.roll(vertices, 1, axis=0), axis=1)]  # an edge has a length
+    edges = np.roll(vertices, -1, axis=0) - vertices
+    lengths = np.hypot(edges[:, 0], edges[:, 1])
+    turn = 1.0 if float((vertices[:, 0] * edges[:, 1] - vertices[:, 1] * edges[:, 0]).sum()) >= 0.0 else -1.0
+    across = turn * np.column_stack((edges[:, 1], -edges[:, 0])) / lengths[:, None]
+    at_corner = across + np.roll(across, 1, axis=0)
     points: list[NDArray[np.float64]] = []
     normals: list[NDArray[np.float64]] = []
-    for start, end in zip(vertices, ends, strict=True):
-        edge = end - start
-        length = float(np.hypot(*edge))
-        if length == 0.0:
-            continue
-        share = np.arange(math.ceil(length / SPACING)) / math.ceil(length / SPACING)
-        points.append(start + share[:, None] * edge)
-        normals.append(np.tile(turn * np.array([edge[1], -edge[0]]) / length, (len(share), 1)))
+    for k, corner in enumerate(vertices):
+        count = math.ceil(float(lengths[k]) / SPACING)
+        points.append(corner + (np.arange(count) / count)[:, None] * edges[k])
+        along = np.tile(across[k], (count, 1))
+        size = float(np.hypot(*at_corner[k]))
+        if size > 1e-9:  # a spike that turns back has no way out of its own
+            along[0] = at_corner[k] / size
+        normals.append(along)
     return np.concatenate(points), np.concatenate(normals)
 
 

@@ -64,9 +64,8 @@ class SimulatedRobot:
     """A body, its odometry, its lidars and bumpers in a `World`. Time is counted in whole physics steps; nothing
     here reads a clock.
 
-    A contact stops the robot where it was last free (to within 5 mm), wheels included. A round one (`from_radius`) turns on
-    the spot even then. A run is a pure function of the
-    parameters, the world, the start, the seed and the commands.
+    A contact stops the robot where it was last free (to within 5 mm), wheels included; a round one (`from_radius`) goes on
+    turning even then. A run is a pure function of the parameters, the world, the start, the seed and the commands.
     """
 
     def __init__(
