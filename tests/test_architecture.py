@@ -26,8 +26,11 @@ FLOORS = {
     "move_base": 3,
     "configuration": 4,
     "navigator": 4,
+    "effective": 5,
     "record": 5,
     "scenario": 5,
+    "basic_navigator": 5,
+    "tour": 5,
     "explain": 6,
     "plot": 6,
     "bench": 6,
@@ -35,8 +38,8 @@ FLOORS = {
     "cli": 7,
 }
 # two files of one floor that are one thing in two parts: the classes and the list of them; parameters and their assembly;
-# a scenario and its record
-SAME_FLOOR = {("plugins", "interfaces"), ("navigator", "configuration"), ("scenario", "record")}
+# a scenario and its record; a tour and the scenario it makes
+SAME_FLOOR = {("plugins", "interfaces"), ("navigator", "configuration"), ("scenario", "record"), ("tour", "scenario")}
 
 
 def room_of(file: Path) -> str:

@@ -225,6 +225,11 @@ class MoveBase:
         return self._recovery.name if self._recovery is not None else None
 
     @property
+    def recovery_context(self) -> RecoveryContext:
+        """What a recovery behaviour may act on, for those who run one themselves while there is no goal."""
+        return self._context
+
+    @property
     def goal_handle(self) -> GoalHandle | None:
         """The goal being worked on."""
         return self._mission.handle if self._mission is not None else None
@@ -558,7 +563,7 @@ class MoveBase:
 
     def _follow_up(self, now: float) -> None:
         try:
-            state = self._local_state(now)
+            state = self.local_state(now)
         except NavError:
             return
         for recovery in list(self._followed):
@@ -669,7 +674,7 @@ class MoveBase:
         exhausted = now >= self._last_valid_control + patience - EPSILON_S
         self._apply(NavEvent.CONTROL_EXHAUSTED if exhausted else NavEvent.COMMAND_FAILED, now)
 
-    def _local_state(self, now: float) -> RobotState:
+    def local_state(self, now: float) -> RobotState:
         """Pose in the local costmap's frame, velocity as the robot says; raises NavError."""
         try:
             pose = self.local_costmap.robot_pose(now)
@@ -688,7 +693,7 @@ class MoveBase:
 
     def _inputs(self, plan: Plan, now: float) -> ControlInput:
         costmap = self.local_costmap
-        state = self._local_state(now)
+        state = self.local_state(now)
         frame = plan.path.frame
         transform = Transform2D()
         if frame != costmap.frame:
@@ -855,7 +860,7 @@ class MoveBase:
         first = now == self._recovery_began
         error: NavError | None = None
         try:
-            done = guards.recovery_step(recovery, self._local_state(now), now)
+            done = guards.recovery_step(recovery, self.local_state(now), now)
         except NavError as exc:
             error = exc
             self._end_recovery(recovery, RecoveryStatus.FAILED, exc.message, exc.as_dict(), exc, now)
