@@ -109,7 +109,10 @@ def test_a_range_ends_at_a_solid_and_meets_none_before(seed: int) -> None:
 @GIVEN
 @given(seeds, outlines, st.floats(-3, 3), st.floats(-4, 4))
 def test_the_robot_is_never_inside_of_anything(seed: int, outline: str, vx: float, wz: float) -> None:
-    """Driven anyhow, the outline stays free at every step, and a contact says where it came from."""
+    """Driven anyhow, the outline stays free at every step, and a contact says where it came from.
+
+    The polygon of a round robot faces where it faced at the start, since a circle has no corners that could catch.
+    """
     world, pose = world_and_pose(seed)
     footprint = OUTLINES[outline]
     if not world.is_free(footprint, pose):
@@ -117,12 +120,15 @@ def test_the_robot_is_never_inside_of_anything(seed: int, outline: str, vx: floa
     robot = SimulatedRobot(SimParams(acc_lim_x=5.0), world, footprint, pose, seed=seed)
     robot.command(Twist2D(vx, 0.0, wz))
     obstacles = solid(world)
+    turns = outline != "round"
     for x, y, yaw, *_ in robot.advance_to(1.5).tolist()[::5]:
+        yaw = yaw if turns else pose.yaw
         placed = shapely.Polygon(footprint.at(Pose2D(x, y, yaw)))
         assert shapely.area(shapely.intersection(obstacles, placed)).sum() < 1e-9
     for contact in robot.collisions:
         # a point of the outline moves at most 5 mm between two tests
-        assert world.clearance(contact.pose, footprint) <= 0.005 + 1e-9
+        at = contact.pose if turns else contact.pose._replace(yaw=pose.yaw)
+        assert world.clearance(at, footprint) <= 0.005 + 1e-9
 
 
 @GIVEN
