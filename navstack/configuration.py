@@ -98,14 +98,20 @@ class Configuration:
 
 
 def load_configuration(
-    sources: Sequence[Source], *, overrides: Sequence[str] = (), distro: str | None = None
+    sources: Sequence[Source],
+    *,
+    overrides: Sequence[str] = (),
+    distro: str | None = None,
+    allow_missing: bool = False,
 ) -> Configuration:
     """Loads a packaged set (`turtlebot`), folders, files (`file@namespace`), mappings: later over earlier.
 
-    `overrides` are `NAME=VALUE` texts, `distro` overrides `navstack/ros_distro`. Raises ParameterError when something
-    cannot be used: its message has a line per error, its `data["findings"]` everything that was found.
+    `overrides` are `NAME=VALUE` texts, `distro` overrides `navstack/ros_distro`. With `allow_missing`, layers, critics
+    and recovery behaviours of a type that is not here are left out, with a warning (planners are not: nothing could
+    stand in for them). Raises ParameterError when something cannot be used: its message has a line per error, its
+    `data["findings"]` everything that was found.
     """
-    configuration, findings = _Assembly(sources, overrides, distro).run()
+    configuration, findings = _Assembly(sources, overrides, distro, allow_missing).run()
     errors = [f for f in findings if f.severity == "error"]
     if configuration is None or errors:
         raise _error(errors, findings)
@@ -113,10 +119,14 @@ def load_configuration(
 
 
 def check_parameters(
-    sources: Sequence[Source], *, overrides: Sequence[str] = (), distro: str | None = None
+    sources: Sequence[Source],
+    *,
+    overrides: Sequence[str] = (),
+    distro: str | None = None,
+    allow_missing: bool = False,
 ) -> list[Finding]:
     """Everything there is to say about the parameters, by file and line; raises nothing whatever they are."""
-    return _Assembly(sources, overrides, distro).run()[1]
+    return _Assembly(sources, overrides, distro, allow_missing).run()[1]
 
 
 def choose_global_planner(configuration: Configuration, name: str) -> PluginChoice[GlobalPlanner]:
@@ -181,7 +191,9 @@ class _Spec(NamedTuple):
 class _Assembly:
     """One loading, from sources to configuration."""
 
-    def __init__(self, sources: Sequence[Source], overrides: Sequence[str], distro: str | None) -> None:
+    def __init__(
+        self, sources: Sequence[Source], overrides: Sequence[str], distro: str | None, allow_missing: bool
+    ) -> None:
         read = read_sources([sources] if isinstance(sources, str) else sources, overrides)
         self.root = read.root
         self.findings = read.findings
@@ -189,6 +201,7 @@ class _Assembly:
         self.complete = not any(f.severity == "error" for f in read.findings)
         """False when a source could not be read: what is missing says nothing about the rest."""
         self.distro = distro
+        self.allow_missing = allow_missing
         self.binder = Binder(self.findings)
 
     def run(self) -> tuple[Configuration | None, list[Finding]]:
@@ -216,7 +229,7 @@ class _Assembly:
             convert_pre_hydro(space, self.findings)
         global_costmap = self._costmap("global_costmap")
         local_costmap = self._costmap("local_costmap")
-        listed = self._plugin_list(self.root, "recovery_behaviors")
+        listed = self._plugin_list(self.root, "recovery_behaviors", RECOVERY_BEHAVIORS)
         move_base: Any = self.binder.bind(
             MoveBaseParams, self.root, fixed=_fixed_list(self.root, "recovery_behaviors", listed)
         )
@@ -267,7 +280,7 @@ class _Assembly:
 
     def _costmap(self, name: str) -> CostmapConfiguration | None:
         space = self.root.ensure(name, self.root.at)
-        specs = self._plugin_list(space, "plugins")
+        specs = self._plugin_list(space, "plugins", LAYERS)
         params: Any = self.binder.bind(CostmapParams, space, fixed=_fixed_list(space, "plugins", specs))
         padding = params.footprint_padding if params is not None else 0.0
         before = len(self.findings)
@@ -313,7 +326,7 @@ class _Assembly:
             space = self.binder.child(self.root, space.name)
         fixed: dict[str, Any] | None = None
         if "critics" in entry.cls.Params.model_fields:
-            specs = self._plugin_list(space, "critics")
+            specs = self._plugin_list(space, "critics", CRITICS)
             known = [self._plugin(CRITICS, s) is not None for s in specs or ()]
             fixed = _fixed_list(space, "critics", specs if all(known) else None)
         made: Any = self.binder.bind(entry.cls.Params, space, fixed=fixed)
@@ -379,10 +392,27 @@ class _Assembly:
             what = f'there is no {registry.kind} "{spec.type}" here'
             if other is not None:
                 what = f'"{spec.type}" is a {other}, not a {registry.kind}'
-            self.say("error", "unknown-plugin", spec.at, spec.key, f"{what}; {hint}known: {known}", close)
+            if spec.name == spec.key:  # a planner: nothing could stand in for it
+                self.say("error", "unknown-plugin", spec.at, spec.key, f"{what}; {hint}known: {known}", close)
+            elif self.allow_missing:
+                message = f"{what}, so {spec.name} is left out; {hint}known: {known}"
+                self.say("warning", "unknown-plugin", spec.at, spec.key, message, close)
+            else:
+                message = f"{what}; {hint}known: {known}; or leave {spec.name} out by --allow-missing"
+                self.say("error", "unknown-plugin", spec.at, spec.key, message, close)
             return None
 
-    def _plugin_list(self, space: Space, key: str) -> list[_Spec] | None:
+    def _there(self, registry: Registry[Any], specs: list[_Spec], space: Space, leaf: Leaf) -> list[_Spec]:
+        """Without the plugins that are not here, in the tree as well: what is kept of it loads again."""
+        found = [s for s in specs if self._plugin(registry, s) is not None]
+        for gone in (s for s in specs if s not in found):
+            _excuse(space, gone.name)
+        if len(found) < len(specs) and isinstance(leaf.node, ListNode):
+            items = [item for item, spec in zip(leaf.node.items, specs) if spec in found]
+            leaf.node = ListNode(items, leaf.node.at)
+        return found
+
+    def _plugin_list(self, space: Space, key: str, registry: Registry[Any]) -> list[_Spec] | None:
         """The entries of a plugin list; empty without one, None after an error."""
         child = space.children.get(key)
         if child is None:
@@ -413,7 +443,10 @@ class _Assembly:
                 good = False
                 continue
             specs.append(spec)
-        return specs if good else None
+        if not good:
+            return None
+        self.binder.origins[child.path] = node.at
+        return self._there(registry, specs, space, child) if self.allow_missing else specs
 
     def _spec(self, item: Node, key: str, leaf: Leaf, number: int) -> _Spec | None:
         if not isinstance(item, DictNode):

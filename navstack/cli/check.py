@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import typer
 
 SEVERITY_STYLE = {"error": "bold red", "warning": "yellow", "info": "cyan"}
@@ -11,13 +13,19 @@ def check(
     params: list[str] = typer.Argument(..., help="A packaged set, a folder, or files in the order of loading."),
     set_: list[str] = typer.Option([], "--set", metavar="KEY=VALUE", help="Override a parameter."),
     distro: str | None = typer.Option(None, "--distro", help="noetic or indigo: which scoring scale is meant."),
+    strict: bool = typer.Option(False, "--strict", help="Warnings are errors."),
+    allow_missing: bool = typer.Option(
+        False, "--allow-missing", help="Leave out layers and plugins that are not here."
+    ),
     json_: bool = typer.Option(False, "--json", help="One JSON document on stdout."),
 ) -> int:
     """Load parameters and say everything that can be said about them."""
     from navstack.cli.output import print_json, stdout
     from navstack.configuration import check_parameters
 
-    findings = check_parameters(params, overrides=set_, distro=distro)
+    findings = check_parameters(params, overrides=set_, distro=distro, allow_missing=allow_missing)
+    if strict:
+        findings = [replace(f, severity="error") if f.severity == "warning" else f for f in findings]
     errors = sum(f.severity == "error" for f in findings)
     if json_:
         print_json({"findings": [f.as_dict() for f in findings]})

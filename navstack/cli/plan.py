@@ -22,6 +22,9 @@ def plan(
         None, "--planner", metavar="NAME", help="Another global planner than the YAML's."
     ),
     set_: list[str] = typer.Option([], "--set", metavar="KEY=VALUE", help="Override a parameter (repeat)."),
+    allow_missing: bool = typer.Option(
+        False, "--allow-missing", help="Leave out layers and plugins that are not here."
+    ),
     out: Path | None = typer.Option(None, "--out", metavar="DIR", help="Write plan.png and plan.json there."),
     json_: bool = typer.Option(False, "--json", help="One JSON document on stdout."),
 ) -> None:
@@ -36,7 +39,7 @@ def plan(
 
     start_pose, goal_pose = parse_pose(start, "--start"), parse_pose(goal, "--goal")
     path, grid = map_of(map_)
-    configuration = load_configuration(params, overrides=set_)
+    configuration = load_configuration(params, overrides=set_, allow_missing=allow_missing)
     choice = choose_global_planner(configuration, planner) if planner else None
     folder = ensure_directory(out) if out is not None else None
     began = time.perf_counter()

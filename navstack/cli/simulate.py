@@ -31,6 +31,9 @@ def simulate(
         metavar="noetic|indigo",
         help="Whose scoring scale: noetic's, or that of releases before 2018.",
     ),
+    allow_missing: bool = typer.Option(
+        False, "--allow-missing", help="Leave out layers and plugins that are not here."
+    ),
     seed: int = typer.Option(0, "--seed", help="Of the noise; the same seed gives the same run.", min=0),
     obstacle: list[str] = typer.Option(
         [], "--obstacle", metavar="X,Y,R", help="A round obstacle that is not on the map."
@@ -46,7 +49,7 @@ def simulate(
     from navstack.core.files import ensure_directory, write_text
     from navstack.plot import plot_run
 
-    scenario = _scenario(map_, start, goal, params, set_, distro, seed, obstacle, time_limit)
+    scenario = _scenario(map_, start, goal, params, set_, distro, allow_missing, seed, obstacle, time_limit)
     folder = ensure_directory(out)
     result = _run(scenario, quiet=json_)
     assert result.recorder is not None
@@ -70,6 +73,7 @@ def _scenario(
     params: list[str],
     overrides: list[str],
     distro: str | None,
+    allow_missing: bool,
     seed: int,
     obstacle: list[str],
     time_limit: float,
@@ -94,7 +98,7 @@ def _scenario(
             )
         start_pose = start_pose or packaged.start
         goals = goals or packaged.goals
-    configuration = load_configuration(params, overrides=overrides, distro=distro)
+    configuration = load_configuration(params, overrides=overrides, distro=distro, allow_missing=allow_missing)
     for finding in configuration.findings:
         if finding.severity == "warning":
             print_note(f"{finding.location}: {finding.message}")

@@ -116,7 +116,9 @@ class DWAParams(ParamModel):
     scaling_speed: float = param(0.25, "speed from which on the footprint grows", unit="m/s", ge=0.0)
     max_scaling_factor: float = param(0.2, "how much the footprint has grown at max_vel_trans", ge=0.0)
     vx_samples: int = param(3, "velocities along x (at least 2 are used)", ge=1)
-    vy_samples: int = param(10, "velocities along y (at least 2 are used where the limits differ)", ge=1)
+    vy_samples: int = param(
+        10, "velocities along y (at least 2 are used where the limits differ); 0 counts as 1, as in ROS", ge=0
+    )
     vth_samples: int = param(20, "turning speeds (at least 2 are used)", ge=1)
     use_dwa: bool = param(True, "sample what can be reached within one period; otherwise within sim_time")
     sum_scores: bool = param(False, "sum of the obstacle costs along a trajectory instead of their maximum")

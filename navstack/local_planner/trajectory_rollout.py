@@ -64,6 +64,8 @@ class TrajectoryPlannerParams(ParamModel):
         "restore_defaults": "a button of dynamic_reconfigure",
         "publish_cost_grid_pc": "navstack publishes no topics; every command carries its table of samples",
         "global_frame_id": "it only names the frame of the published grid",
+        "max_vel_y": "sideways speeds are those of y_vels",
+        "min_vel_y": "sideways speeds are those of y_vels",
     }
     SEARCHED: ClassVar[frozenset[str]] = frozenset({"controller_frequency"})
     FROM_NAVSTACK: ClassVar[frozenset[str]] = frozenset({"ros_distro"})

@@ -88,7 +88,10 @@ class LaunchReader:
             )
         if not self.nodes:
             self.say(
-                "error", "launch", Location(shown), f"{shown} starts no move_base node; name the launch file that does"
+                "error",
+                "launch",
+                Location(shown),
+                "this launch file starts no move_base node; name the launch file that does",
             )
             return None
         if len(self.nodes) > 1:

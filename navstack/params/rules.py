@@ -218,6 +218,14 @@ def minimum_over_maximum(s: Subject) -> Iterator[Finding]:
             yield _say(s, "error", "minimum-over-maximum", s.planner_space, (low, high), message, None, params)
 
 
+def samples_of_none(s: Subject) -> Iterator[Finding]:
+    """`vy_samples: 0` stands in many published files, and ROS silently takes 1 for it; so does navstack, with a note."""
+    params = s.local_planner[2]
+    if getattr(params, "vy_samples", None) == 0:
+        message = "vy_samples = 0 counts as 1, as in ROS, which takes it without a word; write 1"
+        yield _say(s, "info", "counts-as-one", s.planner_space, ("vy_samples",), message, "1", params)
+
+
 def min_vel_trans_zero(s: Subject) -> Iterator[Finding]:
     """With 0, slow arcs count as driving and min_vel_theta never applies."""
     params = s.local_planner[2]
@@ -498,6 +506,7 @@ RULES: tuple[Rule, ...] = (
     window_starts_moving,
     stops_within_horizon,
     minimum_over_maximum,
+    samples_of_none,
     min_vel_trans_zero,
     tolerances,
     inflation_covers_robot,

@@ -234,7 +234,7 @@ def _read_folder(out: Sources, folder: Path, shown: str, namespace: str) -> None
         name = f"{shown}/{path.name}"
         role = role_of(path.name)
         if role is None:
-            message = f"{name} is not loaded: its name is none of move_base's files; name it to load it as well"
+            message = "not loaded: its name is none of move_base's files; name it to load it as well"
             out.say("info", "not-loaded", Location(name), message)
         else:
             roles.setdefault(role, []).append((path, name))
@@ -251,7 +251,7 @@ def _add_inner_folder(out: Sources, roles: dict[str, list[tuple[Path, str]]], be
     """The layout of jackal's: the costmaps' own files lie in a folder below, of which there may be several to choose from."""
     if not below or (_LOCAL in roles and _GLOBAL in roles):
         for folder in below:
-            message = f"the folder {shown}/{folder.name} is not loaded; name it to load it as well"
+            message = "this folder is not loaded; name it to load it as well"
             out.say("info", "not-loaded", Location(f"{shown}/{folder.name}"), message)
         return
     if len(below) > 1:

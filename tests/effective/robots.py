@@ -1,0 +1,24 @@
+"""The published robots, each with what it takes to load it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tests.conftest import data_files
+
+ARGUMENTS = ["model:=burger", "name:=fetch", "config:=2d", "cmd_vel_topic:=cmd_vel", "odom_topic:=odom"]
+
+
+def robots() -> list[list[str]]:
+    """Sources of every folder and launch file; empty where the data are absent."""
+    folders = [[str(p)] for p in data_files("params/*") if p.is_dir()]
+    launches = [[str(p), *ARGUMENTS] for p in data_files("params/*/_launch/*")]
+    inner = [[str(p)] for p in data_files("params/turtlebot2/param")]
+    return folders + launches + inner
+
+
+def name_of(sources: list[str]) -> str:
+    """`jackal-move_base_DWA`: a file name."""
+    parts = Path(sources[0]).parts
+    at = parts.index("params")
+    return "-".join(p for p in (parts[at + 1], *(Path(q).stem for q in parts[at + 2 :])) if p != "_launch")
