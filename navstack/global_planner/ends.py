@@ -17,7 +17,7 @@ from navstack.core.errors import (
     StartOutsideMapError,
 )
 from navstack.global_planner.cost_rule import CostRule
-from navstack.global_planner.wavefront import Wavefront
+from navstack.global_planner.seal import blocked_stretches
 
 Cell = tuple[int, int]
 
@@ -130,17 +130,32 @@ def start_occupied(
     )
 
 
-def no_path(costmap: Costmap, wave: Wavefront, start: Pose2D, goal: Pose2D, goal_cell: Cell) -> NoValidPathError:
-    """The error for a goal that the wave from the start did not reach, with the point it reached nearest to it."""
+def no_path(
+    costmap: Costmap,
+    rule: CostRule,
+    start: Pose2D,
+    goal: Pose2D,
+    cells: tuple[Cell, Cell],
+    nearest: Cell,
+    expanded: int,
+) -> NoValidPathError:
+    """The error for a goal that the search from the start did not reach, with the point it reached nearest to it.
+
+    `cells`: those of start and goal. `data["sealed_by"]` lists the blocked stretches that the least blocked way from start
+    to goal crosses, in order (see `seal.blocked_stretches`).
+    """
     g = costmap.geometry
-    x, y = g.cell_to_world(*wave.nearest_reached(*goal_cell))
+    x, y = g.cell_to_world(*nearest)
     distance = math.hypot(x - goal.x, y - goal.y)
+    stretches = blocked_stretches(costmap, rule, *cells)
+    seal = f"; what seals it off: {'; then '.join(s.text for s in stretches[:3])}" if stretches else ""
     return NoValidPathError(
         f"no path connects the start ({start.x:.3f}, {start.y:.3f}) and the goal ({goal.x:.3f}, {goal.y:.3f}); "
-        f"the reachable point nearest to the goal is ({x:.2f}, {y:.2f}), {distance:.2f} m from it",
+        f"the reachable point nearest to the goal is ({x:.2f}, {y:.2f}), {distance:.2f} m from it{seal}",
         nearest_reachable=[x, y],
         nearest_reachable_distance_m=distance,
-        cells_expanded=wave.expanded,
+        cells_expanded=expanded,
+        sealed_by=[s.as_dict() for s in stretches],
     )
 
 

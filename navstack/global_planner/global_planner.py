@@ -171,7 +171,8 @@ class GlobalPlannerROS(GlobalPlanner):
         if reached is None:
             if wave.expanded == 0 and ends.is_blocked(grid, rule, start_cell):
                 raise ends.start_occupied(grid, rule, start, start_cell)
-            raise ends.no_path(grid, wave, start, goal, goal_cell)
+            nearest = wave.nearest_reached(*goal_cell)
+            raise ends.no_path(grid, rule, start, goal, (start_cell, goal_cell), nearest, wave.expanded)
         used, cell = reached
         cost = wave.potential_of(*cell)
         if potential is not None:

@@ -171,7 +171,8 @@ class NavfnROS(GlobalPlanner):
         if reached is None:
             if wave.expanded == 0 and ends.is_blocked(costmap, rule, start_cell):
                 raise ends.start_occupied(costmap, rule, start, start_cell)
-            raise ends.no_path(costmap, wave, start, goal, goal_cell)
+            nearest = wave.nearest_reached(*goal_cell)
+            raise ends.no_path(costmap, rule, start, goal, (start_cell, goal_cell), nearest, wave.expanded)
         used, cell = reached
         cells = descend(wave, cell, root=start_cell).astype(np.float64)
         poses = np.zeros((len(cells) + 1, 3))
