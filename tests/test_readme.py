@@ -30,12 +30,15 @@ def test_the_run_command_ends_in_the_main_job() -> None:
 
 
 def test_every_command_named_is_there() -> None:
+    from navstack.cli import explain
     from navstack.cli.app import app
 
     known = {command.name for command in (*app.registered_commands, *app.registered_groups)}
     named = set(re.findall(r"^navstack ([a-z]+)", README, re.MULTILINE))
     assert named <= known
     assert known <= named, f"not in the README: {known - named}"
+    explained = {command.name for command in explain.app.registered_commands}
+    assert explained <= set(re.findall(r"^navstack explain ([a-z]+)", README, re.MULTILINE))
 
 
 @pytest.mark.parametrize("index", range(README.count("```python\n")))

@@ -11,7 +11,7 @@ from typing import Any
 
 import typer
 
-from navstack.cli import check, info, params, plan, plot, simulate
+from navstack.cli import check, explain, info, params, plan, plot, simulate
 
 EXIT_GOAL_FAILED = 1
 EXIT_WRONG_INPUT = 2
@@ -31,6 +31,7 @@ app.command("simulate")(simulate.simulate)
 app.command("plot")(plot.plot)
 app.command("check")(check.check)
 app.command("info")(info.info)
+app.add_typer(explain.app, name="explain")
 app.add_typer(params.app, name="params")
 
 
