@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from navstack.cli.explain_command import command
 
 if TYPE_CHECKING:
     from navstack.explain import CellExplanation, InflationCurve, PassageReport
@@ -31,6 +32,7 @@ def _which(name: str) -> str:
     return chosen
 
 
+app.command("command")(command)
 
 
 @app.command("cell")

@@ -4,17 +4,20 @@ Everything here looks; nothing here changes a run. A record is explained by driv
 """
 
 from navstack.explain.cell import CellExplanation, explain_cell_at
+from navstack.explain.command import CommandExplanation, explain_command
 from navstack.explain.inflation import InflationCurve, inflation_curves
 from navstack.explain.passages import Passage, PassageReport, find_passages
 from navstack.explain.replay import Replay, replay
 
 __all__ = [
     "CellExplanation",
+    "CommandExplanation",
     "InflationCurve",
     "Passage",
     "PassageReport",
     "Replay",
     "explain_cell_at",
+    "explain_command",
     "find_passages",
     "inflation_curves",
     "replay",

@@ -37,7 +37,7 @@ STOPPED = 1e-2
 """Slower than this (m/s, rad/s) counts as stopped: a constant in C++."""
 STRAFE = 0.1
 """Speed (m/s) forward and to either side of the two strafing samples of a holonomic robot."""
-OUTLINES = tuple(round(1.0 - 0.05 * i, 2) for i in range(9))
+OUTLINES = tuple(round(1.0 - 0.05 * i, 2) for i in range(6))
 """How much of the outline must be free where the robot stands for it to back out: padding is no more than the rest."""
 HEADING_SCALE = 0.3
 """Weight of the heading difference with heading_scoring: a constant in C++."""
@@ -515,9 +515,11 @@ class TrajectoryPlanner(PlanFollower):
         elif p.escape_vel != 0.0:
             escape = np.array([(max(p.escape_vel, limits.min_vel_x), 0.0, 0.0)])
             samples, rollouts, table = self._more(context, samples, escape)
-            if table.rejected_by[-1] == -1 or self._way_out(context, rollouts):
+            points = len(rollouts.poses[-1]) if table.rejected_by[-1] == -1 else self._way_out(context, rollouts)
+            if points:
                 best = len(samples) - 1
                 mode = "escape"
+                rollouts.counts[-1] = min(rollouts.counts[-1], points)  # what was checked
                 if self._escape is None:
                     self._escape = state.pose
         self._forget(state.pose)
@@ -525,11 +527,12 @@ class TrajectoryPlanner(PlanFollower):
         chosen = ScoreTable(table.costs, table.scales, table.totals, table.rejected_by, best)
         return self.result(command, samples, chosen, rollouts, context, mode)
 
-    def _way_out(self, context: ScoringContext, rollouts: Rollouts) -> bool:
-        """True when backing out, the last trajectory, comes no nearer to anything than the robot already is.
+    def _way_out(self, context: ScoringContext, rollouts: Rollouts) -> int:
+        """Points of the last trajectory, backing out, that come no nearer to anything than the robot already is; 0: it does.
 
         ROS differs: C++ backs up whatever is behind it. Here the outline may stand on lethal cells (it is padded, and cells
-        are coarse), but, shrunk until it is free where it stands, it must stay free until the escape is over and braked.
+        are coarse), but, shrunk until it is free where it stands, it must stay free until the escape is over and braked, give
+        or take half a cell.
         """
         p, g = self.params, context.costmap.geometry
         speed = abs(float(rollouts.samples[-1, 0]))
@@ -538,17 +541,22 @@ class TrajectoryPlanner(PlanFollower):
         along = np.hypot(way[:, 0] - way[0, 0], way[:, 1] - way[0, 1])
         way = way[along <= p.escape_reset_dist + braking + g.resolution].tolist()
 
-        def is_free(x: float, y: float, yaw: float, scale: float) -> bool:
+        def is_free(pose: list[float], scale: float) -> bool:
+            x, y, yaw = pose
             if g.world_to_cell(x, y) is None:
                 return False
             vertices = context.footprint.vertices
             cost = perimeter_cost(
                 context.costmap.data, g.origin_x, g.origin_y, g.resolution, vertices, x, y, yaw, scale
             )
-            return cost >= 0
+            return bool(cost >= 0)
 
-        scale = next((scale for scale in OUTLINES if is_free(*way[0], scale)), None)
-        return scale is not None and all(is_free(*pose, scale) for pose in way)
+        scale = next((scale for scale in OUTLINES if is_free(way[0], scale)), None)
+        if scale is None:
+            return 0
+        # what slides along the outline falls into one cell or the next
+        scale -= 0.5 * g.resolution / max(context.footprint.inscribed_radius, g.resolution)
+        return len(way) if all(is_free(pose, scale) for pose in way) else 0
 
     def _more(
         self, context: ScoringContext, samples: NDArray[np.float64], added: NDArray[np.float64]

@@ -57,7 +57,10 @@ def main() -> None:
     parser.add_argument("--json", metavar="FILE", help="write the outcomes there too")
     args = parser.parse_args()
 
-    numbers = args.worlds or [w.number for w in load_worlds(DATA / "barn" / "worlds.npz")]
+    known = [w.number for w in load_worlds(DATA / "barn" / "worlds.npz")]
+    numbers = args.worlds or known
+    if not set(numbers) <= set(known):
+        parser.error(f"--worlds: there are {', '.join(map(str, known))}")
     tasks = [
         Task(number, seed, args.params, args.distro, args.rough, tuple(args.overrides), args.record)
         for seed in args.seeds
