@@ -36,6 +36,10 @@ class Scenario:
     seed: int = 0
     time_limit_s: float = 600.0
     """Simulated seconds a goal may take; then it is cancelled."""
+    rest_s: float = 0.0
+    """Simulated seconds that the robot stands between two goals."""
+    stop_on_failure: bool = False
+    """The goals that follow one that did not SUCCEED are left out."""
     names: dict[str, Any] = field(default_factory=dict[str, Any])
     """Where map and parameters came from, for the record."""
 
@@ -49,6 +53,8 @@ class Scenario:
             "obstacles": [list(obstacle) for obstacle in self.obstacles],
             "seed": self.seed,
             "time_limit_s": self.time_limit_s,
+            "rest_s": self.rest_s,
+            "stop_on_failure": self.stop_on_failure,
             "navstack": __version__,
             "parameters": _spelled(self.configuration.tree.as_dict()),
         }
@@ -78,7 +84,9 @@ class Scenario:
                 obstacles=tuple((x, y, r) for x, y, r in told["obstacles"]),
                 seed=told["seed"],
                 time_limit_s=told["time_limit_s"],
-                names={key: value for key, value in told.items() if key not in _NEEDED and key != "navstack"},
+                rest_s=told.get("rest_s", 0.0),
+                stop_on_failure=told.get("stop_on_failure", False),
+                names={key: value for key, value in told.items() if key not in (*_NEEDED, *_OPTIONAL)},
             )
         except (TypeError, ValueError) as exc:
             raise RecordError(
@@ -87,6 +95,7 @@ class Scenario:
 
 
 _NEEDED: Final = ("ros_distro", "start", "goals", "obstacles", "seed", "time_limit_s", "parameters")
+_OPTIONAL: Final = ("rest_s", "stop_on_failure", "navstack")
 _NOT_FINITE: Final = {".inf": math.inf, "-.inf": -math.inf, ".nan": math.nan}
 
 
@@ -238,38 +247,85 @@ class Run:
         """True when every goal has ended."""
         self._handle: GoalHandle | None = None
         self._begun, self._driven = 0.0, 0.0
+        self._rest_until = 0.0
 
     def step(self) -> bool:
         """One control cycle: the world goes on to its time, then the goal manager ticks. False: nothing is left to do."""
-        handle = self._under_way()
-        if handle is None:
-            return False
+        self._close()
         robot, move_base = self.robot, self.move_base
-        robot.advance_to(move_base.next_due(robot.time))
+        due = math.inf
+        if self._handle is None:
+            if robot.time < self._rest_until:
+                due = self._rest_until
+            elif not self._set_out():
+                return False
+        robot.advance_to(min(due, move_base.next_due(robot.time)))
         move_base.tick(robot.time)
         if self.recorder is not None:
             _take_down(self.recorder, robot, move_base, self.goal_index)
-        if robot.time - self._begun > self.scenario.time_limit_s:
-            move_base.cancel_goal(handle)
+        if self._handle is not None and robot.time - self._begun > self.scenario.time_limit_s:
+            move_base.cancel_goal(self._handle)
         return True
 
-    def _under_way(self) -> GoalHandle | None:
-        """The goal to work on, the next one where one has ended; None after the last."""
-        while not self.done and (self._handle is None or self._handle.is_done):
-            if self._handle is not None:
-                self.outcomes.append(self._outcome(self._handle))
-            if self.goal_index + 1 == len(self.scenario.goals):
-                self.done = True
-                if self.recorder is not None:
-                    self.recorder.finish([outcome.as_dict() for outcome in self.outcomes], self.robot.collisions)
-                break
-            self.goal_index += 1
-            goal = self.scenario.goals[self.goal_index]
-            self._begun, self._driven = self.robot.time, self.robot.distance_travelled
-            self._handle = self.move_base.send_goal(goal)
+    @property
+    def is_resting(self) -> bool:
+        """True between two goals."""
+        return self._handle is None and not self.done
+
+    def stop(self) -> None:
+        """Ends the run where it is: the goal at hand is cancelled, the robot stopped, the record finished."""
+        handle = self._handle
+        if handle is not None:
+            self.move_base.cancel_goal(handle)
+            while not handle.is_done:
+                self.step()
+        self._close()
+        self._finish()
+
+    def result(self, wall_s: float) -> RunResult:
+        """How the run went so far; `wall_s` as whoever drove it measured."""
+        return RunResult(
+            goals=tuple(self.outcomes),
+            simulated_s=self.robot.time,
+            wall_s=wall_s,
+            collisions=len(self.robot.collisions),
+            seed=self.scenario.seed,
+            recorder=self.recorder,
+        )
+
+    def _close(self) -> None:
+        """Takes down how the goal at hand ended, if it has; a rest begins."""
+        handle = self._handle
+        if handle is None or not handle.is_done:
+            return
+        outcome = self._outcome(handle)
+        self.outcomes.append(outcome)
+        self._handle = None
+        last = self.goal_index + 1 == len(self.scenario.goals)
+        if last or (self.scenario.stop_on_failure and not outcome.succeeded):
+            self._finish()
+        else:
+            self._rest_until = self.robot.time + self.scenario.rest_s
+
+    def _finish(self) -> None:
+        if not self.done:
+            self.done = True
             if self.recorder is not None:
-                self.recorder.goal(self._begun, goal)
-        return None if self.done else self._handle
+                self.recorder.finish([outcome.as_dict() for outcome in self.outcomes], self.robot.collisions)
+
+    def _set_out(self) -> bool:
+        """Sends the next goal; False when there is none."""
+        if self.goal_index + 1 == len(self.scenario.goals):
+            self._finish()
+        if self.done:
+            return False
+        self.goal_index += 1
+        goal = self.scenario.goals[self.goal_index]
+        self._begun, self._driven = self.robot.time, self.robot.distance_travelled
+        self._handle = self.move_base.send_goal(goal)
+        if self.recorder is not None:
+            self.recorder.goal(self._begun, goal)
+        return True
 
     def _outcome(self, handle: GoalHandle) -> GoalOutcome:
         robot, goal, result = self.robot, self.scenario.goals[self.goal_index], handle.result
@@ -314,11 +370,4 @@ def run_scenario(
     while run.step():
         if progress is not None:
             progress(run.robot.time, run.goal_index)
-    return RunResult(
-        goals=tuple(run.outcomes),
-        simulated_s=run.robot.time,
-        wall_s=time.perf_counter() - wall_start,
-        collisions=len(run.robot.collisions),
-        seed=scenario.seed,
-        recorder=run.recorder,
-    )
+    return run.result(time.perf_counter() - wall_start)

@@ -11,7 +11,7 @@ from typing import Any
 
 import typer
 
-from navstack.cli import check, explain, info, params, plan, plot, simulate
+from navstack.cli import check, explain, info, params, plan, plot, simulate, tour
 
 EXIT_GOAL_FAILED = 1
 EXIT_WRONG_INPUT = 2
@@ -28,6 +28,7 @@ app = typer.Typer(
 )
 app.command("plan")(plan.plan)
 app.command("simulate")(simulate.simulate)
+app.command("tour")(tour.tour)
 app.command("plot")(plot.plot)
 app.command("check")(check.check)
 app.command("info")(info.info)
