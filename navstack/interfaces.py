@@ -29,6 +29,7 @@ from navstack.core import (
     Twist2D,
     Window,
 )
+from navstack.core.clearance import clearance_along
 from navstack.core.parameters import ParamModel
 
 # --- layers -----------------------------------------------------------------------------------------------------------
@@ -180,6 +181,15 @@ class Plan:
     """(ny, nx), inf where not reached; only on request."""
     notes: tuple[str, ...] = ()
     """What the planner mended on the way, in sentences."""
+
+    @property
+    def length_m(self) -> float:
+        """Length of the path (m)."""
+        return self.path.length
+
+    def clearance_m(self, costmap: Costmap) -> float:
+        """Smallest distance (m) of the path to a lethal cell of `costmap`, inf when it has none; computed on request."""
+        return clearance_along(costmap, self.path.poses)
 
 
 class GlobalPlanner(ABC):

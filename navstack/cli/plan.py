@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import typer
 
 if TYPE_CHECKING:
+    from navstack.configuration import Configuration, PluginChoice
+    from navstack.core import OccupancyGrid, Pose2D
+    from navstack.interfaces import GlobalPlanner
     from navstack.navigator import PlannedPath
 
 
@@ -21,6 +24,12 @@ def plan(
     planner: str | None = typer.Option(
         None, "--planner", metavar="NAME", help="Another global planner than the YAML's."
     ),
+    compare: str | None = typer.Option(
+        None,
+        "--compare",
+        metavar="NAME,NAME..",
+        help="Several planners in one table and one picture; --json gives a list.",
+    ),
     set_: list[str] = typer.Option([], "--set", metavar="KEY=VALUE", help="Override a parameter (repeat)."),
     allow_missing: bool = typer.Option(
         False, "--allow-missing", help="Leave out layers and plugins that are not here."
@@ -29,67 +38,165 @@ def plan(
     json_: bool = typer.Option(False, "--json", help="One JSON document on stdout."),
 ) -> None:
     """Plan a path on a map with the costmap and the planner of a robot's YAML."""
-    import time
-
     from navstack.cli.arguments import map_of, parse_pose
-    from navstack.cli.output import as_json_text, print_json, print_note, stdout
+    from navstack.cli.output import print_note
     from navstack.configuration import choose_global_planner, load_configuration
-    from navstack.core.files import ensure_directory, write_text
-    from navstack.navigator import plan_on_map
+    from navstack.core.errors import InputError
+    from navstack.core.files import ensure_directory
 
     start_pose, goal_pose = parse_pose(start, "--start"), parse_pose(goal, "--goal")
     path, grid = map_of(map_)
-    configuration = load_configuration(params, overrides=set_, allow_missing=allow_missing)
-    choice = choose_global_planner(configuration, planner) if planner else None
-    folder = ensure_directory(out) if out is not None else None
-    began = time.perf_counter()
-    found = plan_on_map(configuration, grid, start_pose, goal_pose, planner=choice, keep_potential=folder is not None)
-    took_ms = (time.perf_counter() - began) * 1e3
-    document = _document(found, took_ms)
-    if folder is not None:
-        from navstack.plot import plot_plan
-
-        picture, text = folder / "plan.png", folder / "plan.json"
-        plot_plan(
-            found.costmap.master,
-            {found.planner: found.plan},
-            picture,
-            start=start_pose,
-            goal=goal_pose,
-            footprint=found.costmap.footprint,
-            title=f"{path.stem}: {found.planner}",
+    if compare is not None and planner is not None:
+        raise InputError(f'--compare "{compare}" and --planner "{planner}": give one of them', argument="--compare")
+    names = [n.strip() for n in compare.split(",") if n.strip()] if compare is not None else []
+    if compare is not None and not names:
+        raise InputError(
+            f'--compare "{compare}" names no planner; give names such as navfn,astar,theta_star', argument="--compare"
         )
-        document["files"] = {"picture": str(picture), "plan": str(text)}
-        write_text(text, as_json_text(document))
+    configuration = load_configuration(params, overrides=set_)
+    chosen = [choose_global_planner(configuration, n) for n in dict.fromkeys(names)]
+    if planner is not None:
+        chosen = [choose_global_planner(configuration, planner)]
+    query = _Query(configuration, grid, start_pose, goal_pose, path)
+    folder = ensure_directory(out) if out is not None else None
+    if compare is not None:
+        _compare(query, list({c.name: c for c in chosen}.values()), folder, json_)
+    else:
+        _plan(query, chosen[0] if chosen else None, folder, json_)
+    if folder is None and not json_:
+        print_note("--out DIR writes the path and a picture of it")
+
+
+class _Query(NamedTuple):
+    """What is asked."""
+
+    configuration: Configuration
+    grid: OccupancyGrid
+    start: Pose2D
+    goal: Pose2D
+    map: Path
+
+
+def _plan(query: _Query, choice: PluginChoice[GlobalPlanner] | None, folder: Path | None, json_: bool) -> None:
+    """One planner."""
+    import time
+
+    from navstack.cli.output import as_json_text, print_json, print_note, stdout
+    from navstack.core.files import write_text
+    from navstack.navigator import plan_on_map
+
+    began = time.perf_counter()
+    found = plan_on_map(
+        query.configuration, query.grid, query.start, query.goal, planner=choice, keep_potential=folder is not None
+    )
+    document = _document(found, (time.perf_counter() - began) * 1e3)
+    if folder is not None:
+        document["files"] = _draw(query, [found], folder)
+        write_text(folder / "plan.json", as_json_text(document))
     if json_:
         print_json(document)
         return
-    from rich.table import Table
-
-    table = Table("planner", "length", "cost", "cells expanded", "time", "poses", title=f"plan on {path.name}")
-    table.add_row(
-        found.planner,
-        f"{document['length_m']:.2f} m",
-        f"{document['cost']:.0f}",
-        f"{document['cells_expanded']:,}",
-        f"{took_ms:.1f} ms",
-        str(len(found.plan.path)),
-    )
-    out_console = stdout()
-    out_console.print(table)
+    _print_table([document], f"plan on {query.map.name}")
     for note in found.plan.notes:
         print_note(note)
-    if folder is None:
-        print_note("--out DIR writes the path and a picture of it")
     for what, name in document.get("files", {}).items():
-        out_console.print(f"{what}: {name}")
+        stdout().print(f"{what}: {name}")
+
+
+def _compare(query: _Query, choices: list[PluginChoice[GlobalPlanner]], folder: Path | None, json_: bool) -> None:
+    """Several planners on the same costmap; those that find no plan say why. Raises the first error when none does."""
+    import json
+    import time
+
+    from navstack.cli.output import print_note, stdout
+    from navstack.core.errors import PlanningError, jsonable
+    from navstack.core.files import write_text
+    from navstack.navigator import plan_on_map
+
+    found: list[PlannedPath] = []
+    errors: list[PlanningError] = []
+    documents: list[dict[str, Any]] = []
+    for choice in choices:
+        keep = folder is not None and not found
+        try:
+            one = plan_on_map(
+                query.configuration, query.grid, query.start, query.goal, planner=choice, keep_potential=keep
+            )
+        except PlanningError as error:
+            errors.append(error)
+            documents.append({"planner": choice.name, "error": error.as_dict()})
+            continue
+        # once more with kernels loaded, by a planner that remembers nothing: what planning alone takes
+        fresh = choice.cls(choice.params)
+        began = time.perf_counter()
+        fresh.make_plan(one.costmap.master, query.start, query.goal, footprint=one.costmap.footprint)
+        documents.append(_document(one, (time.perf_counter() - began) * 1e3))
+        found.append(one)
+    if not found:
+        raise errors[0]
+    files: dict[str, str] = {}
+    if folder is not None:
+        files = _draw(query, found, folder)
+        write_text(folder / "plan.json", json.dumps(jsonable(documents), indent=2, allow_nan=False) + "\n")
+    if json_:
+        typer.echo(json.dumps(jsonable(documents), allow_nan=False))
+        return
+    _print_table(documents, f"plans on {query.map.name}")
+    for d in documents:
+        for note in [d["error"]["message"]] if "error" in d else d["notes"]:
+            print_note(f"{d['planner']}: {note}")
+    for what, name in files.items():
+        stdout().print(f"{what}: {name}")
+
+
+def _draw(query: _Query, found: list[PlannedPath], folder: Path) -> dict[str, str]:
+    """Writes plan.png; the names of the files of this command."""
+    from navstack.plot import plot_plan
+
+    picture = folder / "plan.png"
+    plot_plan(
+        found[0].costmap.master,
+        {one.planner: one.plan for one in found},
+        picture,
+        start=query.start,
+        goal=query.goal,
+        footprint=found[0].costmap.footprint,
+        title=f"{query.map.stem}: {', '.join(one.planner for one in found)}",
+    )
+    return {"picture": str(picture), "plan": str(folder / "plan.json")}
+
+
+def _print_table(documents: list[dict[str, Any]], title: str) -> None:
+    from rich.table import Table
+
+    from navstack.cli.output import stdout
+
+    table = Table("planner", "length", "clearance", "cost", "cells expanded", "time", "poses", title=title)
+    for d in documents:
+        if "error" in d:
+            table.add_row(d["planner"], "no plan")
+            continue
+        table.add_row(
+            d["planner"],
+            f"{d['length_m']:.2f} m",
+            "-" if d["clearance_m"] is None else f"{d['clearance_m']:.2f} m",
+            f"{d['cost']:.0f}",
+            f"{d['cells_expanded']:,}",
+            f"{d['time_ms']:.1f} ms",
+            str(len(d["poses"])),
+        )
+    stdout().print(table)
 
 
 def _document(found: PlannedPath, took_ms: float) -> dict[str, Any]:
+    import math
+
     plan = found.plan
+    clearance = plan.clearance_m(found.costmap.master)
     return {
         "planner": found.planner,
-        "length_m": plan.path.length,
+        "length_m": plan.length_m,
+        "clearance_m": clearance if math.isfinite(clearance) else None,
         "cost": plan.cost,
         "time_ms": took_ms,
         "cells_expanded": plan.cells_expanded,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from pathlib import Path
 
@@ -51,7 +52,7 @@ def referee(rows: list[str], problem: Problem, xy: NDArray[np.float64]) -> float
     assert cells[0] == (problem.sx, problem.sy)
     assert cells[-1] == (problem.gx, problem.gy)
     length = 0.0
-    for (ax, ay), (bx, by) in zip(cells, cells[1:], strict=False):
+    for (ax, ay), (bx, by) in itertools.pairwise(cells):
         assert max(abs(ax - bx), abs(ay - by)) == 1
         for x, y in {(bx, by), (ax, by), (bx, ay)}:  # of a diagonal all four cells, of a straight step both
             assert rows[y][x] in ".GS", f"{problem}: through ({x}, {y})"

@@ -1,0 +1,41 @@
+"""`navstack plan --compare`: several planners, one table, one picture, one list."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from navstack.cli.app import run
+
+QUERY = ["plan", "office", "--start", "0.8,7.45", "--goal", "22.2,7.45"]
+
+
+def test_list_and_picture(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert run([*QUERY, "--compare", "navfn, astar,theta_star,astar", "--json", "--out", str(tmp_path)]) == 0
+    documents = json.loads(capfd.readouterr().out)
+    assert [d["planner"] for d in documents] == ["navfn", "astar", "theta_star"]
+    by_name = {d["planner"]: d for d in documents}
+    assert by_name["theta_star"]["cost"] <= by_name["astar"]["cost"]
+    assert all(0.1 < d["clearance_m"] < 2.0 and d["time_ms"] > 0.0 for d in documents)
+    assert json.loads((tmp_path / "plan.json").read_text()) == documents
+    assert (tmp_path / "plan.png").stat().st_size > 10_000
+
+
+def test_table_and_a_planner_that_finds_none(capfd: pytest.CaptureFixture[str]) -> None:
+    query = [*QUERY[:2], "--start", "0.8,7.45", "--goal", "15.0,12.0"]  # on a table
+    assert run([*query, "--compare", "carrot_planner,astar"]) == 0
+    captured = capfd.readouterr()
+    assert "no plan" in captured.out
+    assert "astar: the goal (15.000, 12.000) lies in a cell of cost lethal" in captured.err
+
+
+@pytest.mark.parametrize(
+    "arguments", [["--compare", "navfn,astr"], ["--compare", ","], ["--compare", "astar", "--planner", "navfn"]]
+)
+def test_wrong_input_is_one_message(arguments: list[str], capfd: pytest.CaptureFixture[str]) -> None:
+    assert run([*QUERY, *arguments]) == 2
+    err = capfd.readouterr().err
+    assert err.count("error:") == 1
+    assert "Traceback" not in err
