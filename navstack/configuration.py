@@ -16,7 +16,7 @@ from navstack.costmap.params import CostmapParams
 from navstack.interfaces import GlobalPlanner, Layer, LocalPlanner, RecoveryBehavior
 from navstack.move_base.params import MoveBaseParams, builtin_recoveries
 from navstack.params import Finding, Leaf, Location, Space, read_sources
-from navstack.params.accounts import Accountant, Catalogue, nearest
+from navstack.params.accounts import FOREIGN, Accountant, Catalogue, nearest
 from navstack.params.binding import Binder
 from navstack.params.findings import finding, in_order
 from navstack.params.outline import outline_of
@@ -387,13 +387,16 @@ class _Assembly:
         except UnknownPluginError:
             known = ", ".join(_ros_name(e) for e in registry)
             other = next((r.kind for r in REGISTRIES if spec.type in r), None)
-            close = _meant(registry, spec.type) if other is None else None
+            # a planner that exists elsewhere is not a misspelt one
+            foreign = _short(spec.type) in FOREIGN
+            close = _meant(registry, spec.type) if other is None and not foreign else None
             hint = f'did you mean "{close}"? ' if close else ""
             what = f'there is no {registry.kind} "{spec.type}" here'
             if other is not None:
                 what = f'"{spec.type}" is a {other}, not a {registry.kind}'
             if spec.name == spec.key:  # a planner: nothing could stand in for it
-                self.say("error", "unknown-plugin", spec.at, spec.key, f"{what}; {hint}known: {known}", close)
+                message = f"{what}; {hint}known: {known}; choose one there or by --set {spec.key}=.."
+                self.say("error", "unknown-plugin", spec.at, spec.key, message, close)
             elif self.allow_missing:
                 message = f"{what}, so {spec.name} is left out; {hint}known: {known}"
                 self.say("warning", "unknown-plugin", spec.at, spec.key, message, close)

@@ -32,6 +32,15 @@ def data_dir() -> Path:
     return folder
 
 
+@pytest.fixture(scope="session")
+def reference_dir() -> Path:
+    """The folder of what was read from ROS's code; skips where it is absent."""
+    folder = _folder("NAVSTACK_REFERENCE", SHARED / "reference")
+    if not folder.is_dir():
+        pytest.skip("no reference here: set NAVSTACK_REFERENCE to its folder")
+    return folder
+
+
 def golden_files(pattern: str) -> list[Path]:
     """Cases by name pattern, for parametrize; empty where the folder is absent."""
     return sorted(_folder("NAVSTACK_GOLDEN", SHARED / "golden").glob(pattern))

@@ -572,3 +572,44 @@ def test_a_value_where_a_namespace_must_stand(name: str) -> None:
     errors = [f for f in check(robot(**{name: 3})) if f.severity == "error"]
     assert [(f.rule, f.key) for f in errors] == [("wrong-type", name)]
     assert said(check(robot(**{name: None}))) == said(check(robot()))
+
+
+def test_a_missing_layer_may_be_left_out() -> None:
+    depth = {"name": "depth", "type": "costmap_2d::FetchDepthLayer"}
+    listed = robot(local_costmap__plugins=[depth, OBSTACLE, INFLATION], local_costmap__depth={"beams": 3})
+    (error,) = [f for f in check(listed) if f.severity == "error"]
+    assert (error.rule, "--allow-missing" in error.message) == ("unknown-plugin", True)
+    with pytest.raises(UnknownPluginError):
+        load_configuration([listed])
+    loaded = load_configuration([listed], allow_missing=True)
+    assert [layer.name for layer in loaded.local_costmap.layers] == ["obstacle_layer", "inflation_layer"]
+    assert [(f.rule, f.severity) for f in loaded.findings if f.severity != "info"] == [("unknown-plugin", "warning")]
+    assert [s.name for s in loaded.local_costmap.params.plugins or []] == ["obstacle_layer", "inflation_layer"]
+    # what is kept of the tree loads without the option
+    again = load_configuration([loaded.tree.as_dict()])
+    assert again.local_costmap == loaded.local_costmap
+
+
+def test_a_missing_planner_may_not_be_left_out() -> None:
+    for key in ("base_local_planner", "base_global_planner"):
+        (error,) = [f for f in check(robot(**{key: "teb/Nope"}), allow_missing=True) if f.severity == "error"]
+        assert (error.rule, error.key) == ("unknown-plugin", key)
+    eband = robot(base_local_planner="eband_local_planner/EBandPlannerROS")
+    (error,) = [f for f in check(eband) if f.severity == "error"]
+    assert error.suggestion is None  # a planner that exists elsewhere is not a misspelt one
+
+
+def test_missing_critics_and_recoveries_may_be_left_out() -> None:
+    critics = [{"name": "near", "type": "path"}, {"name": "far", "type": "mine"}]
+    loaded = load_configuration([robot(DWAPlannerROS={"critics": critics})], allow_missing=True)
+    assert [c.name for c in loaded.local_planner.params.critics] == ["near"]
+    listed = [{"name": "a", "type": "their/Recovery"}, {"name": "b", "type": "rotate_recovery/RotateRecovery"}]
+    loaded = load_configuration([robot(recovery_behaviors=listed, a={"x": 1})], allow_missing=True)
+    assert [r.name for r in loaded.recoveries] == ["b"]
+
+
+def test_sideways_speeds_of_trajectory_rollout_have_no_effect() -> None:
+    rollout = robot(base_local_planner="base_local_planner/TrajectoryPlannerROS")
+    rollout["TrajectoryPlannerROS"] = {"max_vel_y": 0.0, "min_vel_y": 0.0}
+    said_of = [(f.rule, f.severity) for f in check(rollout) if f.key.startswith("TrajectoryPlannerROS")]
+    assert said_of == [("no-effect", "info")] * 2

@@ -190,7 +190,7 @@ class Accountant:
             return
         far = self._nearest(name, self.catalogue.home, cutoff=0.86)
         if far is not None:
-            place = self.catalogue.home[far][0]
+            place = self._likely(self.catalogue.home[far])[0]
             message = f"{where} has no parameter {name}, so it has no effect; did you mean {place}/{far}?"
             self.say("warning", "unknown", leaf, message, f"{place}/{far}")
             return
@@ -200,6 +200,7 @@ class Accountant:
     def _elsewhere(self, space: Space, leaf: Leaf, places: Sequence[str]) -> bool:
         """Says where a parameter of that name is read; False when that would not help."""
         name, where = leaf.name, space.name or "move_base"
+        places = self._likely(places)
         near = sorted(places, key=lambda p: (self._distance(space, p), places.index(p)))
         first = near[0]
         if space.name in COSTMAPS and first in self.catalogue.layers and space.space(first) is None:
@@ -231,6 +232,12 @@ class Accountant:
             to = " and ".join(f"{c}/{name}" for c in COSTMAPS)
         self.say("warning", "elsewhere", leaf, f"{name} under {where} has no effect; did you mean {to}?", to)
         return True
+
+    def _likely(self, places: Sequence[str]) -> list[str]:
+        """The namespaces that are in use here; else those that exist in ROS; else all."""
+        in_use = [p for p in places if any(p == path.rpartition("/")[2] for path in self.models) or p == "move_base"]
+        known = [p for p in places if p in FOREIGN or p in self.catalogue.layers or p in COSTMAPS]
+        return in_use or known or list(places)
 
     def _reads(self, space: Space, name: str) -> bool:
         """True when a component takes a parameter of that name from there."""
@@ -289,9 +296,11 @@ class Accountant:
             )
             self.say_at("warning", "recovery-not-listed", space.at, space.path, message)
             return
-        message = f"{where} has no namespace {name}; the {len(leaves)} parameters under it have no effect"
+        message = f"{where} has no namespace {name}; the {len(leaves)} parameters under it have no effect; remove it"
         if len(leaves) == 1:
-            message = f"{where} has no namespace {name}; the parameter {leaves[0].name} under it has no effect"
+            message = (
+                f"{where} has no namespace {name}; the parameter {leaves[0].name} under it has no effect; remove it"
+            )
         self.say_at("warning", "unknown-namespace", space.at, space.path, message)
 
     def _names_only(self, space: Space, models: Sequence[type[ParamModel]]) -> None:

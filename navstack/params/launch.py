@@ -84,7 +84,10 @@ class LaunchReader:
         for name in sorted(used - scope.arguments.keys()):
             at = Location(shown)
             self.say(
-                "warning", "launch", at, f"{shown} has no argument {name}; {name}:={arguments[name]} has no effect"
+                "warning",
+                "launch",
+                at,
+                f"this launch file has no argument {name}; {name}:={arguments[name]} has no effect",
             )
         if not self.nodes:
             self.say(

@@ -42,7 +42,7 @@ def convert_pre_hydro(costmap: Space, findings: list[Finding]) -> None:
     at = costmap.at
     costmap.put("plugins", at, _plugin_list(layers, at))
     listed = ", ".join(name for name, _ in layers)
-    also = f"; its {', '.join(moved)} were moved into them" if moved else ""
+    also = f", which take {', '.join(moved)} from it" if moved else ""
     message = (
         f"{costmap.path} has no `plugins`, so it is read as before ROS Hydro, with the layers {listed}{also}; "
         "list the layers under `plugins` to say which"

@@ -432,8 +432,9 @@ def updates_keep_up(s: Subject) -> Iterator[Finding]:
         return
     if speed / rate > s.costmaps["local_costmap"][1].inscribed_radius:
         message = (
-            f"the local costmap is updated {rate:g} times a second, and the robot drives up to {speed / rate:.2g} m between two "
-            f"updates (max_vel_x {speed:g} m/s), more than its inscribed radius; raise update_frequency to {control:g}"
+            f"the local costmap is updated at {rate:g} Hz, so the robot drives up to {speed / rate:.3g} m between two updates "
+            f"(max_vel_x {speed:g} m/s), more than its inscribed radius of "
+            f"{s.costmaps['local_costmap'][1].inscribed_radius:.3g} m; raise update_frequency to {control:g}"
         )
         yield _say(s, "warning", "updates-too-slow", "local_costmap", ("update_frequency",), message, f"{control:g}")
 

@@ -241,7 +241,7 @@ def _read_folder(out: Sources, folder: Path, shown: str, namespace: str) -> None
     _add_inner_folder(out, roles, below, shown)
     if not roles and not (below and len(below) > 1):
         what = "no YAML file" if not found else "no file that move_base loads, by its name"
-        message = f"the folder {shown} holds {what}; name the files to load"
+        message = f"the folder holds {what}; name its launch file, or the files or folders to load"
         out.say("error", "no-source", Location(shown), message)
     for role in _ROLES:
         _read_role(out, role, roles.get(role, []), shown, namespace)
@@ -258,9 +258,7 @@ def _add_inner_folder(out: Sources, roles: dict[str, list[tuple[Path, str]]], be
         choices = " or ".join(f"{shown}/{p.name}" for p in below)
         also = f" beside {shown}" if roles else ""
         missing = " and ".join(r for r in (_LOCAL, _GLOBAL) if r not in roles)
-        message = (
-            f"the folder {shown} has {missing} files in several folders; name the one that is meant{also}: {choices}"
-        )
+        message = f"{missing} files are in several folders here; name the one that is meant{also}: {choices}"
         out.say("error", "ambiguous", Location(shown), message)
         return
     for path in _yaml_files(below[0]):

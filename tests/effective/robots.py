@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from tests.conftest import data_files
@@ -12,9 +13,15 @@ ARGUMENTS = ["model:=burger", "name:=fetch", "config:=2d", "cmd_vel_topic:=cmd_v
 def robots() -> list[list[str]]:
     """Sources of every folder and launch file; empty where the data are absent."""
     folders = [[str(p)] for p in data_files("params/*") if p.is_dir()]
-    launches = [[str(p), *ARGUMENTS] for p in data_files("params/*/_launch/*")]
+    launches = [launched(p) for p in data_files("params/*/_launch/*")]
     inner = [[str(p)] for p in data_files("params/turtlebot2/param")]
     return folders + launches + inner
+
+
+def launched(file: Path) -> list[str]:
+    """A launch file, with values for those of its arguments that have none."""
+    text = file.read_text(encoding="utf-8")
+    return [str(file), *(a for a in ARGUMENTS if re.search(rf'<arg\s+name="{a.partition(":=")[0]}"', text))]
 
 
 def name_of(sources: list[str]) -> str:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+import navstack.params
 from navstack.configuration import check_parameters, load_configuration
 from navstack.params import Finding
 from tests.test_configuration import INFLATION, OBSTACLE, SCAN, STATIC, robot
@@ -124,3 +127,20 @@ def test_unknown_space_is_tracked_by_the_static_layer() -> None:
 def test_rules_keep_quiet_when_a_source_could_not_be_read() -> None:
     findings = check_parameters([robot(local_costmap__rolling_window=False), "nowhere"])
     assert {f.rule for f in findings if f.severity != "info"} == {"no-source"}
+
+
+def test_every_rule_has_its_page() -> None:
+    """RULES.md has a section for each rule and none for others."""
+    folder = Path(navstack.params.__file__).parent
+    code = (folder / "rules.py").read_text(encoding="utf-8")
+    rules = set(re.findall(r'"(?:error|warning|info)",\s*"([a-z-]+)"', code))
+    sections = re.findall(r"^## (.+)$", (folder / "RULES.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert len(rules) >= 20
+    assert sorted(sections) == sorted(rules)
+
+
+def test_no_samples_to_the_side_count_as_one() -> None:
+    """As in ROS, which clamps to 1."""
+    one = found("counts-as-one", DWAPlannerROS={"vy_samples": 0})
+    assert (one.severity, one.suggestion) == ("info", "1")
+    assert rules_of(DWAPlannerROS={"vy_samples": 0}) == set()

@@ -1,0 +1,127 @@
+"""`navstack params ..` and the options of `navstack check`, as a user runs them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from navstack.cli.app import run
+from navstack.configuration import load_configuration
+from navstack.effective import same_parameters
+
+
+@pytest.fixture
+def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with former names, a warning and a comment."""
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "robot"
+    folder.mkdir()
+    (folder / "move_base_params.yaml").write_text("base_local_planner: dwa\n", encoding="utf-8")
+    (folder / "dwa_local_planner_params.yaml").write_text(
+        "DWAPlannerROS:\n  max_trans_vel: 0.3  # slow\n", encoding="utf-8"
+    )
+    (folder / "costmap_common_params.yaml").write_text(
+        "robot_radius: 0.2\nrolling_window: true\nplugins:\n"
+        '  - {name: inflation, type: "costmap_2d::InflationLayer"}\ninflation: {inflation_radius: 0.5}\n',
+        encoding="utf-8",
+    )
+    return folder
+
+
+def test_show(robot: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert run(["params", "show", "robot", "--set", "DWAPlannerROS/sim_time=2.5"]) == 0
+    text = capfd.readouterr().out
+    assert "max_vel_trans: 0.3" in text
+    assert "# robot/dwa_local_planner_params.yaml:2" in text
+    assert "# --set argument 1" in text
+    shown = robot.parent / "shown.yaml"
+    shown.write_text(text, encoding="utf-8")
+    before = load_configuration(["robot"], overrides=["DWAPlannerROS/sim_time=2.5"])
+    assert same_parameters(before, load_configuration(["shown.yaml"]))
+
+
+def test_show_as_json(robot: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert run(["params", "show", "robot", "--json"]) == 0
+    shown = json.loads(capfd.readouterr().out)["parameters"]
+    assert shown["DWAPlannerROS/max_vel_trans"] == {
+        "value": 0.3,
+        "unit": "m/s",
+        "origin": {"file": "robot/dwa_local_planner_params.yaml", "line": 2, "column": 18},
+    }
+    assert shown["DWAPlannerROS/sim_time"]["origin"] is None
+
+
+def test_diff(robot: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert run(["params", "diff", "robot", "robot", "--json"]) == 0
+    assert json.loads(capfd.readouterr().out) == {"differences": {}}
+    assert run(["params", "diff", "robot", "turtlebot"]) == 0
+    text = capfd.readouterr().out
+    assert "DWAPlannerROS/max_vel_trans" in text
+    assert "- 0.3 m/s" in text
+    assert "+ 0.5 m/s" in text
+    assert text.rstrip().endswith("differences")
+
+
+def test_migrate(robot: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert run(["params", "migrate", "robot", "--out", "new"]) == 0
+    assert "max_trans_vel -> max_vel_trans" in capfd.readouterr().out
+    new = (robot.parent / "new" / "dwa_local_planner_params.yaml").read_text(encoding="utf-8")
+    assert new == "DWAPlannerROS:\n  max_vel_trans: 0.3  # slow\n"
+    assert same_parameters(load_configuration(["robot"]), load_configuration(["new"]))
+    # nothing is overwritten
+    assert run(["params", "migrate", "robot", "--out", "robot"]) == 2
+    assert "not empty" in capfd.readouterr().err
+
+
+def test_migrate_to_one_file_says_why(robot: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert run(["params", "migrate", "robot", "--out", "new", "--set", "DWAPlannerROS/sim_time=2.0"]) == 0
+    assert "without your comments: values were changed on the command line" in capfd.readouterr().err
+    assert load_configuration(["new"]).local_planner.params.sim_time == 2.0
+
+
+def test_schema_and_reference(robot: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert run(["params", "schema", "--out", "all.json"]) == 0
+    assert "DWAPlannerROS" in json.loads((robot.parent / "all.json").read_text(encoding="utf-8"))["properties"]
+    assert run(["params", "schema", "--namespace", "local_costmap/inflation_layer"]) == 0
+    assert "inflation_radius" in json.loads(capfd.readouterr().out)["properties"]
+    assert run(["params", "schema", "--namespace", "nope"]) == 2
+    assert 'no schema of the namespace "nope"' in capfd.readouterr().err
+    assert run(["params", "reference"]) == 0
+    assert capfd.readouterr().out.startswith("# Parameters\n")
+
+
+@pytest.mark.parametrize("command", ["show", "migrate"])
+def test_wrong_parameters(command: str, robot: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    more = ["--out", "new"] if command == "migrate" else []
+    assert run(["params", command, "robot", "--set", "DWAPlannerROS/sim_time=0", *more]) == 2
+    assert "sim_time = 0 is out of range" in capfd.readouterr().err
+    assert not (robot.parent / "new").exists()
+
+
+def test_check_strictly(robot: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert run(["check", "robot"]) == 0
+    assert "0 errors, 1 warning, " in capfd.readouterr().out  # no sensor
+    assert run(["check", "robot", "--strict"]) == 2
+    assert "1 error, 0 warnings, " in capfd.readouterr().out
+    assert run(["check", "robot", "--strict", "--json"]) == 2
+    assert {f["severity"] for f in json.loads(capfd.readouterr().out)["findings"]} == {"error", "info"}
+    # notes are not warnings
+    assert run(["check", "turtlebot", "--strict"]) == 0
+
+
+def test_allow_missing(robot: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    common = robot / "costmap_common_params.yaml"
+    text = common.read_text(encoding="utf-8")
+    common.write_text(
+        text.replace("plugins:\n", "plugins:\n  - {name: depth, type: their/DepthLayer}\n"), encoding="utf-8"
+    )
+    plan = ["plan", "office", "--start", "0.8,7.45", "--goal", "2.0,7.45", "--params", "robot"]
+    for command in (["check", "robot"], ["params", "show", "robot"], plan):
+        assert run(command) == 2
+        told = capfd.readouterr()
+        assert "or leave depth out by --allow-missing" in told.out + told.err
+    assert run(["check", "robot", "--allow-missing"]) == 0
+    assert run(["params", "show", "robot", "--allow-missing"]) == 0
+    assert "depth" not in capfd.readouterr().out.partition("robot_radius")[2]
