@@ -127,8 +127,8 @@ def test_theta_star_is_legal_and_never_dearer(
     s, t = cells_of(problem)
     weights = weights_of(problem[0], 50.0, factor, unknown)
     best = dijkstra(weights, s, t, 50.0, cut)
-    common = {"cost_factor": factor, "allow_unknown": unknown, "cut_corners": cut}
-    plan = plan_or_error(ThetaStarPlanner(ThetaStarParams(**common)), problem, best)
+    params = ThetaStarParams(cost_factor=factor, allow_unknown=unknown, cut_corners=cut)
+    plan = plan_or_error(ThetaStarPlanner(params), problem, best)
     if plan is None or s == t:
         return
     assert plan.cost <= best * (1.0 + 1e-9)

@@ -1,0 +1,66 @@
+"""Random reachable pairs on the packaged maps and on others' maps: every planner finds a path, free of collision throughout."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from navstack import maps
+from navstack.bench.map_pairs import SEARCHING, blocked_points, costmap_of, reachable_pairs, run_pairs, summary
+from navstack.configuration import Configuration, load_configuration
+from navstack.core import Costmap, GridGeometry, Pose2D
+from navstack.core import Path as RobotPath
+from navstack.core.errors import MapError
+from navstack.interfaces import Plan
+from navstack.map_io import load_map
+from navstack.plugins import GLOBAL_PLANNERS
+from tests.conftest import data_files
+
+MOST_BYTES = 200_000
+"""Images larger than this are left to the tool: a test run has no time for them."""
+
+
+def small_maps() -> list[Path]:
+    """YAML files beside images that are not too large."""
+    files = [f for f in data_files("maps/*/*.yaml") if f.name != "INDEX.tsv"]
+    return [f for f in files if sum(o.stat().st_size for o in f.parent.iterdir()) < MOST_BYTES]
+
+
+@pytest.fixture(scope="module")
+def configuration() -> Configuration:
+    return load_configuration(["turtlebot"])
+
+
+@pytest.mark.parametrize(
+    "file",
+    [*(maps.map_path(n) for n in maps.map_names()), *small_maps()],
+    ids=lambda f: f"{f.parent.name}-{f.stem}",
+)
+def test_every_planner_finds_every_pair_free_of_collision(file: Path, configuration: Configuration) -> None:
+    try:
+        grid = load_map(file)
+    except MapError as error:  # as published: its image's path is another machine's
+        assert "there is no image" in str(error)
+        return
+    costmap = costmap_of(configuration, grid)
+    pairs = reachable_pairs(costmap, 2, seed=7)
+    assert pairs or (costmap.data >= 253).all()
+    planners = {name: GLOBAL_PLANNERS.get(name).cls(GLOBAL_PLANNERS.get(name).cls.Params()) for name in SEARCHING}
+    results = run_pairs(planners, costmap, pairs)
+    assert not [r for r in results if r.error is not None or r.blocked > 0]
+    if pairs:
+        rows = {r["planner"]: r for r in summary(results)}
+        assert set(rows) == set(SEARCHING)
+        assert all(r["found"] == len(pairs) for r in rows.values())
+
+
+def test_the_referee_sees_a_path_through_a_wall() -> None:
+    costmap = Costmap(GridGeometry(10, 10, 0.1))
+    costmap.data[:, 5] = 253
+    path = RobotPath(np.array([[0.05, 0.05, 0.0], [0.95, 0.05, 0.0]]))
+    plan = Plan(path, 0.0, Pose2D(0.95, 0.05))
+    assert blocked_points(plan, costmap, corners=False) > 10
+    costmap.data[:] = 0
+    assert blocked_points(plan, costmap, corners=False) == 0
