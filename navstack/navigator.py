@@ -53,6 +53,22 @@ def build_move_base(
     )
 
 
+def reconfigure(move_base: MoveBase, configuration: Configuration) -> None:
+    """Gives a running goal manager the move_base parameters and the planners of `configuration`.
+
+    A planner is made anew when its plugin or its parameters differ; costmaps and recoveries stay as they are. When a
+    planner cannot be made nothing is changed, and the error is raised.
+    """
+    made_global = made_local = None
+    choice = configuration.global_planner
+    if type(move_base.global_planner) is not choice.cls or move_base.global_planner.params != choice.params:
+        made_global = choice.cls(choice.params)
+    driver = configuration.local_planner
+    if type(move_base.local_planner) is not driver.cls or move_base.local_planner.params != driver.params:
+        made_local = driver.cls(driver.params)
+    move_base.reconfigure(configuration.move_base, global_planner=made_global, local_planner=made_local)
+
+
 def true_footprint(configuration: Configuration) -> Footprint:
     """The robot's outline without the padding that costmaps add."""
     return configuration.local_costmap.true_footprint

@@ -8,6 +8,7 @@ from navstack.move_base.move_base import Feedback, MoveBase, Turn
 from navstack.move_base.params import MoveBaseParams, builtin_recoveries
 from navstack.move_base.planning import InlinePlanning, PlanAnswer, Planning
 from navstack.move_base.state_machine import Mode, Trigger
+from navstack.move_base.thread_planning import ThreadPlanning
 
 __all__ = [
     "CommState",
@@ -24,6 +25,7 @@ __all__ = [
     "Planning",
     "SimpleActionClient",
     "SimpleActionServer",
+    "ThreadPlanning",
     "Trigger",
     "Turn",
     "builtin_recoveries",

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from navstack.core import Costmap, Footprint, Pose2D, RobotState, Twist2D
-from navstack.core.errors import InternalError, NavError, PlanningError
+from navstack.core.errors import InputError, InternalError, NavError, PlanningError
 from navstack.interfaces import (
     ControlInput,
     GlobalPlanner,
@@ -106,3 +106,9 @@ def check_twist(who: str, twist: Any) -> None:
         finite = False
     if not finite:
         raise internal(who, f"wants to command {twist}, which is not a Twist2D of three finite numbers")
+
+
+def check_plugin(given: Any, kind: type) -> None:
+    """Raises InputError for what is neither None nor of that kind."""
+    if given is not None and not isinstance(given, kind):
+        raise InputError(f"{type(given).__name__} is no {kind.__name__}; the old one is kept")

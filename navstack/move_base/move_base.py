@@ -323,6 +323,68 @@ class MoveBase:
         """Asks to end every goal stamped up to `stamp` (s), also those that are yet to come."""
         self.server.cancel(self._now, None, stamp)
 
+    # --- run-time changes ---------------------------------------------------------------------------------------------
+
+    def reconfigure(
+        self,
+        params: MoveBaseParams | None = None,
+        *,
+        global_planner: GlobalPlanner | None = None,
+        local_planner: LocalPlanner | None = None,
+    ) -> None:
+        """Changes parameters and planner plugins while running, as move_base's dynamic_reconfigure does.
+
+        New planners drop every plan; a goal at hand goes on, from PLANNING, with the robot stopped and all patience new.
+        Parameters hold from the next cycle on. Everything or nothing: whatever raises, the old ones stay.
+
+        Recoveries and costmaps stay; `navstack.navigator.reconfigure` makes the planners from a
+        configuration. Raises InputError for what is no planner, a ParameterError when a recovery does not fit.
+        """
+        guards.check_plugin(global_planner, GlobalPlanner)
+        guards.check_plugin(local_planner, LocalPlanner)
+        params = params or self.params
+        driver = local_planner or self.local_planner
+        context = RecoveryContext(self.global_costmap, self.local_costmap, driver, params.controller_frequency)
+        for recovery in self.recoveries:
+            recovery.check(context)
+        masks = SpeedMasks((self.local_costmap, self.global_costmap), driver) if local_planner else self._speed_masks
+        # nothing can fail from here on
+        now = self._now
+        self._context = context
+        self._set_params(params, now)
+        if global_planner is None and local_planner is None:
+            return
+        self.global_planner = global_planner or self.global_planner
+        if local_planner is not None:
+            self.local_planner = local_planner
+            self._speed_masks = masks
+            self._followed.clear()  # limits that recoveries set were those of the old one
+        self._planning.abandon()
+        self._plan = self._new_plan = self._local_plan = None
+        names = f"{type(self.global_planner).__name__}, {type(self.local_planner).__name__}"
+        self._emit(now, "info", f"planners changed: {names}", {})
+        self._apply(NavEvent.PLANNERS_CHANGED, now)
+
+    def _set_params(self, params: MoveBaseParams, now: float) -> None:
+        before, self.params = self.params, params
+        if params.controller_frequency != before.controller_frequency:
+            self._control = Schedule(params.controller_frequency, now)
+            self._recovery_polls = Schedule(params.controller_frequency, now)
+        if params.planner_frequency != before.planner_frequency:
+            self._replan = Schedule(params.planner_frequency, now)
+            # C++ wakes the planner thread: with a frequency it plans again, without it waits
+            self._planner_on = self._state.mode in (Mode.PLANNING, Mode.CONTROLLING) and (
+                self._planner_on or params.planner_frequency > 0.0
+            )
+        if params.oscillation_distance != before.oscillation_distance:
+            self._progress = ProgressChecker(params.oscillation_distance)
+        if params.shutdown_costmaps != before.shutdown_costmaps:
+            on = self._active() or not params.shutdown_costmaps
+            if on and not self._costmaps_on:
+                self._global_update.restart(now)
+                self._local_update.restart(now)
+            self._costmaps_on = on
+
     # --- the crank ----------------------------------------------------------------------------------------------------
 
     def next_due(self, now: float) -> float:
@@ -1084,6 +1146,8 @@ class MoveBase:
         """
         if self._active():
             raise BusyError(texts.LOG_BUSY)
+        if self._planning.is_using(self.global_planner):
+            raise BusyError("the global planner still works on a plan that nobody waits for; try again in a while")
         if not math.isfinite(tolerance) or tolerance < 0.0:
             raise InputError(f"tolerance is a distance in metres, not {tolerance}", tolerance=tolerance)
         costmap = self.global_costmap

@@ -58,7 +58,11 @@ class Planning(Protocol):
         ...
 
     def abandon(self) -> None:
-        """Nobody waits for the answer any more; the next request need not wait for it either."""
+        """Nobody waits for the answer any more."""
+        ...
+
+    def is_using(self, planner: GlobalPlanner) -> bool:
+        """True while that planner is at work, be it on a plan that nobody waits for."""
         ...
 
 
@@ -113,3 +117,8 @@ class InlinePlanning:
         """Forgets the request."""
         self._answer = None
         self._due = math.inf
+
+    def is_using(self, planner: GlobalPlanner) -> bool:
+        """Never between two calls."""
+        del planner
+        return False

@@ -61,6 +61,7 @@ class NavEvent(Enum):
     RECOVERY_BEGINS = "the next cycle of CLEARING, a recovery is left"
     RECOVERY_ENDED = "the recovery behaviour is done, or has failed"
     RECOVERIES_EXHAUSTED = "the next cycle of CLEARING, no recovery is left"
+    PLANNERS_CHANGED = "a planner plugin was exchanged at run time"
     DRIVER_FAILED = "the robot does not take commands"
     SHUTDOWN = "the goal manager is shut down"
 
@@ -173,6 +174,16 @@ def _rows() -> Iterable[Transition]:
         yield Transition(mode, _E.PLAN_TAKEN, mode)
         yield Transition(mode, _E.MOVED, mode, index_rule=IndexRule.RESET, when_trigger=_T.OSCILLATION_R)
         yield Transition(mode, _E.MOVED, mode)
+        # resetState() of reconfigureCB; ROS differs: there patience goes on running against the new planner
+        yield Transition(
+            mode,
+            _E.PLANNERS_CHANGED,
+            _M.PLANNING,
+            (_A.DROP_RECOVERY, _A.STOP, _A.RESET_TIMERS, _A.WAKE_PLANNER),
+            index_rule=IndexRule.RESET,
+            set_trigger=_T.PLANNING_R,
+        )
+    yield Transition(_M.IDLE, _E.PLANNERS_CHANGED, _M.IDLE, (_A.STOP,))
     yield Transition(_M.IDLE, _E.SHUTDOWN, _M.IDLE, (_A.STOP,))
 
     # --- PLANNING

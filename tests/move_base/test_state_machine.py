@@ -34,6 +34,7 @@ CONTROL_EXHAUSTED    -                     -                    CLEARING/./C    
 RECOVERY_BEGINS      -                     -                    -                    =/.
 RECOVERY_ENDED       -                     -                    -                    PLANNING/+
 RECOVERIES_EXHAUSTED -                     -                    -                    IDLE/0/by-trigger
+PLANNERS_CHANGED     IDLE/.                PLANNING/0/P         PLANNING/0/P         PLANNING/0/P
 DRIVER_FAILED        -                     IDLE/0/DRIVER_FAILED IDLE/0/DRIVER_FAILED IDLE/0/DRIVER_FAILED
 SHUTDOWN             IDLE/.                IDLE/0/KILLED        IDLE/0/KILLED        IDLE/0/KILLED
 """

@@ -1,0 +1,164 @@
+"""Planner plugins and parameters changed while the goal manager runs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+import navstack as nav
+from navstack.core import Pose2D, Twist2D
+from navstack.core.errors import InputError, ParameterError
+from navstack.interfaces import RecoveryContext
+from navstack.move_base import GoalStatus, Mode
+from navstack.move_base.state_machine import NavEvent
+from navstack.navigator import reconfigure
+
+from .world import Bench, StraightPlanner, TurnAndGo, Waiting, occupied
+
+GOAL = Pose2D(3.0, 0.0, 0.0)
+
+
+def driving(**how: Any) -> tuple[Bench, Any]:
+    bench = Bench(**how)
+    handle = bench.move_base.send_goal(GOAL)
+    bench.run_to(2.0)
+    return bench, handle
+
+
+@pytest.mark.parametrize("which", ["global", "local", "both"])
+def test_new_planners_take_over_the_goal_at_hand(which: str) -> None:
+    bench, handle = driving()
+    assert bench.robot.twist.vx > 0.0
+    old = (bench.planner, bench.driver)
+    new: dict[str, Any] = {}
+    if which != "local":
+        new["global_planner"] = StraightPlanner()
+    if which != "global":
+        new["local_planner"] = TurnAndGo()
+    bench.move_base.reconfigure(**new)
+    move_base = bench.move_base
+    assert (move_base.state, move_base.plan, move_base.local_plan) == (Mode.PLANNING, None, None)
+    assert (move_base.command, bench.robot.twist) == (Twist2D(), Twist2D())
+    calls = (len(old[0].calls), old[1].calls)
+    bench.run(handle)
+    assert handle.status is GoalStatus.SUCCEEDED
+    assert (len(old[0].calls) == calls[0]) == (which != "local")
+    assert (old[1].calls == calls[1]) == (which != "global")
+    for planner in new.values():
+        assert planner.calls
+    assert move_base.recovery_context.local_planner is move_base.local_planner
+    assert [e.data["event"] for e in bench.ears.of("state")].count(NavEvent.PLANNERS_CHANGED.name) == 1
+
+
+def test_a_planner_that_works_saves_a_goal_that_recovers() -> None:
+    bench = Bench(planner=StraightPlanner(occupied), recoveries=[Waiting(lasts=30.0)])
+    handle = bench.move_base.send_goal(GOAL)
+    bench.run_to(7.0)
+    assert bench.move_base.state is Mode.CLEARING
+    bench.move_base.reconfigure(global_planner=StraightPlanner())
+    assert bench.move_base.recovery is None
+    assert bench.move_base.recovery_index == 0
+    assert bench.robot.twist == Twist2D()
+    bench.run(handle)
+    assert handle.status is GoalStatus.SUCCEEDED
+
+
+def test_patience_is_new_for_a_new_planner() -> None:
+    bench = Bench(planner=StraightPlanner(occupied))
+    handle = bench.move_base.send_goal(GOAL)
+    bench.run_to(4.0)
+    bench.move_base.reconfigure(global_planner=StraightPlanner(occupied))
+    bench.run_to(8.0)
+    assert not handle.is_done
+    bench.run(handle)
+    assert bench.robot.time == pytest.approx(9.0, abs=1.1)
+
+
+class Picky(Waiting):
+    """Refuses local planners of its kind."""
+
+    def check(self, context: RecoveryContext) -> None:
+        if getattr(context.local_planner, "unfit", False):
+            raise ParameterError("not with this planner")
+
+
+def test_the_old_ones_stay_when_anything_is_wrong() -> None:
+    bench, handle = driving(recoveries=[Picky()])
+    move_base = bench.move_base
+    before = (move_base.state, move_base.plan, move_base.global_planner, move_base.local_planner, move_base.params)
+    unfit = TurnAndGo()
+    unfit.unfit = True  # type: ignore[attr-defined]
+    other = move_base.params.model_copy(update={"controller_frequency": 7.0})
+    with pytest.raises(ParameterError, match="not with this planner"):
+        move_base.reconfigure(other, global_planner=StraightPlanner(), local_planner=unfit)
+    with pytest.raises(InputError, match="is no LocalPlanner"):
+        move_base.reconfigure(other, global_planner=StraightPlanner(), local_planner=StraightPlanner())  # type: ignore[arg-type]
+    after = (move_base.state, move_base.plan, move_base.global_planner, move_base.local_planner, move_base.params)
+    assert after == before
+    bench.run(handle)
+    assert handle.status is GoalStatus.SUCCEEDED
+
+
+def test_frequencies_change_at_once() -> None:
+    bench, handle = driving()
+    params = bench.move_base.params.model_copy(update={"controller_frequency": 10.0, "planner_frequency": 4.0})
+    commands, plans = len(bench.robot.commands), len(bench.planner.calls)  # type: ignore[attr-defined]
+    bench.move_base.reconfigure(params)
+    assert bench.move_base.state is Mode.CONTROLLING
+    bench.run_to(4.0)
+    assert len(bench.robot.commands) - commands == pytest.approx(20, abs=1)
+    assert len(bench.planner.calls) - plans == pytest.approx(8, abs=1)  # type: ignore[attr-defined]
+    bench.move_base.reconfigure(params.model_copy(update={"planner_frequency": 0.0}))
+    bench.run_to(4.2)
+    plans = len(bench.planner.calls)  # type: ignore[attr-defined]
+    bench.run(handle)
+    assert handle.status is GoalStatus.SUCCEEDED
+    assert len(bench.planner.calls) <= plans + 1  # type: ignore[attr-defined]
+
+
+def test_patience_changes_at_once() -> None:
+    bench = Bench(planner=StraightPlanner(occupied))
+    handle = bench.move_base.send_goal(GOAL)
+    bench.run_to(1.0)
+    bench.move_base.reconfigure(bench.move_base.params.model_copy(update={"planner_patience": 2.0}))
+    bench.run(handle)
+    assert bench.robot.time == pytest.approx(2.0, abs=0.5)
+
+
+@pytest.mark.parametrize("on", [True, False])
+def test_costmaps_are_shut_down_and_woken(on: bool) -> None:
+    bench = Bench(shutdown_costmaps=not on)
+    bench.run_to(2.0)
+    count = len(bench.local_costmap.updates)
+    bench.move_base.reconfigure(bench.move_base.params.model_copy(update={"shutdown_costmaps": on}))
+    assert bench.move_base.next_due(2.0) == (float("inf") if on else pytest.approx(2.0))
+    if not on:
+        bench.run_to(3.0)
+    assert (len(bench.local_costmap.updates) > count) != on
+
+
+def test_without_a_goal_nothing_moves() -> None:
+    bench = Bench()
+    bench.run_to(1.0)
+    bench.move_base.reconfigure(global_planner=StraightPlanner(), local_planner=TurnAndGo())
+    assert bench.move_base.state is Mode.IDLE
+    assert bench.run(bench.move_base.send_goal(GOAL)).status is GoalStatus.SUCCEEDED
+
+
+def test_from_a_configuration() -> None:
+    first = nav.load_configuration(["turtlebot"])
+    grid = nav.load_map(nav.map_path("office"))
+    robot = nav.simulated_robot(first, grid, Pose2D(2.0, 7.45, 0.0))
+    move_base = nav.build_move_base(first, robot, static_map=grid)
+    planners = (move_base.global_planner, move_base.local_planner)
+    reconfigure(move_base, first)
+    assert (move_base.global_planner, move_base.local_planner) == planners
+    second = nav.load_configuration(
+        ["turtlebot"], overrides=["base_global_planner=global_planner/GlobalPlanner", "planner_patience=7.0"]
+    )
+    reconfigure(move_base, second)
+    assert type(move_base.global_planner) is second.global_planner.cls
+    assert move_base.global_planner is not planners[0]
+    assert move_base.local_planner is planners[1]
+    assert move_base.params.planner_patience == 7.0

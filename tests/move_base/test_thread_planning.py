@@ -1,0 +1,180 @@
+"""A slow planner in its own thread: control goes on. Nothing here sleeps: threads meet at events."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Generator
+
+import pytest
+
+from navstack.core import Pose2D, Twist2D
+from navstack.core.costs import LETHAL
+from navstack.move_base import GoalStatus, Mode, ThreadPlanning
+from navstack.move_base.errors import BusyError
+
+from .world import Bench, StraightPlanner, occupied
+
+GOAL = Pose2D(4.0, 0.0, 0.0)
+PATIENCE_S = 10.0
+"""Of the tests with the threads, in real time; nothing comes near it."""
+
+
+class SlowPlanner(StraightPlanner):
+    """Plans when it is let."""
+
+    def __init__(self, **how: object) -> None:
+        self.asked = threading.Semaphore(0)
+        self.let = threading.Semaphore(0)
+        self.threads: set[int] = set()
+        self.looked_at: list[int] = []
+        super().__init__(**how)  # type: ignore[arg-type]
+
+    def make_plan(self, costmap, start, goal, **how):  # type: ignore[no-untyped-def]
+        self.threads.add(threading.get_ident())
+        self.asked.release()
+        assert self.let.acquire(timeout=PATIENCE_S)
+        self.looked_at.append(int(costmap.data[0, 0]))
+        return super().make_plan(costmap, start, goal, **how)
+
+
+class Live:
+    """A bench whose planner has a thread."""
+
+    def __init__(self, planner: SlowPlanner | None = None, **params: float) -> None:
+        self.answered = threading.Semaphore(0)
+        self.planning = ThreadPlanning(self.answered.release)
+        self.planner = planner or SlowPlanner()
+        self.bench = Bench(planner=self.planner, planning=self.planning, **params)
+
+    def answer(self) -> None:
+        """Lets the planner have one plan and waits until it is there."""
+        self.planner.let.release()
+        assert self.answered.acquire(timeout=PATIENCE_S)
+
+    def asked(self) -> None:
+        """Waits until the planner is at work."""
+        assert self.planner.asked.acquire(timeout=PATIENCE_S)
+
+
+@pytest.fixture
+def live() -> Generator[Live]:
+    live = Live()
+    yield live
+    for _ in range(20):
+        live.planner.let.release()
+    assert live.planning.close(PATIENCE_S)
+
+
+def test_control_goes_on_while_the_planner_thinks(live: Live) -> None:
+    bench = live.bench
+    handle = bench.move_base.send_goal(GOAL)
+    bench.run_to(0.4)
+    live.asked()
+    assert bench.move_base.state is Mode.PLANNING
+    live.answer()
+    assert bench.move_base.next_due(0.4) == 0.4  # whoever waits need not wait longer
+    bench.run_to(1.2)
+    live.asked()  # replanning at 1 Hz, and it hangs
+    assert bench.move_base.state is Mode.CONTROLLING
+    commands = len(bench.robot.commands)
+    bench.run_to(3.2)
+    assert len(bench.robot.commands) - commands == 10
+    assert bench.robot.twist.vx > 0.0
+    assert len(live.planner.calls) == 1
+    live.answer()
+    bench.run_to(3.6)
+    assert len(live.planner.calls) == 2
+    assert len(bench.ears.of("plan")) == 2
+    for _ in range(20):
+        live.planner.let.release()
+    bench.run(handle)
+    assert handle.status is GoalStatus.SUCCEEDED
+    assert threading.get_ident() not in live.planner.threads
+    assert len(live.planner.threads) == 1
+
+
+def test_patience_ends_with_a_planner_that_does_not_answer(live: Live) -> None:
+    handle = live.bench.run(live.bench.move_base.send_goal(GOAL))
+    assert handle.status is GoalStatus.ABORTED
+    assert (handle.result.error_code, handle.result.error_name) == (207, "TIMEOUT")
+    assert handle.result.ended_at == pytest.approx(5.2, abs=0.3)
+
+
+def test_a_plan_for_a_goal_that_is_no_more_is_dropped(live: Live) -> None:
+    bench = live.bench
+    first = bench.move_base.send_goal(GOAL)
+    bench.run_to(0.4)
+    live.asked()
+    second = bench.move_base.send_goal(Pose2D(1.0, 1.0))
+    bench.run_to(1.0)
+    assert first.status is GoalStatus.PREEMPTED
+    # one planner, one call at a time: the second request waits for the first to end
+    assert not live.planner.asked.acquire(blocking=False)
+    live.planner.let.release()
+    live.asked()
+    live.answer()
+    bench.run_to(1.4)
+    assert bench.move_base.plan is not None
+    assert bench.move_base.plan.goal == Pose2D(1.0, 1.0)
+    assert len(bench.ears.of("plan")) == 1
+    for _ in range(20):
+        live.planner.let.release()
+    assert bench.run(second).status is GoalStatus.SUCCEEDED
+
+
+def test_it_plans_on_the_costmap_as_it_was(live: Live) -> None:
+    bench = live.bench
+    bench.move_base.send_goal(GOAL)
+    bench.run_to(0.0)
+    live.asked()
+    bench.global_costmap.master.data[0, 0] = LETHAL
+    live.answer()
+    assert live.planner.looked_at == [0]
+
+
+def test_failures_come_back_as_failures() -> None:
+    def leave(n: int) -> None:
+        if n:
+            raise SystemExit
+        occupied(n)
+
+    live = Live(SlowPlanner(behave=leave))
+    handle = live.bench.move_base.send_goal(GOAL)
+    for _ in range(2):
+        live.bench.run_to(live.bench.robot.time + 0.2)
+        live.asked()
+        live.answer()
+    live.bench.run_to(live.bench.robot.time + 0.2)
+    names = [e.data["name"] for e in live.bench.ears.of("plan_failed")]
+    assert names == ["GOAL_OCCUPIED", "INTERNAL"]
+    assert not handle.is_done
+    for _ in range(20):
+        live.planner.let.release()
+    assert live.planning.close(PATIENCE_S)
+
+
+def test_make_plan_waits_for_its_turn(live: Live) -> None:
+    bench = live.bench
+    handle = bench.move_base.send_goal(GOAL)
+    bench.run_to(0.2)
+    live.asked()
+    bench.move_base.cancel_goal(handle)
+    bench.run(handle)
+    assert bench.robot.twist == Twist2D()
+    with pytest.raises(BusyError, match="nobody waits for"):
+        bench.move_base.make_plan(GOAL)
+
+
+def test_a_new_planner_need_not_wait_for_one_that_hangs(live: Live) -> None:
+    bench = live.bench
+    handle = bench.move_base.send_goal(GOAL)
+    bench.run_to(0.2)
+    live.asked()
+    other = SlowPlanner()
+    bench.move_base.reconfigure(global_planner=other)
+    bench.run_to(0.6)
+    for _ in range(20):
+        other.let.release()
+    assert live.answered.acquire(timeout=PATIENCE_S)
+    assert bench.run(handle).status is GoalStatus.SUCCEEDED
+    assert live.planner.calls == []
