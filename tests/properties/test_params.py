@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 
 from navstack.configuration import check_parameters, load_configuration
 from navstack.core.errors import ParameterError
+from navstack.effective import as_yaml, parameters_of, same_parameters
+from navstack.effective.document import value_text
 from navstack.params import Finding
 from navstack.params.sources import packaged_sets
 from navstack.params.yaml_reader import parse_yaml, plain
@@ -198,3 +200,37 @@ def test_a_megabyte_of_anything_takes_less_than_a_second(tmp_path: Path) -> None
 def test_every_packaged_set_loads_without_a_warning() -> None:
     for name in packaged_sets():
         assert [str(f) for f in load_configuration([name]).findings if f.severity != "info"] == []
+
+
+SETTABLE = [
+    p
+    for p in parameters_of(load_configuration(["turtlebot"]))
+    if isinstance(p.value, (int, float)) and not p.name.startswith("navstack/")
+]
+SETTINGS = st.lists(
+    st.sampled_from(SETTABLE).flatmap(
+        lambda p: st.tuples(
+            st.just(p.name),
+            st.booleans()
+            if isinstance(p.value, bool)
+            else st.floats(1e-9, 2.0)
+            if isinstance(p.value, float)
+            else st.integers(1, 16),
+        )
+    ),
+    min_size=1,
+    max_size=8,
+)
+
+
+@settings(deadline=None, max_examples=40, derandomize=True)
+@given(SETTINGS)
+def test_whatever_loads_shows_and_loads_to_the_same(changes: list[tuple[str, Any]]) -> None:
+    overrides = [f"{name}={value_text(value)}" for name, value in changes]
+    try:
+        loaded = load_configuration(["turtlebot"], overrides=overrides)
+    except ParameterError:
+        return
+    for written_only in (False, True):
+        text = as_yaml(parameters_of(loaded), written_only=written_only)
+        assert same_parameters(loaded, load_configuration([plain(parse_yaml(text, "shown.yaml").root)]))
