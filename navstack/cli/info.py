@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import typer
@@ -36,10 +37,26 @@ def collect() -> dict[str, Any]:
     }
 
 
-def info(json_: bool = typer.Option(False, "--json", help="One JSON document on stdout.")) -> None:
+def info(
+    json_: bool = typer.Option(False, "--json", help="One JSON document on stdout."),
+    states: Path | None = typer.Option(
+        None,
+        "--states",
+        metavar="FILE",
+        help="Only this: the goal manager's state machine as a picture (.png, .svg, .pdf), or as a table (.md).",
+    ),
+) -> None:
     """Versions, registered plugins with their ROS names, packaged maps and parameter sets."""
     from navstack.cli.output import print_json, stdout
 
+    if states is not None:
+        _write_states(states)
+        document = {"states": str(states)}
+        if json_:
+            print_json(document)
+        else:
+            stdout().print(f"states: {states}", markup=False)
+        return
     found = collect()
     if json_:
         print_json(found)
@@ -63,3 +80,15 @@ def info(json_: bool = typer.Option(False, "--json", help="One JSON document on 
     out.print(table)
     out.print("maps:", ", ".join(found["maps"]))
     out.print("parameter sets:", ", ".join(found["parameters"]))
+
+
+def _write_states(file: Path) -> None:
+    if file.suffix == ".md":
+        from navstack.core.files import write_text
+        from navstack.move_base.state_machine import document_markdown
+
+        write_text(file, document_markdown())
+    else:
+        from navstack.plot.states import plot_states
+
+        plot_states(file)

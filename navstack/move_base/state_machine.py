@@ -288,3 +288,28 @@ def table_markdown() -> str:
         end = row.outcome.name if row.outcome is not None else ""
         lines.append(f"| {row.mode.name} | {row.event.name} | {trigger} | {to} | {index} | {does} | {end} |")
     return "\n".join(lines)
+
+
+def document_markdown() -> str:
+    """docs/STATES.md: states, events, actions and the table."""
+    parts = [
+        "# The goal manager's states",
+        (
+            "Written by `navstack info --states docs/STATES.md` from the table that `MoveBase` runs on "
+            "(`navstack/move_base/state_machine.py`); do not edit."
+        ),
+        "![The states and the events between them](states.png)",
+        (
+            "A transition is a pure function: `step(state, event) -> state, row`. The row says what is to be done and how the "
+            "goal ends, if it does. What is not in the table cannot happen. A row that names a trigger wins over one that does not."
+        ),
+        "## Events",
+        "\n".join(["| event | when |", "|---|---|", *(f"| {e.name} | {e.value} |" for e in NavEvent)]),
+        "## Actions",
+        "\n".join(["| action | what is done |", "|---|---|", *(f"| {a.name} | {a.value} |" for a in Action)]),
+        "## How a goal ends",
+        "\n".join(["| outcome | text |", "|---|---|", *(f"| {o.name} | {o.value} |" for o in Outcome)]),
+        "## Transitions",
+        table_markdown(),
+    ]
+    return "\n\n".join(parts) + "\n"

@@ -1,0 +1,52 @@
+"""The state machine for people: the document in the repository, and the picture."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from navstack.cli.app import run
+from navstack.move_base.state_machine import ROWS, Action, Mode, NavEvent, document_markdown
+from navstack.plot.states import edges
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+
+
+def test_the_document_is_that_of_the_table() -> None:
+    assert (DOCS / "STATES.md").read_text(encoding="utf-8") == document_markdown(), (
+        "run: navstack info --states docs/STATES.md, and docs/states.png"
+    )
+    assert (DOCS / "states.png").is_file()
+
+
+def test_the_document_names_everything() -> None:
+    lines = document_markdown().split("\n")
+    for name in (*NavEvent.__members__, *Action.__members__):
+        assert any(line.startswith(f"| {name} |") for line in lines), name
+    assert sum(line.startswith(tuple(f"| {m.name} | " for m in Mode)) for line in lines) == len(ROWS)
+
+
+def test_the_picture_has_every_event_of_the_table() -> None:
+    own, common, stays = edges()
+    for row in ROWS:
+        name = row.event.name
+        shown = (
+            name in own.get((row.mode, row.to), [])
+            or (row.mode is not Mode.IDLE and name in common.get((Mode.PLANNING, row.to), []))
+            or (row.mode is row.to and name in stays[row.mode])
+        )
+        assert shown, row
+
+
+def test_the_command_writes_picture_and_document(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    picture = tmp_path / "states.png"
+    assert run(["info", "--states", str(picture), "--json"]) == 0
+    assert json.loads(capfd.readouterr().out) == {"states": str(picture)}
+    with Image.open(picture) as image:
+        assert min(image.size) > 600
+    assert run(["info", "--states", str(tmp_path / "s.md")]) == 0
+    assert (tmp_path / "s.md").read_text(encoding="utf-8") == document_markdown()
+    assert run(["info", "--states", str(tmp_path / "s.gif")]) == 2
