@@ -326,6 +326,10 @@ class TrajectoryPlanner(PlanFollower):
         self._strafe_only = [False, False]
         self._since = (0.0, 0.0)
         self._escape: Pose2D | None = None
+        self._escape_dist = params.escape_reset_dist
+        self._escaped: Pose2D | None = None  # where the last escape began
+        self._turning: tuple[Pose2D, float] | None = None  # pose of the last cycle, angle turned in place up to then
+        self._weary: Pose2D | None = None  # where a whole circle led nowhere
 
     # --- limits -----------------------------------------------------------------------------------------------------
 
@@ -381,6 +385,7 @@ class TrajectoryPlanner(PlanFollower):
         """A new goal has not been reached."""
         if not same_goal:
             self._reached = False
+            self._turning = self._weary = self._escaped = None
 
     def goal_reached(self, inputs: ControlInput) -> bool:
         """True once a command found position and heading within the tolerances."""
@@ -502,7 +507,8 @@ class TrajectoryPlanner(PlanFollower):
         if len(forward) and legal[: len(forward)].any():
             best = int(np.where(legal[: len(forward)], totals[: len(forward)], np.inf).argmin())
         nearest = math.inf
-        best, nearest = self._turn_in_place(best, nearest, len(forward), turns, dw, table, rollouts, legal)
+        if best < 0 or not self._has_circled(state.pose):
+            best, nearest = self._turn_in_place(best, nearest, len(forward), turns, dw, table, rollouts, legal)
         mode = "follow"
         if best < 0 and p.holonomic_robot and self._y_vels:
             first = len(samples)
@@ -520,8 +526,9 @@ class TrajectoryPlanner(PlanFollower):
                 best = len(samples) - 1
                 mode = "escape"
                 rollouts.counts[-1] = min(rollouts.counts[-1], points)  # what was checked
-                if self._escape is None:
-                    self._escape = state.pose
+                self._begin_escape(state.pose)
+            else:
+                self._escape = None  # no farther: the next cycle tries everything again
         self._forget(state.pose)
         command = Twist2D(*samples[best].tolist()) if best >= 0 else Twist2D()
         chosen = ScoreTable(table.costs, table.scales, table.totals, table.rejected_by, best)
@@ -617,10 +624,31 @@ class TrajectoryPlanner(PlanFollower):
 
     # --- memory -----------------------------------------------------------------------------------------------------
 
+    def _has_circled(self, pose: Pose2D) -> bool:
+        """True from a whole circle in place on, until the robot has come as far as its samples look.
+
+        ROS differs: where driving on costs more than it is worth, C++ turns in place for ever. All there is to see was seen
+        in one circle: from then on the best sample ahead is taken.
+        """
+        if self._weary is not None and pose.distance_to(self._weary) > self.params.max_vel_x * self.params.sim_time:
+            self._weary = None
+        if self._turning is not None:
+            before, turned = self._turning
+            if pose.distance_to(Pose2D(*self._since)) > self.params.oscillation_reset_dist:
+                self._turning = None
+            else:
+                turned += abs(angle_between(before.yaw, pose.yaw))
+                self._turning = pose, turned
+                if turned > 2.0 * math.pi:
+                    self._turning, self._weary = None, pose
+        return self._weary is not None
+
     def _note_direction(self, sample: NDArray[np.float64], pose: Pose2D) -> None:
         """A way chosen twice without moving is the only one until the robot has moved."""
         if sample[0] > 0.0:
             return
+        if self._turning is None and sample[2] != 0.0:
+            self._turning = pose, 0.0
         for value, chosen, only in (
             (sample[2], self._turned, self._only),
             (sample[1], self._strafed, self._strafe_only),
@@ -632,13 +660,27 @@ class TrajectoryPlanner(PlanFollower):
                 break
         self._since = (pose.x, pose.y)
 
+    def _begin_escape(self, pose: Pose2D) -> None:
+        """Takes note of where an escape begins; from one place, each goes back twice as far as the one before.
+
+        ROS differs: C++ always goes back escape_reset_dist, and often for ever between two poses that differ by that.
+        """
+        if self._escape is not None:
+            return
+        farthest = max(self.params.max_vel_x * self.params.sim_time, self.params.escape_reset_dist)
+        if self._escaped is not None and pose.distance_to(self._escaped) <= farthest:
+            self._escape_dist = min(2.0 * self._escape_dist, farthest)
+        else:
+            self._escape_dist = self.params.escape_reset_dist
+        self._escape = self._escaped = pose
+
     def _forget(self, pose: Pose2D) -> None:
         p = self.params
         if math.hypot(pose.x - self._since[0], pose.y - self._since[1]) > p.oscillation_reset_dist:
             for flags in (self._turned, self._only, self._strafed, self._strafe_only):
                 flags[:] = [False, False]
         if self._escape is not None and (
-            pose.distance_to(self._escape) > p.escape_reset_dist
+            pose.distance_to(self._escape) > self._escape_dist
             or abs(angle_between(self._escape.yaw, pose.yaw)) > p.escape_reset_theta
         ):
             self._escape = None
