@@ -301,7 +301,8 @@ def document_markdown() -> str:
         "![The states and the events between them](states.png)",
         (
             "A transition is a pure function: `step(state, event) -> state, row`. The row says what is to be done and how the "
-            "goal ends, if it does. What is not in the table cannot happen. A row that names a trigger wins over one that does not."
+            "goal ends, if it does. "
+            "What is not in the table cannot happen. A row that names a trigger wins over one that does not."
         ),
         "## Events",
         "\n".join(["| event | when |", "|---|---|", *(f"| {e.name} | {e.value} |" for e in NavEvent)]),
