@@ -80,12 +80,38 @@ def _dispatcher(function: Callable[P, R]) -> Callable[P, R]:
         before = config.CACHE_DIR
         config.CACHE_DIR = folder  # read by numba while it decorates; put back for the user's own functions
         try:
-            return cast("Callable[P, R]", numba.njit(cache=True, **options)(function))
+            dispatcher: Any = numba.njit(cache=True, **options)(function)
+            _save_one_at_a_time(dispatcher, Path(folder))
+            return cast("Callable[P, R]", dispatcher)
         except (RuntimeError, OSError):
             pass  # no place to cache in: compile without
         finally:
             config.CACHE_DIR = before
     return cast("Callable[P, R]", numba.njit(**options)(function))
+
+
+def _save_one_at_a_time(dispatcher: Any, folder: Path) -> None:
+    """Lets no two processes write the cache at once.
+
+    numba looks for a free file name and writes the index and the file without a lock: of two processes that compile one
+    kernel for different types at the same moment, one can end up with the other's machine code under its own types.
+    """
+    try:
+        import fcntl
+    except ImportError:  # not on this system: as numba does it
+        return
+    save = dispatcher._cache.save_overload
+
+    def save_overload(signature: Any, compiled: Any) -> None:
+        try:
+            lock = (folder / "lock").open("w")
+        except OSError:
+            return
+        with lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            save(signature, compiled)
+
+    dispatcher._cache.save_overload = save_overload
 
 
 def kernels_are_cached() -> bool:
