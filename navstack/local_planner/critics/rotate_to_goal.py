@@ -1,0 +1,86 @@
+"""At the goal's position: slow down, then only turn (RotateToGoalCritic of Nav2's dwb_critics; move_base has a state for it)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core.parameters import ParamModel, param
+from navstack.interfaces import Critic, Rollouts, ScoringContext
+from navstack.plugins import CRITICS
+
+TOO_FAST, NO_TURN = -7.0, -8.0
+
+
+class RotateToGoalParams(ParamModel):
+    """Weight, where it begins, and how it slows down."""
+
+    RENAMED: ClassVar[Mapping[str, str]] = {"trans_stopped_velocity": "trans_stopped_vel"}
+
+    scale: float = param(1.0, "weight of this critic", ge=0.0)
+    xy_goal_tolerance: float = param(0.25, "distance from the goal at which it takes over", unit="m", ge=0.0)
+    trans_stopped_vel: float = param(
+        0.25, "slower than this counts as stopped: only turns from then on", unit="m/s", ge=0.0
+    )
+    slowing_factor: float = param(5.0, "cost of the squared speed (m²/s²) until stopped", ge=0.0)
+    lookahead_time: float = param(
+        -1.0, "time along the trajectory at which the heading is compared; negative: its end", unit="s"
+    )
+
+
+@CRITICS.register("rotate_to_goal", aliases=("dwb_critics/RotateToGoalCritic", "RotateToGoal"))
+class RotateToGoalCritic(Critic):
+    """Zero farther than `xy_goal_tolerance` from the goal. Nearer, rejects speeding up, then everything but turning.
+
+    What is left costs the heading's distance from the goal's (rad), and until stopped the squared speed times
+    `slowing_factor`. DWA turns at its own xy_goal_tolerance without asking critics: this one acts where its is larger.
+    """
+
+    Params: ClassVar[type[ParamModel]] = RotateToGoalParams
+    CODES: ClassVar[dict[int, str]] = {-7: "speeds up near the goal", -8: "does more than turn at the goal"}
+
+    def __init__(self, name: str, params: RotateToGoalParams) -> None:
+        super().__init__(name, params)
+        self._near, self._stopped = False, False
+        self._speed, self._yaw = 0.0, 0.0
+
+    @property
+    def scale(self) -> float:
+        """`scale`."""
+        return self.params.scale
+
+    def prepare(self, context: ScoringContext) -> None:
+        """Looks where the robot is and how fast."""
+        p = self.params
+        self._speed = context.state.velocity.speed
+        self._near = context.state.pose.distance_to(context.goal) <= p.xy_goal_tolerance
+        self._stopped = self._near and self._speed <= p.trans_stopped_vel
+        self._yaw = context.goal.yaw
+
+    def score(self, rollouts: Rollouts, alive: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """(K,) 0 far from the goal; near it the cost, or -7, -8."""
+        k = len(rollouts.counts)
+        if not self._near or rollouts.poses.shape[1] == 0:
+            return np.zeros(k)
+        p, samples = self.params, rollouts.samples
+        speed = np.hypot(samples[:, 0], samples[:, 1])
+        heading = self._heading_left(rollouts)
+        if self._stopped:
+            return np.where(speed > 0.0, NO_TURN, heading)
+        return np.where(speed > self._speed, TOO_FAST, speed * speed * p.slowing_factor + heading)
+
+    def _heading_left(self, rollouts: Rollouts) -> NDArray[np.float64]:
+        """(K,) angle between the goal's heading and each trajectory's, at its end or after `lookahead_time`."""
+        rows = np.arange(len(rollouts.counts))
+        first, last = rollouts.poses[:, 0, 2], rollouts.poses[rows, np.maximum(rollouts.counts - 1, 0), 2]
+        if self.params.lookahead_time >= 0.0:
+            ahead = rollouts.samples[:, 2] * self.params.lookahead_time
+            turned = np.arctan2(np.sin(last - first), np.cos(last - first))
+            # no farther than it was simulated, where that is less than half a turn
+            last = first + np.where(np.abs(ahead) < np.abs(turned), ahead, turned)
+        left = (last - self._yaw + math.pi) % (2.0 * math.pi) - math.pi
+        return np.abs(left)

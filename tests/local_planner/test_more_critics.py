@@ -1,0 +1,146 @@
+"""Nav2's critics, rule by rule, and in a list of critics."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from navstack.core import Costmap, Footprint, GridGeometry, Path, Pose2D, RobotState, Twist2D
+from navstack.interfaces import ControlInput, Rollouts, ScoringContext
+from navstack.local_planner import DWAParams, DWAPlanner
+from navstack.local_planner.critics import BaseObstacleCritic, PreferForwardCritic, RotateToGoalCritic
+from navstack.local_planner.critics.base_obstacle import BaseObstacleParams
+from navstack.local_planner.critics.prefer_forward import PreferForwardParams
+from navstack.local_planner.critics.rotate_to_goal import RotateToGoalParams
+from navstack.plugins import CRITICS
+
+GEOMETRY = GridGeometry(40, 40, 0.05, -1.0, -1.0)
+FOOTPRINT = Footprint.from_radius(0.1)
+
+
+def context(velocity: Twist2D = Twist2D(), goal: Pose2D = Pose2D(0.1, 0.0, 1.0), **costs: int) -> ScoringContext:
+    costmap = Costmap(GEOMETRY, frame="odom")
+    for cell, cost in costs.items():
+        ix, iy = (int(v) for v in cell[1:].split("_"))
+        costmap.data[iy, ix] = cost
+    limits = DWAPlanner(DWAParams()).limits
+    return ScoringContext(RobotState(Pose2D(0.0, 0.0), velocity), costmap, FOOTPRINT, np.zeros((1, 3)), goal, limits)
+
+
+def straight(*samples: tuple[float, float, float], seconds: float = 1.0, points: int = 11) -> Rollouts:
+    """Trajectories without curvature in position: enough for critics that look at cells and headings."""
+    array = np.array(samples)
+    times = np.linspace(0.0, seconds, points)
+    poses = array[:, None, :] * times[None, :, None]
+    return Rollouts(array, np.ascontiguousarray(poses), np.full(len(array), points, np.int64))
+
+
+def scored(critic: Any, rollouts: Rollouts, at: ScoringContext) -> NDArray[np.float64]:
+    critic.prepare(at)
+    out = critic.score(rollouts, np.ones(len(rollouts.counts), np.bool_))
+    assert out.dtype == np.float64 and out.shape == rollouts.counts.shape
+    return out
+
+
+def test_prefer_forward() -> None:
+    critic = PreferForwardCritic("prefer_forward", PreferForwardParams(penalty=3.0))
+    samples = ((-0.2, 0.0, 0.5), (0.05, 0.0, 0.1), (0.05, 0.0, -0.3), (0.5, 0.0, 0.0), (0.5, 0.0, -0.4))
+    assert scored(critic, straight(*samples), context()) == pytest.approx([3.0, 3.0, 3.0, 0.0, 4.0])
+
+
+@pytest.mark.parametrize(("sums", "expected"), [(False, 7.0), (True, 10.0 + 7.0)])
+def test_base_obstacle_sees_the_centre_alone(sums: bool, expected: float) -> None:
+    critic = BaseObstacleCritic("base_obstacle", BaseObstacleParams(sum_scores=sums))
+    # points 0.05 m apart, each in the middle of a cell but for the offset
+    rollouts = straight((0.5, 0.0, 0.0))
+    rollouts.poses[:, :, :2] += 0.025
+    assert scored(critic, rollouts, context(c25_20=10, c30_20=7, c25_21=254)) == pytest.approx([expected])
+
+
+@pytest.mark.parametrize("cost", [253, 254, 255])
+def test_base_obstacle_rejects_the_first_thing_on_the_way(cost: int) -> None:
+    critic = BaseObstacleCritic("base_obstacle", BaseObstacleParams())
+    ahead = straight((0.5, 0.0, 0.0), (0.0, 0.5, 0.0), (3.0, 0.0, 0.0), (-3.0, 0.0, 0.0))
+    ahead.poses[:, :, :2] += 0.025
+    told = dict.fromkeys(("c25_20", "c26_20"), cost)
+    # the third steps over the first of the two cells into the second, and only then off the map
+    assert scored(critic, ahead, context(**told)).tolist() == [-6.0, 0.0, -6.0, -4.0]
+    assert set(critic.CODES) == {-6, -4}
+
+
+def test_rows_that_are_dead_or_empty_are_left_alone() -> None:
+    critic = BaseObstacleCritic("base_obstacle", BaseObstacleParams())
+    critic.prepare(context())
+    rollouts = straight((9.0, 0.0, 0.0), (0.1, 0.0, 0.0))
+    rollouts.counts[0] = 0
+    rollouts.poses[0] = np.nan
+    out = critic.score(rollouts, np.array([False, True]))
+    assert out[1] == 0.0
+
+
+def test_rotate_to_goal_is_silent_far_away() -> None:
+    critic = RotateToGoalCritic("rotate_to_goal", RotateToGoalParams())
+    assert scored(critic, straight((0.5, 0.0, 1.0)), context(goal=Pose2D(0.3, 0.0))).tolist() == [0.0]
+
+
+def test_rotate_to_goal_slows_down_first() -> None:
+    critic = RotateToGoalCritic("rotate_to_goal", RotateToGoalParams(slowing_factor=5.0))
+    out = scored(critic, straight((0.5, 0.0, 0.0), (0.3, 0.0, 1.0), (0.4, 0.0, 0.0)), context(Twist2D(0.4, 0.0, 0.0)))
+    assert out == pytest.approx([-7.0, 5.0 * 0.09 + 0.0, 5.0 * 0.16 + 1.0])
+
+
+def test_rotate_to_goal_then_only_turns() -> None:
+    critic = RotateToGoalCritic("rotate_to_goal", RotateToGoalParams())
+    samples = ((0.1, 0.0, 1.0), (0.0, 0.0, 1.5), (0.0, 0.0, -1.0), (0.0, 0.1, 0.0))
+    assert scored(critic, straight(*samples), context()) == pytest.approx([-8.0, 0.5, 2.0, -8.0])
+    around = scored(critic, straight((0.0, 0.0, -1.0)), context(goal=Pose2D(0.0, 0.0, math.pi)))
+    assert around == pytest.approx([math.pi - 1.0])
+
+
+def test_rotate_to_goal_looks_ahead_a_while() -> None:
+    critic = RotateToGoalCritic("rotate_to_goal", RotateToGoalParams(lookahead_time=0.5))
+    assert scored(critic, straight((0.0, 0.0, 1.0), (0.0, 0.0, 2.0)), context()) == pytest.approx([0.5, 0.0])
+
+
+def test_names_of_nav2_are_known() -> None:
+    for name, cls in (
+        ("dwb_critics::RotateToGoalCritic", RotateToGoalCritic),
+        ("PreferForward", PreferForwardCritic),
+        ("BaseObstacle", BaseObstacleCritic),
+    ):
+        assert CRITICS.get(name).cls is cls
+
+
+def test_a_list_of_them_drives() -> None:
+    """To a goal behind, with critics of both houses; the table has a column for each."""
+    kinds = ("base_obstacle", "path", "goal", "goal_front", "alignment", "prefer_forward", "rotate_to_goal")
+    planner = DWAPlanner(
+        DWAParams(
+            critics=[{"name": kind, "type": kind} for kind in kinds],  # pyright: ignore[reportArgumentType]
+            critic_params={"rotate_to_goal": RotateToGoalParams(xy_goal_tolerance=0.3)},
+            min_vel_y=0.0,
+            max_vel_y=0.0,
+        )
+    )
+    goal = Pose2D(0.6, 0.2, 0.0)
+    line = np.column_stack((np.linspace(0.0, goal.x, 20), np.linspace(0.0, goal.y, 20), np.zeros(20)))
+    planner.set_plan(Path(line, "odom"), goal)
+    pose, velocity, costmap = Pose2D(0.0, 0.0, 0.3), Twist2D(), Costmap(GEOMETRY, frame="odom")
+    for _ in range(400):
+        inputs = ControlInput(RobotState(pose, velocity), costmap, FOOTPRINT)
+        plan = planner.compute_command(inputs)
+        assert plan.critics == kinds
+        if planner.goal_reached(inputs):
+            return
+        velocity = plan.command
+        yaw = pose.yaw + 0.025 * velocity.wz
+        pose = Pose2D(
+            pose.x + 0.05 * velocity.vx * math.cos(yaw),
+            pose.y + 0.05 * velocity.vx * math.sin(yaw),
+            math.remainder(pose.yaw + 0.05 * velocity.wz, 2.0 * math.pi),
+        )
+    raise AssertionError(f"not reached: {pose}")
