@@ -98,7 +98,15 @@ class TrajectoryPlannerParams(ParamModel):
         0.325, "how far ahead of the robot turns in place are compared", unit="m", ge=0.0, le=5.0
     )
     oscillation_reset_dist: float = param(0.05, "motion that allows turning the other way", unit="m", ge=0.0, le=5.0)
-    escape_reset_dist: float = param(0.1, "motion that ends an escape", unit="m", ge=0.0, le=5.0)
+    escape_reset_dist: float = param(
+        0.1,
+        "motion that ends an escape",
+        unit="m",
+        ge=0.0,
+        le=5.0,
+        ros_differs="there every escape ends here, often for ever between two poses; here each from the same place goes back "
+        "twice as far as the one before, and only where it comes no nearer to anything",
+    )
     escape_reset_theta: float = param(math.pi / 2, "turn that ends an escape", unit="rad", ge=0.0, le=5.0)
     escape_vel: float = param(-0.1, "speed of backing out, negative", unit="m/s", ge=-2.0, le=2.0)
     holonomic_robot: bool = param(True, "sample sideways motion")
