@@ -16,9 +16,8 @@ import sys
 import time
 from pathlib import Path
 
-from navstack.configuration import load_configuration
-
 from navstack.cli.arguments import map_of, parse_pose
+from navstack.configuration import load_configuration
 from navstack.maps import places
 from navstack.scenario import Scenario, run_scenario
 
