@@ -40,7 +40,9 @@ def test_an_open_field_is_crossed_at_full_speed_and_the_same_every_time(jackal: 
 def test_a_wall_without_a_way_round_is_no_success(jackal: Path) -> None:
     ring = [(0.8 * np.cos(a), 0.8 * np.sin(a), 0.06) for a in np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)]
     outcome, recorder = run_world(
-        field(*ring), barn_configuration(jackal, overrides=["planner_patience=1.0", "controller_patience=1.0"]), record=True
+        field(*ring),
+        barn_configuration(jackal, overrides=["planner_patience=1.0", "controller_patience=1.0"]),
+        record=True,
     )
     assert outcome.outcome == "aborted" and outcome.score == 0.0 and outcome.text
     assert outcome.time_s < 60.0 and outcome.length_m < 3.0
