@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from navstack.core.costs import LETHAL
 from navstack.core.grid import Bounds, Costmap
 
+_FEW_PAIRS = 2_000_000
+"""Pairs of points and cells that are compared one by one (about 30 ms)."""
+
 
 def clearance_along(costmap: Costmap, xy: NDArray[np.float64]) -> float:
     """Smallest distance (m) between the polyline `xy` (n, 2 or more columns; costmap's frame) and a lethal cell's square.
@@ -41,12 +44,15 @@ def _least(
     lethal: NDArray[np.bool_], points: NDArray[np.float64], resolution: float, left: float, bottom: float
 ) -> float:
     """Distance of the nearest of `points` to the nearest square of `lethal`, whose corner lies at (left, bottom)."""
-    from scipy.spatial import KDTree
-
     ys, xs = np.nonzero(lethal)
     if len(xs) == 0:
         return math.inf
     centres = np.column_stack([left + (xs + 0.5) * resolution, bottom + (ys + 0.5) * resolution])
+    if len(points) * len(centres) <= _FEW_PAIRS:
+        gap = np.maximum(np.abs(centres[None] - points[:, None]) - 0.5 * resolution, 0.0)
+        return float(np.hypot(gap[..., 0], gap[..., 1]).min())
+    from scipy.spatial import KDTree  # takes longer to import than a few pairs to compare
+
     tree = KDTree(centres)
     distances, _ = tree.query(points)
     # a square is at most half a diagonal nearer than its centre, and at least half a side
