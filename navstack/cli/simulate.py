@@ -125,10 +125,14 @@ def _run(scenario: Scenario, *, quiet: bool) -> RunResult:
 
     from navstack.cli.output import stderr
     from navstack.core.jit import kernels_are_cached
+    from navstack.global_planner._kernels import wave
     from navstack.scenario import run_scenario, warm_up
+    from navstack.sim._lidar_kernels import sweep
 
     # said in full when it takes long, so that nobody takes the first run for a hang
-    what = "loading" if kernels_are_cached() else "compiling, this first time only and for about half a minute,"
+    what = (
+        "loading" if kernels_are_cached(sweep, wave) else "compiling, this first time only and for about half a minute,"
+    )
     if quiet:
         warm_up(scenario)
     else:

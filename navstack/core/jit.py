@@ -2,8 +2,9 @@
 
 - Importing a module of kernels costs nothing: numba (half a second) is imported, and the whole chain of kernels that call
   each other is bound, at the first call.
-- The cache lives in the user's cache folder under a key made of the size and time of every kernel file of the package, so
-  that a change in a kernel that another file calls is seen too (numba looks only at the file of the caller).
+- The cache lives in the user's cache folder under a key made of the size and time of the kernel's file and of those whose
+  kernels it calls, so that a change in a kernel that another file calls is seen too (numba looks only at the file of the
+  caller), and a change in one room does not compile the others anew.
 - Where nothing can be written, kernels are compiled anew in each process.
 - NAVSTACK_BOUNDSCHECK=1 compiles every kernel with bounds checks, into a cache of its own.
 """
@@ -75,7 +76,7 @@ def _dispatcher(function: Callable[P, R]) -> Callable[P, R]:
     config: Any = numba.core.config
 
     options: dict[str, Any] = {"nogil": True, "boundscheck": boundscheck_enabled(), "error_model": "numpy"}
-    folder = _cache_folder()
+    folder = _cache_folder(_files_behind(function))
     if folder is not None:
         before = config.CACHE_DIR
         config.CACHE_DIR = folder  # read by numba while it decorates; put back for the user's own functions
@@ -114,21 +115,38 @@ def _save_one_at_a_time(dispatcher: Any, folder: Path) -> None:
     dispatcher._cache.save_overload = save_overload
 
 
-def kernels_are_cached() -> bool:
-    """False when the kernels of this state of the package are yet to be compiled: the first run takes its time."""
-    folder = _cache_folder()
+def kernels_are_cached(*kernels: Kernel[..., Any]) -> bool:
+    """False when one of these has yet to be compiled in its present state: its first run takes its time."""
+    return all(_is_cached(_cache_folder(_files_behind(kernel.function))) for kernel in kernels)
+
+
+def _is_cached(folder: str | None) -> bool:
     return folder is not None and next(Path(folder).rglob("*.nbi"), None) is not None
 
 
+def _files_behind(function: Callable[..., Any]) -> tuple[str, ...]:
+    """The files of a kernel and of all kernels that its module can call, sorted."""
+    files = {function.__code__.co_filename, __file__}
+    modules = [function.__globals__]
+    while modules:
+        for value in list(modules.pop().values()):
+            # a kernel, or what has become of it: numba's dispatcher
+            other: Any = value.function if isinstance(value, Kernel) else getattr(value, "py_func", None)
+            if other is not None and other.__code__.co_filename not in files:
+                files.add(other.__code__.co_filename)
+                modules.append(other.__globals__)
+    return tuple(sorted(files))
+
+
 @cache
-def _cache_folder() -> str | None:
-    """The folder for this state of the kernels, None when none can be written to."""
+def _cache_folder(files: tuple[str, ...]) -> str | None:
+    """The folder for kernels that stand in these files, as they are now; None when none can be written to."""
     digest = hashlib.sha256(b"boundscheck" if boundscheck_enabled() else b"")
-    for file in sorted(_PACKAGE.rglob("*_kernels.py")):
-        status = file.stat()
-        digest.update(f"{file.relative_to(_PACKAGE)}:{status.st_size}:{status.st_mtime_ns};".encode())
     base = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME")
     try:
+        for file in files:
+            status = Path(file).stat()
+            digest.update(f"{file}:{status.st_size}:{status.st_mtime_ns};".encode())
         root = Path(base) if base else Path.home() / ".cache"
         folder = root / "navstack" / f"kernels-{digest.hexdigest()[:16]}"
         if not folder.is_dir():

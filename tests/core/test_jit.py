@@ -34,7 +34,7 @@ try:
     print("read")
 except IndexError:
     print("caught")
-print(jit._cache_folder())
+print(jit._cache_folder(jit._files_behind(outer.function)))
 """
 
 
@@ -78,3 +78,28 @@ def test_caches_of_former_kernels_are_removed_in_time(tmp_path: Path) -> None:
     run(tmp_path, XDG_CACHE_HOME=str(tmp_path / "cache"))
     assert not old.exists()
     assert recent.exists()
+
+
+def test_a_change_in_a_kernel_that_another_file_calls_is_seen(tmp_path: Path) -> None:
+    called, caller, unrelated = (tmp_path / f"{name}_kernels.py" for name in ("called", "caller", "unrelated"))
+    head = "from navstack.core.jit import kernel\n"
+    called.write_text(head + "@kernel\ndef add(x):\n    return x + 1\n")
+    caller.write_text(head + "from called_kernels import add\n@kernel\ndef outer(x):\n    return add(x)\n")
+    unrelated.write_text(head + "@kernel\ndef other(x):\n    return x\n")
+    code = (
+        "import navstack.core.jit as jit, caller_kernels as c, unrelated_kernels as u\n"
+        "cached = [jit.kernels_are_cached(k) for k in (c.outer, u.other)]\n"
+        "print(c.outer(1), u.other(1), *cached)"
+    )
+
+    def use() -> str:
+        env = os.environ | {"XDG_CACHE_HOME": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
+        env.pop("NUMBA_CACHE_DIR", None)
+        out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=env, timeout=120)
+        assert out.returncode == 0, out.stderr
+        return out.stdout.strip()
+
+    assert use() == "2 1 False False"
+    assert use() == "2 1 True True"
+    called.write_text(head + "@kernel\ndef add(x):\n    return x + 10\n")
+    assert use() == "11 1 False True"
