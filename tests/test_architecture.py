@@ -26,9 +26,13 @@ FLOORS = {
     "move_base": 3,
     "configuration": 4,
     "navigator": 4,
+    "places": 4,
     "effective": 5,
     "record": 5,
     "scenario": 5,
+    "scenario_file": 5,
+    "success": 5,
+    "suites": 5,
     "basic_navigator": 5,
     "tour": 5,
     "explain": 6,
@@ -38,8 +42,21 @@ FLOORS = {
     "cli": 7,
 }
 # two files of one floor that are one thing in two parts: the classes and the list of them; parameters and their assembly;
-# a scenario and its record; a tour and the scenario it makes
-SAME_FLOOR = {("plugins", "interfaces"), ("navigator", "configuration"), ("scenario", "record"), ("tour", "scenario")}
+# a scenario, its record and what counts as success; the file it is written in, and the suites made of them; a tour and the
+# scenario it makes
+SAME_FLOOR = {
+    ("plugins", "interfaces"),
+    ("navigator", "configuration"),
+    ("scenario", "record"),
+    ("scenario", "success"),
+    ("success", "record"),
+    ("scenario_file", "scenario"),
+    ("scenario_file", "success"),
+    ("suites", "scenario"),
+    ("suites", "scenario_file"),
+    ("suites", "success"),
+    ("tour", "scenario"),
+}
 
 
 def room_of(file: Path) -> str:

@@ -140,8 +140,8 @@ def _scenario(
     from navstack.cli.output import print_note
     from navstack.configuration import load_configuration
     from navstack.core.errors import InputError
+    from navstack.places import itinerary, read_places
     from navstack.scenario import Scenario
-    from navstack.tour import itinerary, read_places
 
     file = Path(places)
     if not file.exists() and places in maps.map_names():
