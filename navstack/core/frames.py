@@ -7,6 +7,8 @@ along the shorter way). Looking beyond the newest transform is an error, as in t
 from __future__ import annotations
 
 import bisect
+import math
+from collections.abc import Sequence
 
 from navstack.core.angles import angle_between, normalize_angle
 from navstack.core.errors import FrameError
@@ -23,13 +25,76 @@ def clean_frame(name: str) -> str:
 class _Edge:
     """Transforms of one child in its parent, by time."""
 
-    __slots__ = ("parent", "stamps", "static", "transforms")
+    __slots__ = ("child", "parent", "stamps", "static", "transforms")
 
-    def __init__(self, parent: str, static: bool) -> None:
+    def __init__(self, parent: str, child: str, static: bool) -> None:
         self.parent = parent
+        self.child = child
         self.static = static
         self.stamps: list[float] = []
         self.transforms: list[Transform2D] = []
+
+    def at(self, stamp: float, tolerance_s: float) -> Transform2D:
+        """The transform at `stamp` (s), interpolated; raises FrameError off the ends by more than the tolerance."""
+        if self.static:
+            return self.transforms[0]
+        stamps = self.stamps
+        newest = stamps[-1]
+        if stamp >= newest:
+            if stamp - newest > tolerance_s:
+                raise FrameError(
+                    f'the pose of "{self.child}" in "{self.parent}" is {stamp - newest:.3f} s old at {stamp:.3f} s '
+                    f"(tolerance {tolerance_s:.3f} s)",
+                    frame=self.child,
+                    age_s=stamp - newest,
+                )
+            return self.transforms[-1]
+        if stamp <= stamps[0]:
+            if stamps[0] - stamp > tolerance_s:
+                raise FrameError(
+                    f'the pose of "{self.child}" in "{self.parent}" is known from {stamps[0]:.3f} s on, not at {stamp:.3f} s',
+                    frame=self.child,
+                )
+            return self.transforms[0]
+        after = bisect.bisect_right(stamps, stamp)
+        t0, t1 = stamps[after - 1], stamps[after]
+        a, b = self.transforms[after - 1], self.transforms[after]
+        f = (stamp - t0) / (t1 - t0)
+        return Transform2D(
+            a.x + f * (b.x - a.x), a.y + f * (b.y - a.y), normalize_angle(a.yaw + f * angle_between(a.yaw, b.yaw))
+        )
+
+
+class _Chain:
+    """The edges between two frames, each from its end up to where both meet, and the last answer."""
+
+    __slots__ = ("answer", "changes", "down", "stamp", "tolerance_s", "up")
+
+    def __init__(self, up: tuple[_Edge, ...], down: tuple[_Edge, ...]) -> None:
+        self.up = up
+        self.down = down
+        self.changes = -1
+        self.stamp = 0.0
+        self.tolerance_s = 0.0
+        self.answer = IDENTITY
+
+    def newest(self) -> float:
+        """The newest time (s) at which all edges are known; inf when all are static."""
+        stamps = [edge.stamps[-1] for part in (self.up, self.down) for edge in part if not edge.static]
+        return min(stamps, default=math.inf)
+
+    def pose(self, stamp: float, tolerance_s: float) -> Transform2D:
+        """The source in the target's frame."""
+        pose = _composed(self.up, stamp, tolerance_s)
+        return _composed(self.down, stamp, tolerance_s).inverse() @ pose if self.down else pose
+
+
+def _composed(edges: tuple[_Edge, ...], stamp: float, tolerance_s: float) -> Transform2D:
+    total = IDENTITY
+    for edge in edges:
+        step = edge.at(stamp, tolerance_s)
+        total = step if total.is_identity() else step @ total
+    return total
 
 
 class FrameTree:
@@ -38,24 +103,27 @@ class FrameTree:
     def __init__(self, history_s: float = 10.0) -> None:
         self.history_s = history_s
         self._edges: dict[str, _Edge] = {}
+        # by names as the callers write them; both are forgotten whenever the tree changes its shape
+        self._chains: dict[tuple[str, str], _Chain] = {}
+        self._known: dict[tuple[str, str], _Edge] = {}
+        self._changes = 0
 
     def set_static(self, parent: str, child: str, transform: Transform2D) -> None:
         """`transform` = pose of `child` in `parent`, true at any time."""
         edge = self._edge(clean_frame(parent), clean_frame(child), static=True)
+        self._changes += 1
         edge.stamps[:] = [0.0]
         edge.transforms[:] = [transform]
 
     def set(self, parent: str, child: str, transform: Transform2D, stamp: float) -> None:
         """`transform` = pose of `child` in `parent` at `stamp` (s). Stamps may come late, but not before the history."""
-        edge = self._edge(clean_frame(parent), clean_frame(child), static=False)
+        edge = self._dynamic(parent, child)
+        self._changes += 1
         stamps = edge.stamps
         if not stamps or stamp > stamps[-1]:
             stamps.append(stamp)
             edge.transforms.append(transform)
-            # trim in batches: deleting from the front of a list moves the rest
-            if stamps[0] < stamp - 2.0 * self.history_s:
-                keep = bisect.bisect_left(stamps, stamp - self.history_s)
-                del stamps[:keep], edge.transforms[:keep]
+            self._trim(edge)
             return
         if stamp < stamps[-1] - self.history_s:
             return
@@ -66,49 +134,91 @@ class FrameTree:
             stamps.insert(at, stamp)
             edge.transforms.insert(at, transform)
 
+    def extend(self, parent: str, child: str, transforms: Sequence[Transform2D], stamps: Sequence[float]) -> None:
+        """Several `set` at once; the stamps (s) rise."""
+        edge = self._dynamic(parent, child)
+        if not stamps or (edge.stamps and stamps[0] <= edge.stamps[-1]):
+            for transform, stamp in zip(transforms, stamps, strict=True):
+                self.set(parent, child, transform, stamp)
+            return
+        self._changes += 1
+        edge.stamps.extend(stamps)
+        edge.transforms.extend(transforms)
+        self._trim(edge)
+
+    def _dynamic(self, parent: str, child: str) -> _Edge:
+        edge = self._known.get((parent, child))
+        if edge is None:
+            edge = self._edge(clean_frame(parent), clean_frame(child), static=False)
+            self._known[parent, child] = edge
+        return edge
+
+    def _trim(self, edge: _Edge) -> None:
+        """Forgets what is older than the history; in batches: deleting from the front of a list moves the rest."""
+        stamps = edge.stamps
+        stamp = stamps[-1]
+        if stamps[0] < stamp - 2.0 * self.history_s:
+            keep = bisect.bisect_left(stamps, stamp - self.history_s)
+            del stamps[:keep], edge.transforms[:keep]
+
     def remove(self, child: str) -> None:
         """Forgets a frame, as when its publisher dies."""
         self._edges.pop(clean_frame(child), None)
+        self._reshaped()
 
     def frames(self) -> list[str]:
         """All names, sorted."""
         return sorted(set(self._edges) | {edge.parent for edge in self._edges.values()})
 
     def latest_stamp(self, target: str, source: str) -> float:
-        """The newest time (s) at which the two frames are connected; inf when only static ones lie between."""
-        newest = float("inf")
-        common = self._common_ancestor(clean_frame(target), clean_frame(source))
-        for name in (clean_frame(target), clean_frame(source)):
-            while name != common and name in self._edges:
-                edge = self._edges[name]
-                if not edge.static:
-                    newest = min(newest, edge.stamps[-1])
-                name = edge.parent
-        return newest
+        """The newest time (s) at which the two frames are connected; inf when only static ones lie between.
+
+        Raises FrameError when they are not connected.
+        """
+        return self._chain(target, source).newest()
 
     def lookup(self, target: str, source: str, stamp: float | None = None, tolerance_s: float = 0.0) -> Transform2D:
         """Pose of frame `source` in frame `target` at `stamp` (s), or at the newest common time when None.
 
         Raises FrameError when the frames are not connected, or not at that time give or take `tolerance_s`.
         """
-        target, source = clean_frame(target), clean_frame(source)
-        if target == source:
-            return IDENTITY
+        chain = self._chains.get((target, source))
+        if chain is None:
+            chain = self._chain(target, source)
         if stamp is None:
-            stamp = self.latest_stamp(target, source)
-            tolerance_s = float("inf")
-        common = self._common_ancestor(target, source)
+            return chain.pose(chain.newest(), math.inf)
+        # asked again and again for the present moment
+        if chain.changes == self._changes and chain.stamp == stamp and chain.tolerance_s <= tolerance_s:
+            return chain.answer
+        chain.answer = answer = chain.pose(stamp, tolerance_s)
+        chain.changes, chain.stamp, chain.tolerance_s = self._changes, stamp, tolerance_s
+        return answer
+
+    def _chain(self, target: str, source: str) -> _Chain:
+        known = self._chains.get((target, source))
+        if known is not None:
+            return known
+        a, b = clean_frame(target), clean_frame(source)
+        common = self._common_ancestor(a, b)
         if common is None:
-            known = ", ".join(self.frames()) or "none"
+            frames = ", ".join(self.frames()) or "none"
             raise FrameError(
-                f'no transform from "{source}" to "{target}": they are not connected (frames: {known})',
-                target=target,
-                source=source,
+                f'no transform from "{b}" to "{a}": they are not connected (frames: {frames})', target=a, source=b
             )
-        up_source = self._up_to(common, source, stamp, tolerance_s)
-        if common == target:
-            return up_source
-        return self._up_to(common, target, stamp, tolerance_s).inverse() @ up_source
+        chain = self._chains[target, source] = _Chain(self._way_up(b, common), self._way_up(a, common))
+        return chain
+
+    def _way_up(self, name: str, ancestor: str) -> tuple[_Edge, ...]:
+        way: list[_Edge] = []
+        while name != ancestor:
+            way.append(self._edges[name])
+            name = way[-1].parent
+        return tuple(way)
+
+    def _reshaped(self) -> None:
+        self._changes += 1
+        self._chains.clear()
+        self._known.clear()
 
     def _common_ancestor(self, a: str, b: str) -> str | None:
         above: set[str] = {a}
@@ -132,41 +242,6 @@ class FrameTree:
                     break
             if name == child or parent == child:
                 raise FrameError(f'frame "{child}" cannot hang below itself through "{parent}"', child=child)
-            edge = self._edges[child] = _Edge(parent, static)
+            edge = self._edges[child] = _Edge(parent, child, static)
+            self._reshaped()
         return edge
-
-    def _up_to(self, ancestor: str, name: str, stamp: float, tolerance_s: float) -> Transform2D:
-        total = IDENTITY
-        while name != ancestor:
-            edge = self._edges[name]
-            step = edge.transforms[0] if edge.static else self._at(name, edge, stamp, tolerance_s)
-            total = step if total.is_identity() else step @ total
-            name = edge.parent
-        return total
-
-    @staticmethod
-    def _at(name: str, edge: _Edge, stamp: float, tolerance_s: float) -> Transform2D:
-        stamps = edge.stamps
-        if stamp >= stamps[-1]:
-            if stamp - stamps[-1] > tolerance_s:
-                raise FrameError(
-                    f'the pose of "{name}" in "{edge.parent}" is {stamp - stamps[-1]:.3f} s old at {stamp:.3f} s '
-                    f"(tolerance {tolerance_s:.3f} s)",
-                    frame=name,
-                    age_s=stamp - stamps[-1],
-                )
-            return edge.transforms[-1]
-        if stamp <= stamps[0]:
-            if stamps[0] - stamp > tolerance_s:
-                raise FrameError(
-                    f'the pose of "{name}" in "{edge.parent}" is known from {stamps[0]:.3f} s on, not at {stamp:.3f} s',
-                    frame=name,
-                )
-            return edge.transforms[0]
-        after = bisect.bisect_right(stamps, stamp)
-        t0, t1 = stamps[after - 1], stamps[after]
-        a, b = edge.transforms[after - 1], edge.transforms[after]
-        f = (stamp - t0) / (t1 - t0)
-        return Transform2D(
-            a.x + f * (b.x - a.x), a.y + f * (b.y - a.y), normalize_angle(a.yaw + f * angle_between(a.yaw, b.yaw))
-        )

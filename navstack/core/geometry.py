@@ -81,8 +81,11 @@ class Transform2D(NamedTuple):
 
     def __matmul__(self, other: Transform2D) -> Transform2D:
         """`A<-B @ B<-C = A<-C`."""
-        pose = self.apply(Pose2D(other.x, other.y, other.yaw))
-        return Transform2D(pose.x, pose.y, pose.yaw)
+        x, y, yaw = self
+        c, s = math.cos(yaw), math.sin(yaw)
+        return Transform2D(
+            x + c * other[0] - s * other[1], y + s * other[0] + c * other[1], normalize_angle(yaw + other[2])
+        )
 
     def is_identity(self) -> bool:
         """True when nothing would move."""

@@ -300,13 +300,17 @@ class SimulatedRobot:
 
     def _observe(self, first: int, observed: int) -> None:
         """Publishes the frames and takes the scans of the steps in (observed, now]; `samples` begin after step `first`."""
-        frequency = self._frequency
-        for step, row in enumerate(self._samples[observed - first : self._step - first].tolist(), observed + 1):
-            moved = Transform2D(row[3], row[4], row[5])
-            self.frames.set(self.odom_frame, self.base_frame, moved, step / frequency)
-            if self._drifts:
-                drifted = Transform2D(row[0], row[1], row[2]) @ moved.inverse()
-                self.frames.set(self.map_frame, self.odom_frame, drifted, step / frequency)
+        frequency, last = self._frequency, self._step
+        rows = self._samples[observed - first : last - first].tolist()
+        stamps = [step / frequency for step in range(observed + 1, last + 1)]
+        moved = [Transform2D(row[3], row[4], row[5]) for row in rows]
+        self.frames.extend(self.odom_frame, self.base_frame, moved, stamps)
+        if self._drifts:
+            drifted = [Transform2D(row[0], row[1], row[2]) @ m.inverse() for row, m in zip(rows, moved, strict=True)]
+            self.frames.extend(self.map_frame, self.odom_frame, drifted, stamps)
+        if last < self._scan_due and not self._pressed and not any(row[9] for row in rows):
+            return
+        for step, row in enumerate(rows, observed + 1):
             if step >= self._scan_due:
                 self._take_scans(step, Pose2D(row[0], row[1], row[2]))
             if row[9] != 0.0 or self._pressed:
