@@ -5,6 +5,7 @@ from navstack.sim.lidar import Lidar
 from navstack.sim.movers import Track, TrackedDiscs
 from navstack.sim.params import BumperParams, LidarParams, SimParams
 from navstack.sim.robot import Contact, SimulatedRobot
+from navstack.sim.shapes import Shape
 from navstack.sim.world import Mover, World
 
 __all__ = [
@@ -14,6 +15,7 @@ __all__ = [
     "Lidar",
     "LidarParams",
     "Mover",
+    "Shape",
     "SimParams",
     "SimulatedRobot",
     "Track",
