@@ -35,6 +35,8 @@ FLOORS = {
     "suites": 5,
     "basic_navigator": 5,
     "tour": 5,
+    "jobs": 5,
+    "statistics": 5,
     "explain": 6,
     "plot": 6,
     "bench": 6,
