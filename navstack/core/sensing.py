@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +38,52 @@ class LaserScan:
     frame: str = "base_laser_link"
     topic: str = "scan"
     height: float = 0.3
+
+
+class DeferredScan(LaserScan):
+    """A scan whose ranges are worked out when somebody reads them: a costmap that updates less often than the sensor
+    measures reads one in several. For sensors whose result is a pure function of what they hold, such as simulated ones.
+    """
+
+    __slots__ = ("_measure", "_measured")
+    _measure: Any
+    _measured: Any
+
+    def __init__(
+        self,
+        ranges: Callable[[], NDArray[np.float32]] | NDArray[np.float32],
+        angle_min: float,
+        angle_increment: float,
+        range_min: float,
+        range_max: float,
+        stamp: float = 0.0,
+        frame: str = "base_laser_link",
+        topic: str = "scan",
+        height: float = 0.3,
+    ) -> None:
+        """`ranges`: gives the array of `LaserScan.ranges`, at most once; or the array itself (`dataclasses.replace`)."""
+        put = object.__setattr__
+        measured, measure = (None, ranges) if callable(ranges) else (ranges, None)
+        put(self, "_measure", measure)
+        put(self, "_measured", measured)
+        put(self, "angle_min", angle_min)
+        put(self, "angle_increment", angle_increment)
+        put(self, "range_min", range_min)
+        put(self, "range_max", range_max)
+        put(self, "stamp", stamp)
+        put(self, "frame", frame)
+        put(self, "topic", topic)
+        put(self, "height", height)
+
+    @property
+    def ranges(self) -> NDArray[np.float32]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """(n,) float32, metres; measured at the first call."""
+        measured: NDArray[np.float32] | None = self._measured
+        if measured is None:
+            measured = self._measure()
+            object.__setattr__(self, "_measured", measured)
+            object.__setattr__(self, "_measure", None)  # what it holds on to may go
+        return measured
 
 
 @dataclass(frozen=True, slots=True, eq=False)

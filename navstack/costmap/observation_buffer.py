@@ -13,7 +13,7 @@ from typing import ClassVar, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import FrameTree, LaserScan, PointCloud, SensorData, Transform2D
+from navstack.core import DeferredScan, FrameTree, LaserScan, PointCloud, SensorData, Transform2D
 from navstack.core.errors import FrameError, InputError
 from navstack.core.parameters import ParamModel, param
 from navstack.costmap import _kernels
@@ -188,7 +188,10 @@ class ObservationBuffer:
         return observation
 
     def _scan_points(self, scan: LaserScan, at: Transform2D) -> tuple[NDArray[np.float32], int]:
-        n = len(scan.ranges)
+        ranges = scan.ranges
+        if isinstance(scan, DeferredScan):
+            _check_ranges(ranges, scan.topic)
+        n = len(ranges)
         if scan.height != self._height:
             self._height, z = scan.height, float(np.float32(scan.height))
             self._height_fits = self.params.min_obstacle_height <= z <= self.params.max_obstacle_height
@@ -208,7 +211,7 @@ class ObservationBuffer:
             inf_range = math.inf if beyond else float(np.float32(scan.range_max) - np.float32(0.0001))
         out = np.empty((n, 3), np.float32)
         count = self._project_scan(
-            scan.ranges,
+            ranges,
             directions,
             float(scan.range_min),
             float(scan.range_max),
@@ -230,16 +233,20 @@ class ObservationBuffer:
         return out, count
 
 
-def _check_scan(scan: LaserScan) -> None:
-    ranges = scan.ranges
+def _check_ranges(ranges: NDArray[np.float32], topic: str) -> None:
     if ranges.ndim != 1 or ranges.dtype != np.float32 or not ranges.flags.c_contiguous:
         raise InputError(
             f"a scan's ranges must be a flat, contiguous float32 array, not {ranges.dtype} of shape {ranges.shape}; "
             "use np.ascontiguousarray(ranges, np.float32).ravel()",
-            topic=scan.topic,
+            topic=topic,
         )
     if len(ranges) > MAX_POINTS:
-        raise InputError(f"a scan of {len(ranges):,} beams is beyond {MAX_POINTS:,}", topic=scan.topic)
+        raise InputError(f"a scan of {len(ranges):,} beams is beyond {MAX_POINTS:,}", topic=topic)
+
+
+def _check_scan(scan: LaserScan) -> None:
+    if not isinstance(scan, DeferredScan):  # those are checked when they are measured
+        _check_ranges(scan.ranges, scan.topic)
     # one sum instead of five tests: it is finite only when each is
     total = scan.angle_min + scan.angle_increment + scan.range_min + scan.stamp + scan.height
     if total - total != 0.0 or scan.range_max != scan.range_max or abs(scan.height) > FARTHEST:

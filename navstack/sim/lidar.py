@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import LaserScan, Pose2D, Transform2D
+from navstack.core import DeferredScan, LaserScan, Pose2D, Transform2D
 from navstack.sim._lidar_kernels import sweep
 from navstack.sim.params import LidarParams
 from navstack.sim.world import World
@@ -34,8 +34,23 @@ class Lidar:
         """Scan number `index`, taken with the robot's base at `base` (map frame) at `stamp` (s).
 
         `discs`: the world's round obstacles at that time, when the caller knows them already. A pure function of its
-        arguments and the seed: a scan that nobody asked for changes no other.
+        arguments and the seed: a scan that nobody asked for changes no other, and one that nobody reads is not cast.
         """
+        p = self.params
+        seen = world.in_sight(world.discs_at(stamp) if discs is None else discs)
+        return DeferredScan(
+            lambda: self._ranges(world, base, index, seen),
+            self._angle_min,
+            self._angle_increment,
+            p.range_min,
+            p.range_max,
+            stamp,
+            p.frame,
+            p.topic,
+            p.height,
+        )
+
+    def _ranges(self, world: World, base: Pose2D, index: int, discs: NDArray[np.float64]) -> NDArray[np.float32]:
         p = self.params
         eye = Transform2D(base.x, base.y, base.yaw) @ self.mounting
         noise, kept = _NO_NOISE, _NO_LOSS
@@ -45,10 +60,10 @@ class Lidar:
                 noise = p.range_noise * rng.standard_normal(p.beams)
             if p.dropout > 0.0:
                 kept = rng.random(p.beams) >= p.dropout
-        ranges = sweep(
+        return sweep(
             world.squares,
             world.grid,
-            world.in_sight(world.discs_at(stamp) if discs is None else discs),
+            discs,
             eye.x,
             eye.y,
             eye.yaw,
@@ -59,15 +74,4 @@ class Lidar:
             p.range_max,
             noise,
             kept,
-        )
-        return LaserScan(
-            ranges=ranges,
-            angle_min=self._angle_min,
-            angle_increment=self._angle_increment,
-            range_min=p.range_min,
-            range_max=p.range_max,
-            stamp=stamp,
-            frame=p.frame,
-            topic=p.topic,
-            height=p.height,
         )

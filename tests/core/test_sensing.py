@@ -1,0 +1,42 @@
+"""A scan that is measured when somebody reads it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from navstack.core import DeferredScan, LaserScan
+
+
+def deferred(calls: list[int]) -> DeferredScan:
+    def measure() -> NDArray[np.float32]:
+        calls.append(1)
+        return np.arange(3, dtype=np.float32)
+
+    return DeferredScan(measure, -1.0, 1.0, 0.1, 6.0, 2.5, "laser", "front/scan", 0.2)
+
+
+def test_it_is_measured_once_and_only_when_read() -> None:
+    calls: list[int] = []
+    scan = deferred(calls)
+    assert isinstance(scan, LaserScan)
+    assert (scan.stamp, scan.frame, scan.topic, scan.height, scan.range_max) == (2.5, "laser", "front/scan", 0.2, 6.0)
+    assert not calls
+    assert scan.ranges.tolist() == [0.0, 1.0, 2.0]
+    assert scan.ranges is scan.ranges
+    assert calls == [1]
+
+
+def test_a_copy_with_another_stamp_holds_the_same_ranges() -> None:
+    scan = deferred([])
+    late = replace(scan, stamp=9.0)
+    assert late.stamp == 9.0
+    assert late.ranges is scan.ranges
+
+
+def test_it_cannot_be_written_to() -> None:
+    with pytest.raises(AttributeError):
+        deferred([]).stamp = 1.0  # pyright: ignore[reportAttributeAccessIssue]
