@@ -310,9 +310,8 @@ def descend(
     if params.use_grid_path:
         # ROS differs: under A* the cheapest neighbour, not the lowest; C++'s A* gives cheaper grid paths than its Dijkstra
         rule = wave.rule
-        points, n = trace.grid_path(wave.pot, nx, wave.ny, k, wave.cost, rule.steps, not params.use_dijkstra)
+        points, n = trace.grid_path(wave.pot, nx, wave.ny, k, gx, gy, wave.cost, rule.steps, not params.use_dijkstra)
         cells = points[:n]
-        cells[0] = gx, gy
         if len(cells) > 1 and (cells[-1] != start_cell).any():  # another of the four seeds
             cells = np.vstack([cells, np.array([start_cell], np.float32)])
         return cells
