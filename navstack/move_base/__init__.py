@@ -2,9 +2,10 @@
 
 from navstack.move_base.action_client import CommState, SimpleActionClient
 from navstack.move_base.action_server import SimpleActionServer
+from navstack.move_base.feedback import Feedback, Turn
 from navstack.move_base.goal import Goal, GoalHandle, GoalResult
 from navstack.move_base.goal_status import GoalStatus
-from navstack.move_base.move_base import Feedback, MoveBase, Turn
+from navstack.move_base.move_base import MoveBase
 from navstack.move_base.params import MoveBaseParams, builtin_recoveries
 from navstack.move_base.planning import InlinePlanning, PlanAnswer, Planning
 from navstack.move_base.state_machine import Mode, Trigger

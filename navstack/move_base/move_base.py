@@ -9,24 +9,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-
-from navstack.core import (
-    Bounds,
-    Event,
-    Listener,
-    Path,
-    Pose2D,
-    RobotState,
-    SensorData,
-    Transform2D,
-    Twist2D,
-    Window,
-)
-from navstack.core.errors import FrameError, InputError, InternalError, NavError, PlanningError, PlanningTimeoutError
+from navstack.core import Event, Listener, Path, Pose2D, RobotState, Twist2D
+from navstack.core.errors import InputError, InternalError, NavError, PlanningTimeoutError
 from navstack.core.frames import clean_frame
 from navstack.interfaces import (
     ControlInput,
@@ -42,79 +28,25 @@ from navstack.interfaces import (
 )
 from navstack.move_base import guards, texts
 from navstack.move_base.action_server import SimpleActionServer
-from navstack.move_base.errors import (
-    BusyError,
-    GoalCanceledError,
-    GoalReplacedError,
-    InvalidGoalError,
-    NoProgressError,
-    RecoveryTimeoutError,
-    ShutdownError,
-    StaleSensorsError,
-)
-from navstack.move_base.goal import Goal, GoalHandle, GoalResult, Quaternion, yaw_of
+from navstack.move_base.errors import BusyError, GoalReplacedError, NoProgressError, StaleSensorsError
+from navstack.move_base.feedback import Feedback, Turn, distance_remaining
+from navstack.move_base.goal import Goal, GoalHandle, Quaternion, yaw_of
 from navstack.move_base.goal_status import GoalStatus
+from navstack.move_base.make_plan import make_plan
+from navstack.move_base.mission import Mission, check_goal
 from navstack.move_base.params import MoveBaseParams
+from navstack.move_base.plan_schedule import PlanSchedule
 from navstack.move_base.planning import InlinePlanning, PlanAnswer, Planning
 from navstack.move_base.progress import Progress, ProgressChecker
+from navstack.move_base.recovery_runner import Ended, RecoveryRunner
 from navstack.move_base.schedule import EPSILON_S, Schedule
+from navstack.move_base.senses import Senses, said
 from navstack.move_base.speed_masks import SpeedMasks
 from navstack.move_base.state_machine import Action, Mode, NavEvent, NavState, Outcome, Transition, Trigger, step
-from navstack.move_base.tally import Tally
 
 STANDING = Twist2D()
-DEFAULT_UPDATE_FREQUENCY = 5.0
-"""Hz; costmap_2d's, for costmap servers that have no word on it."""
 MAX_RECOVERY_ROUNDS = 3
 """How often the list of recoveries is run through without the robot getting anywhere, whatever resets the index."""
-
-
-@dataclass(frozen=True, slots=True)
-class Feedback:
-    """Where the robot stands with its goal."""
-
-    pose: Pose2D | None
-    """The robot in the global costmap's frame; None when it is not known."""
-    mode: Mode
-    distance_remaining: float
-    """m along the plan, from the point of it nearest to the robot; straight to the goal without a plan."""
-    navigation_time: float
-    """s since the goal was accepted."""
-    estimated_time_remaining: float | None
-    """s at the mean speed so far; None while that says nothing."""
-    recoveries: int
-
-
-@dataclass(slots=True)
-class Turn:
-    """What one tick did: for recorders, who want to know without asking twice."""
-
-    time: float
-    scans: tuple[SensorData, ...] = ()
-    global_window: Window | None = None
-    """The cells of the global costmap that were rewritten; None when it was not updated."""
-    local_window: Window | None = None
-    plan: Plan | None = None
-    """The plan that arrived."""
-    local_plan: LocalPlan | None = None
-    """The local plan that was made."""
-    command: Twist2D | None = None
-    """The last command sent."""
-
-
-@dataclass(slots=True)
-class _Mission:
-    """Everything that belongs to the goal being worked on."""
-
-    handle: GoalHandle
-    tally: Tally = field(default_factory=Tally)
-    pose: Pose2D | None = None
-    """The goal in the global costmap's frame; None while it cannot be transformed."""
-    error: NavError | None = None
-    """Why the goal is to end, where the outcome alone does not say."""
-    driven_m: float = 0.0
-    rounds: int = 0
-    """Recoveries since the robot last moved oscillation_distance."""
 
 
 class MoveBase:
@@ -149,34 +81,32 @@ class MoveBase:
         self.local_planner = local_planner
         self.recoveries = tuple(recoveries)
         self.listeners: list[Listener] = list(listeners)
-        self.recovery_time_limit_s = recovery_time_limit_s
         self.server = SimpleActionServer(self._on_status)
         self.turn = Turn(0.0)
         """What the last tick did."""
-        self._planning: Planning = planning or InlinePlanning()
         self._state = NavState()
         self._now = 0.0
         self._ticked = False
         self._goal_count = 0
         self._shut_down = False
-        # schedules
         self._control = Schedule(params.controller_frequency)
-        self._replan = Schedule(params.planner_frequency)
-        self._global_update = Schedule(_update_frequency(global_costmap, global_update_frequency))
-        self._local_update = Schedule(_update_frequency(local_costmap, local_update_frequency))
-        self._costmaps_on = not params.shutdown_costmaps
-        self._global_error: NavError | None = None
-        self._local_error: NavError | None = None
+        self._senses = Senses(
+            robot,
+            global_costmap,
+            local_costmap,
+            self._warn,
+            global_update_frequency=global_update_frequency,
+            local_update_frequency=local_update_frequency,
+            on=not params.shutdown_costmaps,
+        )
+        self._planning: Planning = planning or InlinePlanning()
+        self._plan_schedule = PlanSchedule(params)
         # the goal at hand
-        self._mission: _Mission | None = None
+        self._mission: Mission | None = None
         self._goal_frame = ""
         self._plan: Plan | None = None
         self._new_plan: Plan | None = None
         self._local_plan: LocalPlan | None = None
-        self._wake_planner = False
-        self._planner_on = False
-        self._retries = 0
-        self._last_valid_plan = 0.0
         self._last_valid_control = 0.0
         self._last_progress = 0.0
         self._stale_since: float | None = None
@@ -189,10 +119,7 @@ class MoveBase:
         self._driver_error: NavError | None = None
         # recovery
         self._context = RecoveryContext(global_costmap, local_costmap, local_planner, params.controller_frequency)
-        self._recovery: RecoveryBehavior | None = None
-        self._recovery_began = 0.0
-        self._recovery_steps = Schedule(params.controller_frequency)
-        self._recovery_polls = Schedule(params.controller_frequency)
+        self._recovery = RecoveryRunner(self._tell_recovery, params.controller_frequency, recovery_time_limit_s)
         self._followed: list[RecoveryBehavior] = []
         for recovery in self.recoveries:
             recovery.check(self._context)
@@ -222,7 +149,8 @@ class MoveBase:
     @property
     def recovery(self) -> str | None:
         """The name of the recovery behaviour that runs."""
-        return self._recovery.name if self._recovery is not None else None
+        running = self._recovery.running
+        return running.name if running is not None else None
 
     @property
     def recovery_context(self) -> RecoveryContext:
@@ -270,9 +198,8 @@ class MoveBase:
         mission = self._mission
         if mission is None:
             return Feedback(self._pose, self._state.mode, 0.0, 0.0, None, 0)
-        begun = mission.handle.accepted_at
-        spent = self._now - begun if begun is not None else 0.0
-        left = self._distance_remaining(mission)
+        spent = mission.age(self._now)
+        left = distance_remaining(self._pose, self.path, mission.pose)
         speed = mission.driven_m / spent if spent > 0.0 else 0.0
         return Feedback(
             self._pose,
@@ -282,6 +209,10 @@ class MoveBase:
             left / speed if speed > 0.01 else None,
             len(mission.tally.recoveries),
         )
+
+    def local_state(self, now: float) -> RobotState:
+        """Pose in the local costmap's frame at `now` (s), velocity as the robot says; raises NavError."""
+        return self._senses.local_state(now)
 
     # --- goals --------------------------------------------------------------------------------------------------------
 
@@ -369,21 +300,12 @@ class MoveBase:
         before, self.params = self.params, params
         if params.controller_frequency != before.controller_frequency:
             self._control = Schedule(params.controller_frequency, now)
-            self._recovery_polls = Schedule(params.controller_frequency, now)
-        if params.planner_frequency != before.planner_frequency:
-            self._replan = Schedule(params.planner_frequency, now)
-            # C++ wakes the planner thread: with a frequency it plans again, without it waits
-            self._planner_on = self._state.mode in (Mode.PLANNING, Mode.CONTROLLING) and (
-                self._planner_on or params.planner_frequency > 0.0
-            )
+            self._recovery.set_frequency(params.controller_frequency, now)
+        self._plan_schedule.set_params(params, now, may_plan=self._state.mode in (Mode.PLANNING, Mode.CONTROLLING))
         if params.oscillation_distance != before.oscillation_distance:
             self._progress = ProgressChecker(params.oscillation_distance)
         if params.shutdown_costmaps != before.shutdown_costmaps:
-            on = self._active() or not params.shutdown_costmaps
-            if on and not self._costmaps_on:
-                self._global_update.restart(now)
-                self._local_update.restart(now)
-            self._costmaps_on = on
+            self._senses.switch(self._active() or not params.shutdown_costmaps, now)
 
     # --- the crank ----------------------------------------------------------------------------------------------------
 
@@ -391,16 +313,14 @@ class MoveBase:
         """When `tick` has something to do next (s), `now` at the earliest; inf for never."""
         if not self._ticked or (self._state.mode is Mode.IDLE and self.server.is_new_goal_available):
             return now
-        due = min(self._global_update.due, self._local_update.due) if self._costmaps_on else math.inf
+        due = self._senses.due
         mode = self._state.mode
         if mode is not Mode.IDLE:
-            if self._recovery is not None:
-                due = min(due, self._recovery_steps.due, self._recovery_polls.due)
-            else:
-                due = min(due, self._control.due)
-            due = min(due, self._planning.due)
-            if self._planner_on and not self._planning.is_busy and mode is not Mode.CLEARING:
-                due = min(due, self._replan.due)
+            due = min(
+                due, self._control.due if self._recovery.running is None else self._recovery.due, self._planning.due
+            )
+            if not self._planning.is_busy and mode is not Mode.CLEARING:
+                due = min(due, self._plan_schedule.due)
         return max(now, due)
 
     def tick(self, now: float) -> None:
@@ -413,22 +333,21 @@ class MoveBase:
         now = max(now, self._now)
         if not self._ticked:
             self._ticked = True
-            for schedule in (self._global_update, self._local_update):
-                schedule.restart(now)
+            self._senses.restart(now)
         self._now = now
-        self.turn = Turn(now)
-        self._sense(now)
+        turn = self.turn = Turn(now)
+        self._senses.sense(now, turn)
         if self._state.mode is Mode.IDLE and self.server.is_new_goal_available:
             self._begin(now)
-        self._update_costmaps(now)
+        self._senses.update(now, turn)
         if self._state.mode is Mode.IDLE:
             return
         answer = self._planning.poll(now)
         if answer is not None:
             self._hear(answer, now)
-        if self._recovery is not None:
-            self._recover(now)
-        if self._active() and self._recovery is None and self._control.is_due(now):
+        if self._recovery.running is not None:
+            self._recover(self._recovery.running, now)
+        if self._active() and self._recovery.running is None and self._control.is_due(now):
             self._cycle(now)
         if self._active():
             self._ask_planner(now)
@@ -445,45 +364,6 @@ class MoveBase:
     def _active(self) -> bool:
         return self._state.mode is not Mode.IDLE
 
-    # --- sensing ------------------------------------------------------------------------------------------------------
-
-    def _sense(self, now: float) -> None:
-        try:
-            scans = tuple(self.robot.scans())
-        except Exception as exc:
-            self._warn(now, f"no scans from the robot: {_said(exc)}")
-            return
-        self.turn.scans = scans
-        for data in scans:
-            for costmap in (self.local_costmap, self.global_costmap):
-                try:
-                    costmap.observe(data)
-                except Exception as exc:
-                    self._warn(now, f"{costmap.name} cannot use a message of {data.topic}: {_said(exc)}")
-
-    def _update_costmaps(self, now: float) -> None:
-        if not self._costmaps_on:
-            return
-        if self._global_update.is_due(now):
-            self._global_update.advance(now)
-            self.turn.global_window, self._global_error = self._updated(self.global_costmap, now, self._global_error)
-        if self._local_update.is_due(now):
-            self._local_update.advance(now)
-            self.turn.local_window, self._local_error = self._updated(self.local_costmap, now, self._local_error)
-
-    def _updated(
-        self, costmap: CostmapServer, now: float, before: NavError | None
-    ) -> tuple[Window | None, NavError | None]:
-        try:
-            return costmap.update(now), None
-        except NavError as exc:
-            error: NavError = exc
-        except Exception as exc:
-            error = guards.internal(costmap.name, exc)
-        if before is None:
-            self._warn(now, f"{costmap.name} could not be updated: {error.message}", error)
-        return None, error
-
     # --- goals begin --------------------------------------------------------------------------------------------------
 
     def _begin(self, now: float) -> None:
@@ -497,16 +377,12 @@ class MoveBase:
         else:
             self._control.restart(now)
             self._driver_error = None
-            # a costmap that failed before gets its chance before the goal is judged by it
-            if self._global_error is not None:
-                self._global_update.restart(now)
-            if self._local_error is not None:
-                self._local_update.restart(now)
+            self._senses.forgive(now)
             self._apply(NavEvent.GOAL_ACCEPTED, now)
 
-    def _accept(self, now: float) -> _Mission:
+    def _accept(self, now: float) -> Mission:
         handle = self.server.accept(now)
-        mission = self._mission = _Mission(handle)
+        mission = self._mission = Mission(handle)
         goal = handle.goal
         self._plan = self._new_plan = self._local_plan = None
         self._stale_since = None
@@ -518,24 +394,13 @@ class MoveBase:
             f'goal {goal.id}: ({goal.pose.x:.3f}, {goal.pose.y:.3f}, {goal.pose.yaw:.3f}) in "{goal.frame}"',
             {"id": goal.id, "pose": list(goal.pose), "frame": goal.frame, "stamp": goal.stamp},
         )
-        if not goal.has_valid_orientation:
-            mission.error = InvalidGoalError(
-                f"the goal's orientation {goal.orientation or goal.pose.yaw} is no heading in the plane; give a unit "
-                "quaternion about z, or a finite yaw",
-                orientation=goal.orientation,
-                yaw=goal.pose.yaw,
-            )
-        elif not goal.pose.is_finite():
-            mission.error = InvalidGoalError(
-                f"the goal's position ({goal.pose.x}, {goal.pose.y}) is not finite; give metres in a frame",
-                pose=goal.pose,
-            )
-        else:
+        mission.error = check_goal(goal)
+        if mission.error is None:
             self._goal_frame = self.global_costmap.frame
             self._locate_goal(mission, now)
         return mission
 
-    def _locate_goal(self, mission: _Mission, now: float) -> NavError | None:
+    def _locate_goal(self, mission: Mission, now: float) -> NavError | None:
         """Brings the goal into the global costmap's frame; the error when that cannot be done (yet)."""
         goal = mission.handle.goal
         target = self.global_costmap.frame
@@ -558,8 +423,8 @@ class MoveBase:
             return True
         mission = self._mission
         if mission is not None:
-            error = GoalReplacedError(f"another goal came after {self._age(mission, now):.1f} s")
-            result = self._result(mission, GoalStatus.PREEMPTED, texts.REPLACED, error, now)
+            error = GoalReplacedError(f"another goal came after {mission.age(now):.1f} s")
+            result = mission.result(GoalStatus.PREEMPTED, texts.REPLACED, error, now)
             self.server.set_preempted(now, texts.REPLACED, result)
         if self._accept(now).error is not None:
             self._apply(NavEvent.GOAL_INVALID, now)
@@ -593,7 +458,7 @@ class MoveBase:
         elif mode is Mode.PLANNING:
             self._check_slow_planner(now)
         # a command is good for one period; nothing came after it
-        unattended = self._active() and self._recovery is None and self._command != STANDING
+        unattended = self._active() and self._recovery.running is None and self._command != STANDING
         if unattended and now - self._command_time >= 2.0 * self._control.period - EPSILON_S:
             self._send(STANDING, now)
 
@@ -625,29 +490,24 @@ class MoveBase:
 
     def _follow_up(self, now: float) -> None:
         try:
-            state = self.local_state(now)
+            state = self._senses.local_state(now)
         except NavError:
             return
         for recovery in list(self._followed):
             try:
                 goes_on = recovery.follow_up(state, now)
             except Exception as exc:
-                self._warn(now, f"{recovery.name}: {_said(exc)}")
+                self._warn(now, f"{recovery.name}: {said(exc)}")
                 goes_on = False
             if not goes_on:
                 self._followed.remove(recovery)
 
     def _is_stale(self, now: float) -> bool:
         """Stops the robot while a sensor is silent, and ends the goal when it stays so (parity 23)."""
-        cause = self._local_error
-        if cause is None:
-            try:
-                current = self.local_costmap.is_current(now)
-            except Exception as exc:
-                current, cause = False, guards.internal(self.local_costmap.name, exc)
-            if current:
-                self._stale_since = None
-                return False
+        silent, cause = self._senses.silence(now)
+        if not silent:
+            self._stale_since = None
+            return False
         if self._stale_since is None:
             self._stale_since = now
             self._warn(now, texts.LOG_STALE.format(name=self.local_costmap.name), cause)
@@ -693,7 +553,7 @@ class MoveBase:
         error: NavError | None = None
         inputs: ControlInput | None = None
         try:
-            inputs = self._inputs(self._plan, now)
+            inputs = self._senses.control_input(self._plan, now)
             if guards.goal_reached(self.local_planner, inputs):
                 self._emit(now, "info", texts.LOG_REACHED, {})
                 self._apply(NavEvent.GOAL_REACHED, now)
@@ -736,48 +596,11 @@ class MoveBase:
         exhausted = now >= self._last_valid_control + patience - EPSILON_S
         self._apply(NavEvent.CONTROL_EXHAUSTED if exhausted else NavEvent.COMMAND_FAILED, now)
 
-    def local_state(self, now: float) -> RobotState:
-        """Pose in the local costmap's frame, velocity as the robot says; raises NavError."""
-        try:
-            pose = self.local_costmap.robot_pose(now)
-            state = self.robot.state()
-        except NavError:
-            raise
-        except Exception as exc:
-            raise guards.internal("the robot", exc) from exc
-        if not pose.is_finite() or not state.velocity.is_finite():
-            raise InternalError(
-                f"the robot's pose {tuple(pose)} or velocity {tuple(state.velocity)} is not finite",
-                pose=pose,
-                velocity=state.velocity,
-            )
-        return RobotState(pose, state.velocity, state.stamp, self.local_costmap.frame)
-
-    def _inputs(self, plan: Plan, now: float) -> ControlInput:
-        costmap = self.local_costmap
-        state = self.local_state(now)
-        frame = plan.path.frame
-        transform = Transform2D()
-        if frame != costmap.frame:
-            try:
-                transform = self.robot.frames.lookup(costmap.frame, frame)
-            except NavError:
-                raise
-            except Exception as exc:
-                raise guards.internal("the robot's frames", exc) from exc
-        return ControlInput(state, costmap.master, costmap.footprint, transform)
-
     # --- planning -----------------------------------------------------------------------------------------------------
 
     def _ask_planner(self, now: float) -> None:
-        if self._state.mode is Mode.CLEARING or self._planning.is_busy:
+        if self._state.mode is Mode.CLEARING or self._planning.is_busy or not self._plan_schedule.take_turn(now):
             return
-        if self._wake_planner:
-            self._replan.restart(now)
-        elif not (self._planner_on and self._replan.is_due(now)):
-            return
-        self._wake_planner = False
-        self._replan.advance(now)
         mission = self._mission
         assert mission is not None
         try:
@@ -811,14 +634,12 @@ class MoveBase:
         elif answer.error is not None:
             self._failed_plan(mission, answer.error, now)
 
-    def _found_plan(self, mission: _Mission, plan: Plan, now: float) -> None:
+    def _found_plan(self, mission: Mission, plan: Plan, now: float) -> None:
         mission.tally.plans += 1
         if self._state.mode is not Mode.CLEARING:
             self._plan = self._new_plan = plan
             self.turn.plan = plan
-        self._wake_planner = False  # whoever asked while the planner was busy has his plan
-        if self.params.planner_frequency <= 0.0:
-            self._planner_on = False
+        self._plan_schedule.found()
         if self.listeners:
             length = plan.path.length
             data: dict[str, Any] = {
@@ -832,7 +653,7 @@ class MoveBase:
             self._emit(now, "plan", f"a plan of {length:.2f} m, {len(plan.path)} poses", data)
         self._apply(NavEvent.PLAN_FOUND, now)
 
-    def _failed_plan(self, mission: _Mission, error: NavError, now: float) -> None:
+    def _failed_plan(self, mission: Mission, error: NavError, now: float) -> None:
         tally = mission.tally
         tally.failed_plans += 1
         tally.last_planning = error
@@ -841,17 +662,13 @@ class MoveBase:
         if self._state.mode is not Mode.PLANNING:
             self._apply(NavEvent.PLAN_FAILED, now)
             return
-        self._retries += 1
-        limit = self.params.max_planning_retries
-        # at the deadline itself patience is over: in C++ the answer always comes a few ms after the cycle that asked
-        late = now >= self._last_valid_plan + self.params.planner_patience - EPSILON_S
-        exhausted = late or 0 <= limit < self._retries
+        exhausted = self._plan_schedule.failed(now)
         self._apply(NavEvent.PLANNING_EXHAUSTED if exhausted else NavEvent.PLAN_FAILED, now)
 
     def _check_slow_planner(self, now: float) -> None:
         """C++ waits for ever for a planner that does not return. Here patience ends; a late plan is welcome all the same."""
         mission = self._mission
-        waited = now - self._last_valid_plan
+        waited = self._plan_schedule.waited(now)
         if mission is None or not self._planning.is_busy or waited < self.params.planner_patience - EPSILON_S:
             return
         error = PlanningTimeoutError(
@@ -882,80 +699,40 @@ class MoveBase:
     def _start_recovery(self, now: float) -> None:
         mission = self._mission
         assert mission is not None
-        recovery = self._recovery = self.recoveries[self._state.recovery_index]
-        self._recovery_began = now
-        self._recovery_steps = Schedule(recovery.frequency or self.params.controller_frequency, now)
-        self._recovery_polls = Schedule(self.params.controller_frequency, now)
-        self._recovery_polls.advance(now)
-        self._recovery_steps.advance(now)
+        recovery = self.recoveries[self._state.recovery_index]
         mission.tally.recoveries.append(recovery.name)
         mission.rounds += 1
-        try:
-            recovery.start(self._context, now)
-        except Exception as exc:
-            error = exc if isinstance(exc, NavError) else guards.internal(recovery.name, exc)
-            self._end_recovery(recovery, RecoveryStatus.FAILED, error.message, error.as_dict(), error, now)
-            return
-        self._step_recovery(recovery, now)
+        ended = self._recovery.start(recovery, self._context, now)
+        if ended is None:
+            ended = self._recovery.step(recovery, self.local_state, self._send, now)
+        if ended is not None:
+            self._end_recovery(ended, now)
 
-    def _recover(self, now: float) -> None:
+    def _recover(self, recovery: RecoveryBehavior, now: float) -> None:
         """A turn of a recovery that runs: unlike in C++, cancels, new goals and silent sensors are seen (parity 22)."""
-        polled, stepped = self._recovery_polls.is_due(now), self._recovery_steps.is_due(now)
-        if polled:
-            self._recovery_polls.advance(now)
-        if stepped:
-            self._recovery_steps.advance(now)
-        if not (polled or stepped):
+        runner = self._recovery
+        polled, stepped = runner.take_turn(now)
+        if not polled or self._preempted(now) or runner.running is not recovery or self._is_stale(now):
             return
-        if self._preempted(now) or self._recovery is None or self._is_stale(now):
-            return
-        recovery = self._recovery
-        if now - self._recovery_began >= self.recovery_time_limit_s:
-            error = RecoveryTimeoutError(
-                f"{recovery.name} did not end within {self.recovery_time_limit_s:g} s", recovery=recovery.name
-            )
-            self._end_recovery(recovery, RecoveryStatus.FAILED, error.message, error.as_dict(), error, now)
-        elif stepped:
-            self._step_recovery(recovery, now)
+        ended = runner.overrun(recovery, now)
+        if ended is None and stepped:
+            ended = runner.step(recovery, self.local_state, self._send, now)
+        if ended is not None:
+            self._end_recovery(ended, now)
 
-    def _step_recovery(self, recovery: RecoveryBehavior, now: float) -> None:
-        first = now == self._recovery_began
-        error: NavError | None = None
-        try:
-            done = guards.recovery_step(recovery, self.local_state(now), now)
-        except NavError as exc:
-            error = exc
-            self._end_recovery(recovery, RecoveryStatus.FAILED, exc.message, exc.as_dict(), exc, now)
-            return
-        if done.status is RecoveryStatus.RUNNING:
-            self._send(done.twist, now)
-            if first or done.text:
-                self._tell_recovery(recovery, done.status, done.text or f"{recovery.name} begins", done.data, now)
-            return
-        if done.status is RecoveryStatus.FAILED:
-            error = NavError(done.text or f"{recovery.name} failed", recovery=recovery.name, **done.data)
-        self._end_recovery(recovery, done.status, done.text, done.data, error, now)
-
-    def _end_recovery(
-        self,
-        recovery: RecoveryBehavior,
-        status: RecoveryStatus,
-        text: str,
-        data: dict[str, Any],
-        error: NavError | None,
-        now: float,
-    ) -> None:
+    def _end_recovery(self, ended: Ended, now: float) -> None:
+        recovery, status, text, data, error = ended
         if error is not None and self._mission is not None:
             self._mission.tally.failed(error, now)
         self._tell_recovery(recovery, status, text or f"{recovery.name} ends", data, now)
         if recovery not in self._followed:
             self._followed.append(recovery)
-        lasted = now > self._recovery_began
+        began = self._recovery.began
         self._apply(NavEvent.RECOVERY_ENDED, now)
-        if lasted:
+        if now > began:
             # as ros::Rate after a cycle that took long: the next cycle is now
-            self._control.restart(self._recovery_began)
-            self._control.advance(self._recovery_began)
+            self._control.restart(began)
+            self._control.advance(began)
             self._control.resume(now)
 
     def _tell_recovery(
@@ -1022,15 +799,14 @@ class MoveBase:
                 if self._command != STANDING:
                     self._send(STANDING, now)
             case Action.WAKE_PLANNER:
-                self._wake_planner = self._planner_on = True
+                self._plan_schedule.wake()
             case Action.STOP_PLANNER:
-                self._wake_planner = self._planner_on = False
+                self._plan_schedule.stop()
             case Action.RESET_TIMERS:
-                self._last_valid_plan = self._last_valid_control = now
-                self._retries = 0
+                self._plan_schedule.reset_patience(now)
+                self._last_valid_control = now
             case Action.RESET_PLAN_PATIENCE:
-                self._last_valid_plan = now
-                self._retries = 0
+                self._plan_schedule.reset_patience(now)
             case Action.RESET_CONTROL_PATIENCE:
                 self._last_valid_control = now
             case Action.RESET_OSCILLATION:
@@ -1038,14 +814,11 @@ class MoveBase:
             case Action.START_RECOVERY:
                 self._start_recovery(now)
             case Action.DROP_RECOVERY:
-                self._recovery = None
+                self._recovery.drop()
             case Action.START_COSTMAPS:
-                if not self._costmaps_on:
-                    self._costmaps_on = True
-                    self._global_update.restart(now)
-                    self._local_update.restart(now)
+                self._senses.switch(True, now)
             case Action.STOP_COSTMAPS:
-                self._costmaps_on = not self.params.shutdown_costmaps
+                self._senses.switch(not self.params.shutdown_costmaps, now)
 
     def _send(self, twist: Twist2D, now: float) -> None:
         self._command = self.turn.command = twist
@@ -1068,64 +841,15 @@ class MoveBase:
         self._plan = self._new_plan = None
         text = outcome.value
         if outcome is Outcome.REACHED:
-            self.server.set_succeeded(now, text, self._result(mission, GoalStatus.SUCCEEDED, text, None, now))
+            self.server.set_succeeded(now, text, mission.result(GoalStatus.SUCCEEDED, text, None, now))
             return
-        error = self._reason(outcome, mission, now)
+        error = mission.reason(outcome, now)
         if outcome is Outcome.CANCELED:
-            self.server.set_preempted(now, text, self._result(mission, GoalStatus.PREEMPTED, text, error, now))
+            self.server.set_preempted(now, text, mission.result(GoalStatus.PREEMPTED, text, error, now))
             return
         if outcome is Outcome.BAD_QUATERNION and not mission.handle.goal.pose.is_finite():
             text = texts.BAD_QUATERNION if not mission.handle.goal.has_valid_orientation else texts.BAD_POSITION
-        self.server.set_aborted(now, text, self._result(mission, GoalStatus.ABORTED, text, error, now))
-
-    def _reason(self, outcome: Outcome, mission: _Mission, now: float) -> NavError:
-        """The error behind an outcome."""
-        tally = mission.tally
-        age = self._age(mission, now)
-        match outcome:
-            case Outcome.CANCELED:
-                return GoalCanceledError(f"the goal was cancelled after {age:.1f} s")
-            case Outcome.NO_PLAN:
-                return tally.last_planning or PlanningError("the global planner found no plan")
-            case Outcome.NO_CONTROL:
-                return tally.last_control or NavError("the local planner found no command")
-            case Outcome.KILLED:
-                return ShutdownError("the goal manager was shut down")
-            case _:
-                return mission.error or tally.last or InternalError("nobody said why; please report this")
-
-    def _result(
-        self, mission: _Mission, status: GoalStatus, text: str, error: NavError | None, now: float
-    ) -> GoalResult:
-        tally = mission.tally
-        data = tally.as_data()
-        message = ""
-        code, name = 0, "NONE"
-        if error is not None:
-            code, name = error.code, error.name
-            data["error"] = error.as_dict()
-            counted = tally.by_name.get(name, 0)
-            message = error.message
-            if counted > 1:
-                message += f" ({counted} times"
-                message += f"; recoveries tried: {', '.join(tally.recoveries)})" if tally.recoveries else ")"
-        return GoalResult(
-            status,
-            text,
-            code,
-            name,
-            message,
-            data,
-            tuple(tally.recoveries),
-            mission.handle.goal.stamp,
-            mission.handle.accepted_at,
-            now,
-        )
-
-    @staticmethod
-    def _age(mission: _Mission, now: float) -> float:
-        begun = mission.handle.accepted_at
-        return now - begun if begun is not None else 0.0
+        self.server.set_aborted(now, text, mission.result(GoalStatus.ABORTED, text, error, now))
 
     # --- services -----------------------------------------------------------------------------------------------------
 
@@ -1148,40 +872,15 @@ class MoveBase:
             raise BusyError(texts.LOG_BUSY)
         if self._planning.is_using(self.global_planner):
             raise BusyError("the global planner still works on a plan that nobody waits for; try again in a while")
-        if not math.isfinite(tolerance) or tolerance < 0.0:
-            raise InputError(f"tolerance is a distance in metres, not {tolerance}", tolerance=tolerance)
-        costmap = self.global_costmap
-        master = costmap.master
-        robot: Pose2D | None = None
-        try:
-            robot = costmap.robot_pose(self._now if self._ticked else None)
-        except FrameError:
-            if start is None:
-                raise
-        if start is None:
-            assert robot is not None
-            start = robot
-        if self.params.make_plan_clear_costmap and robot is not None:
-            radius = self.params.clearing_radius
-            half = costmap.footprint.circumscribed_radius if radius is None else radius
-            window = master.geometry.window_of(Bounds(robot.x, robot.y, robot.x, robot.y).grown(half))
-            master = master.copy()
-            master.data[window.slices] = 0
-        try:
-            return guards.make_plan(self.global_planner, master, start, goal, costmap.footprint)
-        except PlanningError as exc:
-            refused = exc
-        for near, offset in rings(goal, master.geometry.resolution, tolerance):
-            try:
-                plan = guards.make_plan(self.global_planner, master, start, near, costmap.footprint)
-            except PlanningError:
-                continue
-            path = plan.path
-            if self.params.make_plan_add_unreachable_goal:
-                path = Path(np.vstack((path.poses, [tuple(goal)])), path.frame)
-            note = f"the goal itself cannot be reached ({refused.name}); planned to {offset:.2f} m from it"
-            return Plan(path, plan.cost, near, offset, plan.cells_expanded, plan.potential, (*plan.notes, note))
-        raise refused
+        return make_plan(
+            self.global_planner,
+            self.global_costmap,
+            self.params,
+            goal,
+            start,
+            tolerance=tolerance,
+            now=self._now if self._ticked else None,
+        )
 
     # --- telling ------------------------------------------------------------------------------------------------------
 
@@ -1202,47 +901,3 @@ class MoveBase:
 
     def _warn(self, now: float, text: str, error: NavError | None = None) -> None:
         self._emit(now, "warning", text, {} if error is None else error.as_dict())
-
-    def _distance_remaining(self, mission: _Mission) -> float:
-        pose = self._pose
-        if pose is None:
-            return math.inf
-        if self._plan is None:
-            return pose.distance_to(mission.pose) if mission.pose is not None else math.inf
-        points = self._plan.path.poses[:, :2]
-        away = np.hypot(points[:, 0] - pose.x, points[:, 1] - pose.y)
-        nearest = int(np.argmin(away))
-        rest = np.diff(points[nearest:], axis=0)
-        return float(away[nearest] + np.hypot(rest[:, 0], rest[:, 1]).sum())
-
-
-def rings(goal: Pose2D, resolution: float, tolerance: float) -> list[tuple[Pose2D, float]]:
-    """Poses on growing square rings around `goal`, and how far each is (m), in move_base's order (planService).
-
-    The step is three cells, or `tolerance` (m) where that is smaller.
-    """
-    if tolerance <= 0.0:
-        return []
-    increment = min(3.0 * resolution, tolerance)
-    count = int(tolerance / increment + 1e-9)
-    found: list[tuple[Pose2D, float]] = []
-    for ring in range(1, count + 1):
-        for iy in range(ring + 1):
-            for ix in range(ring + 1):
-                if ix < ring and iy < ring:
-                    continue
-                for sign_y in (-1.0, 1.0) if iy else (1.0,):
-                    for sign_x in (-1.0, 1.0) if ix else (1.0,):
-                        dx, dy = sign_x * ix * increment, sign_y * iy * increment
-                        found.append((Pose2D(goal.x + dx, goal.y + dy, goal.yaw), math.hypot(dx, dy)))
-    return found
-
-
-def _update_frequency(costmap: CostmapServer, given: float | None) -> float:
-    if given is not None:
-        return given
-    return float(getattr(getattr(costmap, "params", None), "update_frequency", DEFAULT_UPDATE_FREQUENCY))
-
-
-def _said(problem: Exception) -> str:
-    return str(problem) or type(problem).__name__

@@ -9,7 +9,7 @@ from navstack.core import Costmap, Pose2D
 from navstack.core.errors import FrameError, GoalOccupiedError, InputError
 from navstack.interfaces import Plan
 from navstack.move_base.errors import BusyError
-from navstack.move_base.move_base import rings
+from navstack.move_base.make_plan import rings
 
 from .world import Bench, StraightPlanner, occupied
 

@@ -1,0 +1,157 @@
+"""What the goal manager itself costs a tick, without costmaps, planning, scoring, frames and the robot.
+
+    python tools/bench/move_base.py [--map MAP.yaml --params DIR --start x,y,yaw --goal x,y,yaw ..] [--profile]
+
+Drives the run with the real parts and takes the time of every call that the goal manager makes into one of them off the
+time of its tick (and what taking the time costs, which is measured beside). By default the turtlebot drives the three goals
+of the office; --map and --params take the Willow map and the turtlebot's parameters of 2015.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import math
+import statistics
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from navstack.cli.arguments import map_of, parse_pose
+from navstack.configuration import load_configuration
+from navstack.maps import places
+from navstack.move_base import MoveBase
+from navstack.scenario import Run, Scenario
+
+sys.path.insert(0, str(Path(__file__).parent))
+from end_to_end import calibration
+
+CALLS = {
+    "global_costmap": ("observe", "update", "robot_pose", "is_current"),
+    "local_costmap": ("observe", "update", "robot_pose", "is_current"),
+    "global_planner": ("make_plan",),
+    "local_planner": ("set_plan", "compute_command", "goal_reached"),
+    "robot": ("scans", "state", "command"),
+}
+
+
+class Stopwatch:
+    """Adds up the time spent in the calls it wraps; calls within calls count once."""
+
+    def __init__(self) -> None:
+        self.spent = 0
+        self.calls = 0
+        self._depth = 0
+
+    def wrap(self, call: Callable[..., Any]) -> Callable[..., Any]:
+        clock = time.perf_counter_ns
+
+        def timed(*args: Any, **kwargs: Any) -> Any:
+            if self._depth:
+                return call(*args, **kwargs)
+            self._depth = 1
+            began = clock()
+            try:
+                return call(*args, **kwargs)
+            finally:
+                self.spent += clock() - began
+                self.calls += 1
+                self._depth = 0
+
+        return timed
+
+    @staticmethod
+    def overhead_ns() -> float:
+        """What a wrapped call costs whoever calls it, beyond what the stopwatch takes down."""
+        watch = Stopwatch()
+        timed, clock = watch.wrap(math.cos), time.perf_counter_ns
+
+        def once() -> float:
+            watch.spent, began = 0, clock()
+            for _ in range(1000):
+                timed(0.0)
+            return (clock() - began - watch.spent) / 1000.0
+
+        return min(once() for _ in range(20))
+
+
+def attach(move_base: MoveBase) -> Stopwatch:
+    watch = Stopwatch()
+    for part, names in CALLS.items():
+        subject = getattr(move_base, part)
+        for name in names:
+            setattr(subject, name, watch.wrap(getattr(subject, name)))
+    frames = move_base.robot.frames
+    frames.lookup = watch.wrap(frames.lookup)  # type: ignore[method-assign]
+    return watch
+
+
+def measure(scenario: Scenario, overhead: float) -> tuple[list[float], list[float]]:
+    """Microseconds of every tick: those of control cycles, and the others."""
+    run = Run(scenario, record=False)
+    move_base = run.move_base
+    watch = attach(move_base)
+    tick, clock = move_base.tick, time.perf_counter_ns
+    driving: list[float] = []
+    others: list[float] = []
+
+    def timed_tick(now: float) -> None:
+        watch.spent = watch.calls = 0
+        began = clock()
+        tick(now)
+        spent = clock() - began - watch.spent - watch.calls * overhead
+        (driving if move_base.turn.local_plan is not None else others).append(spent / 1e3)
+
+    move_base.tick = timed_tick  # type: ignore[method-assign]
+    gc.disable()
+    try:
+        while run.step():
+            pass
+    finally:
+        gc.enable()
+    return driving, others
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--map", default="office")
+    parser.add_argument("--params", nargs="+", default=["turtlebot"])
+    parser.add_argument("--distro", default=None)
+    parser.add_argument("--start")
+    parser.add_argument("--goal", nargs="+")
+    parser.add_argument("--repeat", type=int, default=7)
+    parser.add_argument("--profile", action="store_true", help="print where the time goes")
+    args = parser.parse_args()
+    _, grid = map_of(args.map)
+    start = parse_pose(args.start, "--start") if args.start else places(args.map).start
+    goals = tuple(parse_pose(g, "--goal") for g in args.goal) if args.goal else places(args.map).goals
+    scenario = Scenario(grid, load_configuration(args.params, distro=args.distro), start, goals)
+    overhead = Stopwatch.overhead_ns()
+    measure(scenario, overhead)  # compiles, and warms up
+    runs = [measure(scenario, overhead) for _ in range(args.repeat)]
+    print(calibration())
+    for name, part in (("ticks that drive", 0), ("all ticks", None)):
+        ticks = [d + o if part is None else (d, o)[part] for d, o in runs]
+        medians = [statistics.median(t) for t in ticks]
+        means = [statistics.fmean(t) for t in ticks]
+        print(
+            f"{name} ({len(ticks[0])}): mean {statistics.median(means):.1f} us, best of {args.repeat} runs {min(means):.1f}; "
+            f"median {statistics.median(medians):.1f} us, best {min(medians):.1f}"
+        )
+    if args.profile:
+        import cProfile
+        import pstats
+
+        profile = cProfile.Profile()
+        run = Run(scenario, record=False)
+        inner = run.move_base.tick
+        run.move_base.tick = lambda now: profile.runcall(inner, now)  # type: ignore[method-assign]
+        while run.step():
+            pass
+        pstats.Stats(profile).sort_stats("tottime").print_stats("move_base|recovery|events|geometry", 40)
+
+
+if __name__ == "__main__":
+    main()
