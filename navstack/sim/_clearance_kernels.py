@@ -72,12 +72,17 @@ def clearance(squares, grid, discs, outline, x, y, yaw):
             step = 1 if whole else max(2 * ring, 1)
             for column in range(ix - ring, ix + ring + 1, step):
                 if 0 <= column < nx and squares[0, row, column] == 0:
-                    best = min(best, outline_to_square(placed, float(column), float(row)))
+                    # no part of the outline is farther from the centre than its radius
+                    if point_to_square(gx, gy, float(column), float(row)) - radius < best:
+                        best = min(best, outline_to_square(placed, float(column), float(row)))
         ring += 1
     best *= resolution
+    radius *= resolution
     c, s = math.cos(yaw), math.sin(yaw)
     for k in range(discs.shape[0]):
         dx, dy = discs[k, 0] - x, discs[k, 1] - y
+        if math.hypot(dx, dy) - discs[k, 2] - radius >= best:
+            continue
         away = math.hypot(dx, dy) if n == 1 else polygon_to_point(outline, c * dx + s * dy, c * dy - s * dx)
         best = min(best, max(away - discs[k, 2], 0.0))
     return best
