@@ -76,7 +76,7 @@ def true_footprint(configuration: Configuration) -> Footprint:
 
 def simulated_robot(
     configuration: Configuration,
-    static_map: OccupancyGrid,
+    static_map: OccupancyGrid | World,
     start: Pose2D,
     *,
     obstacles: Sequence[tuple[float, float, float]] = (),
@@ -85,12 +85,18 @@ def simulated_robot(
 ) -> SimulatedRobot:
     """A robot at `start` (map frame) among the map's walls and `obstacles` (x, y, radius; m), as `navstack: sim:` says.
 
-    Lidars do not see `low_obstacles`; bumpers feel them.
+    Lidars do not see `low_obstacles`; bumpers feel them. A `World` in the place of the map has its own obstacles, to which
+    none can be added.
 
     Raises StartOutsideMapError or StartOccupiedError when it cannot stand there.
     """
     footprint = true_footprint(configuration)
-    world = World(static_map, obstacles, low_discs=low_obstacles)
+    if isinstance(static_map, World):
+        if obstacles or low_obstacles:
+            raise InputError("a world has its obstacles already; give a map with obstacles, or a world without")
+        world, static_map = static_map, static_map.map
+    else:
+        world = World(static_map, obstacles, low_discs=low_obstacles)
     if not start.is_finite():
         raise InputError(f"the start {tuple(start)} is not finite; give x,y,yaw in metres and radians", pose=start)
     if not world.contains(start):

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from array import array
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
+
+import numpy as np
 
 from navstack import __version__
 from navstack.configuration import Configuration, load_configuration
@@ -15,7 +18,11 @@ from navstack.core.errors import RecordError
 from navstack.move_base import GoalHandle, MoveBase
 from navstack.navigator import build_move_base, odometry_frame, simulated_robot, true_footprint
 from navstack.record import Record, RunRecorder
-from navstack.sim import SimulatedRobot
+from navstack.record.metrics import RunMetrics, compute_metrics
+from navstack.record.timings import Timings, timed
+from navstack.sim import SimulatedRobot, World
+from navstack.sim.movers import Track, TrackedDiscs
+from navstack.success import SuccessConditions, Verdict
 
 WARM_UP_S = 1.0
 """Simulated seconds after which every stage of driving has had its turn."""
@@ -26,7 +33,11 @@ Progress = Callable[[float, int], None]
 
 @dataclass(frozen=True, slots=True)
 class Scenario:
-    """What a run is made from. Poses in the map frame, obstacles as (x, y, radius), metres and radians."""
+    """What a run is made from. Poses in the map frame, obstacles as (x, y, radius), metres and radians.
+
+    It can be pickled (about 50 kB and the map's cells). Another seed or other parameters are one
+    `dataclasses.replace(scenario, seed=7)` away.
+    """
 
     map: OccupancyGrid
     configuration: Configuration
@@ -40,8 +51,20 @@ class Scenario:
     """Simulated seconds that the robot stands between two goals."""
     stop_on_failure: bool = False
     """The goals that follow one that did not SUCCEED are left out."""
+    low_obstacles: tuple[tuple[float, float, float], ...] = ()
+    """Round obstacles that no lidar sees; bumpers do."""
+    tracks: tuple[Track, ...] = ()
+    """Discs that move on tracks."""
+    success: SuccessConditions = SuccessConditions()
+    """What the run is held to; it changes nothing in how it goes."""
+    name: str = ""
     names: dict[str, Any] = field(default_factory=dict[str, Any])
     """Where map and parameters came from, for the record."""
+
+    def world(self) -> World:
+        """The map with everything that stands and moves in it."""
+        movers = (TrackedDiscs(self.tracks),) if self.tracks else ()
+        return World(self.map, self.obstacles, movers, self.low_obstacles)
 
     def described(self) -> dict[str, Any]:
         """The scenario as the record keeps it (JSON): with the map, all that `from_record` needs to make it again."""
@@ -55,9 +78,23 @@ class Scenario:
             "time_limit_s": self.time_limit_s,
             "rest_s": self.rest_s,
             "stop_on_failure": self.stop_on_failure,
+            **self._described_extras(),
             "navstack": __version__,
             "parameters": _spelled(self.configuration.tree.as_dict()),
         }
+
+    def _described_extras(self) -> dict[str, Any]:
+        """What most runs do without, and then leave out of their records."""
+        extras: dict[str, Any] = {}
+        if self.name:
+            extras["name"] = self.name
+        if self.low_obstacles:
+            extras["low_obstacles"] = [list(obstacle) for obstacle in self.low_obstacles]
+        if self.tracks:
+            extras["tracks"] = [track.as_dict() for track in self.tracks]
+        if self.success != SuccessConditions():
+            extras["success"] = self.success.as_dict()
+        return extras
 
     @classmethod
     def from_record(cls, record: Record) -> Scenario:
@@ -86,6 +123,10 @@ class Scenario:
                 time_limit_s=told["time_limit_s"],
                 rest_s=told.get("rest_s", 0.0),
                 stop_on_failure=told.get("stop_on_failure", False),
+                low_obstacles=tuple((x, y, r) for x, y, r in told.get("low_obstacles", ())),
+                tracks=tuple(Track(**track) for track in told.get("tracks", ())),
+                success=SuccessConditions.from_dict(told.get("success", {})),
+                name=told.get("name", ""),
                 names={key: value for key, value in told.items() if key not in (*_NEEDED, *_OPTIONAL)},
             )
         except (TypeError, ValueError) as exc:
@@ -95,7 +136,7 @@ class Scenario:
 
 
 _NEEDED: Final = ("ros_distro", "start", "goals", "obstacles", "seed", "time_limit_s", "parameters")
-_OPTIONAL: Final = ("rest_s", "stop_on_failure", "navstack")
+_OPTIONAL: Final = ("rest_s", "stop_on_failure", "low_obstacles", "tracks", "success", "name", "navstack")
 _NOT_FINITE: Final = {".inf": math.inf, "-.inf": -math.inf, ".nan": math.nan}
 
 
@@ -160,7 +201,7 @@ class GoalOutcome:
 
 @dataclass(frozen=True, slots=True)
 class RunResult:
-    """How a run ended. `wall_s` is the only thing here that differs from run to run; loading and warming up are not in it."""
+    """How a run ended. Only `wall_s` and `timings` differ from run to run; loading and warming up are not in them."""
 
     goals: tuple[GoalOutcome, ...]
     simulated_s: float
@@ -168,11 +209,15 @@ class RunResult:
     collisions: int
     seed: int
     recorder: RunRecorder | None
+    metrics: RunMetrics
+    verdicts: tuple[Verdict, ...]
+    """Each of the scenario's conditions, and whether the run met it."""
+    timings: Timings | None = None
 
     @property
     def succeeded(self) -> bool:
-        """True when every goal SUCCEEDED."""
-        return all(goal.succeeded for goal in self.goals)
+        """True when every condition holds: unless the scenario says otherwise, all goals SUCCEEDED and nothing was touched."""
+        return all(verdict.holds for verdict in self.verdicts)
 
     @property
     def real_time_factor(self) -> float:
@@ -181,8 +226,13 @@ class RunResult:
 
     def as_dict(self) -> dict[str, Any]:
         """The document of `navstack simulate --json`, without its files."""
+        timings = {} if self.timings is None else {"timings": self.timings.as_dict()}
         return {
+            "success": self.succeeded,
+            "conditions": [verdict.as_dict() for verdict in self.verdicts],
             "goals": [goal.as_dict() for goal in self.goals],
+            "metrics": self.metrics.as_dict(),
+            **timings,
             "simulated_s": round(self.simulated_s, 6),
             "wall_s": self.wall_s,
             "real_time_factor": self.real_time_factor,
@@ -216,18 +266,67 @@ def _take_down(recorder: RunRecorder, robot: SimulatedRobot, move_base: MoveBase
     )
 
 
+class _Meter:
+    """Notes what the metrics are made from, a control cycle at a time."""
+
+    def __init__(self, robot: SimulatedRobot) -> None:
+        self._robot = robot
+        self._rows = array("d")
+        self._states: list[str] = []
+
+    def note(self, state: str) -> None:
+        """The cycle that has just been."""
+        robot = self._robot
+        pose, now = robot.pose, robot.time
+        self._rows.extend((now, *pose, robot.world.clearance(pose, robot.footprint, now)))
+        self._states.append(state)
+
+    def metrics(self, results: Sequence[Mapping[str, Any]]) -> RunMetrics:
+        """Of the cycles so far."""
+        rows = np.array(self._rows, np.float64).reshape(-1, 5)
+        return compute_metrics(
+            rows[:, 0], rows[:, 1:4], self._states, rows[:, 4], results=results, contacts=len(self._robot.collisions)
+        )
+
+
+def metrics_of(record: Record) -> RunMetrics:
+    """The metrics of a recorded run: those that the run itself had, to the bit.
+
+    Raises RecordError for records that do not hold the scenario.
+    """
+    scenario = Scenario.from_record(record)
+    world = scenario.world()
+    footprint = true_footprint(scenario.configuration)
+    poses, times = record.poses, record.times
+    clearances = np.array(
+        [world.clearance(Pose2D(*pose), footprint, t) for pose, t in zip(poses.tolist(), times.tolist(), strict=True)],
+        np.float64,
+    )
+    return compute_metrics(
+        times, poses, record.states.tolist(), clearances, results=record.results, contacts=len(record.collisions)
+    )
+
+
 class Run:
     """A scenario being driven, a control cycle at a time; goes on to the next goal when one fails.
 
     Raises an InputError or PlanningError when the robot cannot stand at the start.
     """
 
-    def __init__(self, scenario: Scenario, *, record: bool = True, listeners: Sequence[Listener] = ()) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        *,
+        record: bool = True,
+        timings: bool = False,
+        listeners: Sequence[Listener] = (),
+    ) -> None:
+        """`record=False` keeps what the metrics need and no more; `timings` takes the wall times of both planners."""
         configuration = scenario.configuration
+        scenario.success.check_goals(len(scenario.goals))
         self.scenario = scenario
-        self.robot = simulated_robot(
-            configuration, scenario.map, scenario.start, obstacles=scenario.obstacles, seed=scenario.seed
-        )
+        self.robot = simulated_robot(configuration, scenario.world(), scenario.start, seed=scenario.seed)
+        self._meter = _Meter(self.robot)
         self.recorder: RunRecorder | None = None
         if record:
             self.recorder = RunRecorder(
@@ -240,6 +339,10 @@ class Run:
             )
         heard = [self.recorder, *listeners] if self.recorder is not None else list(listeners)
         self.move_base = build_move_base(configuration, self.robot, static_map=scenario.map, listeners=heard)
+        self.timings: Timings | None = None
+        if timings:
+            self.timings = Timings()
+            self._time_planners(self.timings)
         self.goal_index = -1
         """The goal being driven to, -1 before the first step."""
         self.outcomes: list[GoalOutcome] = []
@@ -261,6 +364,7 @@ class Run:
                 return False
         robot.advance_to(min(due, move_base.next_due(robot.time)))
         move_base.tick(robot.time)
+        self._meter.note(move_base.state.name)
         if self.recorder is not None:
             _take_down(self.recorder, robot, move_base, self.goal_index)
         if self._handle is not None and robot.time - self._begun > self.scenario.time_limit_s:
@@ -284,6 +388,8 @@ class Run:
 
     def result(self, wall_s: float) -> RunResult:
         """How the run went so far; `wall_s` as whoever drove it measured."""
+        metrics = self.metrics()
+        states = [outcome.state for outcome in self.outcomes]
         return RunResult(
             goals=tuple(self.outcomes),
             simulated_s=self.robot.time,
@@ -291,7 +397,19 @@ class Run:
             collisions=len(self.robot.collisions),
             seed=self.scenario.seed,
             recorder=self.recorder,
+            metrics=metrics,
+            verdicts=self.scenario.success.judge(states, metrics, len(self.scenario.goals)),
+            timings=self.timings,
         )
+
+    def metrics(self) -> RunMetrics:
+        """The run in numbers, so far; goals that have not ended are not among its goals."""
+        return self._meter.metrics([outcome.as_dict() for outcome in self.outcomes])
+
+    def _time_planners(self, timings: Timings) -> None:
+        planner, driver = self.move_base.global_planner, self.move_base.local_planner
+        planner.make_plan = timed(planner.make_plan, timings.planning_s)
+        driver.compute_command = timed(driver.compute_command, timings.control_s)
 
     def _close(self) -> None:
         """Takes down how the goal at hand ended, if it has; a rest begins."""
@@ -358,15 +476,19 @@ def run_scenario(
     scenario: Scenario,
     *,
     record: bool = True,
+    timings: bool = False,
     progress: Progress | None = None,
     listeners: Sequence[Listener] = (),
 ) -> RunResult:
     """Drives the simulated robot to every goal in turn; goes on to the next when one fails.
 
+    For many runs, `record=False`: the metrics are the same, and nothing else is kept. `timings` adds the wall times of
+    both planners.
+
     Raises an InputError or PlanningError when the robot cannot stand at the start.
     """
     wall_start = time.perf_counter()
-    run = Run(scenario, record=record, listeners=listeners)
+    run = Run(scenario, record=record, timings=timings, listeners=listeners)
     while run.step():
         if progress is not None:
             progress(run.robot.time, run.goal_index)

@@ -1,0 +1,97 @@
+"""What makes a run a success: conditions, and whether a run met them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Final
+
+from navstack.core.errors import InputError
+from navstack.record.metrics import RunMetrics
+
+ENDS: Final = ("SUCCEEDED", "ABORTED", "PREEMPTED", "REJECTED", "RECALLED", "LOST")
+"""States in which a goal can end."""
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """One condition, and whether it holds."""
+
+    condition: str
+    holds: bool
+    text: str
+    """What was wanted and what was."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)
+
+
+@dataclass(frozen=True, slots=True)
+class SuccessConditions:
+    """What a run must keep to. The default: every goal SUCCEEDED, and nothing was touched."""
+
+    goals: str | tuple[str, ...] = "SUCCEEDED"
+    """The state in which every goal must end, or one for each goal in turn; `any`: whichever, as long as it ends."""
+    max_contacts: int | None = 0
+    """None: contacts do not matter."""
+    max_time_s: float | None = None
+    """Simulated seconds for the whole run."""
+    min_clearance_m: float | None = None
+    max_length_m: float | None = None
+    max_recoveries: int | None = None
+
+    def check_goals(self, count: int) -> None:
+        """Raises InputError when there is not one state for each of `count` goals, or one that is none."""
+        wanted = (self.goals,) if isinstance(self.goals, str) else self.goals
+        for state in wanted:
+            if state not in (*ENDS, "any"):
+                raise InputError(
+                    f'success: goals: "{state}" is no state that a goal ends in; write {", ".join(ENDS)} or any',
+                    state=state,
+                )
+        if not isinstance(self.goals, str) and len(self.goals) != count:
+            raise InputError(
+                f"success: goals lists {len(self.goals)} states for {count} goals; give one for each, or one for all",
+                states=list(self.goals),
+                goals=count,
+            )
+
+    def judge(self, states: Sequence[str], metrics: RunMetrics, goals: int) -> tuple[Verdict, ...]:
+        """Every condition against a run whose goals, `goals` in all, ended in `states` (those left out are missing)."""
+        found = [self._goals(states, goals)]
+        for name, limit, value, unit, above in (
+            ("max_contacts", self.max_contacts, metrics.contacts, "contacts", False),
+            ("max_time", self.max_time_s, metrics.time_s, "s", False),
+            ("min_clearance", self.min_clearance_m, metrics.clearance_min_m, "m", True),
+            ("max_length", self.max_length_m, metrics.length_m, "m", False),
+            ("max_recoveries", self.max_recoveries, metrics.recoveries, "recoveries", False),
+        ):
+            if limit is not None:
+                holds = value >= limit if above else value <= limit
+                bound = "at least" if above else "at most"
+                found.append(Verdict(name, holds, f"{value:.4g} {unit}, {bound} {limit:g} wanted"))
+        return tuple(found)
+
+    def _goals(self, states: Sequence[str], goals: int) -> Verdict:
+        wanted = (self.goals,) * goals if isinstance(self.goals, str) else self.goals
+        wrong = [
+            f"goal {i} {'was not driven' if state is None else state}, {want} wanted"
+            for i, (state, want) in enumerate(zip([*states, *[None] * (goals - len(states))], wanted), 1)
+            if state is None or want not in (state, "any")
+        ]
+        said = self.goals if isinstance(self.goals, str) else "as listed"
+        return Verdict("goals", not wrong, "; ".join(wrong) or f"{goals} of {goals} ended {said}")
+
+    def as_dict(self) -> dict[str, Any]:
+        """For the record (JSON)."""
+        out = asdict(self)
+        out["goals"] = self.goals if isinstance(self.goals, str) else list(self.goals)
+        return out
+
+    @classmethod
+    def from_dict(cls, told: Mapping[str, Any]) -> SuccessConditions:
+        """The inverse of `as_dict`; raises TypeError for what is none."""
+        goals = told.get("goals", "SUCCEEDED")
+        rest: dict[str, Any] = {key: value for key, value in told.items() if key != "goals"}
+        return cls(goals=goals if isinstance(goals, str) else tuple(goals), **rest)
