@@ -1,6 +1,7 @@
 """The `navstack` command and what it does with failures.
 
-Exit codes: 0 every goal SUCCEEDED, 1 a goal did not, 2 the input was wrong, 130 interrupted.
+Exit codes: 0 every goal SUCCEEDED (or the success conditions of a scenario held), 1 not so, 2 the input was wrong, 130
+interrupted.
 """
 
 from __future__ import annotations

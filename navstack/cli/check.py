@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import typer
 
@@ -10,7 +11,9 @@ SEVERITY_STYLE = {"error": "bold red", "warning": "yellow", "info": "cyan"}
 
 
 def check(
-    params: list[str] = typer.Argument(..., help="A packaged set, a folder, or files in the order of loading."),
+    params: list[str] = typer.Argument(
+        ..., help="A packaged set, a folder, or files in the order of loading; or one scenario file."
+    ),
     set_: list[str] = typer.Option([], "--set", metavar="KEY=VALUE", help="Override a parameter."),
     distro: str | None = typer.Option(None, "--distro", help="noetic or indigo: which scoring scale is meant."),
     strict: bool = typer.Option(False, "--strict", help="Warnings are errors."),
@@ -19,11 +22,15 @@ def check(
     ),
     json_: bool = typer.Option(False, "--json", help="One JSON document on stdout."),
 ) -> int:
-    """Load parameters and say everything that can be said about them."""
+    """Load parameters, or a scenario file with its parameters, and say everything that can be said about them."""
     from navstack.cli.output import print_json, stdout
     from navstack.configuration import check_parameters
+    from navstack.scenario_file import check_scenario, is_scenario_file
 
-    findings = check_parameters(params, overrides=set_, distro=distro, allow_missing=allow_missing)
+    if len(params) == 1 and is_scenario_file(Path(params[0])):
+        findings = check_scenario(params[0], overrides=set_, distro=distro, allow_missing=allow_missing)
+    else:
+        findings = check_parameters(params, overrides=set_, distro=distro, allow_missing=allow_missing)
     if strict:
         findings = [replace(f, severity="error") if f.severity == "warning" else f for f in findings]
     errors = sum(f.severity == "error" for f in findings)

@@ -15,14 +15,19 @@ STATE_STYLE = {"SUCCEEDED": "green", "PREEMPTED": "yellow"}
 
 def simulate(
     map_: str = typer.Argument(
-        "office", metavar="[MAP.yaml]", help="A map_server YAML, or the name of a packaged map."
+        "office",
+        metavar="[SCENARIO.yaml | MAP.yaml]",
+        help="A scenario file; or a map_server YAML, or the name of a packaged map.",
     ),
     start: str | None = typer.Option(None, "--start", metavar="X,Y[,YAW]", help="Where the robot stands (m, rad)."),
     goal: list[str] = typer.Option(
         [], "--goal", metavar="X,Y[,YAW]", help="Where it is to go (m, rad); repeat for more."
     ),
     params: list[str] = typer.Option(
-        ["turtlebot"], "--params", metavar="NAME|DIR|FILE", help="A packaged set, a folder, or files in order (repeat)."
+        [],
+        "--params",
+        metavar="NAME|DIR|FILE",
+        help="A packaged set, a folder, or files in order (repeat). [default: turtlebot, or the scenario's]",
     ),
     set_: list[str] = typer.Option([], "--set", metavar="KEY=VALUE", help="Override a parameter (repeat)."),
     distro: str | None = typer.Option(
@@ -34,24 +39,36 @@ def simulate(
     allow_missing: bool = typer.Option(
         False, "--allow-missing", help="Leave out layers and plugins that are not here."
     ),
-    seed: int = typer.Option(0, "--seed", help="Of the noise; the same seed gives the same run.", min=0),
+    seed: int | None = typer.Option(
+        None, "--seed", help="Of the noise; the same seed gives the same run. [default: 0, or the scenario's]", min=0
+    ),
     obstacle: list[str] = typer.Option(
         [], "--obstacle", metavar="X,Y,R", help="A round obstacle that is not on the map."
     ),
-    time_limit: float = typer.Option(600.0, "--time-limit", help="Simulated seconds a goal may take.", min=0.1),
+    time_limit: float | None = typer.Option(
+        None, "--time-limit", help="Simulated seconds a goal may take. [default: 600, or the scenario's]", min=0.1
+    ),
+    timings: bool = typer.Option(
+        False, "--timings", help="Add the wall times of planning and control (ms: p50, p95, p99) to the summary."
+    ),
     out: Path = typer.Option(
         Path("navstack_run"), "--out", metavar="DIR", help="Folder of record, log, summary, picture."
     ),
     json_: bool = typer.Option(False, "--json", help="One JSON document on stdout."),
 ) -> int:
-    """Drive a simulated robot through its goals; without arguments, a turtlebot through a packaged office."""
+    """Drive a simulated robot through its goals, or through a scenario file; without arguments, a turtlebot through a packaged
+    office. Options given beside a scenario file override what it says.
+
+    Exit code 0: the run met its success conditions (unless the scenario says otherwise, every goal SUCCEEDED and nothing was
+    touched).
+    """
     from navstack.cli.output import as_json_text, print_json
     from navstack.core.files import ensure_directory, write_text
     from navstack.plot import plot_run
 
     scenario = _scenario(map_, start, goal, params, set_, distro, allow_missing, seed, obstacle, time_limit)
     folder = ensure_directory(out)
-    result = _run(scenario, quiet=json_)
+    result = _run(scenario, quiet=json_, timings=timings)
     assert result.recorder is not None
     files = {what: str(name) for what, name in result.recorder.save(folder).items()}
     picture = folder / "run.png"
@@ -74,20 +91,34 @@ def _scenario(
     overrides: list[str],
     distro: str | None,
     allow_missing: bool,
-    seed: int,
+    seed: int | None,
     obstacle: list[str],
-    time_limit: float,
+    time_limit: float | None,
 ) -> Scenario:
     from navstack import maps
     from navstack.cli.arguments import map_of, parse_obstacle, parse_pose
-    from navstack.cli.output import print_note
     from navstack.configuration import load_configuration
     from navstack.core.errors import InputError
     from navstack.scenario import Scenario
+    from navstack.scenario_file import is_scenario_file, read_scenario
 
     start_pose = parse_pose(start, "--start") if start is not None else None
     goals = tuple(parse_pose(g, "--goal") for g in goal)
     obstacles = tuple(parse_obstacle(o) for o in obstacle)
+    if is_scenario_file(Path(map_name)):
+        scenario = read_scenario(map_name).build(
+            params=params or None,
+            overrides=overrides,
+            distro=distro,
+            seed=seed,
+            time_limit_s=time_limit,
+            start=start_pose,
+            goals=goals or None,
+            obstacles=obstacles,
+        )
+        _note_warnings(scenario)
+        return scenario
+    params = params or ["turtlebot"]
     path, grid = map_of(map_name)
     if start_pose is None or not goals:
         packaged = maps.places(map_name) if map_name in maps.map_names() else None
@@ -99,19 +130,26 @@ def _scenario(
         start_pose = start_pose or packaged.start
         goals = goals or packaged.goals
     configuration = load_configuration(params, overrides=overrides, distro=distro, allow_missing=allow_missing)
-    for finding in configuration.findings:
-        if finding.severity == "warning":
-            print_note(f"{finding.location}: {finding.message}")
-    return Scenario(
+    scenario = Scenario(
         map=grid,
         configuration=configuration,
         start=start_pose,
         goals=goals,
         obstacles=obstacles,
-        seed=seed,
-        time_limit_s=time_limit,
+        seed=seed or 0,
+        time_limit_s=600.0 if time_limit is None else time_limit,
         names={"map": path.name, "params": [_short_name(p) for p in params], "overrides": list(overrides)},
     )
+    _note_warnings(scenario)
+    return scenario
+
+
+def _note_warnings(scenario: Scenario) -> None:
+    from navstack.cli.output import print_note
+
+    for finding in scenario.configuration.findings:
+        if finding.severity == "warning":
+            print_note(f"{finding.location}: {finding.message}")
 
 
 def _short_name(source: str) -> str:
@@ -120,7 +158,7 @@ def _short_name(source: str) -> str:
     return f"{path.parent.name}/{path.name}" if path.name in ("param", "params", "config") else path.name
 
 
-def _run(scenario: Scenario, *, quiet: bool) -> RunResult:
+def _run(scenario: Scenario, *, quiet: bool, timings: bool) -> RunResult:
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from navstack.cli.output import stderr
@@ -156,7 +194,7 @@ def _run(scenario: Scenario, *, quiet: bool) -> RunResult:
                 shown = now
                 bar.update(task, completed=goal, goal=goal + 1, now=now)
 
-        return run_scenario(scenario, progress=progress)
+        return run_scenario(scenario, timings=timings, progress=progress)
 
 
 def _print(result: RunResult, document: dict[str, Any]) -> None:
@@ -190,6 +228,15 @@ def _print(result: RunResult, document: dict[str, Any]) -> None:
             out.print(
                 f"goal {goal.goal.x:g}, {goal.goal.y:g}: {goal.error_name} ({goal.error_code}): {escape(goal.message)}"
             )
+    for verdict in result.verdicts:
+        mark = "[green]held[/]" if verdict.holds else "[bold red]not held[/]"
+        out.print(f"{verdict.condition}: {mark}: {escape(verdict.text)}")
+    m = result.metrics
+    out.print(
+        f"{m.length_m:.1f} m in {m.time_s:.1f} s; clearance {m.clearance_min_m:.2f} m at least, {m.clearance_mean_m:.2f} m on "
+        f"average; {m.speed_mean_m_s:.2f} m/s while moving, jerk {m.jerk_rms_m_s3:.2f} m/s³, curvature "
+        f"{m.curvature_mean_1_m:.2f} rad/m"
+    )
     out.print(
         f"{result.simulated_s:.1f} s simulated in {result.wall_s:.2f} s: {result.real_time_factor:.0f} times real time; "
         f"{result.collisions} collisions; seed {result.seed}"

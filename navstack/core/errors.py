@@ -103,6 +103,13 @@ class RecordError(InputError):
     name = "INVALID_RECORD"
 
 
+class ScenarioError(InputError):
+    """A scenario file cannot be used. `data["findings"]` lists every reason, with file, line and column."""
+
+    code = 9007
+    name = "INVALID_SCENARIO"
+
+
 # --- frames -----------------------------------------------------------------------------------------------------------
 
 

@@ -42,8 +42,12 @@ def frame_name(name: str) -> bool:
 class Binder:
     """Builds models; collects findings; marks what was used."""
 
-    def __init__(self, findings: list[Finding], navstack: Mapping[str, Any] | None = None) -> None:
+    def __init__(
+        self, findings: list[Finding], navstack: Mapping[str, Any] | None = None, *, of_ros: bool = True
+    ) -> None:
+        """`of_ros=False` for what is no parameter of ROS: nothing is rounded, and messages leave out what ROS would do."""
         self.findings = findings
+        self.of_ros = of_ros
         self.navstack = dict(navstack or {})
         self.bound: list[tuple[Space, type[ParamModel]]] = []
         """Which model each namespace was read with, for telling what is left over."""
@@ -208,7 +212,12 @@ class Binder:
                 made = model.model_validate({k: v for k, v in ready.items() if k not in dropped})
             except ValidationError as exc:
                 good = False
-                errors = exc.errors(include_url=False)
+                # what is there but wrong has been said: it is not missing as well
+                errors = [
+                    e
+                    for e in exc.errors(include_url=False)
+                    if e["type"] != "missing" or len(e["loc"]) != 1 or e["loc"][0] not in chosen
+                ]
                 self._report(model, space, chosen, errors, strictness)
                 bad = {str(e["loc"][0]) for e in errors if e["loc"]} & (ready.keys() - dropped)
                 if not bad:
@@ -240,7 +249,7 @@ class Binder:
         if is_model(annotation) and isinstance(node, DictNode):
             return self._entry(annotation, node, path, strictness)
         if isinstance(node, ScalarNode):
-            if annotation is int and isinstance(node.value, float) and math.isfinite(node.value):
+            if annotation is int and self.of_ros and isinstance(node.value, float) and math.isfinite(node.value):
                 return self._whole(node, path)
             return node.value
         return plain(node)
@@ -279,7 +288,9 @@ class Binder:
                 name = str(error["loc"][0]) if error["loc"] else ""
                 found = node.items.get(name)
                 at = found[1].at if found else node.at
-                text = message_for(error, name, model.model_fields.get(name), found[1] if found else None)
+                text = message_for(
+                    error, name, model.model_fields.get(name), found[1] if found else None, of_ros=self.of_ros
+                )
                 self.say(strictness, rule_for(error), at, f"{path}/{name}", text)
             return plain(node)
 
@@ -301,7 +312,9 @@ class Binder:
                 here = node
                 for step in _steps(error):
                     here = here.items[step] if isinstance(here, ListNode) and step < len(here.items) else here
-                text = message_for(error, name, model.model_fields.get(name), here, bool(_steps(error)))
+                text = message_for(
+                    error, name, model.model_fields.get(name), here, bool(_steps(error)), of_ros=self.of_ros
+                )
                 if text not in said and not (said and here is node):
                     self.say(strictness, rule_for(error), here.at if here is not None else at, path, text)
                 said.add(text)
@@ -412,13 +425,23 @@ def rule_for(error: Mapping[str, Any]) -> str:
 
 
 def message_for(
-    error: Mapping[str, Any], name: str, info: FieldInfo | None, node: Node | None, inside: bool = False
+    error: Mapping[str, Any],
+    name: str,
+    info: FieldInfo | None,
+    node: Node | None,
+    inside: bool = False,
+    *,
+    of_ros: bool = True,
 ) -> str:
-    """A pydantic error in the words of this project: what, the value, the way out. `inside`: an entry of a list is wrong."""
+    """A pydantic error in the words of this project: what, the value, the way out. `inside`: an entry of a list is wrong.
+
+    `of_ros`: what ROS would do with it is said as well.
+    """
+    default = _default(info) if of_ros else ""
     kind = _kind_of(error)
     value = plain(node) if node is not None else error.get("input")
     if kind in _LIMITS:
-        return _range_message(kind, error["ctx"], name, info, value)
+        return _range_message(kind, error["ctx"], name, info, value, of_ros)
     if kind == "missing":
         return f"{name} is missing here; add `{name}: ...`"
     if kind == "value_error":
@@ -434,7 +457,7 @@ def message_for(
     if value is None:
         return f"{name} has no value; {expected(info)} or remove the line"
     if isinstance(node, ScalarNode) and node.quoted and _numeric(node.text) and kind in ("float_type", "int_type"):
-        return f"{name} is the text {show(value)}, not a number, because of its quotes; take them away{_default(info)}"
+        return f"{name} is the text {show(value)}, not a number, because of its quotes; take them away{default}"
     if inside:
         wanted = {"float_type": "a number", "int_type": "a whole number", "string_type": "text", "list_type": "a list"}
         return f"{name} holds {show(value)}, which is not {wanted.get(kind, 'right')}; correct it"
@@ -442,7 +465,7 @@ def message_for(
         return f"{name} is a list; {expected(info)}"
     if isinstance(node, DictNode):
         return f"{name} is a namespace; {expected(info)}"
-    return f"{name} = {show(value)} is {_is(value)}; {expected(info)}{_default(info)}"
+    return f"{name} = {show(value)} is {_is(value)}; {expected(info)}{default}"
 
 
 def _is(value: Any) -> str:
@@ -472,7 +495,9 @@ def bounds_of(info: FieldInfo) -> dict[str, float]:
     return found
 
 
-def _range_message(kind: str, ctx: Mapping[str, Any], name: str, info: FieldInfo | None, value: Any) -> str:
+def _range_message(
+    kind: str, ctx: Mapping[str, Any], name: str, info: FieldInfo | None, value: Any, of_ros: bool
+) -> str:
     word, _, clamps = _LIMITS[kind]
     limit = ctx[word]
     bounds = bounds_of(info) if info is not None else {word: limit}
@@ -480,7 +505,7 @@ def _range_message(kind: str, ctx: Mapping[str, Any], name: str, info: FieldInfo
     unit = ""
     if info is not None and isinstance(info.json_schema_extra, dict):
         unit = f" {info.json_schema_extra.get('unit') or ''}".rstrip()
-    ros = f"; ROS would silently use {show(float(limit))}" if clamps else ""
+    ros = f"; ROS would silently use {show(float(limit))}" if clamps and of_ros else ""
     return f"{name} = {show(value)} is out of range; it must be {allowed}{unit}{ros}"
 
 

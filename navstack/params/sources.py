@@ -15,7 +15,8 @@ from navstack.params.launch import LaunchReader, launch_argument
 from navstack.params.tree import COSTMAPS, Space, descend, overlay, parts_of, put
 from navstack.params.yaml_reader import DictNode, ListNode, Node, ScalarNode, parse_value, read_yaml, relocate
 
-Source = str | Path | Mapping[str, Any]
+Source = str | Path | Mapping[str, Any] | DictNode
+"""A name, folder or file; values from Python; or a mapping that was read elsewhere, with its places."""
 
 NODE_NAMES = ("move_base", "move_base_node")
 """Names under which move_base runs: a dump of the parameter server has everything below one of them."""
@@ -91,6 +92,8 @@ def read_sources(sources: Iterable[Source], overrides: Sequence[str] = ()) -> So
             node = to_node(source, Location("(a Python mapping)"))
             assert isinstance(node, DictNode)
             _load_root(out, node)
+        elif isinstance(source, DictNode):
+            _load_root(out, source)
         else:
             _read_one(out, str(source))
     for number, text in enumerate(overrides, 1):

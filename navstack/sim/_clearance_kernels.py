@@ -71,10 +71,11 @@ def clearance(squares, grid, discs, outline, x, y, yaw):
             whole = row == iy - ring or row == iy + ring
             step = 1 if whole else max(2 * ring, 1)
             for column in range(ix - ring, ix + ring + 1, step):
-                if 0 <= column < nx and squares[0, row, column] == 0:
-                    # no part of the outline is farther from the centre than its radius
-                    if point_to_square(gx, gy, float(column), float(row)) - radius < best:
-                        best = min(best, outline_to_square(placed, float(column), float(row)))
+                if not 0 <= column < nx or squares[0, row, column] != 0:
+                    continue
+                # no part of the outline is farther from the centre than its radius
+                if point_to_square(gx, gy, float(column), float(row)) - radius < best:
+                    best = min(best, outline_to_square(placed, float(column), float(row)))
         ring += 1
     best *= resolution
     radius *= resolution

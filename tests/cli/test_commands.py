@@ -39,6 +39,9 @@ def test_simulate_json_is_alone_on_stdout(in_folder: Path, capfd: pytest.Capture
     document = json.loads(captured.out)
     assert code == (0 if document["goals"][0]["state"] == "SUCCEEDED" else 1)
     assert set(document) == {
+        "success",
+        "conditions",
+        "metrics",
         "goals",
         "simulated_s",
         "wall_s",

@@ -1,0 +1,244 @@
+"""Scenario files: YAML that says what is driven, where, by which robot, and what counts as success.
+
+    name: narrow door                     # every key but `map` may be left out where the map's places say enough
+    description: Through a door of 0.9 m.
+    map: office                           # a packaged map, or a file relative to this one
+    params: [turtlebot, mine.yaml]        # as `--params`; turtlebot if left out
+    set: {DWAPlannerROS/max_vel_x: 0.4}   # parameters that are changed
+    sim: {odometry_noise: 0.02}           # body, sensors and noise: the parameters of `navstack: sim:`
+    start: corridor_west                  # [x, y, yaw] (m, rad), or a place of the map
+    goals: [office_2, [16.9, 9.6, 1.57]]  # or tour: {places: [..], order: given | sorted | random, loops: 1}
+    shapes:
+      - {type: disc, at: [3.0, 7.4], radius: 0.2}
+      - {type: track, points: [[5, 6], [5, 9]], radius: 0.25, speed: 0.5}
+    seed: 1
+    time_limit: 120                       # simulated seconds for a goal
+    success: {goals: SUCCEEDED, max_contacts: 0, max_time: 100, min_clearance: 0.02}
+
+For many processes: send the path (or a `ScenarioFile`, a few kB when pickled) and the arguments of `load_scenario`, and
+load it there, which takes about 10 ms; or send the `Scenario` itself (its map's cells and about 50 kB).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from navstack.configuration import check_parameters, load_configuration
+from navstack.core import OccupancyGrid, Pose2D
+from navstack.core.errors import MapError, ScenarioError
+from navstack.map_io import load_map
+from navstack.params.findings import Finding, finding, in_order
+from navstack.params.sources import Source
+from navstack.params.yaml_reader import DictNode, read_yaml
+from navstack.places import itinerary
+from navstack.scenario import Scenario
+from navstack.scenario_file.models import Disc, Success, TrackedDisc
+from navstack.scenario_file.reader import Parts, ScenarioReader
+from navstack.sim.movers import Track
+from navstack.success import SuccessConditions
+
+__all__ = ["ScenarioFile", "check_scenario", "is_scenario_file", "load_scenario", "read_scenario"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScenarioFile:
+    """A scenario file that was read and found right; `build` makes the scenario, as often as wanted."""
+
+    path: Path
+    parts: Parts
+
+    @property
+    def name(self) -> str:
+        """What the file calls itself, or its own name."""
+        return self.parts.settings.name or self.path.stem
+
+    @property
+    def description(self) -> str:
+        """What it shows."""
+        return self.parts.settings.description
+
+    def build(
+        self,
+        *,
+        params: Sequence[Source] | None = None,
+        overrides: Sequence[str] = (),
+        distro: str | None = None,
+        seed: int | None = None,
+        time_limit_s: float | None = None,
+        start: Pose2D | None = None,
+        goals: Sequence[Pose2D] | None = None,
+        obstacles: Sequence[tuple[float, float, float]] = (),
+    ) -> Scenario:
+        """The scenario, with whatever is given here in the place of what the file says.
+
+        `params` replace the file's `params:`; its `set:` and `sim:` still lie over them, and `overrides` (`NAME=VALUE`)
+        over all. `obstacles` come in addition. `seed` also shuffles a tour of random order.
+
+        Raises MapError, ParameterError or InputError.
+        """
+        parts = self.parts
+        settings = parts.settings
+        seed = settings.seed if seed is None else seed
+        assert parts.map_file is not None and parts.start is not None
+        own = [s for s in parts.sources if isinstance(s, DictNode)]
+        sources = parts.sources if params is None else [*params, *own]
+        configuration = load_configuration(
+            sources, overrides=overrides, distro=distro or settings.distro, allow_missing=settings.allow_missing
+        )
+        names, poses = parts.goal_names, parts.goals
+        if parts.tour is not None:
+            names = itinerary(parts.tour_names, parts.tour.order, loops=parts.tour.loops, seed=seed)
+            poses = tuple(parts.places[name] for name in names)
+        if goals is not None:
+            names, poses = (), tuple(goals)
+        discs = [s for s in parts.shapes if isinstance(s, Disc)]
+        told: dict[str, Any] = {
+            "scenario": self.path.name,
+            "map": parts.map_file.name,
+            "params": [Path(s).name for s in sources if isinstance(s, (str, Path))],
+            "overrides": list(overrides),
+        }
+        if any(names):
+            told["places"] = [name or None for name in names]
+        return Scenario(
+            map=_map(str(parts.map_file), parts.map_file.stat().st_mtime_ns),
+            configuration=configuration,
+            start=start or parts.start,
+            goals=poses,
+            obstacles=(*((*disc.at, disc.radius) for disc in discs if not disc.low), *obstacles),
+            low_obstacles=tuple((*disc.at, disc.radius) for disc in discs if disc.low),
+            tracks=tuple(_track(s) for s in parts.shapes if isinstance(s, TrackedDisc)),
+            seed=seed,
+            time_limit_s=settings.time_limit if time_limit_s is None else time_limit_s,
+            rest_s=settings.rest,
+            stop_on_failure=settings.stop_on_failure,
+            success=_conditions(parts.success),
+            name=self.name,
+            names=told,
+        )
+
+
+def is_scenario_file(path: Path) -> bool:
+    """True for a YAML file that says what is driven, and not how a map or a robot is; looks at its top keys only."""
+    if path.suffix not in (".yaml", ".yml") or not path.is_file():
+        return False
+    keys = read_yaml(path).root.items.keys()
+    if {"image", "resolution"} & keys:
+        return False
+    return "map" in keys or len({"start", "goals", "tour", "shapes", "success", "time_limit", "params"} & keys) >= 2
+
+
+def read_scenario(path: str | Path, shown: str | None = None) -> ScenarioFile:
+    """Reads a scenario file.
+
+    Raises ScenarioError when it cannot be used: its message has a line per error, its `data["findings"]` everything that
+    was found. The parameters it names are looked at by `build`.
+    """
+    reader = ScenarioReader(Path(path), shown)
+    parts = reader.read()
+    errors = [f for f in in_order(reader.findings) if f.severity == "error"]
+    if errors:
+        raise scenario_error(errors)
+    return ScenarioFile(Path(path), parts)
+
+
+def load_scenario(path: str | Path, **overrides: Any) -> Scenario:
+    """The scenario of a file; `overrides` are those of `ScenarioFile.build` (`seed=3, overrides=["a/b=1"]`).
+
+    Raises ScenarioError for the file, ParameterError for the parameters, MapError for the map.
+    """
+    return read_scenario(path).build(**overrides)
+
+
+def check_scenario(
+    path: str | Path, *, overrides: Sequence[str] = (), distro: str | None = None, allow_missing: bool = False
+) -> list[Finding]:
+    """Everything there is to say about a scenario file and the parameters it names, by file and line."""
+    reader = ScenarioReader(Path(path))
+    parts = reader.read()
+    findings = list(reader.findings)
+    if parts.sources and reader.readable:
+        findings += check_parameters(
+            parts.sources,
+            overrides=overrides,
+            distro=distro or parts.settings.distro,
+            allow_missing=allow_missing or parts.settings.allow_missing,
+        )
+    if parts.map_file is not None and reader.readable:
+        findings += _on_map(reader, parts)
+    return in_order(findings)
+
+
+def scenario_error(errors: Sequence[Finding]) -> ScenarioError:
+    """The error that says why a scenario cannot be used."""
+    many = "the scenario cannot be used" + ("" if len(errors) == 1 else f" ({len(errors)} errors)")
+    lines = "\n".join(f"{f.location}: {f.message}" for f in errors)
+    return ScenarioError(f"{many}:\n{lines}", findings=[f.as_dict() for f in errors])
+
+
+def _on_map(reader: ScenarioReader, parts: Parts) -> list[Finding]:
+    """What the map says about start and goals: a start that cannot be is an error, a goal may be meant to fail."""
+    assert parts.map_file is not None
+    at = reader.root.items["map"][1].at
+    try:
+        grid = _map(str(parts.map_file), parts.map_file.stat().st_mtime_ns)
+    except MapError as exc:
+        return [finding("error", "map", at, "map", exc.message)]
+    said: list[Finding] = []
+    if parts.start is not None:
+        where = _where(grid, parts.start)
+        if where is not None:
+            message = f"the start ({parts.start.x:g}, {parts.start.y:g}) {where}; move it"
+            said.append(finding("error", "start", parts.start_at, "start", message))
+    expected = parts.success.goals
+    for i, (goal, there) in enumerate(zip(parts.goals, parts.goals_at)):
+        wanted = expected if isinstance(expected, str) else expected[i] if i < len(expected) else "any"
+        where = _where(grid, goal)
+        if where is not None and wanted == "SUCCEEDED":
+            message = (
+                f"goal {i + 1} ({goal.x:g}, {goal.y:g}) {where}, so it cannot be reached; move it, or expect "
+                "ABORTED under `success: goals:`"
+            )
+            said.append(finding("warning", "goal", there, "goals", message))
+    return said
+
+
+def _where(grid: OccupancyGrid, pose: Pose2D) -> str | None:
+    """What is wrong with a place on the map, None when nothing is."""
+    if grid.origin_yaw != 0.0:
+        return None
+    cell = grid.geometry.world_to_cell(pose.x, pose.y)
+    if cell is None:
+        left, right, bottom, top = grid.geometry.extent
+        return f"lies outside the map, which covers x {left:g} .. {right:g}, y {bottom:g} .. {top:g} m"
+    return "lies in a wall of the map" if grid.data[cell[1], cell[0]] >= 100 else None
+
+
+@lru_cache(maxsize=16)
+def _map(path: str, changed_ns: int) -> OccupancyGrid:
+    """A map, read once per process for all scenarios on it; nobody writes to it."""
+    del changed_ns
+    grid = load_map(Path(path))
+    grid.data.setflags(write=False)
+    return grid
+
+
+def _track(shape: TrackedDisc) -> Track:
+    return Track(
+        [list(point) for point in shape.points], shape.speed, shape.radius, closed=shape.closed, begin=shape.begin
+    )
+
+
+def _conditions(told: Success) -> SuccessConditions:
+    return SuccessConditions(
+        goals=told.goals if isinstance(told.goals, str) else tuple(told.goals),
+        max_contacts=told.max_contacts,
+        max_time_s=told.max_time,
+        min_clearance_m=told.min_clearance,
+        max_length_m=told.max_length,
+        max_recoveries=told.max_recoveries,
+    )

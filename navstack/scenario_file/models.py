@@ -1,0 +1,85 @@
+"""What a scenario file may say, section by section."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import field_validator
+
+from navstack.core.parameters import ParamModel, param
+from navstack.success import ENDS
+
+
+class Settings(ParamModel):
+    """The plain values of a scenario file; its other keys are sections of their own."""
+
+    name: str = param("", "what the scenario is called in tables; the file's name if left out")
+    description: str = param("", "what it shows, in a sentence or two")
+    distro: Literal["noetic", "indigo"] | None = param(None, "whose scoring scale; what the parameters say if left out")
+    allow_missing: bool = param(False, "layers and plugins that are not here are left out instead of refused")
+    seed: int = param(0, "of all noise; the same seed gives the same run", ge=0, le=2**63 - 1)
+    time_limit: float = param(600.0, "simulated time a goal may take; then it is cancelled", unit="s", gt=0.0, le=1e6)
+    rest: float = param(0.0, "simulated time that the robot stands between two goals", unit="s", ge=0.0, le=1e6)
+    stop_on_failure: bool = param(False, "the goals that follow one that did not SUCCEED are left out")
+
+
+class Tour(ParamModel):
+    """`tour:` places to visit, by name."""
+
+    places: list[str] | None = param(None, "names of places, in order; all places of the map if left out")
+    order: Literal["given", "sorted", "random"] = param("given", "as given, by name, or shuffled by the seed")
+    loops: int = param(1, "how often the tour is driven", ge=1, le=1000)
+
+
+class Success(ParamModel):
+    """`success:` what the run is held to."""
+
+    goals: str | list[str] = param(
+        "SUCCEEDED", "the state in which every goal must end, or one for each goal in turn; any: whichever"
+    )
+    max_contacts: int | None = param(0, "contacts with obstacles; nothing (~): they do not matter", ge=0)
+    max_time: float | None = param(None, "simulated time of the whole run", unit="s", gt=0.0)
+    min_clearance: float | None = param(
+        None, "least distance between the robot's outline and an obstacle", unit="m", ge=0.0
+    )
+    max_length: float | None = param(None, "length of the way driven", unit="m", gt=0.0)
+    max_recoveries: int | None = param(None, "recovery behaviours run", ge=0)
+
+    @field_validator("goals")
+    @classmethod
+    def _states(cls, value: str | list[str]) -> str | list[str]:
+        for state in [value] if isinstance(value, str) else value:
+            if state not in (*ENDS, "any"):
+                raise ValueError(f'"{state}" is no state that a goal ends in; write {", ".join(ENDS)} or any')
+        return value
+
+
+class Disc(ParamModel):
+    """`{type: disc}`: a round obstacle that stands still."""
+
+    type: Literal["disc"]
+    at: tuple[float, float] = param(..., "centre [x, y] in the map", unit="m")
+    radius: float = param(..., "its radius", unit="m", gt=0.0, le=1000.0)
+    low: bool = param(False, "no lidar sees it, as a threshold or the feet of a chair; bumpers do")
+
+
+class TrackedDisc(ParamModel):
+    """`{type: track}`: a round obstacle that follows a way at constant speed, for ever."""
+
+    type: Literal["track"]
+    points: list[tuple[float, float]] = param(..., "corners [x, y] of the way in the map, two at least", unit="m")
+    radius: float = param(..., "of the disc", unit="m", gt=0.0, le=1000.0)
+    speed: float = param(..., "along the way; negative: the other way round", unit="m/s", ge=-100.0, le=100.0)
+    closed: bool = param(False, "from the last corner straight to the first and round again; if not, there and back")
+    begin: float = param(0.0, "how far along the way it starts", unit="m")
+
+    @field_validator("points")
+    @classmethod
+    def _a_way(cls, value: list[tuple[float, float]]) -> list[tuple[float, float]]:
+        if len(set(value)) < 2:
+            raise ValueError("points needs two different points [x, y] at least, or the way has no length")
+        return value
+
+
+SHAPES: dict[str, type[ParamModel]] = {"disc": Disc, "track": TrackedDisc}
+"""`type` of a shape -> its model."""
