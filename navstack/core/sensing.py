@@ -78,7 +78,7 @@ class DeferredScan(LaserScan):
     @property
     def ranges(self) -> NDArray[np.float32]:  # pyright: ignore[reportIncompatibleVariableOverride]
         """(n,) float32, metres; measured at the first call."""
-        measured: NDArray[np.float32] | None = self._measured
+        measured: Any = self._measured
         if measured is None:
             measured = self._measure()
             object.__setattr__(self, "_measured", measured)
