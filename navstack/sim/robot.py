@@ -155,6 +155,7 @@ class SimulatedRobot:
                     frame=frame,
                 )
         self._next_scan = [0] * len(self._lidars)
+        self._scan_steps = [0] * len(self._lidars)
         # per bumper: the number of its next cloud while it is pressed, None otherwise
         self._next_cloud: list[int | None] = [None] * len(self._bumpers)
         self._pressed = False
@@ -318,15 +319,14 @@ class SimulatedRobot:
 
     def _take_scans(self, step: int, pose: Pose2D) -> None:
         """Notes the scans that are due at `step`, and when the next one will be."""
+        due = self._scan_steps
         for number, lidar in enumerate(self._lidars):
-            index = self._next_scan[number]
-            if self._scan_step(lidar, index) <= step:
+            if due[number] <= step:
+                index = self._next_scan[number]
                 self._pending.append(_Due(lidar, index, step, pose, self._discs))
-                self._next_scan[number] = self._after(index, step, lidar)
-        self._scan_due = min(
-            (self._scan_step(lidar, index) for lidar, index in zip(self._lidars, self._next_scan, strict=True)),
-            default=math.inf,
-        )
+                self._next_scan[number] = index = self._after(index, step, lidar)
+                due[number] = self._scan_step(lidar, index)
+        self._scan_due = min(due, default=math.inf)
 
     def _feel(self, step: int, pose: Pose2D, touching: bool) -> None:
         """Notes the clouds of the bumpers: the first at once, the others at their frequency, the last when it is over."""

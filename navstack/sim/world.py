@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Sequence
 from typing import Protocol
@@ -52,7 +53,7 @@ class World:
             [geometry.origin_x, geometry.origin_y, self.map.origin_yaw, geometry.resolution]
         )
         """[origin x, origin y, origin yaw, resolution] for the kernels."""
-        self.squares: NDArray[np.uint8] = free_squares(self.map.data >= OCCUPIED)
+        self.squares: NDArray[np.uint8] = _squares_of(self.map.data >= OCCUPIED)
         """(4, ny, nx): the free squares of every cell, one in each quadrant; 0 = occupied."""
         self.movers = tuple(movers)
         self._low = _checked_discs(low_discs)
@@ -150,6 +151,22 @@ class World:
         outline = np.zeros((1, 2)) if footprint is None else footprint.vertices.copy()
         x, y, yaw = float(pose.x), float(pose.y), float(pose.yaw)
         return float(clearance(self.squares, self.grid, self.discs_at(time), outline, x, y, yaw))
+
+
+_SQUARES: dict[bytes, NDArray[np.uint8]] = {}
+"""By what the map holds: those of the maps used last, since many runs share one."""
+_MAPS_KEPT = 4
+
+
+def _squares_of(occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    key = hashlib.blake2b(np.packbits(occupied), key=repr(occupied.shape).encode()).digest()
+    squares = _SQUARES.pop(key, None)
+    if squares is None:
+        squares = free_squares(occupied)
+    _SQUARES[key] = squares  # the newest last
+    if len(_SQUARES) > _MAPS_KEPT:
+        del _SQUARES[next(iter(_SQUARES))]
+    return squares
 
 
 def _checked_discs(discs: NDArray[np.float64] | Sequence[Sequence[float]]) -> NDArray[np.float64]:
