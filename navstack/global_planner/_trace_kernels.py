@@ -86,8 +86,10 @@ def _surrounded(pot, k, nx):
 
 @kernel
 def _crosses(pot, k, nx, ax, ay, bx, by):
-    """True when the straight line between two points, in cells from the centre of k and within its 3 x 3 cells, meets one
-    of these without potential (by more than a corner or an edge)."""
+    """True when the line between two points, in cells from the centre of k, meets one of its 3 x 3 cells without potential.
+
+    More than a corner or an edge of it, that is. Both points lie in these nine cells.
+    """
     for cy in (-1, 0, 1):
         for cx in (-1, 0, 1):
             if pot[k + cy * nx + cx] < HIGH:
