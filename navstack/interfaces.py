@@ -181,6 +181,8 @@ class Plan:
     """(ny, nx), inf where not reached; only on request."""
     notes: tuple[str, ...] = ()
     """What the planner mended on the way, in sentences."""
+    took_s: float | None = None
+    """Wall time the planner took (s); None when it does not say. To be shown: it decides nothing and is not recorded."""
 
     @property
     def length_m(self) -> float:

@@ -27,8 +27,8 @@ BEYOND = np.float32(2e10)
 INF = np.float32(np.inf)
 
 # indices into the state array (int64)
-NCURRENT, NOVER, X0, Y0, X1, Y1, EXPANDED = range(7)
-STATE_SIZE = 7
+NCURRENT, NOVER, X0, Y0, X1, Y1, EXPANDED, MOST = range(8)
+STATE_SIZE = 8
 
 
 @kernel
@@ -165,7 +165,8 @@ def wave(
 
     `cost` (ny*nx,) uint8; `steps` (256,) float32: the cost of entering a cell by its byte; `weights` (256,) float32: that
     over sqrt(2), inf where blocked. `level` (2,) float32: the threshold and
-    its rise. `how` 1: quadratic. It ends when the lists are empty, when the threshold exceeds `last`, or, unless `stop` < 0, when
+    its rise. `how` 1: quadratic. It ends when the lists are empty, when the threshold exceeds `last`, after the
+    round in which `state[MOST]` cells have been lowered, or, unless `stop` < 0, when
     cell `stop` has a potential.
 
     `guide`, unless of size 0: potentials from the other end, one per square of 2**shift cells with a ring around, and cells
@@ -176,6 +177,7 @@ def wave(
     ncur = state[NCURRENT]
     nover = np.uint64(state[NOVER])
     expanded = state[EXPANDED]
+    most = state[MOST]
     threshold = level[0]
     rise = level[1]
     zero = np.uint64(0)
@@ -185,7 +187,7 @@ def wave(
     guided = guide.size > 0
     coarse = shift > 0
     gnx = ((nx - 1) >> shift) + 3
-    while ncur > 0 and threshold <= last:
+    while ncur > 0 and threshold <= last and expanded < most:
         following = _grown(following, zero, np.int64(4 * ncur))
         over = _grown(over, nover, np.int64(nover) + np.int64(4 * ncur))
         for i in range(ncur):

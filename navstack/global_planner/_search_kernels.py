@@ -6,7 +6,7 @@ out), whose entries come from one pool. An entry whose cell was expanded since i
 is queued again, so that the order within a bucket costs expansions at worst, never quality. Once the goal has a cost, what
 cannot better it is passed over.
 
-Which cells have a value is known from one array (`state`, `parent`), which the caller keeps at 0; `rect` is where it was
+Which cells have a value is known from one array (`state`, `parent`), which the caller keeps at 0; `record` tells where it was
 written. Nothing else is touched: a short query on a huge map costs what it needs.
 """
 
@@ -23,6 +23,10 @@ DY = np.array([0, 0, 1, -1, 1, 1, -1, -1], np.int64)
 NEEDS = np.array([0, 0, 0, 0, 5, 6, 9, 10], np.int64)  # which of the first four a diagonal passes between
 _SAME = 1.0 - 1e-12
 
+# a record (int64): the rectangle x0, y0, x1, y1 of the cells that were written to, and 1 when the search gave up
+GAVE_UP = 4
+RECORD_SIZE = 5
+
 
 @kernel
 def _grown(pool):
@@ -36,13 +40,12 @@ def _grown(pool):
 
 
 @kernel
-def octile_search(cost, weights, own, nx, ny, start, goal, scale, delta, heads, cut, most, g, state, rect):
+def octile_search(cost, weights, own, nx, ny, start, goal, scale, delta, heads, cut, most, g, state, record):
     """Fills `g` (float64) and `state` (uint8, 1 + the step by which a cell was entered) until `goal` has its least cost.
 
     `weights` (256,): what a unit of length costs in a cell of that byte, inf where blocked; `own`: in the start's cell. A step
     costs its length times the mean of its two cells. f = g + scale * octile distance. `cut` 0: a diagonal needs both
-    orthogonal neighbours, 1: one of them. `rect` (4,): x0, y0, x1, y1 of the cells that were written to. Gives up after `most`
-    expansions; returns how many there were.
+    orthogonal neighbours, 1: one of them. Gives up after `most` expansions; returns how many there were.
     """
     ring = heads.size
     for i in range(ring):
@@ -86,6 +89,7 @@ def octile_search(cost, weights, own, nx, ny, start, goal, scale, delta, heads, 
             if here + scale * (max(dx, dy) + (SQRT2 - 1.0) * min(dx, dy)) >= best * _SAME:
                 continue
         if expanded >= most:
+            record[GAVE_UP] = 1
             break
         expanded += 1
         x0, y0, x1, y1 = min(x0, x), min(y0, y), max(x1, x), max(y1, y)
@@ -130,7 +134,7 @@ def octile_search(cost, weights, own, nx, ny, start, goal, scale, delta, heads, 
             pool[0, node], pool[1, node] = n, heads[b]
             heads[b] = node
             waiting += 1
-    rect[0], rect[1], rect[2], rect[3] = max(0, x0 - 1), max(0, y0 - 1), min(nx, x1 + 2), min(ny, y1 + 2)
+    record[0], record[1], record[2], record[3] = max(0, x0 - 1), max(0, y0 - 1), min(nx, x1 + 2), min(ny, y1 + 2)
     return expanded
 
 
@@ -205,11 +209,11 @@ def line_cost(cost, weights, own, start, nx, a, b, cut, limit):
 
 
 @kernel
-def any_angle_search(cost, weights, own, nx, ny, start, goal, scale, delta, heads, cut, g, parent, rect):
+def any_angle_search(cost, weights, own, nx, ny, start, goal, scale, delta, heads, cut, most, below, g, parent, record):
     """As octile_search, but a cell may be entered straight from its neighbour's parent when that is cheaper (Theta*).
 
-    `parent` (int32): 0 = no value, otherwise 1 + the number of the cell it is entered from, negative while queued.
-    f = g + scale * straight distance.
+    `g` float32; `parent` (int32): 0 = no value, otherwise 1 + the number of the cell it is entered from, negative while queued.
+    f = g + scale * straight distance. What cannot cost less than `below` is passed over.
     """
     ring = heads.size
     for i in range(ring):
@@ -227,7 +231,7 @@ def any_angle_search(cost, weights, own, nx, ny, start, goal, scale, delta, head
     g[start] = 0.0
     parent[start] = -(start + 1)
     x0, y0, x1, y1 = sx, sy, sx, sy
-    best = np.inf
+    best = below
     expanded = 0
     while waiting > 0:
         node = heads[level % ring]
@@ -245,11 +249,14 @@ def any_angle_search(cost, weights, own, nx, ny, start, goal, scale, delta, head
             continue
         parent[k] = -parent[k]
         from_ = np.int64(parent[k]) - 1
-        here = g[k]
+        here = np.float64(g[k])
         y = np.int64(np.uint32(k) // np.uint32(nx))
         x = k - y * nx
         if here + scale * np.hypot(np.float64(x - gx), np.float64(y - gy)) >= best * _SAME:
             continue
+        if expanded >= most:
+            record[GAVE_UP] = 1
+            break
         expanded += 1
         x0, y0, x1, y1 = min(x0, x), min(y0, y), max(x1, x), max(y1, y)
         px, py = from_ % nx, from_ // nx
@@ -272,15 +279,17 @@ def any_angle_search(cost, weights, own, nx, ny, start, goal, scale, delta, head
                     continue
                 c = here + 0.5 * SQRT2 * (mine + w)
             by = k
-            known = g[n] if parent[n] != 0 else np.inf
+            known = np.float64(g[n]) if parent[n] != 0 else np.inf
             if from_ != k:
                 # least weight = scale at most: no line is cheaper than that
-                reach = g[from_] + scale * np.hypot(np.float64(ix - px), np.float64(iy - py))
+                base = np.float64(g[from_])
+                reach = base + scale * np.hypot(np.float64(ix - px), np.float64(iy - py))
                 if reach < min(c, known):
-                    line = g[from_] + line_cost(cost, weights, own, start, nx, from_, n, cut, min(c, known) - g[from_])
+                    line = base + line_cost(cost, weights, own, start, nx, from_, n, cut, min(c, known) - base)
                     if line < c:
                         c = line
                         by = from_
+            c = np.float64(np.float32(c))
             if c >= known:
                 continue
             f = c + scale * np.hypot(np.float64(ix - gx), np.float64(iy - gy))
@@ -303,7 +312,7 @@ def any_angle_search(cost, weights, own, nx, ny, start, goal, scale, delta, head
             pool[0, node], pool[1, node] = n, heads[b]
             heads[b] = node
             waiting += 1
-    rect[0], rect[1], rect[2], rect[3] = max(0, x0 - 1), max(0, y0 - 1), min(nx, x1 + 2), min(ny, y1 + 2)
+    record[0], record[1], record[2], record[3] = max(0, x0 - 1), max(0, y0 - 1), min(nx, x1 + 2), min(ny, y1 + 2)
     return expanded
 
 

@@ -29,11 +29,17 @@ class AStarPlanner(CellPlanner):
     def __init__(self, params: AStarParams | None = None) -> None:
         super().__init__(params or AStarParams())
 
-    def _find(self, costmap: Costmap, weights: Weights, start: Cell, goal: Cell) -> Found | None:
+    def _find(self, costmap: Costmap, weights: Weights, start: Cell, goal: Cell, most: int) -> Found | None:
         params = cast("AStarParams", self.params)
         search = self._search
         if not search.octile(
-            costmap, weights, start, goal, heuristic=params.heuristic_weight, cut_corners=params.cut_corners
+            costmap,
+            weights,
+            start,
+            goal,
+            heuristic=params.heuristic_weight,
+            cut_corners=params.cut_corners,
+            most=most,
         ):
             return None
         return Found(search.path(start, goal), search.cost_of(goal), search.expanded, search.rectangle)

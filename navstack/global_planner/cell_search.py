@@ -12,7 +12,8 @@ from navstack.core import Costmap
 from navstack.global_planner import _search_kernels as kernels
 
 Cell = tuple[int, int]
-_EVERYTHING: Final = 1 << 62
+Rectangle = tuple[int, int, int, int]
+EVERYTHING: Final = 1 << 62
 _SPREAD: Final = math.sqrt(2.0)
 
 
@@ -28,23 +29,30 @@ class Weights(NamedTuple):
 class CellSearch:
     """Searches over one costmap at a time; costmaps are read, never written to.
 
-    `g` holds 8 bytes a cell, and what tells which of them mean something 1 (astar) or 4 (theta_star). Both arrays are
-    allocated once per size of costmap and touched only where a search comes.
+    9 bytes a cell, allocated once per size of costmap and touched only where a search comes: 8 for costs (`octile`: a float64;
+    `any_angle`: a float32 and the number of the cell it is entered from, in the same memory, whose second half is therefore 0
+    whenever no search has anything there), and 1 that tells which of `octile`'s mean something.
     """
 
     def __init__(self) -> None:
         self._shape = (0, 0)
-        self._g = np.empty(0)
+        self._g = np.zeros(0)
         self._state = np.zeros(0, np.uint8)
-        self._parent = np.zeros(0, np.int32)
-        self._rect = np.zeros(4, np.int64)
+        self._record = np.zeros(kernels.RECORD_SIZE, np.int64)
+        self._is_any_angle = False
+        self._unclean = (0, 0, 0, 0)  # where octile searches left costs
         self.expanded = 0
 
     @property
-    def rectangle(self) -> tuple[int, int, int, int]:
+    def rectangle(self) -> Rectangle:
         """(x0, y0, x1, y1): all cells that the last search looked at lie inside."""
-        x0, y0, x1, y1 = self._rect.tolist()
+        x0, y0, x1, y1 = self._record[:4].tolist()
         return x0, y0, x1, y1
+
+    @property
+    def is_exhausted(self) -> bool:
+        """True when the last search ended because it had expanded as many cells as it may."""
+        return bool(self._record[kernels.GAVE_UP])
 
     def octile(
         self,
@@ -55,18 +63,18 @@ class CellSearch:
         *,
         heuristic: float = 1.0,
         cut_corners: bool = False,
-        most: int = _EVERYTHING,
+        most: int = EVERYTHING,
     ) -> bool:
-        """The 8-connected search; True when the goal was reached."""
+        """The 8-connected search, which expands at most `most` cells; True when the goal was reached."""
         cost, nx, ny = self._begin(costmap)
-        if self._state.size != cost.size:
-            self._state, self._parent = np.zeros(cost.size, np.uint8), np.zeros(0, np.int32)
+        self._is_any_angle = False
         scale, delta, heads = _buckets(weights, heuristic)
         s, t = start[1] * nx + start[0], goal[1] * nx + goal[0]
+        own = _own(cost, weights, s)
         self.expanded = kernels.octile_search(
             cost,
             weights.table,
-            _own(cost, weights, s),
+            own,
             nx,
             ny,
             s,
@@ -78,8 +86,9 @@ class CellSearch:
             most,
             self._g,
             self._state,
-            self._rect,
+            self._record,
         )
+        self._unclean = union(self._unclean, self.rectangle)
         return bool(self._state[t] != 0)
 
     def path(self, start: Cell, goal: Cell) -> NDArray[np.int64]:
@@ -97,17 +106,23 @@ class CellSearch:
         *,
         heuristic: float = 1.0,
         cut_corners: bool = False,
+        most: int = EVERYTHING,
+        below: float = math.inf,
     ) -> bool:
-        """The any-angle search; True when the goal was reached."""
+        """The any-angle search, which expands at most `most` cells; True when it reached the goal for less than `below`."""
         cost, nx, ny = self._begin(costmap)
-        if self._parent.size != cost.size:
-            self._parent, self._state = np.zeros(cost.size, np.int32), np.zeros(0, np.uint8)
+        self._is_any_angle = True
+        x0, y0, x1, y1 = self._unclean
+        self._g.reshape(ny, nx)[y0:y1, x0:x1] = 0.0
+        self._unclean = (0, 0, 0, 0)
         scale, delta, heads = _buckets(weights, heuristic)
         s, t = start[1] * nx + start[0], goal[1] * nx + goal[0]
+        g, parent = self._g32, self._parent
+        own = _own(cost, weights, s)
         self.expanded = kernels.any_angle_search(
             cost,
             weights.table,
-            _own(cost, weights, s),
+            own,
             nx,
             ny,
             s,
@@ -116,19 +131,22 @@ class CellSearch:
             delta,
             heads,
             int(cut_corners),
-            self._g,
-            self._parent,
-            self._rect,
+            most,
+            below,
+            g,
+            parent,
+            self._record,
         )
-        return bool(self._parent[t] != 0)
+        return bool(parent[t] != 0)
 
     def corners(self, start: Cell, goal: Cell) -> NDArray[np.int64]:
         """(n, 2) the cells ix, iy between which the path to a goal that `any_angle` reached runs straight."""
         nx = self._shape[1]
+        parent = self._parent
         k, s = goal[1] * nx + goal[0], start[1] * nx + start[0]
         cells = [k]
         while k != s:
-            k = abs(int(self._parent[k])) - 1
+            k = abs(int(parent[k])) - 1
             cells.append(k)
         found = np.array(cells[::-1], np.int64)
         return np.column_stack([found % nx, found // nx])
@@ -155,14 +173,14 @@ class CellSearch:
         if not (x0 <= cell[0] < x1 and y0 <= cell[1] < y1):
             return math.inf
         k = cell[1] * self._shape[1] + cell[0]
-        return float(self._g[k]) if self._reached[k] else math.inf
+        return float(self._costs[k]) if self._reached[k] else math.inf
 
     def potential(self) -> NDArray[np.float32]:
         """(ny, nx) the costs, inf where the search did not come."""
         ny, nx = self._shape
         out = np.full((ny, nx), np.inf, np.float32)
         x0, y0, x1, y1 = self.rectangle
-        g, known = self._g.reshape(ny, nx)[y0:y1, x0:x1], self._reached.reshape(ny, nx)[y0:y1, x0:x1] != 0
+        g, known = self._costs.reshape(ny, nx)[y0:y1, x0:x1], self._reached.reshape(ny, nx)[y0:y1, x0:x1] != 0
         out[y0:y1, x0:x1] = np.where(known, g, np.inf)
         return out
 
@@ -175,20 +193,43 @@ class CellSearch:
         return int(xs[best]) + x0, int(ys[best]) + y0
 
     @property
+    def _g32(self) -> NDArray[np.float32]:
+        return self._g.view(np.float32)[: self._g.size]
+
+    @property
+    def _parent(self) -> NDArray[np.int32]:
+        return self._g.view(np.int32)[self._g.size :]
+
+    @property
+    def _costs(self) -> NDArray[np.float64] | NDArray[np.float32]:
+        return self._g32 if self._is_any_angle else self._g
+
+    @property
     def _reached(self) -> NDArray[np.uint8] | NDArray[np.int32]:
-        return self._state if self._state.size else self._parent
+        return self._parent if self._is_any_angle else self._state
 
     def _begin(self, costmap: Costmap) -> tuple[NDArray[np.uint8], int, int]:
         """Forgets the last search: clears what it wrote to."""
         ny, nx = costmap.data.shape
         if (ny, nx) != self._shape:
             self._shape = ny, nx
-            self._g = np.empty(ny * nx)
-            self._state, self._parent = np.zeros(0, np.uint8), np.zeros(0, np.int32)
+            self._g = np.zeros(ny * nx)
+            self._state = np.zeros(ny * nx, np.uint8)
+            self._unclean = (0, 0, 0, 0)
         else:
             x0, y0, x1, y1 = self.rectangle
             self._reached.reshape(ny, nx)[y0:y1, x0:x1] = 0
+        self._record[:] = 0
         return np.ascontiguousarray(costmap.data).reshape(-1), nx, ny
+
+
+def union(a: Rectangle, b: Rectangle) -> Rectangle:
+    """The least rectangle (x0, y0, x1, y1) around two."""
+    if a[0] == a[2]:
+        return b
+    if b[0] == b[2]:
+        return a
+    return min(a[0], b[0]), min(a[1], b[1]), max(a[2], b[2]), max(a[3], b[3])
 
 
 def _own(cost: NDArray[np.uint8], weights: Weights, start: int) -> float:

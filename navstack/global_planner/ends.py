@@ -13,6 +13,7 @@ from navstack.core.errors import (
     GoalOutsideMapError,
     InputError,
     NoValidPathError,
+    PlanningTimeoutError,
     StartOccupiedError,
     StartOutsideMapError,
 )
@@ -119,14 +120,36 @@ def goal_occupied(
 
 
 def start_occupied(
-    costmap: Costmap, rule: CostRule, start: Pose2D, cell: Cell, *, ring: bool = True
+    costmap: Costmap,
+    rule: CostRule,
+    start: Pose2D,
+    cell: Cell,
+    *,
+    ring: bool = True,
+    because: str = "with no free cell beside it",
 ) -> StartOccupiedError:
-    """The error for a start in a blocked cell that no free cell touches."""
+    """The error for a start in a blocked cell that a path cannot leave, `because` of what."""
     data = occupied_data(costmap, rule, cell, ring=ring)
     return StartOccupiedError(
-        f"the start ({start.x:.3f}, {start.y:.3f}) lies {_why(costmap, rule, cell)}, with no free cell beside it; "
-        f"{_way_out(data)}",
+        f"the start ({start.x:.3f}, {start.y:.3f}) lies {_why(costmap, rule, cell)}, {because}; {_way_out(data)}",
         **{**data, "x": start.x, "y": start.y},
+    )
+
+
+def timeout(
+    costmap: Costmap, start: Pose2D, goal: Pose2D, nearest: Cell, expanded: int, most: int
+) -> PlanningTimeoutError:
+    """The error for a search that was to end after `most` cells, with the point it had come nearest to the goal."""
+    x, y = costmap.geometry.cell_to_world(*nearest)
+    distance = math.hypot(x - goal.x, y - goal.y)
+    return PlanningTimeoutError(
+        f"no path from ({start.x:.3f}, {start.y:.3f}) to ({goal.x:.3f}, {goal.y:.3f}) within the {most} cells that "
+        f"max_expansions allows; the search came as near as ({x:.2f}, {y:.2f}), {distance:.2f} m from the goal; raise "
+        "max_expansions, or set it to 0 for a search that goes on to the end",
+        nearest_reachable=[x, y],
+        nearest_reachable_distance_m=distance,
+        cells_expanded=expanded,
+        max_expansions=most,
     )
 
 

@@ -13,16 +13,15 @@ from typing import ClassVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import LETHAL, Costmap, Footprint, GridGeometry, Path, Pose2D
-from navstack.core.parameters import ParamModel, param
+from navstack.core import LETHAL, Costmap, GridGeometry, Pose2D
+from navstack.core.parameters import param
 from navstack.global_planner import _trace_kernels as trace
 from navstack.global_planner import ends
 from navstack.global_planner.cost_rule import CostRule, global_planner_rule
-from navstack.global_planner.guide import CoarseGuide, astar
 from navstack.global_planner.orientation_filter import OrientationMode, orient
-from navstack.global_planner.replanning import GoalField, Memory, Request
+from navstack.global_planner.search_params import SearchParams
+from navstack.global_planner.wave_planner import WavePlanner, WaveQuery
 from navstack.global_planner.wavefront import Guide, Wavefront
-from navstack.interfaces import GlobalPlanner, Plan
 from navstack.plugins import GLOBAL_PLANNERS
 
 _PATIENCE = 8
@@ -30,7 +29,7 @@ _HAIR = 1e-9
 _ENDPOINT_REACH = 2  # planner_core.cpp, clearEndpoint
 
 
-class GlobalPlannerParams(ParamModel):
+class GlobalPlannerParams(SearchParams):
     """Parameters of GlobalPlanner."""
 
     NO_EFFECT: ClassVar[Mapping[str, str]] = {
@@ -75,7 +74,7 @@ class GlobalPlannerParams(ParamModel):
 
 
 @GLOBAL_PLANNERS.register("global_planner", aliases=("global_planner/GlobalPlanner",))
-class GlobalPlannerROS(GlobalPlanner):
+class GlobalPlannerROS(WavePlanner):
     """global_planner: a wave from the start (Dijkstra or A*, linear or quadratic), path by gradient or by grid.
 
     As GlobalPlanner: potential 0 at the start, whose cell counts as free; path points at cell centres, gradient paths from
@@ -91,122 +90,49 @@ class GlobalPlannerROS(GlobalPlanner):
 
     def __init__(self, params: GlobalPlannerParams | None = None) -> None:
         super().__init__(params or GlobalPlannerParams())
-        self._wave = Wavefront()
-        self._coarse = CoarseGuide()
-        self._field = GoalField()
-        self._memory = Memory()
 
-    def forget(self) -> None:
-        """The next plan is made from scratch."""
-        self._field = GoalField()
-        self._memory = Memory()
+    @property
+    def _own(self) -> GlobalPlannerParams:
+        return cast("GlobalPlannerParams", self.params)
 
-    def make_plan(
-        self,
-        costmap: Costmap,
-        start: Pose2D,
-        goal: Pose2D,
-        *,
-        footprint: Footprint | None = None,
-        keep_potential: bool = False,
-    ) -> Plan:
-        """A plan between two poses in the costmap's frame.
+    def _rule(self) -> CostRule:
+        p = self._own
+        return global_planner_rule(p.lethal_cost, p.neutral_cost, p.cost_factor, p.allow_unknown, p.use_quadratic)
 
-        Raises StartOutsideMapError, GoalOutsideMapError, StartOccupiedError, GoalOccupiedError, NoValidPathError, and
-        InputError for a pose that is not finite. `potential` is 0 at the start.
-        """
-        del footprint
-        params = cast("GlobalPlannerParams", self.params)
-        ends.cells_of(costmap, start, goal)  # before the ring is added: outside is outside
-        request = Request(start, goal, costmap.geometry, costmap.frame, keep_potential)
-        known = self._memory.recall(costmap, request)
-        if known is not None:
-            return known
-        grid = costmap if params.outline_map else _with_ring(costmap)
-        rule = global_planner_rule(
-            params.lethal_cost, params.neutral_cost, params.cost_factor, params.allow_unknown, params.use_quadratic
-        )
-        start_cell, goal_cell = ends.cells_of(grid, start, goal)
-        free = [
-            c
-            for c in ends.goal_candidates(grid, goal, params.default_tolerance)
-            if c[1] == start_cell or not ends.is_blocked(grid, rule, c[1])
-        ]
-        if not free:
-            raise ends.goal_occupied(grid, rule, goal, goal_cell, params.default_tolerance)
-        wave = self._wave
-        target = free[0][1]
-        gx, gy = _fractional(grid.geometry, free[0][0], target, params.old_navfn_behavior)
-        first_stop = (
-            math.floor(gx + _HAIR),
-            math.floor(gy + _HAIR),
-        )  # where C++ stops (parity 12); at most one cell before the target
-        if not grid.geometry.contains_cell(*first_stop) or ends.is_blocked(grid, rule, first_stop):
-            first_stop = target
-        potential: NDArray[np.float32] | None = None
-        guided = False
+    def _rise(self) -> float:
+        return 2.0 * self._own.neutral_cost
 
-        def attempt(guide: Guide | None, limit: float) -> float:
-            nonlocal potential, guided
-            guided = guide is not None
-            spread(wave, grid, rule, start, start_cell, first_stop, params, guide, limit)
-            potential = wave.full_potential() if keep_potential else None
-            if wave.potential_of(*first_stop) < math.inf:
-                if not (params.use_grid_path or params.old_navfn_behavior):
-                    wave.complete(target[0], target[1], _ENDPOINT_REACH)
-                extend(wave, target, guide, limit)
-                if guided:
-                    wave.settle(target, guide, limit)
-            return wave.potential_of(*target)
+    def _is_guided(self) -> bool:
+        return not self._own.use_dijkstra
 
-        rise = 2.0 * params.neutral_cost
+    def _grid(self, costmap: Costmap) -> Costmap:
+        return costmap if self._own.outline_map else _with_ring(costmap)
 
-        def first() -> object:
-            if params.use_dijkstra:
-                return attempt(None, math.inf)
-            return astar(self._coarse, grid, rule, start_cell, target, rise, attempt)
+    def _run(self, query: WaveQuery, guide: Guide | None, limit: float, keep: bool) -> NDArray[np.float32] | None:
+        wave, params, target = self._wave, self._own, query.goal_cell
+        gx, gy = _fractional(query.grid.geometry, query.goal, target, params.old_navfn_behavior)
+        # where C++ stops (parity 12); at most one cell before the target
+        stop = math.floor(gx + _HAIR), math.floor(gy + _HAIR)
+        if not query.grid.geometry.contains_cell(*stop) or ends.is_blocked(query.grid, query.rule, stop):
+            stop = target
+        spread(wave, query.grid, query.rule, query.start, query.start_cell, stop, params, guide, limit)
+        potential = wave.full_potential() if keep else None
+        if wave.potential_of(*stop) < math.inf:
+            if not (params.use_grid_path or params.old_navfn_behavior):
+                wave.complete(target[0], target[1], _ENDPOINT_REACH)
+            extend(wave, target, guide, limit)
+            if guide is not None:
+                wave.settle(target, guide, limit)
+        return potential
 
-        self._field.search(grid, rule, start_cell, target, rise, attempt, lambda: wave.expanded, first)
-        reached = next((c for c in free if wave.potential_of(*c[1]) < math.inf), None)
-        if reached is None:
-            if wave.expanded == 0 and ends.is_blocked(grid, rule, start_cell):
-                raise ends.start_occupied(grid, rule, start, start_cell)
-            nearest = wave.nearest_reached(*goal_cell)
-            raise ends.no_path(grid, rule, start, goal, (start_cell, goal_cell), nearest, wave.expanded)
-        used, cell = reached
-        cost = wave.potential_of(*cell)
-        if potential is not None:
-            potential[cell[1], cell[0]] = cost
-            if grid is not costmap:
-                potential = np.ascontiguousarray(potential[1:-1, 1:-1])
-        cells = descend(wave, grid, start, start_cell, used, cell, params).astype(np.float64)
-        offset = 0.0 if params.old_navfn_behavior else 0.5
-        g = grid.geometry
-        poses = np.zeros((len(cells) + 1, 3))
-        poses[:-1, 0] = g.origin_x + (cells[::-1, 0] + offset) * g.resolution
-        poses[:-1, 1] = g.origin_y + (cells[::-1, 1] + offset) * g.resolution
-        poses[-1] = used
-        orient(poses, start.yaw, OrientationMode(params.orientation_mode), params.orientation_window_size)
-        notes: list[str] = []
-        if ends.is_blocked(grid, rule, start_cell):
-            notes.append("the start lies in a blocked cell, which was taken for free, as ROS does")
-        moved = goal.distance_to(used)
-        if moved > 0.0:
-            notes.append(f"the goal cannot be reached; the plan ends {moved:.2f} m from it (default_tolerance)")
-        plan = Plan(
-            path=Path(poses, costmap.frame),
-            cost=cost,
-            goal=used,
-            goal_moved_m=moved,
-            cells_expanded=wave.expanded,
-            potential=potential,
-            notes=tuple(notes),
-        )
-        whole = (0, 0, costmap.geometry.nx, costmap.geometry.ny)
-        # without a guide a wave looks at every cell that could matter; with one, others may come to matter
-        everything = guided or params.default_tolerance > 0.0 or grid is not costmap
-        self._memory.remember(costmap, request, plan, whole if everything else wave.rectangle)
-        return plan
+    def _descend(self, query: WaveQuery, goal: Pose2D, cell: ends.Cell) -> NDArray[np.float64]:
+        g = query.grid.geometry
+        cells = descend(self._wave, query.grid, query.start, query.start_cell, goal, cell, self._own)
+        offset = 0.0 if self._own.old_navfn_behavior else 0.5
+        return (cells[::-1].astype(np.float64) + offset) * g.resolution + (g.origin_x, g.origin_y)
+
+    def _orient(self, poses: NDArray[np.float64], start_yaw: float) -> None:
+        orient(poses, start_yaw, OrientationMode(self._own.orientation_mode), self._own.orientation_window_size)
 
 
 def _with_ring(costmap: Costmap) -> Costmap:

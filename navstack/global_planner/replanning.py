@@ -19,7 +19,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Costmap, GridGeometry, Pose2D
+from navstack.core import Costmap, Footprint, GridGeometry, Pose2D
 from navstack.global_planner.cost_rule import CostRule
 from navstack.global_planner.wavefront import Guide, Wavefront
 from navstack.interfaces import Plan
@@ -45,6 +45,7 @@ class Request(NamedTuple):
     geometry: GridGeometry
     frame: str
     keep_potential: bool
+    footprint: Footprint | None
 
 
 class Memory:

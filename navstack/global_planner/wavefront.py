@@ -44,6 +44,8 @@ class Wavefront:
         self._level = np.zeros(2, np.float32)
         self._cost = np.empty(0, np.uint8)
         self._rule: CostRule | None = None
+        self.most = 1 << 62
+        """Cells it may lower at most; looked at when it begins."""
 
     @property
     def pot(self) -> NDArray[np.float32]:
@@ -72,6 +74,12 @@ class Wavefront:
         """How often a cell's potential was lowered."""
         return int(self._state[kernels.EXPANDED])
 
+    @property
+    def is_exhausted(self) -> bool:
+        """True when it ended because it had lowered as many cells as it may."""
+        s = self._state
+        return bool(s[kernels.EXPANDED] >= s[kernels.MOST] and s[kernels.NCURRENT] > 0)
+
     def begin(
         self,
         costmap: Costmap,
@@ -98,6 +106,7 @@ class Wavefront:
         self._cost = np.ascontiguousarray(costmap.data).reshape(-1)
         self._rule = rule
         self._state[:] = 0
+        self._state[kernels.MOST] = self.most
         self._level[:] = threshold, rise
         margin = max(nx, ny) if whole else _MARGIN
         xs = [target[0], *(k % nx for k, _ in seeds)]
