@@ -70,7 +70,8 @@ def compute_command(planner: LocalPlanner, inputs: ControlInput) -> LocalPlan:
         raise internal(_name(planner), exc) from exc
     if not isinstance(plan, LocalPlan):
         raise internal(_name(planner), f"returned a {type(plan).__name__}, not a LocalPlan")
-    check_twist(_name(planner), plan.command)
+    if not _is_command(plan.command):
+        raise _no_command(_name(planner), plan.command)
     return plan
 
 
@@ -94,18 +95,20 @@ def recovery_step(recovery: RecoveryBehavior, state: RobotState, now: float) -> 
         raise internal(recovery.name, exc) from exc
     if not isinstance(step, RecoveryStep):
         raise internal(recovery.name, f"returned a {type(step).__name__}, not a RecoveryStep")
-    check_twist(recovery.name, step.twist)
+    if not _is_command(step.twist):
+        raise _no_command(recovery.name, step.twist)
     return step
 
 
-def check_twist(who: str, twist: Any) -> None:
-    """Raises InternalError for what cannot be commanded."""
+def _is_command(twist: Any) -> bool:
     try:
-        finite = isinstance(twist, Twist2D) and twist.is_finite()
+        return isinstance(twist, Twist2D) and twist.is_finite()
     except TypeError:  # a component is no number
-        finite = False
-    if not finite:
-        raise internal(who, f"wants to command {twist}, which is not a Twist2D of three finite numbers")
+        return False
+
+
+def _no_command(who: str, twist: Any) -> InternalError:
+    return internal(who, f"wants to command {twist}, which is not a Twist2D of three finite numbers")
 
 
 def check_plugin(given: Any, kind: type) -> None:

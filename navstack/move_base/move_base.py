@@ -347,7 +347,7 @@ class MoveBase:
             self._hear(answer, now)
         if self._recovery.running is not None:
             self._recover(self._recovery.running, now)
-        if self._active() and self._recovery.running is None and self._control.is_due(now):
+        if self._recovery.running is None and self._control.is_due(now) and self._active():
             self._cycle(now)
         if self._active():
             self._ask_planner(now)
@@ -458,8 +458,8 @@ class MoveBase:
         elif mode is Mode.PLANNING:
             self._check_slow_planner(now)
         # a command is good for one period; nothing came after it
-        unattended = self._active() and self._recovery.running is None and self._command != STANDING
-        if unattended and now - self._command_time >= 2.0 * self._control.period - EPSILON_S:
+        old = now - self._command_time >= 2.0 * self._control.period - EPSILON_S
+        if old and self._command != STANDING and self._recovery.running is None and self._active():
             self._send(STANDING, now)
 
     def _watch(self, now: float) -> None:
@@ -562,15 +562,7 @@ class MoveBase:
             error = exc
         timeout = self.params.oscillation_timeout
         if timeout > 0.0 and now >= self._last_progress + timeout - EPSILON_S:
-            mission.error = NoProgressError(
-                f"the robot came no further than {self.params.oscillation_distance:g} m for {timeout:g} s",
-                oscillation_timeout=timeout,
-                oscillation_distance=self.params.oscillation_distance,
-                pose=self._pose,
-            )
-            mission.tally.failed(mission.error, now)
-            self._emit(now, "control_failed", mission.error.message, mission.error.as_dict())
-            self._apply(NavEvent.OSCILLATING, now)
+            self._give_up_moving(mission, timeout, now)
             return
         if error is None and inputs is not None:
             try:
@@ -587,6 +579,20 @@ class MoveBase:
             except NavError as exc:
                 error = exc
         assert error is not None
+        self._failed_command(mission, error, now)
+
+    def _give_up_moving(self, mission: Mission, timeout: float, now: float) -> None:
+        mission.error = NoProgressError(
+            f"the robot came no further than {self.params.oscillation_distance:g} m for {timeout:g} s",
+            oscillation_timeout=timeout,
+            oscillation_distance=self.params.oscillation_distance,
+            pose=self._pose,
+        )
+        mission.tally.failed(mission.error, now)
+        self._emit(now, "control_failed", mission.error.message, mission.error.as_dict())
+        self._apply(NavEvent.OSCILLATING, now)
+
+    def _failed_command(self, mission: Mission, error: NavError, now: float) -> None:
         tally = mission.tally
         tally.failed_commands += 1
         tally.last_control = error

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from navstack.core import RobotState, SensorData, Transform2D, Window
+from navstack.core import RobotState, Window
 from navstack.core.errors import InternalError, NavError
 from navstack.interfaces import ControlInput, CostmapServer, Plan, Robot
 from navstack.move_base import guards
@@ -37,6 +37,7 @@ class Senses:
         self.robot = robot
         self.global_costmap = global_costmap
         self.local_costmap = local_costmap
+        self._costmaps = (local_costmap, global_costmap)
         self.on = on
         self.local_error: NavError | None = None
         """Why the last update of the local costmap failed."""
@@ -77,8 +78,11 @@ class Senses:
             return
         turn.scans = scans
         for data in scans:
-            self._observe(self.local_costmap, data, now)
-            self._observe(self.global_costmap, data, now)
+            for costmap in self._costmaps:
+                try:
+                    costmap.observe(data)
+                except Exception as exc:
+                    self._warn(now, f"{costmap.name} cannot use a message of {data.topic}: {said(exc)}", None)
 
     def update(self, now: float, turn: Turn) -> None:
         """Updates the costmaps that are due."""
@@ -124,21 +128,15 @@ class Senses:
         costmap = self.local_costmap
         state = self.local_state(now)
         frame = plan.path.frame
-        transform = Transform2D()
-        if frame != costmap.frame:
-            try:
-                transform = self.robot.frames.lookup(costmap.frame, frame)
-            except NavError:
-                raise
-            except Exception as exc:
-                raise guards.internal("the robot's frames", exc) from exc
-        return ControlInput(state, costmap.master, costmap.footprint, transform)
-
-    def _observe(self, costmap: CostmapServer, data: SensorData, now: float) -> None:
+        if frame == state.frame:
+            return ControlInput(state, costmap.master, costmap.footprint)
         try:
-            costmap.observe(data)
+            transform = self.robot.frames.lookup(state.frame, frame)
+        except NavError:
+            raise
         except Exception as exc:
-            self._warn(now, f"{costmap.name} cannot use a message of {data.topic}: {said(exc)}", None)
+            raise guards.internal("the robot's frames", exc) from exc
+        return ControlInput(state, costmap.master, costmap.footprint, transform)
 
     def _updated(
         self, costmap: CostmapServer, now: float, before: NavError | None

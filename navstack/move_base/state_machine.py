@@ -22,6 +22,8 @@ from navstack.move_base import texts
 class Mode(Enum):
     """What the goal manager is doing (move_base.h MoveBaseState, plus idle)."""
 
+    __hash__ = object.__hash__  # Enum's own is Python code, and the table is looked up several times a tick
+
     IDLE = "IDLE"
     PLANNING = "PLANNING"
     CONTROLLING = "CONTROLLING"
@@ -38,6 +40,8 @@ class Trigger(IntEnum):
 
 class NavEvent(Enum):
     """What can happen to the machine; the value says when."""
+
+    __hash__ = object.__hash__
 
     GOAL_ACCEPTED = "a goal is accepted while there is none"
     GOAL_REPLACED = "another goal is accepted while there is one"
