@@ -799,6 +799,8 @@ class MoveBase:
 
     def _do(self, action: Action, now: float) -> None:
         match action:
+            case Action.RESET_CONTROL_PATIENCE:
+                self._last_valid_control = now
             case Action.STOP:
                 self._send(STANDING, now)
             case Action.STOP_IF_MOVING:
@@ -813,8 +815,6 @@ class MoveBase:
                 self._last_valid_control = now
             case Action.RESET_PLAN_PATIENCE:
                 self._plan_schedule.reset_patience(now)
-            case Action.RESET_CONTROL_PATIENCE:
-                self._last_valid_control = now
             case Action.RESET_OSCILLATION:
                 self._last_progress = now
             case Action.START_RECOVERY:

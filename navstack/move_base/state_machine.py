@@ -12,9 +12,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from enum import Enum, IntEnum
+from functools import lru_cache
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
+from navstack.core.enums import plain_members
 from navstack.core.errors import InternalError
 from navstack.move_base import texts
 
@@ -22,7 +24,7 @@ from navstack.move_base import texts
 class Mode(Enum):
     """What the goal manager is doing (move_base.h MoveBaseState, plus idle)."""
 
-    __hash__ = object.__hash__  # Enum's own is Python code, and the table is looked up several times a tick
+    __hash__ = object.__hash__  # Enum's own is Python code, and `step` is called several times a tick
 
     IDLE = "IDLE"
     PLANNING = "PLANNING"
@@ -109,6 +111,9 @@ class IndexRule(Enum):
     KEEP = "keep"
     RESET = "0"
     NEXT = "+1"
+
+
+plain_members(Mode, Trigger, NavEvent, Action, Outcome, IndexRule)
 
 
 class NavState(NamedTuple):
@@ -255,6 +260,7 @@ TABLE: Final[Mapping[tuple[Mode, NavEvent, Trigger], Transition]] = MappingProxy
 """The same by (mode, event, trigger), for machines. What is not in it cannot happen."""
 
 
+@lru_cache(maxsize=4096)
 def step(state: NavState, event: NavEvent) -> tuple[NavState, Transition]:
     """The state after `event`, and the row that says what is to be done and whether the goal ends.
 
