@@ -80,8 +80,10 @@ class SuccessConditions:
             for i, (state, want) in enumerate(zip([*states, *[None] * (goals - len(states))], wanted), 1)
             if state is None or want not in (state, "any")
         ]
-        said = self.goals if isinstance(self.goals, str) else "as listed"
-        return Verdict("goals", not wrong, "; ".join(wrong) or f"{goals} of {goals} ended {said}")
+        said = "ended as listed"
+        if isinstance(self.goals, str):
+            said = {"SUCCEEDED": "reached", "any": "ended"}.get(self.goals, f"ended {self.goals}, as wanted")
+        return Verdict("goals", not wrong, "; ".join(wrong) or f"{goals} of {goals} {said}")
 
     def as_dict(self) -> dict[str, Any]:
         """For the record (JSON)."""

@@ -67,7 +67,7 @@ def plot_plan(
                 zorder=4 + 0.1 * i,
             )
             handles.insert(i, line)
-            labels.insert(i, name if len(named) == 1 else f"{name}\n{plan.path.length:.2f} m, cost {plan.cost:.4g}")
+            labels.insert(i, name if len(named) == 1 else f"{name}\n{plan.path.length:.2f} m, cost {_cost(plan)}")
         if footprint is not None:
             for pose in (start, goal):
                 canvas.draw_footprint(axes, footprint, pose)
@@ -95,7 +95,12 @@ def _figures(plans: Mapping[str, Plan]) -> str:
         return ""
     (plan,) = plans.values()
     expanded = f"   {plan.cells_expanded:,} cells expanded" if plan.cells_expanded else ""
-    return f"{plan.path.length:.2f} m   cost {plan.cost:,.6g}{expanded}"
+    return f"{plan.path.length:.2f} m   cost {_cost(plan)}{expanded}"
+
+
+def _cost(plan: Plan) -> str:
+    """A plan's cost in full, not as a power of ten."""
+    return f"{plan.cost:,.0f}" if plan.cost >= 1000.0 else f"{plan.cost:.4g}"
 
 
 def _margin(ends: NDArray[np.float64]) -> float:

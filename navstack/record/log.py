@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
+
+import yaml
 
 from navstack.record.format import dump_json
 
 
 def render_log(meta: dict[str, Any], events: list[dict[str, Any]]) -> str:
-    """Time (s), kind and text of every event, a line each; then how each goal ended. No wall-clock times."""
-    lines = [f"# navstack run, format {meta['version']}", f"# scenario {dump_json(meta['scenario'])}"]
+    """The scenario as YAML; time (s), kind and text of every event, a line each; how each goal ended. No wall-clock times."""
+    lines = [f"# navstack run, format {meta['version']}", "# scenario:", *_scenario(meta["scenario"])]
     # what is said again and again (a planner that is asked five times a second) takes one line with its count
     for event, count, until in _runs(events):
         again = f" (and {count - 1} times more until {until:.3f} s)" if count > 1 else ""
@@ -17,6 +20,16 @@ def render_log(meta: dict[str, Any], events: list[dict[str, Any]]) -> str:
         lines.append(line.rstrip())
     lines += [f"# goal {i} {dump_json(result)}" for i, result in enumerate(meta["results"])]
     return "\n".join(lines) + "\n"
+
+
+def _scenario(told: dict[str, Any]) -> Iterator[str]:
+    """The scenario as a block of YAML, its parameters last."""
+    ordered = {key: value for key, value in told.items() if key != "parameters"}
+    ordered |= {key: value for key, value in told.items() if key == "parameters"}
+    text = yaml.dump(
+        ordered, Dumper=yaml.SafeDumper, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110
+    )
+    return (f"#   {_one_line(line)}" for line in text.splitlines())
 
 
 def _runs(events: list[dict[str, Any]]) -> list[tuple[dict[str, Any], int, float]]:

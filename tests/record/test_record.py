@@ -108,7 +108,11 @@ def test_plans_goals_events_contacts_and_results(tmp_path):
     assert run.scenario == {"map": "office", "goals": [[1, 2, 3]], "seed": 4}
     assert (tmp_path / "run.log").read_text(encoding="utf-8").splitlines() == [
         "# navstack run, format 1",
-        '# scenario {"map":"office","goals":[[1,2,3]],"seed":4}',
+        "# scenario:",
+        "#   map: office",
+        "#   goals:",
+        "#   - [1, 2, 3]",
+        "#   seed: 4",
         "     0.500  goal            go there",
         "     0.900  warning         Ärger",
         '# goal 0 {"state":"ABORTED","distance_left_m":0.5}',
