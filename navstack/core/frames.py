@@ -85,6 +85,8 @@ class _Chain:
 
     def pose(self, stamp: float, tolerance_s: float) -> Transform2D:
         """The source in the target's frame."""
+        if not self.down and len(self.up) == 1:
+            return self.up[0].at(stamp, tolerance_s)
         pose = _composed(self.up, stamp, tolerance_s)
         return _composed(self.down, stamp, tolerance_s).inverse() @ pose if self.down else pose
 
@@ -93,7 +95,7 @@ def _composed(edges: tuple[_Edge, ...], stamp: float, tolerance_s: float) -> Tra
     total = IDENTITY
     for edge in edges:
         step = edge.at(stamp, tolerance_s)
-        total = step if total.is_identity() else step @ total
+        total = step if total is IDENTITY else step @ total
     return total
 
 
@@ -186,7 +188,7 @@ class FrameTree:
         if chain is None:
             chain = self._chain(target, source)
         if stamp is None:
-            return chain.pose(chain.newest(), math.inf)
+            stamp, tolerance_s = chain.newest(), math.inf
         # asked again and again for the present moment
         if chain.changes == self._changes and chain.stamp == stamp and chain.tolerance_s <= tolerance_s:
             return chain.answer
