@@ -168,12 +168,11 @@ def grid_value(distances, queue, wave, cell, width, size):
 
 
 @kernel
-def grid_scores(
-    distances, queue, wave, nx, ny, origin_x, origin_y, resolution, poses, counts, alive, ahead, stop_on_failure, out
-):
-    """Value of the grid at the last point of each trajectory that is alive, seen `ahead` metres before the robot.
+def centre_scores(distances, queue, wave, nx, ny, cells, counts, alive, out):
+    """Value of the grid at the last point of each trajectory that is alive.
 
-    -4: a point off the map; with `stop_on_failure` -3: a point in an obstacle, -2: a point that cannot be reached.
+    `cells` (K, T): each point's cell in the ringed grid. -4: a point off the map, -3: in an obstacle, -2: that cannot be
+    reached; whichever comes first.
     """
     width = nx + 2
     size = nx * ny
@@ -181,42 +180,53 @@ def grid_scores(
         if not alive[k]:
             continue
         score = 0.0
-        n = counts[k]
-        start = 0
-        if not stop_on_failure:
-            # only leaving the map can fail: not where the whole trajectory keeps clear of its border
-            low_x, high_x = poses[k, 0, 0], poses[k, 0, 0]
-            low_y, high_y = poses[k, 0, 1], poses[k, 0, 1]
-            for i in range(1, n):
-                x, y = poses[k, i, 0], poses[k, i, 1]
-                low_x, high_x = min(low_x, x), max(high_x, x)
-                low_y, high_y = min(low_y, y), max(high_y, y)
-            margin = abs(ahead) + resolution
-            if (
-                low_x - margin > origin_x
-                and low_y - margin > origin_y
-                and high_x + margin < origin_x + nx * resolution
-                and high_y + margin < origin_y + ny * resolution
-            ):
-                start = n - 1
-        for i in range(start, n):
-            x, y = poses[k, i, 0], poses[k, i, 1]
-            if ahead != 0.0:
-                x += ahead * math.cos(poses[k, i, 2])
-                y += ahead * math.sin(poses[k, i, 2])
-            fx = (x - origin_x) / resolution
-            fy = (y - origin_y) / resolution
-            if not (x >= origin_x and y >= origin_y and fx < nx and fy < ny):
+        for i in range(counts[k]):
+            cell = cells[k, i]
+            if cell < 0:
                 score = -4.0
                 break
-            cell = (int(fy) + 1) * width + int(fx) + 1
-            if not stop_on_failure and i < n - 1:
-                continue
             value = np.int64(distances[cell])
             if value < 0:
                 value = grid_value(distances, queue, wave, cell, width, size)
-                if stop_on_failure and value >= size:
+                if value >= size:
                     score = -3.0 if value == size else -2.0
                     break
             score = np.float64(value)
+        out[k] = score
+
+
+@kernel
+def nose_scores(
+    distances, queue, wave, nx, ny, origin_x, origin_y, resolution, poses, counts, boxes, alive, ahead, out
+):
+    """Value of the grid `ahead` metres before the last point of each trajectory that is alive; obstacles count as far away.
+
+    -4: a nose off the map at any point. `boxes` (K, 4): see `point_cells`.
+    """
+    width = nx + 2
+    size = nx * ny
+    margin = math.ceil(min(abs(ahead) / resolution, nx + ny)) + 1
+    for k in range(len(counts)):
+        if not alive[k]:
+            continue
+        score = 0.0
+        n = counts[k]
+        # the noses of a trajectory that keeps clear of the border cannot leave the map: only the last one is looked at
+        clear = (
+            boxes[k, 0] >= margin and boxes[k, 1] >= margin and boxes[k, 2] < nx - margin and boxes[k, 3] < ny - margin
+        )
+        for i in range(max(n - 1, 0) if clear else 0, n):
+            x = poses[k, i, 0] + ahead * math.cos(poses[k, i, 2])
+            y = poses[k, i, 1] + ahead * math.sin(poses[k, i, 2])
+            fx = (x - origin_x) / resolution
+            fy = (y - origin_y) / resolution
+            if not (fx >= 0.0 and fy >= 0.0 and fx < nx and fy < ny):
+                score = -4.0
+                break
+            if i == n - 1:
+                cell = (int(fy) + 1) * width + int(fx) + 1
+                value = np.int64(distances[cell])
+                if value < 0:
+                    value = grid_value(distances, queue, wave, cell, width, size)
+                score = np.float64(value)
         out[k] = score

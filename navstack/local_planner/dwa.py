@@ -279,7 +279,7 @@ class DWAPlanner(PlanFollower):
         window = self._window(state, plan)
         samples, rollouts, table = self._scored(window, context)
         if table.best < 0 and self._turn_from_rest(window, state):
-            context.shared.clear()
+            context = self.context(state, costmap, footprint, plan, goal)
             samples, rollouts, table = self._scored(window, context)
         command = Twist2D()
         if table.best >= 0:

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from navstack.core import Costmap
 from navstack.interfaces import Rollouts, ScoringContext
-from navstack.local_planner._grid_kernels import BLOCKED, grid_scores, run_wave, start_wave
+from navstack.local_planner._grid_kernels import BLOCKED, centre_scores, nose_scores, run_wave, start_wave
+from navstack.local_planner.cells import RolloutCells
 
 
 @dataclass(slots=True, eq=False)
@@ -39,18 +40,28 @@ class MapGrid:
         out = np.where(reached, d, np.where((d == BLOCKED) & beside, g.nx * g.ny, g.nx * g.ny + 1))
         return out[1:-1, 1:-1].astype(np.float64)
 
-    def score(
+    def at_centre(
+        self, rollouts: Rollouts, cells: RolloutCells, alive: NDArray[np.bool_], out: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """(K,) value at each trajectory's last point; -4, -3, -2 where one is off the map, in an obstacle, not reached.
+
+        `cells`: those of the rollouts on this costmap. `out` (K,) is written where `alive`, and returned.
+        """
+        g = self.costmap.geometry
+        centre_scores(self.distances, self.queue, self.wave, g.nx, g.ny, cells.ringed, rollouts.counts, alive, out)
+        return out
+
+    def at_nose(
         self,
         rollouts: Rollouts,
+        cells: RolloutCells,
         alive: NDArray[np.bool_],
+        ahead: float,
         out: NDArray[np.float64],
-        *,
-        ahead: float = 0.0,
-        stop_on_failure: bool = False,
     ) -> NDArray[np.float64]:
-        """(K,) value at each trajectory's last point; -4 off the map, and with `stop_on_failure` -3 and -2."""
+        """(K,) value `ahead` metres before each trajectory's last point; -4 for a nose that leaves the map on the way."""
         g = self.costmap.geometry
-        grid_scores(
+        nose_scores(
             self.distances,
             self.queue,
             self.wave,
@@ -61,9 +72,9 @@ class MapGrid:
             g.resolution,
             rollouts.poses,
             rollouts.counts,
+            cells.boxes,
             alive,
             ahead,
-            stop_on_failure,
             out,
         )
         return out

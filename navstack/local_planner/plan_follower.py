@@ -20,6 +20,7 @@ from navstack.interfaces import (
     ScoringContext,
     VelocityLimits,
 )
+from navstack.local_planner.cells import RolloutCells
 from navstack.local_planner.critics.obstacle import ObstacleCritic
 from navstack.local_planner.goal_checker import GoalChecker
 from navstack.local_planner.map_grid import MapGrid
@@ -60,6 +61,7 @@ class PlanFollower(LocalPlanner):
         self._prune = prune
         self._period = 1.0 / controller_frequency if controller_frequency > 0.0 else DEFAULT_PERIOD_S
         self._plan = PlanView()
+        self._cells = RolloutCells()
         self._goal: Pose2D | None = None
         self._latched = False
         self._rotating = False
@@ -151,7 +153,8 @@ class PlanFollower(LocalPlanner):
         flags = costmap.data.flags
         if not (flags.c_contiguous and flags.writeable):  # a view, or read-only
             costmap = costmap.copy()
-        return ScoringContext(state, costmap, footprint, plan, goal, self.limits)
+        self._cells.forget()
+        return ScoringContext(state, costmap, footprint, plan, goal, self.limits, {"cells": self._cells})
 
     def result(
         self,

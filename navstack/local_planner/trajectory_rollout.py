@@ -20,14 +20,15 @@ from navstack.core import Costmap, Footprint, Pose2D, RobotState, Twist2D, angle
 from navstack.core.errors import ControlError
 from navstack.core.parameters import ParamModel, param
 from navstack.interfaces import ControlInput, Critic, LocalPlan, Rollouts, ScoringContext, VelocityLimits
-from navstack.local_planner._obstacle_kernels import perimeter_cost
+from navstack.local_planner._outline_kernels import perimeter_cost
 from navstack.local_planner._toward_kernels import free_outline, heading_differences, simulate_toward
+from navstack.local_planner.cells import RolloutCells
+from navstack.local_planner.critics._grid_critic import CENTRE_CODES, GridCritic
 from navstack.local_planner.critics._scale import RosDistro
 from navstack.local_planner.critics.goal import GoalCritic, GoalParams
 from navstack.local_planner.critics.obstacle import ObstacleCritic, ObstacleParams
-from navstack.local_planner.critics.path import PathCritic, PathParams
 from navstack.local_planner.goal_checker import GoalChecker
-from navstack.local_planner.map_grid import GridBuffer
+from navstack.local_planner.map_grid import MapGrid
 from navstack.local_planner.plan_follower import PlanFollower
 from navstack.local_planner.rollouts import check_points
 from navstack.local_planner.scoring import ScoreTable, score
@@ -151,23 +152,21 @@ def y_speeds(value: str | Sequence[float]) -> list[float]:
     return speeds
 
 
-class _RolloutPath(PathCritic):
+class _RolloutPath(GridCritic):
     """Distance to the plan; the cells under the robot count as free."""
 
-    def __init__(self, weight: float) -> None:
-        super().__init__("path", PathParams())
-        self._weight = weight
-        self._grid_buffer = GridBuffer()
+    CODES: ClassVar[dict[int, str]] = CENTRE_CODES
+
+    def __init__(self, bias: float, per_metre: bool) -> None:
+        super().__init__("path", None)
+        self._bias = bias
+        self._per_metre = per_metre
         self._scratch = np.empty((2, 0), np.int64)
 
-    @property
-    def scale(self) -> float:
-        return self._weight
+    def weight(self, context: ScoringContext) -> float:
+        return self._bias * (context.costmap.geometry.resolution if self._per_metre else 1.0)
 
-    def set_weight(self, weight: float) -> None:
-        self._weight = weight
-
-    def prepare(self, context: ScoringContext) -> None:
+    def build(self, context: ScoringContext) -> MapGrid:
         costmap = context.costmap.copy()
         g = costmap.geometry
         if self._scratch.shape[1] != g.nx:
@@ -182,22 +181,19 @@ class _RolloutPath(PathCritic):
             self._scratch[0],
             self._scratch[1],
         )
-        self.grid = self._grid_buffer.build(costmap, context.plan, last_only=False)
+        return self._buffer.build(costmap, context.plan, last_only=False)
 
 
 class _RolloutGoal(GoalCritic):
     """Distance to the local goal."""
 
-    def __init__(self, weight: float) -> None:
+    def __init__(self, bias: float, per_metre: bool) -> None:
         super().__init__("goal", GoalParams())
-        self._weight = weight
+        self._bias = bias
+        self._per_metre = per_metre
 
-    @property
-    def scale(self) -> float:
-        return self._weight
-
-    def set_weight(self, weight: float) -> None:
-        self._weight = weight
+    def weight(self, context: ScoringContext) -> float:
+        return self._bias * (context.costmap.geometry.resolution if self._per_metre else 1.0)
 
 
 class _Attractor(Critic):
@@ -307,8 +303,8 @@ class TrajectoryPlanner(PlanFollower):
         p = params
         per_metre = p.meter_scoring
         obstacle = _RolloutObstacle(p.occdist_scale, per_metre and p.ros_distro == "indigo")
-        self._path = _RolloutPath(p.path_distance_bias)
-        self._goal_critic = _RolloutGoal(p.goal_distance_bias)
+        self._path = _RolloutPath(p.path_distance_bias, per_metre)
+        self._goal_critic = _RolloutGoal(p.goal_distance_bias, per_metre)
         critics: list[Critic] = [obstacle]
         if p.simple_attractor:
             critics.append(_Attractor(p.goal_distance_bias))
@@ -484,9 +480,6 @@ class TrajectoryPlanner(PlanFollower):
         """The best sample for following `plan` (n, 3), all in the costmap's frame (TrajectoryPlanner::createTrajectories)."""
         p, limits = self.params, self._limits
         context = self.context(state, costmap, footprint, plan, goal)
-        per_cell = costmap.geometry.resolution if p.meter_scoring else 1.0
-        self._path.set_weight(p.path_distance_bias * per_cell)
-        self._goal_critic.set_weight(p.goal_distance_bias * per_cell)
 
         bottom, top, right, left = self._ranges(state, plan)
         nx, nw = p.vx_samples, p.vtheta_samples
@@ -590,7 +583,8 @@ class TrajectoryPlanner(PlanFollower):
         if grid is None:  # simple_attractor builds none
             return np.zeros(k)
         alive = np.ones(k, np.bool_)
-        return grid.score(ends, alive, np.empty(k), ahead=self.params.heading_lookahead)
+        cells = RolloutCells().compute(ends, grid.costmap.geometry)
+        return grid.at_nose(ends, cells, alive, self.params.heading_lookahead, np.empty(k))
 
     def _turn_in_place(
         self,

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from navstack.core.parameters import ParamModel, param
 from navstack.interfaces import Critic, Rollouts, ScoringContext
-from navstack.local_planner._obstacle_kernels import cells_of, highest_around, obstacle_scores
+from navstack.local_planner._obstacle_kernels import highest_around, largest_scale, obstacle_scores
+from navstack.local_planner.cells import shared_cells
 from navstack.local_planner.critics._scale import RosDistro, obstacle_scale
 from navstack.plugins import CRITICS
 
@@ -40,7 +41,6 @@ class ObstacleCritic(Critic):
         self._context: ScoringContext | None = None
         self._rows = np.empty((0, 0), np.uint8)
         self._bounds = np.empty((2, 0, 0), np.uint8)
-        self._cells = np.empty(0, np.int32)
         self._out = np.empty(0)
         self.first_contact: NDArray[np.int64] = np.empty(0, np.int64)
         """(K,) index of the first point that collides, -1 without; of the last call of `score`."""
@@ -64,30 +64,17 @@ class ObstacleCritic(Critic):
         context = self._context
         if context is None:
             raise RuntimeError("prepare was not called")
-        k, t = rollouts.poses.shape[:2]
+        k = len(rollouts.counts)
         if len(self._out) != k:
             self._out = np.empty(k)
             self.first_contact = np.empty(k, np.int64)
-        if len(self._cells) < k * t:
-            self._cells = np.empty(k * t, np.int32)
         g = context.costmap.geometry
         p = self.params
         costs, outline = context.costmap.data, context.footprint
-        cells = self._cells[: k * t].reshape(k, t)
+        cells = shared_cells(context, rollouts)
         scaling = np.array((p.scaling_speed, context.limits.max_vel_trans, p.max_scaling_factor))
-        x0, y0, x1, y1, largest = cells_of(
-            rollouts.poses,
-            rollouts.counts,
-            alive,
-            rollouts.samples,
-            scaling,
-            g.nx,
-            g.ny,
-            g.origin_x,
-            g.origin_y,
-            g.resolution,
-            cells,
-        )
+        x0, y0, x1, y1 = cells.box
+        largest = largest_scale(rollouts.samples, alive, scaling)
         # two upper bounds: for the outline as it is, and for the one that has grown most
         if x0 < x1:
             reach = outline.circumscribed_radius / g.resolution + 1e-6
@@ -108,7 +95,7 @@ class ObstacleCritic(Critic):
             scaling,
             p.sum_scores,
             self._bounds,
-            cells,
+            cells.flat,
             self._out,
             self.first_contact,
         )
