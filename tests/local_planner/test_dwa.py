@@ -17,6 +17,7 @@ from navstack.core.parameters import ParamModel, PluginSpec, param
 from navstack.interfaces import ControlInput, Critic, Rollouts, ScoringContext, VelocityLimits
 from navstack.local_planner import DWAParams, DWAPlanner
 from navstack.local_planner.critics import DEFAULT_CRITICS, ObstacleCritic, OscillationCritic
+from navstack.local_planner.critics.obstacle import ObstacleParams
 from navstack.local_planner.critics.oscillation import OscillationParams
 from navstack.local_planner.rollouts import velocity_window
 from navstack.local_planner.stop_rotate import braking_twist, turning_twist
@@ -153,6 +154,27 @@ def test_obstacle_scores_sum_or_maximum() -> None:
     assert set(np.unique(highest.costs[:, 1])) <= {0.0, 100.0}
     assert (summed.costs[:, 1] >= highest.costs[:, 1]).all()
     assert (summed.costs[:, 1] % 100.0 == 0.0).all() and summed.costs[:, 1].max() > 100.0
+
+
+@pytest.mark.parametrize("dot", [LETHAL, 255, 252])
+def test_a_costly_cell_under_the_centre_hides_no_collision(dot: int) -> None:
+    """The robot stands over a cell that its outline does not touch; what its outline touches later counts."""
+    costmap = empty_map()
+    x, y, resolution = 0.01, 0.01, costmap.geometry.resolution
+    cell = costmap.geometry.world_to_cell(x, y)
+    assert cell is not None
+    costmap.data[cell[1], cell[0]] = dot
+    costmap.data[:, cell[0] + 8] = LETHAL
+    poses = np.zeros((2, 12, 3))
+    poses[0, :, 0], poses[1, :, 0] = x + np.arange(12) * resolution, x
+    poses[:, :, 1] = y
+    rollouts = Rollouts(np.zeros((2, 3)), poses, np.full(2, 12, np.int64))
+    critic = ObstacleCritic("obstacle", ObstacleParams())
+    limits = planner_on().limits
+    critic.prepare(ScoringContext(at(Pose2D(x, y)).state, costmap, FOOTPRINT, LINE, Pose2D(1.0, 0.0), limits))
+    assert critic.score(rollouts, np.ones(2, np.bool_)).tolist() == [-6.0, dot]
+    # the outline comes over the cell it has left behind a step before the wall
+    assert critic.first_contact.tolist() == [4 if dot >= LETHAL else 5, -1]
 
 
 def test_local_goal_in_an_inscribed_cell_moves_back_along_the_plan() -> None:

@@ -89,8 +89,27 @@ def test_rotate_to_goal_is_silent_far_away() -> None:
 
 def test_rotate_to_goal_slows_down_first() -> None:
     critic = RotateToGoalCritic("rotate_to_goal", RotateToGoalParams(slowing_factor=5.0))
-    out = scored(critic, straight((0.5, 0.0, 0.0), (0.3, 0.0, 1.0), (0.4, 0.0, 0.0)), context(Twist2D(0.4, 0.0, 0.0)))
-    assert out == pytest.approx([-7.0, 5.0 * 0.09 + 0.0, 5.0 * 0.16 + 1.0])
+    samples = ((0.5, 0.0, 0.0), (0.3, 0.0, 1.0), (0.4, 0.0, 0.0), (0.39, 0.0, 0.0))
+    out = scored(critic, straight(*samples), context(Twist2D(0.4, 0.0, 0.0)))
+    assert out == pytest.approx([-7.0, 5.0 * 0.09 + 0.0, -7.0, 5.0 * 0.39**2 + 1.0])
+
+
+def test_rotate_to_goal_holds_until_the_goal_changes() -> None:
+    """Neither a slip out of the tolerance nor a push gives the other samples back; another goal does."""
+    critic = RotateToGoalCritic("rotate_to_goal", RotateToGoalParams(xy_goal_tolerance=0.15))
+    ahead = straight((0.2, 0.0, 0.0))
+    assert scored(critic, ahead, context()).tolist() == [-8.0]
+    pushed = context(Twist2D(0.5, 0.0, 0.0))
+    away = ScoringContext(
+        RobotState(Pose2D(-0.3, 0.0), Twist2D(0.5, 0.0, 0.0)),
+        pushed.costmap,
+        FOOTPRINT,
+        pushed.plan,
+        pushed.goal,
+        pushed.limits,
+    )
+    assert scored(critic, ahead, away).tolist() == [-8.0]
+    assert scored(critic, ahead, context(goal=Pose2D(0.5, 0.0, 1.0))).tolist() == [0.0]
 
 
 def test_rotate_to_goal_then_only_turns() -> None:
@@ -121,7 +140,10 @@ def test_a_list_of_them_drives() -> None:
     planner = DWAPlanner(
         DWAParams(
             critics=[{"name": kind, "type": kind} for kind in kinds],  # pyright: ignore[reportArgumentType]
-            critic_params={"rotate_to_goal": RotateToGoalParams(xy_goal_tolerance=0.3)},
+            critic_params={
+                "rotate_to_goal": RotateToGoalParams(xy_goal_tolerance=0.1),
+                "base_obstacle": BaseObstacleParams(scale=0.02),
+            },
             min_vel_y=0.0,
             max_vel_y=0.0,
         )

@@ -1,20 +1,28 @@
 #!/usr/bin/env python3
-"""How long one cycle of the local planners takes, against C++ where its times are at hand.
+"""How long one cycle of the local planners takes, against C++ where its times are at hand; and how they wear.
 
     python tools/bench/local_planner.py [--reference FOLDER] [--runs N] [--json]
+    python tools/bench/local_planner.py --cycles 100000
 
 FOLDER holds `calibrate.py` and `cpp_reference.json` (times of the real C++ stack with the calibration of that moment);
 without it only our own times are printed. A cycle = plan into the costmap's frame, grids, samples, rollouts, scores, table.
+The scoring lines are 2000 trajectories of 56 points, as many as Nav2's MPPI has, from the costmap and the trajectories to
+the table of scores: grids are built anew each time. With --cycles, that many cycles of each planner along a drive, with the
+memory in use along the way.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
+import gc
 import importlib.util
 import json
 import math
+import resource
 import sys
 import time
+import tracemalloc
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -23,8 +31,14 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from navstack.core import Costmap, Footprint, GridGeometry, Path, Pose2D, RobotState, Twist2D
-from navstack.interfaces import ControlInput, LocalPlanner
-from navstack.plugins import LOCAL_PLANNERS
+from navstack.core.errors import ControlError
+from navstack.interfaces import ControlInput, LocalPlanner, Rollouts, ScoringContext
+from navstack.local_planner import DWAParams, DWAPlanner
+from navstack.local_planner.critics import DEFAULT_CRITICS
+from navstack.local_planner.dwa import make_critics
+from navstack.local_planner.scoring import score
+from navstack.local_planner.sequences import roll_out
+from navstack.plugins import CRITICS, LOCAL_PLANNERS
 
 TURTLEBOT: dict[str, Any] = {
     "max_vel_trans": 0.5,
@@ -44,6 +58,18 @@ TURTLEBOT: dict[str, Any] = {
     "sim_granularity": 0.025,
     "vy_samples": 1,
 }
+EXTRA: dict[str, dict[str, Any]] = {
+    "trajectory_rollout": {
+        "dwa": True,
+        "holonomic_robot": False,
+        "path_distance_bias": 0.6,
+        "goal_distance_bias": 0.8,
+        "occdist_scale": 0.01,
+        "min_vel_theta": -1.0,
+        "min_vel_x": 0.1,
+    }
+}
+"""What the soak sets for a planner beside the turtlebot's values."""
 CASES: dict[str, tuple[int, int, float]] = {
     "dwa_turtlebot": (6, 20, 1.0),
     "dwa_6x20": (6, 20, 1.7),
@@ -114,18 +140,159 @@ def load_calibration(folder: FilePath) -> Any:
     return module
 
 
+SEQUENCES, POINTS, SEQUENCE_PERIOD_S = 2000, 56, 0.05
+
+
+def trajectories(state: RobotState, planner: DWAPlanner) -> dict[str, Rollouts]:
+    """2000 x 56 points: noise around one velocity as MPPI draws it, and constant velocities that fan out over the window."""
+    rng = np.random.default_rng(0)
+    noisy = np.zeros((SEQUENCES, POINTS, 3))
+    noisy[:, :, 0] = 0.3 + rng.normal(0.0, 0.2, (SEQUENCES, POINTS))
+    noisy[:, :, 2] = 0.1 + rng.normal(0.0, 0.4, (SEQUENCES, POINTS))
+    fan = np.zeros((SEQUENCES, 1, 3))
+    fan[:, 0, 0] = rng.uniform(0.1, 0.5, SEQUENCES)
+    fan[:, 0, 2] = rng.uniform(-1.0, 1.0, SEQUENCES)
+    sequences = {"noisy": noisy, "fan": np.repeat(fan, POINTS, axis=1)}
+    return {name: roll_out(v, state, planner.limits, SEQUENCE_PERIOD_S)[1] for name, v in sequences.items()}
+
+
+def scoring_rows(inputs: ControlInput, calibration: Any, runs: int) -> list[dict[str, Any]]:
+    """Points scored a second, by DWA's own critics and by all that are registered."""
+    rows: list[dict[str, Any]] = []
+    line = plan()
+    for critics in (DEFAULT_CRITICS, tuple(entry.name for entry in CRITICS)):
+        params = DWAParams(**TURTLEBOT, twirling_scale=0.1, critics=[{"name": c, "type": c} for c in critics])
+        planner = DWAPlanner(params)
+        made = make_critics(params)
+        for name, rollouts in trajectories(inputs.state, planner).items():
+            now = calibration.calibration_ms() if calibration else None
+            times: list[float] = []
+            table = None
+            for i in range(runs + 3):
+                context = ScoringContext(
+                    inputs.state,
+                    inputs.costmap,
+                    inputs.footprint,
+                    line.poses,
+                    line[len(line) - 1],
+                    planner.limits,
+                )
+                start = time.perf_counter()
+                table = score(made, context, rollouts)
+                if i >= 3:
+                    times.append(time.perf_counter() - start)
+            assert table is not None
+            points = SEQUENCES * POINTS
+            rows.append(
+                {
+                    "case": f"scoring_{name}",
+                    "critics": len(critics),
+                    "rejected": int((table.rejected_by >= 0).sum()),
+                    "median_ms": 1e3 * float(np.median(times)),
+                    "best_ms": 1e3 * min(times),
+                    "million_points_s": points / float(np.median(times)) / 1e6,
+                    "best_million_points_s": points / min(times) / 1e6,
+                    "calibration_ms": now,
+                }
+            )
+    return rows
+
+
+def soak(name: str, values: dict[str, Any], cycles: int) -> dict[str, Any]:
+    """`cycles` cycles of one planner, driven along plans that come anew every 50; memory and times."""
+    cls = LOCAL_PLANNERS.get(name).cls
+    planner = cls(cls.Params(**{k: v for k, v in values.items() if k in cls.Params.model_fields}))
+    footprint = Footprint.from_radius(0.18)
+    costmap = scene(footprint)
+    path = plan()
+    goal = path[len(path) - 1]
+    rng = np.random.default_rng(0)
+    states = [
+        RobotState(
+            Pose2D(*rng.normal(0.0, 0.05, 3)), Twist2D(float(rng.uniform(0.0, 0.5)), 0.0, float(rng.uniform(-0.5, 0.5)))
+        )
+        for _ in range(997)
+    ]
+    times, busy = np.zeros(cycles), np.zeros(cycles)
+    memory: list[tuple[int, float]] = []
+    traced: list[int] = []
+    refused = 0
+    for i in range(cycles):
+        if i % max(cycles // 10, 1) == 0:
+            gc.collect()
+            memory.append((i, resident_mb()))
+        inputs = ControlInput(states[i % len(states)], costmap, footprint)
+        start, at = time.perf_counter(), time.thread_time()
+        if i % 50 == 0:
+            planner.set_plan(path, goal)
+        try:
+            planner.compute_command(inputs)
+        except ControlError:
+            refused += 1
+        times[i], busy[i] = time.perf_counter() - start, time.thread_time() - at
+    gc.collect()
+    memory.append((cycles, resident_mb()))
+    # what Python holds after more and more cycles, to the byte; tracing is slow, so not all along
+    tracemalloc.start()
+    for _ in range(3):
+        for i in range(max(1000, cycles // 50)):
+            with contextlib.suppress(ControlError):
+                planner.compute_command(ControlInput(states[i % len(states)], costmap, footprint))
+        gc.collect()
+        traced.append(tracemalloc.get_traced_memory()[0])
+    tracemalloc.stop()
+    warm = min(cycles // 10, 1000)  # kernels loaded, buffers in place
+    wall, cpu = 1e3 * times[warm:], 1e3 * busy[warm:]
+    return {
+        "planner": name,
+        "cycles": cycles,
+        "refused": refused,
+        "resident_mb": [(i, round(now, 2)) for i, now in memory],
+        "grown_mb": memory[-1][1] - memory[1][1],
+        "traced_bytes": traced,
+        "median_ms": float(np.median(wall)),
+        "p99_ms": float(np.percentile(wall, 99)),
+        "median_cpu_ms": float(np.median(cpu)),
+        "p99_cpu_ms": float(np.percentile(cpu, 99)),
+        "worst_cpu_ms": float(cpu.max()),
+    }
+
+
+def resident_mb() -> float:
+    """Memory of this process in use now (MiB)."""
+    pages = int(FilePath("/proc/self/statm").read_text().split()[1])
+    return pages * resource.getpagesize() / 2**20
+
+
 def main() -> None:
     """Prints a line per case."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--reference", type=FilePath, help="folder with calibrate.py and cpp_reference.json")
     parser.add_argument("--runs", type=int, default=300)
+    parser.add_argument("--cycles", type=int, default=0, help="instead: so many cycles of each planner, and the memory")
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
     args = parser.parse_args()
+
+    if args.cycles:
+        rows = [soak(name, {**TURTLEBOT, **EXTRA.get(name, {})}, args.cycles) for name in ("dwa", "trajectory_rollout")]
+        if args.json:
+            json.dump(rows, sys.stdout, indent=1)
+            return
+        for row in rows:
+            print(f"{row['planner']}: {row['cycles']} cycles, {row['refused']} without a legal sample")
+            for clock, unit in (("", "on the wall's clock"), ("_cpu", "on the core's own")):
+                median, p99 = row[f"median{clock}_ms"], row[f"p99{clock}_ms"]
+                print(f"  median {median:.3f} ms, p99 {p99:.3f} ms = {p99 / median:.2f} x median, {unit}")
+            print(f"  resident MiB {', '.join(f'{i}: {mb:.1f}' for i, mb in row['resident_mb'])}")
+            print(
+                f"  grown after the first tenth: {row['grown_mb']:+.2f} MiB; Python's own, bytes: {row['traced_bytes']}"
+            )
+        return
 
     footprint = Footprint.from_radius(0.18)
     inputs = ControlInput(RobotState(Pose2D(0.0, 0.0, 0.1), Twist2D(0.3, 0.0, 0.1)), scene(footprint), footprint)
     calibration = load_calibration(args.reference) if args.reference else None
-    rows: list[dict[str, Any]] = []
+    rows = []
     cls = LOCAL_PLANNERS.get("dwa").cls
     for name, (nx, nw, sim_time) in CASES.items():
         now = calibration.calibration_ms() if calibration else None
@@ -136,8 +303,9 @@ def main() -> None:
             row["calibration_ms"] = now
             row["times_cpp"] = calibration.speedup(name, median, now)
         rows.append(row)
+    scoring = scoring_rows(inputs, calibration, min(args.runs, 60))
     if args.json:
-        json.dump(rows, sys.stdout, indent=1)
+        json.dump(rows + scoring, sys.stdout, indent=1)
         return
     for row in rows:
         against = (
@@ -148,6 +316,13 @@ def main() -> None:
         print(
             f"{row['case']:14s} {row['samples']:4d} samples  median {row['median_ms']:.3f} ms  "
             f"best {row['best_ms']:.3f} ms{against}"
+        )
+    for row in scoring:
+        beside = f"  (calibration {row['calibration_ms']:.1f} ms)" if row["calibration_ms"] else ""
+        print(
+            f"{row['case']:14s} {SEQUENCES} x {POINTS}, {row['critics']:2d} critics, {row['rejected']:4d} rejected  median "
+            f"{row['median_ms']:.2f} ms = {row['million_points_s']:.1f} M points/s  "
+            f"best {row['best_ms']:.2f} ms = {row['best_million_points_s']:.1f}{beside}"
         )
 
 

@@ -7,18 +7,17 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import INSCRIBED
 from navstack.core.parameters import ParamModel, param
 from navstack.interfaces import Critic, Rollouts, ScoringContext
+from navstack.local_planner._centre_kernels import centre_costs
+from navstack.local_planner.cells import shared_cells
 from navstack.plugins import CRITICS
-
-HITS, LEAVES = -6.0, -4.0
 
 
 class BaseObstacleParams(ParamModel):
     """Weight, and how costs along the way add up."""
 
-    scale: float = param(0.02, "weight of this critic", ge=0.0)
+    scale: float = param(1.0, "weight of this critic; Nav2's own configurations have 0.02", ge=0.0)
     sum_scores: bool = param(False, "sum of the costs along the trajectory instead of that of its last point")
 
 
@@ -35,6 +34,7 @@ class BaseObstacleCritic(Critic):
     def __init__(self, name: str, params: BaseObstacleParams) -> None:
         super().__init__(name, params)
         self._context: ScoringContext | None = None
+        self._out = np.empty(0)
 
     @property
     def scale(self) -> float:
@@ -49,20 +49,9 @@ class BaseObstacleCritic(Critic):
         """(K,) costs in 0..252 (their sum with `sum_scores`), -6 or -4, whichever comes first along the way."""
         if self._context is None:
             raise RuntimeError("prepare was not called")
-        costmap = self._context.costmap
-        g = costmap.geometry
-        k, t = rollouts.poses.shape[:2]
-        points = np.arange(t)
-        valid = (points < rollouts.counts[:, None]) & alive[:, None]
-        # what lies beyond a trajectory's end may be anything
-        xy = np.where(valid[:, :, None], rollouts.poses[:, :, :2], (g.origin_x - g.resolution, g.origin_y))
-        cells = np.floor((xy - (g.origin_x, g.origin_y)) / g.resolution)
-        inside = np.all((cells >= 0) & (cells < (g.nx, g.ny)), axis=2, keepdims=True)[:, :, 0]
-        ix, iy = np.where(inside[:, :, np.newaxis], cells, 0).astype(np.int64).transpose(2, 0, 1)
-        costs = np.where(valid & inside, costmap.data[iy, ix].astype(np.float64), 0.0)
-        wrong = np.where(valid & ~inside, LEAVES, np.where(costs >= INSCRIBED, HITS, 0.0))
-        last = np.maximum(rollouts.counts - 1, 0)
-        out = costs.sum(axis=1) if self.params.sum_scores else costs[np.arange(k), np.minimum(last, max(t - 1, 0))]
-        first = (wrong < 0.0).argmax(axis=1)
-        found = wrong[np.arange(k), first]
-        return np.where(found < 0.0, found, out)
+        if len(self._out) != len(rollouts.counts):
+            self._out = np.empty(len(rollouts.counts))
+        cells = shared_cells(self._context, rollouts)
+        costs = self._context.costmap.data
+        centre_costs(costs, cells.flat, rollouts.counts, alive, self.params.sum_scores, self._out)
+        return self._out

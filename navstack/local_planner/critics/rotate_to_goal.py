@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from navstack.core import Pose2D
 from navstack.core.parameters import ParamModel, param
 from navstack.interfaces import Critic, Rollouts, ScoringContext
 from navstack.plugins import CRITICS
@@ -34,19 +35,22 @@ class RotateToGoalParams(ParamModel):
 
 @CRITICS.register("rotate_to_goal", aliases=("dwb_critics/RotateToGoalCritic", "RotateToGoal"))
 class RotateToGoalCritic(Critic):
-    """Zero farther than `xy_goal_tolerance` from the goal. Nearer, rejects speeding up, then everything but turning.
+    """Zero until within `xy_goal_tolerance` of the goal. From then on rejects what is not slower, then all but turning.
 
     What is left costs the heading's distance from the goal's (rad), and until stopped the squared speed times
-    `slowing_factor`. DWA turns at its own xy_goal_tolerance without asking critics: this one acts where its is larger.
+    `slowing_factor`. Both phases last until the goal changes. DWA brakes and turns at its own xy_goal_tolerance
+    without asking critics: with a larger one here the robot would stay between the two. This critic is for planners that
+    have no such state, and for lists of critics that come from Nav2.
     """
 
     Params: ClassVar[type[ParamModel]] = RotateToGoalParams
-    CODES: ClassVar[dict[int, str]] = {-7: "speeds up near the goal", -8: "does more than turn at the goal"}
+    CODES: ClassVar[dict[int, str]] = {-7: "does not slow down near the goal", -8: "does more than turn at the goal"}
 
     def __init__(self, name: str, params: RotateToGoalParams) -> None:
         super().__init__(name, params)
         self._near, self._stopped = False, False
-        self._speed, self._yaw = 0.0, 0.0
+        self._speed = 0.0
+        self._goal: Pose2D | None = None
 
     @property
     def scale(self) -> float:
@@ -56,24 +60,26 @@ class RotateToGoalCritic(Critic):
     def prepare(self, context: ScoringContext) -> None:
         """Looks where the robot is and how fast."""
         p = self.params
+        if context.goal != self._goal:
+            self._near = self._stopped = False
+            self._goal = context.goal
         self._speed = context.state.velocity.speed
-        self._near = context.state.pose.distance_to(context.goal) <= p.xy_goal_tolerance
-        self._stopped = self._near and self._speed <= p.trans_stopped_vel
-        self._yaw = context.goal.yaw
+        self._near = self._near or context.state.pose.distance_to(context.goal) <= p.xy_goal_tolerance
+        self._stopped = self._stopped or (self._near and self._speed <= p.trans_stopped_vel)
 
     def score(self, rollouts: Rollouts, alive: NDArray[np.bool_]) -> NDArray[np.float64]:
         """(K,) 0 far from the goal; near it the cost, or -7, -8."""
         k = len(rollouts.counts)
-        if not self._near or rollouts.poses.shape[1] == 0:
+        if self._goal is None or not self._near or rollouts.poses.shape[1] == 0:
             return np.zeros(k)
         p, samples = self.params, rollouts.samples
         speed = np.hypot(samples[:, 0], samples[:, 1])
-        heading = self._heading_left(rollouts)
+        heading = self._heading_left(rollouts, self._goal.yaw)
         if self._stopped:
             return np.where(speed > 0.0, NO_TURN, heading)
-        return np.where(speed > self._speed, TOO_FAST, speed * speed * p.slowing_factor + heading)
+        return np.where(speed >= self._speed, TOO_FAST, speed * speed * p.slowing_factor + heading)
 
-    def _heading_left(self, rollouts: Rollouts) -> NDArray[np.float64]:
+    def _heading_left(self, rollouts: Rollouts, goal_yaw: float) -> NDArray[np.float64]:
         """(K,) angle between the goal's heading and each trajectory's, at its end or after `lookahead_time`."""
         rows = np.arange(len(rollouts.counts))
         first, last = rollouts.poses[:, 0, 2], rollouts.poses[rows, np.maximum(rollouts.counts - 1, 0), 2]
@@ -82,5 +88,5 @@ class RotateToGoalCritic(Critic):
             turned = np.arctan2(np.sin(last - first), np.cos(last - first))
             # no farther than it was simulated, where that is less than half a turn
             last = first + np.where(np.abs(ahead) < np.abs(turned), ahead, turned)
-        left = (last - self._yaw + math.pi) % (2.0 * math.pi) - math.pi
+        left = (last - goal_yaw + math.pi) % (2.0 * math.pi) - math.pi
         return np.abs(left)
