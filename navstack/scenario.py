@@ -241,7 +241,7 @@ class RunResult:
         }
 
 
-def _take_down(recorder: RunRecorder, robot: SimulatedRobot, move_base: MoveBase, goal: int) -> None:
+def _take_down(recorder: RunRecorder, robot: SimulatedRobot, move_base: MoveBase, goal: int, clearance: float) -> None:
     """Puts what the last tick did into the record."""
     turn = move_base.turn
     t = turn.time
@@ -263,6 +263,7 @@ def _take_down(recorder: RunRecorder, robot: SimulatedRobot, move_base: MoveBase
         command=move_base.command,
         state=move_base.state.name,
         goal_index=goal,
+        clearance=clearance,
     )
 
 
@@ -274,12 +275,14 @@ class _Meter:
         self._rows = array("d")
         self._states: list[str] = []
 
-    def note(self, state: str) -> None:
-        """The cycle that has just been."""
+    def note(self, state: str) -> float:
+        """The cycle that has just been; its clearance (m)."""
         robot = self._robot
         pose, now = robot.pose, robot.time
-        self._rows.extend((now, *pose, robot.world.clearance(pose, robot.footprint, now)))
+        clearance = robot.world.clearance(pose, robot.footprint, now)
+        self._rows.extend((now, *pose, clearance))
         self._states.append(state)
+        return clearance
 
     def metrics(self, results: Sequence[Mapping[str, Any]]) -> RunMetrics:
         """Of the cycles so far."""
@@ -287,24 +290,6 @@ class _Meter:
         return compute_metrics(
             rows[:, 0], rows[:, 1:4], self._states, rows[:, 4], results=results, contacts=len(self._robot.collisions)
         )
-
-
-def metrics_of(record: Record) -> RunMetrics:
-    """The metrics of a recorded run: those that the run itself had, to the bit.
-
-    Raises RecordError for records that do not hold the scenario.
-    """
-    scenario = Scenario.from_record(record)
-    world = scenario.world()
-    footprint = true_footprint(scenario.configuration)
-    poses, times = record.poses, record.times
-    clearances = np.array(
-        [world.clearance(Pose2D(*pose), footprint, t) for pose, t in zip(poses.tolist(), times.tolist(), strict=True)],
-        np.float64,
-    )
-    return compute_metrics(
-        times, poses, record.states.tolist(), clearances, results=record.results, contacts=len(record.collisions)
-    )
 
 
 class Run:
@@ -364,9 +349,9 @@ class Run:
                 return False
         robot.advance_to(min(due, move_base.next_due(robot.time)))
         move_base.tick(robot.time)
-        self._meter.note(move_base.state.name)
+        clearance = self._meter.note(move_base.state.name)
         if self.recorder is not None:
-            _take_down(self.recorder, robot, move_base, self.goal_index)
+            _take_down(self.recorder, robot, move_base, self.goal_index, clearance)
         if self._handle is not None and robot.time - self._begun > self.scenario.time_limit_s:
             move_base.cancel_goal(self._handle)
         return True

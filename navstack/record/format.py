@@ -57,6 +57,8 @@ Tables (structured arrays, one row per ..):
 Plain arrays:
 
     map                      (ny, nx) i1    100 occupied, 0 free, -1 unknown, [iy, ix]; absent without a map
+    clearances               (n,) f8 m      a row per row of `samples`: from the true outline to the nearest obstacle, inf where
+                                            there is none; absent where nobody knew (a real robot)
     plan_poses               (n, 3) f8      x, y, yaw in the plan's frame
     local_plan_samples       (n, 3) f4      velocities vx, vy, wz, m/s and rad/s
     local_plan_costs         (n, c) f4      raw cost per critic, NaN where it did not score
@@ -253,6 +255,11 @@ def check(meta: dict[str, Any], events: list[dict[str, Any]], arrays: dict[str, 
         array = arrays[name]
         if array.dtype != np.dtype(dtype) or array.ndim != ndim:
             raise ValueError(f"{name} is {array.dtype} of {array.ndim} dimensions")
+    clearances = arrays.get("clearances")
+    if clearances is not None and (
+        clearances.dtype != np.dtype("<f8") or clearances.shape != (len(arrays["samples"]),)
+    ):
+        raise ValueError("clearances has not one row per sample")
     for name in ("plan_poses", "local_plan_samples", "local_plan_poses"):
         if arrays[name].shape[1] != 3:
             raise ValueError(f"{name} has shape {arrays[name].shape}")

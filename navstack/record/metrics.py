@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from navstack.record.reader import Record
+
 MOVING_M_S = 0.01
 """Slower than this is standing, or turning in place: no curvature, no speed while moving."""
 
@@ -36,7 +38,7 @@ class RunMetrics:
     """Length of the way driven, over all goals."""
     clearance_min_m: float
     """Least distance between the true footprint and an obstacle, at the control cycles; 0 after a contact, inf without
-    obstacles."""
+    obstacles, nan where nobody knew."""
     clearance_mean_m: float
     """Mean of that distance over the cycles; nan without obstacles or cycles."""
     speed_mean_m_s: float
@@ -94,7 +96,7 @@ def compute_metrics(
     for name, seconds in zip(np.asarray(states)[:-1][real].tolist() if len(step) else [], duration.tolist()):
         at_state[name] = at_state.get(name, 0.0) + seconds
     finite = clearances[np.isfinite(clearances)]
-    nearest = float(finite.min()) if len(finite) else math.inf
+    nearest = float(finite.min()) if len(finite) else math.nan if np.isnan(clearances).any() else math.inf
     return RunMetrics(
         goals=len(results),
         succeeded=sum(result["state"] == "SUCCEEDED" for result in results),
@@ -112,6 +114,18 @@ def compute_metrics(
         turning_s=float(duration[turning].sum()),
         standing_s=float(duration[standing].sum()),
         state_s=dict(sorted(at_state.items())),
+    )
+
+
+def metrics_of(record: Record) -> RunMetrics:
+    """The metrics of a recorded run: those that the run itself had, to the bit."""
+    return compute_metrics(
+        record.times,
+        record.poses,
+        record.states.tolist(),
+        record.clearances,
+        results=record.results,
+        contacts=len(record.collisions),
     )
 
 

@@ -143,6 +143,12 @@ class Record:
         return self._columns("map_to_odom_x", "map_to_odom_y", "map_to_odom_yaw")
 
     @property
+    def clearances(self) -> NDArray[np.float64]:
+        """(n,) m from the true outline to the nearest obstacle, inf without one; nan where nobody knew."""
+        found = self.arrays.get("clearances")
+        return np.full(len(self.times), np.nan) if found is None else found
+
+    @property
     def states(self) -> NDArray[np.str_]:
         """(n,) state of the goal manager, by name."""
         return self.samples["state"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from array import array
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -76,6 +77,7 @@ class RunRecorder:
         self._events: list[dict[str, Any]] = []
         self._samples = array("d")
         self._sample_goal = array("i")
+        self._clearances = array("d")
         self._sample_state: list[str] = []
         self._goals: list[tuple[float, ...]] = []
         self._collisions: list[tuple[float, ...]] = []
@@ -109,8 +111,13 @@ class RunRecorder:
         command: Twist2D,
         state: int | str,
         goal_index: int,
+        clearance: float = math.nan,
     ) -> None:
-        """Where the robot is (`pose` in the global frame, `odom` as it reports), what it was told, and why."""
+        """Where the robot is (`pose` in the global frame, `odom` as it reports), what it was told, and why.
+
+        `clearance` (m): from its true outline to the nearest obstacle, where somebody knows.
+        """
+        self._clearances.append(clearance)
         self._samples.extend((t, *pose, *odom.pose, *odom.velocity, *map_to_odom, *command))
         self._sample_goal.append(goal_index)
         self._sample_state.append(state if isinstance(state, str) else str(state))
@@ -187,6 +194,9 @@ class RunRecorder:
         samples: dict[str, Any] = {name: values[:, i] for i, name in enumerate(fmt.SAMPLE_COLUMNS)}
         samples |= {"goal": self._sample_goal, "state": self._sample_state}
         arrays["samples"] = fmt.table(fmt.TABLES["samples"], samples, len(values))
+        clearances = np.array(self._clearances, "<f8")
+        if not np.isnan(clearances).all():
+            arrays["clearances"] = clearances
         for name, rows in (("goals", self._goals), ("collisions", self._collisions)):
             columns = np.array(rows, np.float64).reshape(-1, 4)
             arrays[name] = fmt.table(

@@ -15,7 +15,7 @@
     time_limit: 120                       # simulated seconds for a goal
     success: {goals: SUCCEEDED, max_contacts: 0, max_time: 100, min_clearance: 0.02}
 
-For many processes: send the path (or a `ScenarioFile`, a few kB when pickled) and the arguments of `load_scenario`, and
+For many processes: send the path (or a `ScenarioSpec`, a few kB when pickled) and the arguments of `load_scenario`, and
 load it there, which takes about 10 ms; or send the `Scenario` itself (its map's cells and about 50 kB).
 """
 
@@ -33,7 +33,7 @@ from navstack.core.errors import MapError, ScenarioError
 from navstack.map_io import load_map
 from navstack.params.findings import Finding, finding, in_order
 from navstack.params.sources import Source
-from navstack.params.yaml_reader import DictNode, read_yaml
+from navstack.params.yaml_reader import read_yaml
 from navstack.places import itinerary
 from navstack.scenario import Scenario
 from navstack.scenario_file.models import Disc, Success, TrackedDisc
@@ -41,25 +41,40 @@ from navstack.scenario_file.reader import Parts, ScenarioReader
 from navstack.sim.movers import Track
 from navstack.success import SuccessConditions
 
-__all__ = ["ScenarioFile", "check_scenario", "is_scenario_file", "load_scenario", "read_scenario"]
+__all__ = ["ScenarioSpec", "check_scenario", "is_scenario_file", "load_scenario", "read_scenario"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ScenarioFile:
-    """A scenario file that was read and found right; `build` makes the scenario, as often as wanted."""
+class ScenarioSpec:
+    """A scenario before its parameters are chosen: a file that was read, or one of a suite; `build` makes the scenario, as
+    often as wanted. A few kB when pickled, where the map is a file.
+    """
 
-    path: Path
     parts: Parts
+    path: Path | None = None
+    """The file it was read from."""
 
     @property
     def name(self) -> str:
-        """What the file calls itself, or its own name."""
-        return self.parts.settings.name or self.path.stem
+        """What the scenario calls itself, or its file's name."""
+        return self.parts.settings.name or (self.path.stem if self.path is not None else "scenario")
+
+    @property
+    def over(self) -> tuple[Source, ...]:
+        """What the scenario lays over whatever parameters it is run with: its `set:` and its `sim:`."""
+        return tuple(self.parts.over)
 
     @property
     def description(self) -> str:
         """What it shows."""
         return self.parts.settings.description
+
+    def map(self) -> OccupancyGrid:
+        """Its map, which must not be written to: scenarios on one map share it. Raises MapError."""
+        if self.parts.grid is not None:
+            return self.parts.grid
+        assert self.parts.map_file is not None
+        return _map(self.parts.map_file)
 
     def build(
         self,
@@ -83,9 +98,8 @@ class ScenarioFile:
         parts = self.parts
         settings = parts.settings
         seed = settings.seed if seed is None else seed
-        assert parts.map_file is not None and parts.start is not None
-        own = [s for s in parts.sources if isinstance(s, DictNode)]
-        sources = parts.sources if params is None else [*params, *own]
+        assert parts.start is not None
+        sources = [*(parts.sources if params is None else params), *self.over]
         configuration = load_configuration(
             sources, overrides=overrides, distro=distro or settings.distro, allow_missing=settings.allow_missing
         )
@@ -97,15 +111,15 @@ class ScenarioFile:
             names, poses = (), tuple(goals)
         discs = [s for s in parts.shapes if isinstance(s, Disc)]
         told: dict[str, Any] = {
-            "scenario": self.path.name,
-            "map": parts.map_file.name,
+            "scenario": self.path.name if self.path is not None else self.name,
+            "map": self.name if parts.map_file is None else parts.map_file.name,
             "params": [Path(s).name for s in sources if isinstance(s, (str, Path))],
             "overrides": list(overrides),
         }
         if any(names):
             told["places"] = [name or None for name in names]
         return Scenario(
-            map=_map(str(parts.map_file), parts.map_file.stat().st_mtime_ns),
+            map=self.map(),
             configuration=configuration,
             start=start or parts.start,
             goals=poses,
@@ -132,7 +146,7 @@ def is_scenario_file(path: Path) -> bool:
     return "map" in keys or len({"start", "goals", "tour", "shapes", "success", "time_limit", "params"} & keys) >= 2
 
 
-def read_scenario(path: str | Path, shown: str | None = None) -> ScenarioFile:
+def read_scenario(path: str | Path, shown: str | None = None) -> ScenarioSpec:
     """Reads a scenario file.
 
     Raises ScenarioError when it cannot be used: its message has a line per error, its `data["findings"]` everything that
@@ -143,11 +157,11 @@ def read_scenario(path: str | Path, shown: str | None = None) -> ScenarioFile:
     errors = [f for f in in_order(reader.findings) if f.severity == "error"]
     if errors:
         raise scenario_error(errors)
-    return ScenarioFile(Path(path), parts)
+    return ScenarioSpec(parts, Path(path))
 
 
 def load_scenario(path: str | Path, **overrides: Any) -> Scenario:
-    """The scenario of a file; `overrides` are those of `ScenarioFile.build` (`seed=3, overrides=["a/b=1"]`).
+    """The scenario of a file; `overrides` are those of `ScenarioSpec.build` (`seed=3, overrides=["a/b=1"]`).
 
     Raises ScenarioError for the file, ParameterError for the parameters, MapError for the map.
     """
@@ -163,7 +177,7 @@ def check_scenario(
     findings = list(reader.findings)
     if parts.sources and reader.readable:
         findings += check_parameters(
-            parts.sources,
+            [*parts.sources, *parts.over],
             overrides=overrides,
             distro=distro or parts.settings.distro,
             allow_missing=allow_missing or parts.settings.allow_missing,
@@ -185,7 +199,7 @@ def _on_map(reader: ScenarioReader, parts: Parts) -> list[Finding]:
     assert parts.map_file is not None
     at = reader.root.items["map"][1].at
     try:
-        grid = _map(str(parts.map_file), parts.map_file.stat().st_mtime_ns)
+        grid = _map(parts.map_file)
     except MapError as exc:
         return [finding("error", "map", at, "map", exc.message)]
     said: list[Finding] = []
@@ -218,9 +232,17 @@ def _where(grid: OccupancyGrid, pose: Pose2D) -> str | None:
     return "lies in a wall of the map" if grid.data[cell[1], cell[0]] >= 100 else None
 
 
+def _map(path: Path) -> OccupancyGrid:
+    """A map, read once per process for all scenarios on it."""
+    try:
+        changed_ns = path.stat().st_mtime_ns
+    except OSError:
+        changed_ns = 0
+    return _map_as_of(str(path), changed_ns)
+
+
 @lru_cache(maxsize=16)
-def _map(path: str, changed_ns: int) -> OccupancyGrid:
-    """A map, read once per process for all scenarios on it; nobody writes to it."""
+def _map_as_of(path: str, changed_ns: int) -> OccupancyGrid:
     del changed_ns
     grid = load_map(Path(path))
     grid.data.setflags(write=False)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from navstack import maps
-from navstack.core import Pose2D
+from navstack.core import OccupancyGrid, Pose2D
 from navstack.core.errors import InputError
 from navstack.core.parameters import ParamModel
 from navstack.params import packaged_sets
@@ -55,8 +55,12 @@ class Parts:
 
     settings: Settings = field(default_factory=Settings)
     map_file: Path | None = None
+    grid: OccupancyGrid | None = None
+    """The map itself, where it is no file."""
     sources: list[Source] = field(default_factory=list[Source])
-    """Of parameters, the file's own `set:` and `sim:` last."""
+    """Of parameters: `params:`."""
+    over: list[Source] = field(default_factory=list[Source])
+    """What lies over them: `set:`, then `sim:`."""
     start: Pose2D | None = None
     start_at: Location = Location("")
     goals: tuple[Pose2D, ...] = ()
@@ -234,13 +238,13 @@ class ScenarioReader:
                     self._source(text, item.at)
         changes = self._mapping("set", "`NAME: VALUE` lines, for example `DWAPlannerROS/max_vel_x: 0.4`")
         if changes is not None:
-            self.parts.sources.append(changes)
+            self.parts.over.append(changes)
         sim = self._mapping(
             "sim", "parameters of the simulated robot, indented below it, such as `odometry_noise: 0.02`"
         )
         if sim is not None:
             inner = DictNode({"sim": (self.root.items["sim"][0], sim)}, sim.at)
-            self.parts.sources.append(DictNode({"navstack": (self.root.items["sim"][0], inner)}, sim.at))
+            self.parts.over.append(DictNode({"navstack": (self.root.items["sim"][0], inner)}, sim.at))
 
     def _source(self, text: str, at: Location) -> None:
         name, marker, namespace = text.rpartition("@")
