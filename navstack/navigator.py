@@ -12,7 +12,7 @@ from navstack.costmap import LayeredCostmap, LayerSpec
 from navstack.interfaces import GlobalPlanner, Plan, Robot
 from navstack.map_io import load_mask
 from navstack.move_base import MoveBase
-from navstack.sim import SimulatedRobot, World
+from navstack.sim import Shape, SimulatedRobot, World
 
 
 def build_costmap(
@@ -81,22 +81,23 @@ def simulated_robot(
     *,
     obstacles: Sequence[tuple[float, float, float]] = (),
     low_obstacles: Sequence[tuple[float, float, float]] = (),
+    shapes: Sequence[Shape] = (),
     seed: int = 0,
 ) -> SimulatedRobot:
     """A robot at `start` (map frame) among the map's walls and `obstacles` (x, y, radius; m), as `navstack: sim:` says.
 
-    Lidars do not see `low_obstacles`; bumpers feel them. A `World` in the place of the map has its own obstacles, to which
-    none can be added.
+    Lidars above them do not see `low_obstacles`; bumpers feel them. `shapes`: whatever else stands or moves there. A `World`
+    in the place of the map has its own obstacles, to which none can be added.
 
     Raises StartOutsideMapError or StartOccupiedError when it cannot stand there.
     """
     footprint = true_footprint(configuration)
     if isinstance(static_map, World):
-        if obstacles or low_obstacles:
+        if obstacles or low_obstacles or shapes:
             raise InputError("a world has its obstacles already; give a map with obstacles, or a world without")
         world, static_map = static_map, static_map.map
     else:
-        world = World(static_map, obstacles, low_discs=low_obstacles)
+        world = World(static_map, obstacles, low_discs=low_obstacles, shapes=shapes)
     if not start.is_finite():
         raise InputError(f"the start {tuple(start)} is not finite; give x,y,yaw in metres and radians", pose=start)
     if not world.contains(start):

@@ -8,7 +8,15 @@ from navstack.core.frames import FrameTree
 from navstack.core.geometry import Pose2D, Transform2D, Twist2D
 from navstack.core.grid import Bounds, Costmap, GridGeometry, OccupancyGrid, Window
 from navstack.core.path import Path
-from navstack.core.sensing import DeferredScan, LaserScan, PointCloud, RangeReading, RobotState, SensorData
+from navstack.core.sensing import (
+    DeferredScan,
+    ImuReading,
+    LaserScan,
+    PointCloud,
+    RangeReading,
+    RobotState,
+    SensorData,
+)
 
 __all__ = [
     "FREE",
@@ -22,6 +30,7 @@ __all__ = [
     "Footprint",
     "FrameTree",
     "GridGeometry",
+    "ImuReading",
     "LaserScan",
     "Listener",
     "OccupancyGrid",

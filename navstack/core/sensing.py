@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -109,6 +110,26 @@ class RangeReading:
     stamp: float = 0.0
     frame: str = "sonar_link"
     topic: str = "sonar"
+
+
+@dataclass(frozen=True, slots=True)
+class ImuReading:
+    """What an inertial measurement unit reports, as sensor_msgs/Imu, of a robot that stays in the plane.
+
+    `orientation` is the quaternion (x, y, z, w) of `frame` in the map; `yaw_rate` (rad/s) counter-clockwise.
+    """
+
+    orientation: tuple[float, float, float, float]
+    yaw_rate: float
+    stamp: float = 0.0
+    frame: str = "imu_link"
+    topic: str = "imu"
+
+    @property
+    def yaw(self) -> float:
+        """Of the orientation, rad."""
+        x, y, z, w = self.orientation
+        return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
 SensorData = LaserScan | PointCloud | RangeReading

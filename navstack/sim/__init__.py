@@ -1,23 +1,32 @@
-"""The simulator: a robot's body, odometry, lidars and bumpers in a world made of a map and round obstacles."""
+"""The simulator: a robot's body, odometry, localization and sensors in a world of a map, shapes, doors and people."""
 
 from navstack.sim.bumper import Bumper
 from navstack.sim.lidar import Lidar
 from navstack.sim.movers import Track, TrackedDiscs
-from navstack.sim.params import BumperParams, LidarParams, SimParams
+from navstack.sim.params import BumperParams, ImuParams, LidarParams, SimParams, SonarParams
 from navstack.sim.robot import Contact, SimulatedRobot
-from navstack.sim.shapes import Shape
+from navstack.sim.shapes import LOW, DoorMotion, OnTrack, PedestrianMotion, Shape, Still
+from navstack.sim.solids import Solids
 from navstack.sim.world import Mover, World
 
 __all__ = [
+    "LOW",
     "Bumper",
     "BumperParams",
     "Contact",
+    "DoorMotion",
+    "ImuParams",
     "Lidar",
     "LidarParams",
     "Mover",
+    "OnTrack",
+    "PedestrianMotion",
     "Shape",
     "SimParams",
     "SimulatedRobot",
+    "Solids",
+    "SonarParams",
+    "Still",
     "Track",
     "TrackedDiscs",
     "World",

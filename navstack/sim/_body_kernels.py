@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from navstack.core.jit import kernel
+from navstack.sim._polygon_kernels import polygon_contains, polygon_to_point, polygons_meet
 
 # layout of `state`
 X, Y, YAW = 0, 1, 2  # truth, map frame
@@ -21,29 +22,17 @@ OX, OY, OYAW = 9, 10, 11  # odometry, odom frame
 DISTANCE = 12  # travelled, m
 TOUCHING = 13  # 1 from a contact until it is left
 CX, CY, CYAW = 14, 15, 16  # pose of that contact
-OVERRUN = 17  # 1 while a moving disc lies over the robot
-STATE_SIZE = 18
+OVERRUN = 17  # 1 while a moving obstacle lies over the robot
+GX, GY, GZ = 18, 19, 20  # change of the velocity in the last step: the acceleration
+STEER, LSTEER = 21, 22  # steering angle of a car; what its controller has come to under its lag
+STATE_SIZE = 23
 
 # no point of the footprint moves further than this between two tests for contact, m
 SWEEP_STEP = 0.005
 # a contact is left once a point of the footprint is this far from where it was, m
 RELEASE = 0.02
-# discs further away than this from where they were last chosen are not looked at, m
+# obstacles further away than this from where they were last chosen are not looked at, m
 HORIZON = 1.0
-
-
-@kernel
-def polygon_contains(polygon, x, y):
-    """True for a point inside the polygon (n, 2), by the even-odd rule."""
-    inside = False
-    j = polygon.shape[0] - 1
-    for i in range(polygon.shape[0]):
-        if (polygon[i, 1] > y) != (polygon[j, 1] > y):
-            at = polygon[i, 0] + (y - polygon[i, 1]) / (polygon[j, 1] - polygon[i, 1]) * (polygon[j, 0] - polygon[i, 0])
-            if x < at:
-                inside = not inside
-        j = i
-    return inside
 
 
 @kernel
@@ -113,46 +102,51 @@ def polygon_on_cells(squares, polygon, cx, cy, radius):
 
 
 @kernel
-def polygon_to_point(polygon, x, y):
-    """Distance from the point to the polygon (n, 2), 0 inside."""
-    if polygon_contains(polygon, x, y):
-        return 0.0
-    best = math.inf
-    j = polygon.shape[0] - 1
-    for i in range(polygon.shape[0]):
-        ex, ey = polygon[i, 0] - polygon[j, 0], polygon[i, 1] - polygon[j, 1]
-        wx, wy = x - polygon[j, 0], y - polygon[j, 1]
-        length2 = ex * ex + ey * ey
-        t = min(max((wx * ex + wy * ey) / length2, 0.0), 1.0) if length2 > 0.0 else 0.0
-        best = min(best, (wx - t * ex) ** 2 + (wy - t * ey) ** 2)
-        j = i
-    return math.sqrt(best)
+def choose_solids(solids, x, y, reach, chosen):
+    """Writes the numbers of the solids that may come within `reach` (m) of the point; returns how many.
 
-
-@kernel
-def choose_discs(discs, x, y, reach, chosen):
-    """Writes the indices of the discs (k, 3) that come within `reach` (m) of the point; returns how many."""
+    Discs are counted first, then polygons.
+    """
     count = 0
+    discs, circles = solids.discs, solids.circles
     for k in range(discs.shape[0]):
         dx, dy, far = discs[k, 0] - x, discs[k, 1] - y, reach + discs[k, 2]
         if dx * dx + dy * dy < far * far:
             chosen[count] = k
             count += 1
+    for k in range(circles.shape[0]):
+        dx, dy, far = circles[k, 0] - x, circles[k, 1] - y, reach + circles[k, 2]
+        if dx * dx + dy * dy < far * far:
+            chosen[count] = discs.shape[0] + k
+            count += 1
     return count
 
 
 @kernel
-def disc_contact(discs, disc, footprint, radius, x, y, c, s):
-    """True when the footprint (n, 2), at a pose with cosine c and sine s of its yaw, meets the disc."""
-    dx, dy, r = discs[disc, 0] - x, discs[disc, 1] - y, discs[disc, 2]
+def solid_contact(solids, number, footprint, radius, x, y, c, s, placed):
+    """True when the footprint (n, 2), at a pose with cosine c and sine s of its yaw, meets the solid of that number.
+
+    `placed` (n, 2) is scratch.
+    """
+    discs, circles = solids.discs, solids.circles
+    if number < discs.shape[0]:
+        dx, dy, r = discs[number, 0] - x, discs[number, 1] - y, discs[number, 2]
+        if dx * dx + dy * dy > (radius + r) * (radius + r):
+            return False
+        return polygon_to_point(footprint, c * dx + s * dy, c * dy - s * dx) < r
+    k = number - discs.shape[0]
+    dx, dy, r = circles[k, 0] - x, circles[k, 1] - y, circles[k, 2]
     if dx * dx + dy * dy > (radius + r) * (radius + r):
         return False
-    return polygon_to_point(footprint, c * dx + s * dy, c * dy - s * dx) < r
+    for i in range(footprint.shape[0]):
+        placed[i, 0] = x + c * footprint[i, 0] - s * footprint[i, 1]
+        placed[i, 1] = y + s * footprint[i, 0] + c * footprint[i, 1]
+    return polygons_meet(placed, solids.corners[solids.first[k] : solids.first[k + 1]])
 
 
 @kernel
-def find_contact(squares, grid, discs, chosen, count, footprint, radius, x, y, yaw, placed):
-    """What the footprint (n, 2) touches at a pose in the map: cell index >= 0, disc -2 - k, or -1 for nothing.
+def find_contact(squares, grid, solids, chosen, count, footprint, radius, x, y, yaw, placed):
+    """What the footprint (n, 2) touches at a pose in the map: cell index >= 0, solid -2 - number, or -1 for nothing.
 
     `placed` (n, 2) is scratch.
     """
@@ -169,7 +163,7 @@ def find_contact(squares, grid, discs, chosen, count, footprint, radius, x, y, y
         return cell
     c, s = math.cos(yaw), math.sin(yaw)
     for k in range(count):
-        if disc_contact(discs, chosen[k], footprint, radius, x, y, c, s):
+        if solid_contact(solids, chosen[k], footprint, radius, x, y, c, s, placed):
             return -2 - chosen[k]
     return -1
 
@@ -185,47 +179,63 @@ def wrapped(angle):
 
 
 @kernel
-def drive(
-    state,
-    command,
-    steps,
-    dt,
-    limits,
-    keep,
-    noise,
-    squares,
-    grid,
-    discs,
-    moving,
-    footprint,
-    radius,
-    facing,
-    samples,
-    contacts,
-):
+def jerk_limited(error, last, jerk):
+    """The next change of a velocity that is to change by `error` in all, when two changes differ by `jerk` at most.
+
+    The largest change from which the velocity still comes to rest at its goal without overshooting: in units of `jerk`, with
+    whole m and 0 <= f < 1, the changes m + f, m - 1 + f, .., f add up to (m + 1) (f + m / 2). Set equal to the error, this
+    gives m and f. An acceleration that is still the wrong way is taken back first.
+    """
+    way = abs(error) / jerk
+    m = math.floor(0.5 * (math.sqrt(8.0 * way + 1.0) - 1.0))
+    wanted = math.copysign(jerk * (m + way / (m + 1.0) - 0.5 * m), error)
+    return min(max(wanted, last - jerk), last + jerk)
+
+
+@kernel
+def accelerate(state, command, model):
+    """Velocities (and the steering angle) after a step: lag, then the limits of acceleration and jerk."""
+    for i in range(3):
+        at, lagged = VX + i, LX + i
+        if i == 2 and model.wheelbase > 0.0:
+            at, lagged = STEER, LSTEER
+        state[lagged] = command[i] + model.keep * (state[lagged] - command[i])
+        change = state[lagged] - state[at]
+        if model.jerks[i] < math.inf:
+            change = jerk_limited(change, state[GX + i], model.jerks[i])
+        change = min(max(change, -model.limits[i]), model.limits[i])
+        state[GX + i] = change
+        state[at] += change
+    if model.wheelbase > 0.0:
+        # the rear axle's centre: the front wheel's direction and the wheelbase give the circle
+        state[WZ] = state[VX] * math.tan(state[STEER]) / model.wheelbase
+
+
+@kernel
+def drive(state, command, steps, dt, model, noise, squares, grid, solids, moving, samples, contacts):
     """Drives `steps` physics steps of `dt` (s) at `command` [vx, vy, wz]; returns the number of new contacts.
 
-    `state` (18,) is changed. `limits` = most change of vx, vy, wz in a step; `keep` = share of the velocity error that the
-    lag leaves after a step; `noise` (steps or 0, 6): relative errors of the true motion vx, vy, wz against the wheels', and
-    of the odometry against the wheels'. `moving`: the discs have moved since the last call. `facing`:
-    direction (rad) of a footprint that does not turn with the robot, NaN for one that does. `samples` (>= steps, 10) receives
-    true pose, odometry pose, velocity after each step, and 1 where the robot is in contact; `contacts` (>= 2 steps, 2)
-    int64 the step and what was hit (as `find_contact`).
+    A car's command is [vx, 0, steering angle]. `state` (STATE_SIZE,) is changed. `model`: the robot, as `BodyModel`.
+    `noise` (steps or 0, 6): relative errors of the true motion vx, vy, wz against the wheels', and of the odometry against
+    the wheels'. `moving`: the solids have moved since the last call. `samples` (>= steps, 10) receives true pose, odometry
+    pose, velocity after each step, and 1 where the robot is in contact; `contacts` (>= 2 steps, 2) int64 the step and what
+    was hit (as `find_contact`).
     """
     hits = 0
+    footprint, radius, facing = model.footprint, model.radius, model.facing
     placed = np.empty((footprint.shape[0], 2))
-    chosen = np.empty(discs.shape[0], np.int64)
-    count = choose_discs(discs, state[X], state[Y], radius + HORIZON, chosen)
+    chosen = np.empty(solids.discs.shape[0] + solids.circles.shape[0], np.int64)
+    count = choose_solids(solids, state[X], state[Y], radius + HORIZON, chosen)
     chosen_x, chosen_y = state[X], state[Y]
     if moving:
-        # a disc that came over the robot is a contact, but does not hold it: it may leave in any direction
+        # what came over the robot is a contact, but does not hold it: it may leave in any direction
         c, s = math.cos(state[YAW]), math.sin(state[YAW])
         if not math.isnan(facing):
             c, s = math.cos(facing), math.sin(facing)
         over = -1
         rest = 0
         for k in range(count):
-            if disc_contact(discs, chosen[k], footprint, radius, state[X], state[Y], c, s):
+            if solid_contact(solids, chosen[k], footprint, radius, state[X], state[Y], c, s, placed):
                 over = chosen[k]
             else:
                 chosen[rest] = chosen[k]
@@ -236,21 +246,22 @@ def drive(
             hits += 1
         state[OVERRUN] = 1.0 if over >= 0 else 0.0
     for step in range(steps):
-        for i in range(3):
-            state[LX + i] = command[i] + keep * (state[LX + i] - command[i])
-            state[VX + i] += min(max(state[LX + i] - state[VX + i], -limits[i]), limits[i])
+        accelerate(state, command, model)
         mx, my, mz = dt * state[VX], dt * state[VY], dt * state[WZ]
         ox, oy, oz = mx, my, mz
         if noise.shape[0] > 0:
             mx, my, mz = mx * (1.0 + noise[step, 0]), my * (1.0 + noise[step, 1]), mz * (1.0 + noise[step, 2])
             ox, oy, oz = ox * (1.0 + noise[step, 3]), oy * (1.0 + noise[step, 4]), oz * (1.0 + noise[step, 5])
+        if model.bias[0] != 0.0 or model.bias[1] != 0.0:
+            oz += model.bias[1] * ox
+            ox, oy = ox * (1.0 + model.bias[0]), oy * (1.0 + model.bias[0])
         c, s = math.cos(state[YAW] + 0.5 * mz), math.sin(state[YAW] + 0.5 * mz)
         dx, dy = c * mx - s * my, s * mx + c * my
         length = math.hypot(dx, dy)
         moved = length + radius * abs(mz)
         if moved > 0.0:
             if math.hypot(state[X] + dx - chosen_x, state[Y] + dy - chosen_y) + length > HORIZON:
-                count = choose_discs(discs, state[X], state[Y], radius + length + HORIZON, chosen)
+                count = choose_solids(solids, state[X], state[Y], radius + length + HORIZON, chosen)
                 chosen_x, chosen_y = state[X], state[Y]
             # swept: the outline is tested every SWEEP_STEP of its way
             parts = math.ceil(moved / SWEEP_STEP)
@@ -261,15 +272,16 @@ def drive(
                 x, y, yaw = state[X] + f * dx, state[Y] + f * dy, state[YAW] + f * mz
                 if not math.isnan(facing):
                     yaw = facing
-                hit = find_contact(squares, grid, discs, chosen, count, footprint, radius, x, y, yaw, placed)
+                hit = find_contact(squares, grid, solids, chosen, count, footprint, radius, x, y, yaw, placed)
                 if hit != -1:
                     break
                 free = part
             f = free / parts
             state[X] += f * dx
             state[Y] += f * dy
-            # a round robot that is held goes on turning: its outline slides on itself
-            g = f if math.isnan(facing) else 1.0
+            # a round robot that is held goes on turning, its outline slides on itself; a car turns only as it rolls
+            held = math.isnan(facing) or model.wheelbase > 0.0
+            g = f if held else 1.0
             state[YAW] = wrapped(state[YAW] + g * mz)
             state[DISTANCE] += f * length
             c, s = math.cos(state[OYAW] + 0.5 * oz), math.sin(state[OYAW] + 0.5 * oz)
@@ -277,9 +289,10 @@ def drive(
             state[OY] += f * (s * ox + c * oy)
             state[OYAW] = wrapped(state[OYAW] + g * oz)
             if hit != -1:
-                for i in range(3 if math.isnan(facing) else 2):
+                for i in range(3 if held else 2):
                     state[VX + i] = 0.0
                     state[LX + i] = 0.0
+                    state[GX + i] = 0.0
                 if state[TOUCHING] == 0.0:
                     state[TOUCHING] = 1.0
                     state[CX], state[CY], state[CYAW] = state[X], state[Y], state[YAW]

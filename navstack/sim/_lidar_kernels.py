@@ -1,5 +1,5 @@
 # pyright: basic
-"""Ray casting on a grid and on discs, exact: no step length anywhere.
+"""Ray casting on a grid, on discs and polygons, exact: no step length anywhere.
 
 The grid comes as the free squares of its cells: `squares[q, iy, ix]` = c says that the c x c cells which have (ix, iy) as
 their corner and extend in the quadrant q are free (q & 1: towards smaller x, q & 2: towards smaller y); 0 is an occupied
@@ -15,6 +15,7 @@ import math
 import numpy as np
 
 from navstack.core.jit import kernel
+from navstack.sim._polygon_kernels import polygon_contains
 
 
 @kernel
@@ -100,10 +101,35 @@ def cast_ray(squares, x, y, dx, dy, reach):
 
 
 @kernel
-def sweep(squares, grid, discs, x, y, yaw, beams, angle_min, angle_increment, range_min, range_max, noise, kept):
-    """One scan (n,) float32 from the sensor's pose in the map (m, rad).
+def see_edge(ranges, beams, ax, ay, bx, by, angle_min, angle_increment):
+    """Shortens the `ranges` (n,) of the beams that meet the segment from a to b, both in the sensor's frame (m)."""
+    n = beams.shape[0]
+    area = ax * by - ay * bx
+    if area < 0.0:
+        ax, ay, bx, by, area = bx, by, ax, ay, -area
+    elif area == 0.0:
+        return  # seen end on: its neighbours have its ends
+    begin = math.atan2(ay, ax)
+    span = math.atan2(area, ax * bx + ay * by)
+    for turn in range(-1, 2):
+        first = (begin + 2.0 * math.pi * turn - angle_min) / angle_increment
+        last = first + span / angle_increment
+        if last < -1.0 or first > n:
+            continue
+        for i in range(max(0, math.floor(first)), min(n - 1, math.ceil(last)) + 1):
+            dx, dy = beams[i, 0], beams[i, 1]
+            after, before = ax * dy - ay * dx, dx * by - dy * bx
+            if after >= 0.0 and before >= 0.0 and after + before > 0.0:
+                ranges[i] = min(ranges[i], area / (after + before))
 
-    `grid` = [origin x, origin y, origin yaw, resolution]; `discs` (k, 3) = x, y, radius (m); `beams` (n, 2) unit vectors in
+
+@kernel
+def sweep(
+    squares, grid, solids, x, y, yaw, height, beams, angle_min, angle_increment, range_min, range_max, noise, kept
+):
+    """One scan (n,) float32 from the sensor's pose in the map (m, rad), `height` (m) above the ground.
+
+    `grid` = [origin x, origin y, origin yaw, resolution]; `solids` as `Solids`; `beams` (n, 2) unit vectors in
     the sensor's frame, evenly turned; `noise` (n or 0,) is added to the ranges (m); where `kept` (n or 0,) is false the beam
     is lost (NaN). Hits nearer than `range_min` give -inf, beams without a hit up to `range_max` +inf (REP 117).
     """
@@ -124,7 +150,10 @@ def sweep(squares, grid, discs, x, y, yaw, beams, angle_min, angle_increment, ra
 
     # every disc meets the beams between its two tangents only
     c, s = math.cos(yaw), math.sin(yaw)
+    discs, disc_tops = solids.discs, solids.disc_tops
     for k in range(discs.shape[0]):
+        if disc_tops[k] < height:
+            continue
         wx, wy, r = discs[k, 0] - x, discs[k, 1] - y, discs[k, 2]
         d2 = wx * wx + wy * wy
         if d2 > (reach + r) * (reach + r):
@@ -146,6 +175,25 @@ def sweep(squares, grid, discs, x, y, yaw, beams, angle_min, angle_increment, ra
                 h = r * r - (d2 - b * b)
                 if h >= 0.0 and b > 0.0:
                     ranges[i] = min(ranges[i], b - math.sqrt(h))
+
+    circles, corners = solids.circles, solids.corners
+    for k in range(circles.shape[0]):
+        wx, wy, r = circles[k, 0] - x, circles[k, 1] - y, circles[k, 2]
+        d2 = wx * wx + wy * wy
+        if solids.polygon_tops[k] < height or d2 > (reach + r) * (reach + r):
+            continue
+        low, high = solids.first[k], solids.first[k + 1]
+        if d2 <= r * r and polygon_contains(corners[low:high], x, y):
+            for i in range(n):
+                ranges[i] = 0.0
+            continue
+        wx, wy = corners[high - 1, 0] - x, corners[high - 1, 1] - y
+        ax, ay = c * wx + s * wy, c * wy - s * wx
+        for j in range(low, high):
+            wx, wy = corners[j, 0] - x, corners[j, 1] - y
+            bx, by = c * wx + s * wy, c * wy - s * wx
+            see_edge(ranges, beams, ax, ay, bx, by, angle_min, angle_increment)
+            ax, ay = bx, by
 
     out = np.empty(n, np.float32)
     for i in range(n):

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from navstack.core import Footprint, PointCloud, Pose2D
 from navstack.sim.params import BumperParams
+from navstack.sim.solids import Solids
 from navstack.sim.world import World
 
 FEELS: Final = 0.01
@@ -30,30 +31,28 @@ class Bumper:
         # (zones, points) which points of the outline belong to a zone
         self._zones = [np.mod(bearing - zone[0], 2.0 * math.pi) < zone[1] - zone[0] for zone in params.zones]
         self._middles = [_nearest_bearing(bearing, 0.5 * (zone[0] + zone[1])) for zone in params.zones]
-        self._last: tuple[Pose2D, NDArray[np.float64]] | None = None
+        self._last: tuple[Pose2D, Solids] | None = None
         self._points = _NOTHING
 
-    def scan(
-        self, world: World, base: Pose2D, index: int, stamp: float, discs: NDArray[np.float64] | None = None
-    ) -> PointCloud:
+    def scan(self, world: World, base: Pose2D, index: int, stamp: float, solids: Solids | None = None) -> PointCloud:
         """The cloud of a robot at `base` (map frame) at `stamp` (s): a point per pressed zone, none with `index` 0.
 
-        `index` says whether the robot is in contact at all, `discs` are the world's round obstacles at that time, when the
-        caller knows them already.
+        `index` says whether the robot is in contact at all, `solids` are the world's obstacles at that time, when the caller
+        knows them already.
         """
         points = _NOTHING
         if index:
-            discs = world.discs_at(stamp) if discs is None else discs
+            solids = world.solids_at(stamp) if solids is None else solids
             # a robot that is stuck feels the same as before
-            if self._last is None or self._last[0] != base or self._last[1] is not discs:
-                self._last, self._points = (base, discs), self._pressed(world, base, discs)
+            if self._last is None or self._last[0] != base or self._last[1] is not solids:
+                self._last, self._points = (base, solids), self._pressed(world, base, solids)
             points = self._points
         return PointCloud(points, stamp, self.params.frame, self.params.topic)
 
-    def _pressed(self, world: World, base: Pose2D, discs: NDArray[np.float64]) -> NDArray[np.float32]:
+    def _pressed(self, world: World, base: Pose2D, solids: Solids) -> NDArray[np.float32]:
         c, s = math.cos(base.yaw), math.sin(base.yaw)
         x, y = self._skin[:, 0], self._skin[:, 1]
-        touched = world.touched(np.column_stack((base.x + c * x - s * y, base.y + s * x + c * y)), FEELS, discs)
+        touched = world.touched(np.column_stack((base.x + c * x - s * y, base.y + s * x + c * y)), FEELS, solids)
         points: list[tuple[float, float, float]] = []
         for zone, middle in zip(self._zones, self._middles, strict=True):
             felt = np.nonzero(zone & touched)[0]

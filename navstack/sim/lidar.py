@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from navstack.core import DeferredScan, LaserScan, Pose2D, Transform2D
 from navstack.sim._lidar_kernels import sweep
 from navstack.sim.params import LidarParams
+from navstack.sim.solids import Solids
 from navstack.sim.world import World
 
 _NO_NOISE = np.empty(0)
@@ -28,18 +29,16 @@ class Lidar:
         self._seed = seed
         self._number = number
 
-    def scan(
-        self, world: World, base: Pose2D, index: int, stamp: float, discs: NDArray[np.float64] | None = None
-    ) -> LaserScan:
+    def scan(self, world: World, base: Pose2D, index: int, stamp: float, solids: Solids | None = None) -> LaserScan:
         """Scan number `index`, taken with the robot's base at `base` (map frame) at `stamp` (s).
 
-        `discs`: the world's round obstacles at that time, when the caller knows them already. A pure function of its
-        arguments and the seed: a scan that nobody asked for changes no other, and one that nobody reads is not cast.
+        `solids`: the world's obstacles at that time, when the caller knows them already. A pure function of its arguments
+        and the seed: a scan that nobody asked for changes no other, and one that nobody reads is not cast.
         """
         p = self.params
-        seen = world.in_sight(world.discs_at(stamp) if discs is None else discs)
+        there = world.solids_at(stamp) if solids is None else solids
         return DeferredScan(
-            lambda: self._ranges(world, base, index, seen),
+            lambda: self._ranges(world, base, index, there),
             self._angle_min,
             self._angle_increment,
             p.range_min,
@@ -50,7 +49,7 @@ class Lidar:
             p.height,
         )
 
-    def _ranges(self, world: World, base: Pose2D, index: int, discs: NDArray[np.float64]) -> NDArray[np.float32]:
+    def _ranges(self, world: World, base: Pose2D, index: int, solids: Solids) -> NDArray[np.float32]:
         p = self.params
         eye = Transform2D(base.x, base.y, base.yaw) @ self.mounting
         noise, kept = _NO_NOISE, _NO_LOSS
@@ -60,13 +59,14 @@ class Lidar:
                 noise = p.range_noise * rng.standard_normal(p.beams)
             if p.dropout > 0.0:
                 kept = rng.random(p.beams) >= p.dropout
-        return sweep(
+        ranges = sweep(
             world.squares,
             world.grid,
-            discs,
+            solids,
             eye.x,
             eye.y,
             eye.yaw,
+            p.height,
             self._beams,
             self._angle_min,
             self._angle_increment,
@@ -75,3 +75,6 @@ class Lidar:
             noise,
             kept,
         )
+        if p.no_return == "max":
+            ranges[np.isposinf(ranges)] = p.range_max
+        return ranges

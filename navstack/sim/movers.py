@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core.errors import InputError
-from navstack.sim._mover_kernels import place_on_tracks
+from navstack.sim._mover_kernels import headings_on_tracks, place_on_tracks
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,4 +82,10 @@ class TrackedDiscs:
         """(k, 3) x, y, radius in the map (m) at `time` (s), in the order of the tracks."""
         return place_on_tracks(
             self._corners, self._first_corner, self._corner_at, self._speed, self._begin, self._radius, float(time)
+        )
+
+    def headings(self, time: float) -> NDArray[np.float64]:
+        """(k,) direction (rad) in which each moves at `time` (s)."""
+        return headings_on_tracks(
+            self._corners, self._first_corner, self._corner_at, self._speed, self._begin, float(time)
         )

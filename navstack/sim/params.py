@@ -36,6 +36,9 @@ class LidarParams(ParamModel):
     frequency: float = param(10.0, "scans per second", unit="Hz", gt=0.0)
     range_noise: float = param(0.0, "standard deviation of the ranges", unit="m", ge=0.0)
     dropout: float = param(0.0, "share of beams lost in each scan, reported as NaN", ge=0.0, le=1.0)
+    no_return: Literal["inf", "max"] = param(
+        "inf", "what a beam without a hit reports: inf: +inf (REP 117); max: range_max itself, as older drivers do"
+    )
 
     @model_validator(mode="after")
     def _some_range(self) -> LidarParams:
@@ -99,6 +102,55 @@ class BumperParams(ParamModel):
         return value
 
 
+class SonarParams(ParamModel):
+    """A sonar or infrared sensor: the nearest thing in a cone, as one distance, for the range sensor layer."""
+
+    topic: str = param("sonar", "topic of its readings, as named by the range sensor layer")
+    frame: str = param("sonar_link", "frame of its readings; a child of the base frame, of its own for every sonar")
+    x: float = param(0.1, "mounting position ahead of the robot's centre", unit="m")
+    y: float = param(0.0, "mounting position to the left of the robot's centre", unit="m")
+    yaw: float = param(0.0, "mounting direction of the cone's axis", unit="rad")
+    height: float = param(0.2, "height above the ground", unit="m", ge=0.0)
+    fov: float = param(0.5, "opening angle of the cone", unit="rad", gt=0.0, le=3.14159)
+    beams: int = param(31, "rays whose nearest hit is the reading", ge=1, le=10_000)
+    range_min: float = param(0.02, "nearer things are reported at this distance", unit="m", ge=0.0)
+    range_max: float = param(3.0, "reach", unit="m", gt=0.0)
+    frequency: float = param(10.0, "readings per second", unit="Hz", gt=0.0)
+    range_noise: float = param(0.0, "standard deviation of the readings", unit="m", ge=0.0)
+    dropout: float = param(0.0, "share of readings that miss what is there", ge=0.0, le=1.0)
+    no_return: Literal["inf", "max"] = param(
+        "max", "what is reported when nothing is in reach: max: range_max, as sonars do; inf: +inf (REP 117)"
+    )
+
+    @model_validator(mode="after")
+    def _some_range(self) -> SonarParams:
+        if self.range_min >= self.range_max:
+            raise ValueError(
+                f"range_min = {self.range_min:g} leaves nothing to measure below range_max = {self.range_max:g}; "
+                "give a range_min under range_max"
+            )
+        return self
+
+
+class ImuParams(ParamModel):
+    """An inertial measurement unit of a planar robot: orientation as a quaternion, and the rate of turning."""
+
+    topic: str = param("imu", "topic of its readings")
+    frame: str = param("imu_link", "frame of its readings; a child of the base frame")
+    x: float = param(0.0, "mounting position ahead of the robot's centre", unit="m")
+    y: float = param(0.0, "mounting position to the left of the robot's centre", unit="m")
+    yaw: float = param(0.0, "mounting direction", unit="rad")
+    frequency: float = param(50.0, "readings per second, one per physics step at most", unit="Hz", gt=0.0)
+    orientation_noise: float = param(0.0, "standard deviation of the yaw, reading by reading", unit="rad", ge=0.0)
+    yaw_rate_noise: float = param(0.0, "standard deviation of the rate, reading by reading", unit="rad/s", ge=0.0)
+    yaw_rate_bias: float = param(
+        0.0, "constant error of the rate; the yaw, which is its sum, drifts with it", unit="rad/s"
+    )
+    yaw_rate_drift: float = param(
+        0.0, "how far the bias wanders (a random walk): standard deviation after one second", unit="rad/s", ge=0.0
+    )
+
+
 class SimParams(ParamModel):
     """The simulated robot and its sensors.
 
@@ -108,8 +160,10 @@ class SimParams(ParamModel):
 
     CHILD_FIELD: ClassVar[str | None] = "sensors"
 
-    kinematics: Literal["differential", "holonomic"] = param(
-        "differential", "differential: never moves sideways; holonomic: in every direction"
+    kinematics: Literal["differential", "holonomic", "ackermann"] = param(
+        "differential",
+        "differential: never moves sideways; holonomic: in every direction; ackermann: a car, whose centre is that of its "
+        "rear axle: a command's turning rate becomes a steering angle, and it cannot turn where it stands",
     )
     physics_frequency: float = param(50.0, "steps of the body per second", unit="Hz", gt=0.0, le=10_000.0)
     acc_lim_x: float | None = param(
@@ -117,6 +171,34 @@ class SimParams(ParamModel):
     )
     acc_lim_y: float | None = param(None, "the same, sideways", unit="m/s²", gt=0.0)
     acc_lim_theta: float | None = param(None, "the same, turning", unit="rad/s²", gt=0.0)
+    jerk_lim_x: float | None = param(
+        None,
+        "greatest change of the forward acceleration; none: it changes at once. Keeps to it where the command allows, and "
+        "never overshoots one that stands still",
+        unit="m/s³",
+        gt=0.0,
+    )
+    jerk_lim_y: float | None = param(None, "the same, sideways", unit="m/s³", gt=0.0)
+    jerk_lim_theta: float | None = param(None, "the same, turning; ackermann has none", unit="rad/s³", gt=0.0)
+    wheelbase: float = param(0.5, "ackermann: from the rear axle to the front one", unit="m", gt=0.0)
+    max_steering_angle: float = param(
+        0.6, "ackermann: of the (middle) front wheel, to either side", unit="rad", gt=0.0, lt=1.5707963267948966
+    )
+    max_steering_rate: float | None = param(
+        None, "ackermann: greatest change of the steering angle; none: it turns at once", unit="rad/s", gt=0.0
+    )
+    min_turning_radius: float = param(
+        0.0,
+        "ackermann: of the rear axle's centre, where the steering angle alone would allow a smaller one "
+        "(wheelbase / tan(max_steering_angle))",
+        unit="m",
+        ge=0.0,
+    )
+    steering_command: Literal["yaw_rate", "angle"] = param(
+        "yaw_rate",
+        "ackermann: what the angular part of a command means. yaw_rate: the turning rate, from which follows the angle "
+        "atan(wheelbase * w / v); a car that stands keeps its wheels as they are. angle: the steering angle itself",
+    )
     command_timeout: float | None = param(
         None, "a command older than this stops the base; none: it is driven until the next", unit="s", gt=0.0
     )
@@ -134,21 +216,61 @@ class SimParams(ParamModel):
         ge=0.0,
         le=ODOMETRY_LIMIT,
     )
+    odometry_scale: float = param(
+        0.0,
+        "systematic error of the odometry, relative: 0.01 says 1.01 m for every metre, as worn wheels do",
+        ge=-ODOMETRY_LIMIT,
+        le=ODOMETRY_LIMIT,
+    )
+    odometry_turn: float = param(
+        0.0,
+        "systematic error of the odometry: turns so much too far to the left for every metre ahead, as unequal wheels do",
+        unit="rad/m",
+        ge=-ODOMETRY_LIMIT,
+        le=ODOMETRY_LIMIT,
+    )
     localization: Literal["truth", "odometry"] = param(
         "truth",
-        "truth: map -> odom makes up for the drift of the odometry, as fake_localization does; odometry: it stays as it was",
+        "truth: map -> odom makes up for the drift of the odometry, as fake_localization does, with the errors below; "
+        "odometry: it stays as it was",
     )
+    localization_noise: float = param(
+        0.0, "standard deviation of the localized position in x and in y, drawn at each update", unit="m", ge=0.0
+    )
+    localization_yaw_noise: float = param(
+        0.0, "standard deviation of the localized yaw, drawn at each update", unit="rad", ge=0.0
+    )
+    localization_delay: float = param(
+        0.0, "from the moment a pose is true to the one map -> odom follows from it", unit="s", ge=0.0
+    )
+    localization_frequency: float | None = param(
+        None, "updates of map -> odom per second; none: at every physics step", unit="Hz", gt=0.0
+    )
+    delta_x: float = param(
+        0.0, "x of the localization's map in that of the simulator, as fake_localization has it", unit="m"
+    )
+    delta_y: float = param(0.0, "y, likewise", unit="m")
+    delta_yaw: float = param(0.0, "yaw, likewise", unit="rad")
     map_to_odom: list[float] = param([0.0, 0.0, 0.0], "pose [x, y, yaw] of the odometry frame in the map at the start")
     lasers: list[str] = param(["laser"], "names of the lidars; each has its parameters in a namespace of that name")
     bumpers: list[str] = param(["bumper"], "names of the bumpers, likewise")
-    sensors: dict[str, LidarParams | BumperParams] = param({}, "the parameters of each lidar and bumper, by name")
+    sonars: list[str] = param([], "names of the sonars, likewise")
+    imus: list[str] = param([], "names of the inertial measurement units, likewise")
+    sensors: dict[str, LidarParams | BumperParams | SonarParams | ImuParams] = param(
+        {}, "the parameters of each sensor, by name"
+    )
 
     @classmethod
     def child_models(cls, values: Mapping[str, Any]) -> dict[str, type[ParamModel]]:
-        """A `LidarParams` for every name in `lasers`, a `BumperParams` for every one in `bumpers`."""
+        """A `LidarParams` for every name in `lasers`, a `BumperParams` for every one in `bumpers`, and so on."""
         models: dict[str, type[ParamModel]] = {}
-        for key, default, model in (("bumpers", "bumper", BumperParams), ("lasers", "laser", LidarParams)):
-            names = values.get(key, [default])
+        for key, default, model in (
+            ("imus", [], ImuParams),
+            ("sonars", [], SonarParams),
+            ("bumpers", ["bumper"], BumperParams),
+            ("lasers", ["laser"], LidarParams),
+        ):
+            names = values.get(key, default)
             if isinstance(names, list):
                 models |= {name: model for name in names if isinstance(name, str)}
         return models
@@ -160,7 +282,7 @@ class SimParams(ParamModel):
             raise ValueError(f"map_to_odom is [x, y, yaw] in m, m, rad, not {value}")
         return value
 
-    @field_validator("lasers", "bumpers")
+    @field_validator("lasers", "bumpers", "sonars", "imus")
     @classmethod
     def _named_once(cls, value: list[str]) -> list[str]:
         twice = sorted({name for name in value if value.count(name) > 1})
@@ -170,10 +292,27 @@ class SimParams(ParamModel):
 
     @model_validator(mode="after")
     def _one_kind_each(self) -> SimParams:
-        both = [name for name in self.lasers if name in self.bumpers]
-        if both:
-            raise ValueError(f"{', '.join(both)} cannot be both a lidar and a bumper; give one of them another name")
+        kinds = {"a lidar": self.lasers, "a bumper": self.bumpers, "a sonar": self.sonars, "an IMU": self.imus}
+        for number, (kind, names) in enumerate(kinds.items()):
+            for other, others in list(kinds.items())[number + 1 :]:
+                both = [name for name in names if name in others]
+                if both:
+                    raise ValueError(
+                        f"{', '.join(both)} cannot be both {kind} and {other}; give one of them another name"
+                    )
         return self
+
+    @property
+    def steering_limit(self) -> float:
+        """Greatest steering angle of a car (rad), from `max_steering_angle` and `min_turning_radius`."""
+        if self.min_turning_radius <= 0.0:
+            return self.max_steering_angle
+        return min(self.max_steering_angle, math.atan(self.wheelbase / self.min_turning_radius))
+
+    @property
+    def turning_radius(self) -> float:
+        """Smallest circle of a car's rear axle (m); 0 for a base that turns where it stands."""
+        return self.wheelbase / math.tan(self.steering_limit) if self.kinematics == "ackermann" else 0.0
 
     @property
     def lidars(self) -> dict[str, LidarParams]:
@@ -189,3 +328,13 @@ class SimParams(ParamModel):
         """The parameters of one bumper; the defaults where it has no namespace."""
         found = self.sensors.get(name)
         return found if isinstance(found, BumperParams) else BumperParams()
+
+    def sonar(self, name: str) -> SonarParams:
+        """The parameters of one sonar; the defaults where it has no namespace."""
+        found = self.sensors.get(name)
+        return found if isinstance(found, SonarParams) else SonarParams()
+
+    def imu(self, name: str) -> ImuParams:
+        """The parameters of one IMU; the defaults where it has no namespace."""
+        found = self.sensors.get(name)
+        return found if isinstance(found, ImuParams) else ImuParams()

@@ -14,19 +14,25 @@ from numpy.typing import NDArray
 from navstack.core import (
     Footprint,
     FrameTree,
-    LaserScan,
-    PointCloud,
+    ImuReading,
     Pose2D,
     RobotState,
+    SensorData,
     Transform2D,
     Twist2D,
+    angle_between,
     normalize_angle,
 )
 from navstack.core.errors import InputError
 from navstack.sim import _body_kernels as body
+from navstack.sim.body import body_model, steering
 from navstack.sim.bumper import Bumper
+from navstack.sim.imu import Imu
 from navstack.sim.lidar import Lidar
+from navstack.sim.localization import Localization
 from navstack.sim.params import SimParams
+from navstack.sim.solids import Solids, joined
+from navstack.sim.sonar import Sonar
 from navstack.sim.world import World
 
 _NO_NOISE = np.empty((0, 6))
@@ -42,27 +48,30 @@ class Contact:
     pose: Pose2D
     """Of the robot, in the map, where it was stopped."""
     kind: str
-    """`map` or `disc`."""
+    """`map`, `disc` or `polygon`."""
     index: int
-    """Of the cell (iy * nx + ix) or of the disc."""
+    """Of the cell (iy * nx + ix), of the disc or of the polygon."""
     at: tuple[float, float]
     """Centre of what was hit, in the map (m)."""
+    name: str = ""
+    """Of a shape that has one."""
 
 
 class _Due(NamedTuple):
     """What a sensor measures that nobody has fetched yet."""
 
-    sensor: Lidar | Bumper
+    sensor: Lidar | Sonar | Bumper
     number: int
     step: int
     pose: Pose2D
     """True pose of the base."""
-    discs: NDArray[np.float64]
+    solids: Solids
 
 
 class SimulatedRobot:
-    """A body, its odometry, its lidars and bumpers in a `World`. Time is counted in whole physics steps; nothing
-    here reads a clock.
+    """A body, its odometry and sensors, its localization, and the people around it, in a `World`.
+
+    Time is counted in whole physics steps; nothing here reads a clock.
 
     A contact stops the robot where it was last free (to within 5 mm), wheels included; a round one (`from_radius`) goes on
     turning even then. A run is a pure function of the parameters, the world, the start, the seed and the commands.
@@ -88,7 +97,11 @@ class SimulatedRobot:
             raise InputError(f"the start {tuple(start)} is not finite", pose=start)
         if seed < 0:
             raise InputError(f"the seed {seed} is below 0; give a whole number from 0 on", seed=seed)
-        touched = world.contact(footprint, start)
+        self._crowd = world.crowd(seed)
+        self._solids = world.solids_at(0.0)
+        if self._crowd is not None:
+            self._solids = joined([self._solids, self._crowd.solids()])
+        touched = world.contact(footprint, start, solids=self._solids)
         if touched is not None:
             raise InputError(
                 f"the robot does not fit at the start ({start.x:g}, {start.y:g}, {start.yaw:g}): it touches the "
@@ -98,9 +111,7 @@ class SimulatedRobot:
         self.params = params
         self.world = world
         self.footprint = footprint
-        self._outline = footprint.vertices.copy()  # the kernels are compiled for arrays that may be written to
-        # the corners of a polygon that stands for a circle must not catch: it does not turn with the robot
-        self._facing = start.yaw if _is_round(footprint) else math.nan
+        self._body = body_model(params, footprint, start.yaw)
         self.base_frame, self.odom_frame, self.map_frame = base_frame, odom_frame, map_frame
         self.frames = FrameTree()
         self.collisions: list[Contact] = []
@@ -108,19 +119,13 @@ class SimulatedRobot:
         self._step = 0
         self._frequency = params.physics_frequency
         self._dt = 1.0 / self._frequency
-        self._limits = np.array(
-            [
-                math.inf if limit is None else limit * self._dt
-                for limit in (params.acc_lim_x, params.acc_lim_y, params.acc_lim_theta)
-            ]
-        )
-        self._lag_keeps = math.exp(-self._dt / params.velocity_lag) if params.velocity_lag > 0.0 else 0.0
         self._delay_steps = math.ceil(params.command_delay * self._frequency - 1e-9)
         self._timeout_steps = (
             None if params.command_timeout is None else math.ceil(params.command_timeout * self._frequency - 1e-9)
         )
         # (step from which it holds, command), oldest first; the first one is in force
         self._commands: deque[tuple[int, Twist2D]] = deque([(0, _STOP)])
+        self._steering = 0.0
         self._noisy = params.wheel_slip > 0.0 or params.odometry_noise > 0.0
         self._rng = np.random.Generator(np.random.PCG64([seed, 0]))
 
@@ -132,14 +137,18 @@ class SimulatedRobot:
         self._samples = np.empty((0, 10))
         self._contacts = np.empty((0, 2), np.int64)
 
-        self._drifts = self._noisy and params.localization == "truth"
-        if not self._drifts:
-            self.frames.set_static(map_frame, odom_frame, offset)
-        self._lidars = [Lidar(params.lidar(name), seed=seed, number=i) for i, name in enumerate(params.lasers)]
+        self._localization = Localization(params, seed=seed, offset=offset)
+        if self._localization.is_static:
+            self.frames.set_static(map_frame, odom_frame, self._localization.start)
+        self._rangers: list[Lidar | Sonar] = [
+            *(Lidar(params.lidar(name), seed=seed, number=i) for i, name in enumerate(params.lasers)),
+            *(Sonar(params.sonar(name), seed=seed, number=i) for i, name in enumerate(params.sonars)),
+        ]
+        self._imus = [Imu(params.imu(name), seed=seed, number=i) for i, name in enumerate(params.imus)]
         self._bumpers = [Bumper(params.bumper(name), footprint) for name in params.bumpers]
         mounted: dict[str, Transform2D] = {}
         for frame, mounting in [
-            *((lidar.params.frame, lidar.mounting) for lidar in self._lidars),
+            *((sensor.params.frame, sensor.mounting) for sensor in (*self._rangers, *self._imus)),
             *((bumper.params.frame, Transform2D()) for bumper in self._bumpers),
         ]:
             if mounted.setdefault(frame, mounting) != mounting:
@@ -151,20 +160,21 @@ class SimulatedRobot:
                 self.frames.set_static(base_frame, frame, mounting)
             elif not mounting.is_identity():
                 raise InputError(
-                    f"the lidar's frame \"{frame}\" is the robot's own, yet it is mounted elsewhere; name another frame",
+                    f"a sensor's frame \"{frame}\" is the robot's own, yet it is mounted elsewhere; name another frame",
                     frame=frame,
                 )
-        self._next_scan = [0] * len(self._lidars)
-        self._scan_steps = [0] * len(self._lidars)
+        self._next_scan = [0] * len(self._rangers)
+        self._scan_steps = [0] * len(self._rangers)
+        self._next_imu = [1] * len(self._imus)
+        self._imu_yaw = start.yaw
         # per bumper: the number of its next cloud while it is pressed, None otherwise
         self._next_cloud: list[int | None] = [None] * len(self._bumpers)
         self._pressed = False
         self._pending: list[_Due] = []
-        self._discs = world.discs_at(0.0)
         self._scan_due: float = 0
         self.frames.set(odom_frame, base_frame, Transform2D(*odometry), 0.0)
-        if self._drifts:
-            self.frames.set(map_frame, odom_frame, offset, 0.0)
+        if not self._localization.is_static:
+            self.frames.set(map_frame, odom_frame, self._localization.start, 0.0)
         self._take_scans(0, self.pose)
 
     # --- time ---------------------------------------------------------------------------------------------------------
@@ -215,31 +225,48 @@ class SimulatedRobot:
     def _drive(self, until: int, first: int) -> None:
         steps, done = until - self._step, self._step - first
         samples = self._samples[done:]
-        self._discs = self.world.discs_at(until / self._frequency)
+        self._solids = self._solids_until(until)
         hits = body.drive(
             self._state,
-            np.array(self._commands[0][1]),
+            self._wheels_command(),
             steps,
             self._dt,
-            self._limits,
-            self._lag_keeps,
+            self._body,
             self._noise(steps) if self._noisy else _NO_NOISE,
             self.world.squares,
             self.world.grid,
-            self._discs,
+            self._solids,
             self.world.moves,
-            self._outline,
-            self.footprint.circumscribed_radius,
-            self._facing,
             samples,
             self._contacts,
         )
         for row in range(hits):
             step, hit = int(self._contacts[row, 0]), int(self._contacts[row, 1])
-            kind, index, x, y = self.world.described(hit, self._discs)
+            kind, index, x, y = self.world.described(hit, self._solids)
             pose = Pose2D(*samples[step, :3].tolist())
-            self.collisions.append(Contact((self._step + step + 1) / self._frequency, pose, kind, index, (x, y)))
+            time, name = (self._step + step + 1) / self._frequency, self.world.name_of(kind, index)
+            self.collisions.append(Contact(time, pose, kind, index, (x, y), name))
         self._step = until
+
+    def _solids_until(self, until: int) -> Solids:
+        """What stands beside the map at step `until`; people walk on to it."""
+        solids = self.world.solids_at(until / self._frequency)
+        crowd = self._crowd
+        if crowd is None:
+            return solids
+        x, y, yaw, vx, vy = self._state[body.X : body.VY + 1].tolist()
+        c, s = math.cos(yaw), math.sin(yaw)
+        robot = np.array([x, y, c * vx - s * vy, s * vx + c * vy, self._body.radius])
+        crowd.step((until - self._step) * self._dt, self.world.squares, self.world.grid, solids, robot)
+        return joined([solids, crowd.solids()])
+
+    def _wheels_command(self) -> NDArray[np.float64]:
+        """The command in force as the kernel takes it: a car's with a steering angle."""
+        twist = self._commands[0][1]
+        if self.params.kinematics == "ackermann":
+            self._steering = steering(self.params, twist, self._steering)
+            return np.array([twist.vx, 0.0, self._steering])
+        return np.array(twist)
 
     def _noise(self, steps: int) -> NDArray[np.float64]:
         """Relative errors per step: variances add up to the parameter's square over the steps of a second."""
@@ -256,23 +283,27 @@ class SimulatedRobot:
         vx, vy, wz = self._state[body.VX : body.WZ + 1].tolist()
         return RobotState(Pose2D(x, y, yaw), Twist2D(vx, vy, wz), self.time, self.odom_frame)
 
-    def scans(self) -> Sequence[LaserScan | PointCloud]:
+    def scans(self) -> Sequence[SensorData]:
         """What the sensors measured since the last call, oldest first, each from where the robot was at its time.
 
-        Lidars scan at their frequency. Bumpers give clouds while they are pressed, at once and then at theirs, and an empty
-        one when they are released.
+        Lidars and sonars measure at their frequency. Bumpers give clouds while they are pressed, at once and then at
+        theirs, and an empty one when they are released.
         """
         pending, self._pending = self._pending, []
         return [
-            sensor.scan(self.world, pose, number, step / self._frequency, discs)
-            for sensor, number, step, pose, discs in pending
+            sensor.scan(self.world, pose, number, step / self._frequency, solids)
+            for sensor, number, step, pose, solids in pending
         ]
 
+    def imu_readings(self) -> Sequence[ImuReading]:
+        """What the IMUs measured since the last call, one IMU after the other, each oldest first."""
+        return [reading for imu in self._imus for reading in imu.fetch()]
+
     def command(self, twist: Twist2D) -> None:
-        """Drive so from the present step on, after the dead time; a differential base ignores the sideways part."""
+        """Drive so from the present step on, after the dead time; only a holonomic base takes the sideways part."""
         if not twist.is_finite():
             raise InputError(f"cannot drive at {tuple(twist)}: a velocity is a finite number", command=twist)
-        if self.params.kinematics == "differential" and twist.vy != 0.0:
+        if self.params.kinematics != "holonomic" and twist.vy != 0.0:
             twist = Twist2D(twist.vx, 0.0, twist.wz)
         step = self._step + self._delay_steps
         if self._commands[-1][0] == step:
@@ -293,6 +324,22 @@ class SimulatedRobot:
         return float(self._state[body.DISTANCE])
 
     @property
+    def steering_angle(self) -> float:
+        """Of a car's front wheel, rad; 0 for any other base."""
+        return float(self._state[body.STEER])
+
+    @property
+    def solids(self) -> Solids:
+        """Everything beside the map at the present step, people last among the discs (m, map frame)."""
+        return self._solids
+
+    @property
+    def clearance(self) -> float:
+        """Distance (m) from the outline to the nearest obstacle now, people included; 0 in contact, inf when alone."""
+        pose = self.pose if math.isnan(self._body.facing) else self.pose._replace(yaw=self._body.facing)
+        return self.world.clearance(pose, self.footprint, solids=self._solids)
+
+    @property
     def in_contact(self) -> bool:
         """True from a contact until it is left."""
         return bool(self._state[body.TOUCHING] or self._state[body.OVERRUN])
@@ -306,9 +353,14 @@ class SimulatedRobot:
         stamps = [step / frequency for step in range(observed + 1, last + 1)]
         moved = [Transform2D(row[3], row[4], row[5]) for row in rows]
         self.frames.extend(self.odom_frame, self.base_frame, moved, stamps)
-        if self._drifts:
-            drifted = [Transform2D(row[0], row[1], row[2]) @ m.inverse() for row, m in zip(rows, moved, strict=True)]
-            self.frames.extend(self.map_frame, self.odom_frame, drifted, stamps)
+        if not self._localization.is_static:
+            found = [
+                self._localization.at(step, Transform2D(row[0], row[1], row[2]), m)
+                for step, (row, m) in enumerate(zip(rows, moved, strict=True), observed + 1)
+            ]
+            self.frames.extend(self.map_frame, self.odom_frame, found, stamps)
+        if self._imus:
+            self._turned(observed, rows)
         if last < self._scan_due and not self._pressed and not any(row[9] for row in rows):
             return
         for step, row in enumerate(rows, observed + 1):
@@ -317,15 +369,26 @@ class SimulatedRobot:
             if row[9] != 0.0 or self._pressed:
                 self._feel(step, Pose2D(row[0], row[1], row[2]), row[9] != 0.0)
 
+    def _turned(self, observed: int, rows: list[list[float]]) -> None:
+        """Hands the IMUs the steps after `observed` that are theirs."""
+        for step, row in enumerate(rows, observed + 1):
+            rate = angle_between(self._imu_yaw, row[2]) * self._frequency
+            self._imu_yaw = row[2]
+            for number, imu in enumerate(self._imus):
+                index = self._next_imu[number]
+                if self._scan_step(imu, index) <= step:
+                    imu.feel(row[2], rate, step / self._frequency)
+                    self._next_imu[number] = self._after(index, step, imu)
+
     def _take_scans(self, step: int, pose: Pose2D) -> None:
         """Notes the scans that are due at `step`, and when the next one will be."""
         due = self._scan_steps
-        for number, lidar in enumerate(self._lidars):
+        for number, sensor in enumerate(self._rangers):
             if due[number] <= step:
                 index = self._next_scan[number]
-                self._pending.append(_Due(lidar, index, step, pose, self._discs))
-                self._next_scan[number] = index = self._after(index, step, lidar)
-                due[number] = self._scan_step(lidar, index)
+                self._pending.append(_Due(sensor, index, step, pose, self._solids))
+                self._next_scan[number] = index = self._after(index, step, sensor)
+                due[number] = self._scan_step(sensor, index)
         self._scan_due = min(due, default=math.inf)
 
     def _feel(self, step: int, pose: Pose2D, touching: bool) -> None:
@@ -337,22 +400,14 @@ class SimulatedRobot:
                     continue
             elif self._scan_step(bumper, index) > step:
                 continue
-            self._pending.append(_Due(bumper, int(touching), step, pose, self._discs))
+            self._pending.append(_Due(bumper, int(touching), step, pose, self._solids))
             self._next_cloud[number] = self._after(0, step, bumper) if touching else None
         self._pressed = any(index is not None for index in self._next_cloud)
 
-    def _after(self, index: int, step: int, sensor: Lidar | Bumper) -> int:
+    def _after(self, index: int, step: int, sensor: Lidar | Sonar | Bumper | Imu) -> int:
         """The number of the scan that follows number `index`, taken at `step`; those that were missed are left out."""
         return max(index, math.floor(step * sensor.params.frequency / self._frequency + 1e-6)) + 1
 
-    def _scan_step(self, sensor: Lidar | Bumper, index: int) -> int:
+    def _scan_step(self, sensor: Lidar | Sonar | Bumper | Imu, index: int) -> int:
         """The first physics step that is not before the time of that scan."""
         return math.ceil(index * self._frequency / sensor.params.frequency - 1e-6)
-
-
-def _is_round(footprint: Footprint) -> bool:
-    """True for the polygon of a radius."""
-    circle = Footprint.from_radius(footprint.circumscribed_radius).vertices
-    return footprint.vertices.shape == circle.shape and bool(
-        np.allclose(footprint.vertices, circle, rtol=0.0, atol=1e-9)
-    )

@@ -1,4 +1,4 @@
-"""What the simulated robot drives among: the occupied cells of a map, and round obstacles."""
+"""What the simulated robot drives among: the occupied cells of a map, discs and polygons."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from navstack.core import Footprint, GridGeometry, OccupancyGrid, Pose2D
@@ -15,9 +16,16 @@ from navstack.core.errors import InputError
 from navstack.sim import _body_kernels as body
 from navstack.sim._clearance_kernels import clearance
 from navstack.sim._lidar_kernels import free_squares
+from navstack.sim._shape_kernels import place_polygons
+from navstack.sim.crowd import Crowd
+from navstack.sim.shapes import LOW, PedestrianMotion, Shape, Still
+from navstack.sim.solids import Solids, discs_only, joined
+from navstack.sim.timed import TimedShapes, packed
 
 OCCUPIED = 100
 """A cell of a map is a wall from this value on: what the static layer takes as lethal by default."""
+
+_POINT = np.zeros((1, 2))
 
 
 class Mover(Protocol):
@@ -29,10 +37,11 @@ class Mover(Protocol):
 
 
 class World:
-    """A map and discs, in the map's frame (m).
+    """A map, discs and polygons, in the map's frame (m).
 
     Occupied cells are solid squares. Unknown cells, and everything outside the map, are empty: they hide nothing and hurt
-    nothing. The grid may be turned (`origin_yaw`).
+    nothing. The grid may be turned (`origin_yaw`). A world has no state: people, whose ways depend on the robot's, are
+    walked by whoever drives it (`crowd`).
     """
 
     def __init__(
@@ -41,9 +50,11 @@ class World:
         discs: NDArray[np.float64] | Sequence[Sequence[float]] = (),
         movers: Sequence[Mover] = (),
         low_discs: NDArray[np.float64] | Sequence[Sequence[float]] = (),
+        shapes: Sequence[Shape] = (),
     ) -> None:
         """`discs` (n, 3): x, y, radius (m) of what stands still; without a map the ground is empty. `low_discs` likewise,
-        but no lidar sees them: thresholds, feet of chairs. A robot runs into them all the same.
+        but no higher than `LOW`: thresholds, feet of chairs. A lidar above does not see them; a robot runs into them all
+        the same. `shapes`: anything else, standing or moving.
 
         Raises InputError for discs that are not finite or have no radius.
         """
@@ -56,30 +67,70 @@ class World:
         self.squares: NDArray[np.uint8] = _squares_of(self.map.data >= OCCUPIED)
         """(4, ny, nx): the free squares of every cell, one in each quadrant; 0 = occupied."""
         self.movers = tuple(movers)
+        self.shapes = tuple(shapes)
+        """As given."""
+        self.people = [shape for shape in shapes if isinstance(shape.motion, PedestrianMotion)]
         self._low = _checked_discs(low_discs)
-        self._discs = np.concatenate([self._low, _checked_discs(discs)])
+        self._timed = TimedShapes(shapes)
+        self._still = [shape for shape in shapes if isinstance(shape.motion, Still)]
+        self._shape_solids = _standing(self._still)
+        self._solids = self._standing(_checked_discs(discs))
+        self._last: tuple[float, Solids] | None = None
 
     @property
     def moves(self) -> bool:
-        """True when the discs are not the same at all times."""
-        return bool(self.movers)
+        """True when not everything stays where it is."""
+        return bool(self.movers or self.people or len(self._timed))
+
+    def solids_at(self, time: float) -> Solids:
+        """All discs and polygons at `time` (s), but for people: low discs, others that stand, movers, shapes on tracks."""
+        if not self.movers and not len(self._timed):
+            return self._solids
+        if self._last is not None and self._last[0] == time:
+            return self._last[1]
+        parts = [self._solids]
+        for mover in self.movers:
+            discs = mover.discs(time)
+            parts.append(discs_only(discs, np.full(len(discs), math.inf)))
+        if len(self._timed):
+            parts.append(self._timed.at(time))
+        solids = joined(parts)
+        self._last = time, solids
+        return solids
 
     def discs_at(self, time: float) -> NDArray[np.float64]:
-        """(n, 3) x, y, radius (m) of all round obstacles at `time` (s): low ones, others that stand, movers.
+        """(n, 3) x, y, radius (m) of the round ones among `solids_at`, in its order. Not to be written to."""
+        return self.solids_at(time).discs
 
-        Not to be written to.
-        """
-        if not self.movers:
-            return self._discs
-        return np.concatenate([self._discs, *(mover.discs(time) for mover in self.movers)])
+    def crowd(self, seed: int) -> Crowd | None:
+        """The people of this world at the start of a run with that seed; None when there are none."""
+        return Crowd(self.people, seed) if self.people else None
 
     def put_discs(self, discs: NDArray[np.float64] | Sequence[Sequence[float]]) -> None:
-        """Replaces the round obstacles that stand still, except low ones: for whoever moves things step by step."""
-        self._discs = np.concatenate([self._low, _checked_discs(discs)])
+        """Replaces the round obstacles that stand still, except low ones and shapes: for whoever moves things step by step."""
+        self._solids = self._standing(_checked_discs(discs))
+        self._last = None
 
-    def in_sight(self, discs: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Those of `discs`, as `discs_at` gave them, that a lidar sees: all but the low ones."""
-        return discs[len(self._low) :] if len(self._low) else discs
+    def _standing(self, discs: NDArray[np.float64]) -> Solids:
+        tops = np.concatenate((np.full(len(self._low), LOW), np.full(len(discs), math.inf)))
+        round_ones = discs_only(np.concatenate((self._low, discs)), tops)
+        return joined([round_ones, self._shape_solids]) if self._still else round_ones
+
+    def name_of(self, kind: str, index: int) -> str:
+        """What a scenario calls that disc or polygon (as `described` gives kind and index), "" for what has no name."""
+        named: list[Shape | None]
+        if kind == "polygon":
+            named = [*(shape for shape in self._still if shape.radius is None), *self._timed.polygons]
+        elif kind == "disc":
+            standing = [shape for shape in self._still if shape.radius is not None]
+            moving = [*self._timed.discs, *self.people]
+            movers = len(self.discs_at(0.0)) - len(self._solids.discs) - len(self._timed.discs)
+            named = [None] * (len(self._solids.discs) - len(standing))
+            named += [*standing, *([None] * movers), *moving]
+        else:
+            return ""
+        shape = named[index]
+        return shape.name if shape is not None else ""
 
     def contains(self, pose: Pose2D) -> bool:
         """True for a position on the map."""
@@ -89,19 +140,25 @@ class World:
         return 0.0 <= c * dx + s * dy < geometry.width_m and 0.0 <= c * dy - s * dx < geometry.height_m
 
     def is_free(self, footprint: Footprint, pose: Pose2D, time: float = 0.0) -> bool:
-        """True when the outline at `pose` meets neither an occupied cell nor a disc at `time` (s)."""
+        """True when the outline at `pose` meets neither an occupied cell nor anything of `solids_at` that `time` (s)."""
         return self.contact(footprint, pose, time) is None
 
-    def contact(self, footprint: Footprint, pose: Pose2D, time: float = 0.0) -> tuple[str, int, float, float] | None:
-        """What the outline at `pose` meets: ("map", iy * nx + ix, x, y) or ("disc", index, x, y) with its centre (m)."""
-        discs = self.discs_at(time)
+    def contact(
+        self, footprint: Footprint, pose: Pose2D, time: float = 0.0, solids: Solids | None = None
+    ) -> tuple[str, int, float, float] | None:
+        """What the outline at `pose` meets, as `described` says it; None when it is free.
+
+        `solids`: what there is beside the map, when the caller knows better than `solids_at(time)`.
+        """
+        solids = self.solids_at(time) if solids is None else solids
+        count = len(solids.discs) + len(solids.circles)
         hit = int(
             body.find_contact(
                 self.squares,
                 self.grid,
-                discs,
-                np.arange(len(discs)),
-                len(discs),
+                solids,
+                np.arange(count),
+                count,
                 footprint.vertices.copy(),
                 footprint.circumscribed_radius,
                 float(pose.x),
@@ -110,16 +167,21 @@ class World:
                 np.empty_like(footprint.vertices),
             )
         )
-        return None if hit == -1 else self.described(hit, discs)
+        return None if hit == -1 else self.described(hit, solids)
 
-    def touched(self, points: NDArray[np.float64], reach: float, discs: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """(n,) which of the points (n, 2) (m, map frame) have an occupied cell or one of `discs` within `reach` (m).
+    def touched(self, points: NDArray[np.float64], reach: float, solids: Solids) -> NDArray[np.bool_]:
+        """(n,) which of the points (n, 2) (m, map frame) have an occupied cell or one of `solids` within `reach` (m).
 
         Cells are looked for on two rings of 16 points around each: good for those not much smaller than `reach`.
         """
         x, y = points[:, 0], points[:, 1]
+        discs = solids.discs
         away = np.hypot(x[:, None] - discs[:, 0], y[:, None] - discs[:, 1]) - discs[:, 2]
         found = (away < reach).any(axis=1)
+        for k, (cx, cy, radius) in enumerate(solids.circles.tolist()):
+            if bool((np.hypot(x - cx, y - cy) < radius + reach).any()):
+                polygon = shapely.Polygon(solids.polygon(k))
+                found = found | (shapely.distance(shapely.points(points), polygon) < reach)
         resolution, (_, ny, nx) = self.map.geometry.resolution, self.squares.shape
         c, s = math.cos(self.map.origin_yaw), math.sin(self.map.origin_yaw)
         dx, dy = x - self.map.geometry.origin_x, y - self.map.geometry.origin_y
@@ -132,25 +194,51 @@ class World:
         ix, iy = np.where(inside, gx, 0.0).astype(np.int64), np.where(inside, gy, 0.0).astype(np.int64)
         return found | (inside & (self.squares[0, iy, ix] == 0)).any(axis=1)
 
-    def described(self, hit: int, discs: NDArray[np.float64]) -> tuple[str, int, float, float]:
-        """A kernel's answer in words: kind, index, and the centre of what was hit (m)."""
+    def described(self, hit: int, solids: Solids) -> tuple[str, int, float, float]:
+        """A kernel's answer in words: what was hit and where its centre is (m).
+
+        ("map", iy * nx + ix, x, y), ("disc", index, x, y) or ("polygon", index, x, y).
+        """
         if hit < 0:
             index = -2 - hit
-            return "disc", index, float(discs[index, 0]), float(discs[index, 1])
+            if index < len(solids.discs):
+                return "disc", index, float(solids.discs[index, 0]), float(solids.discs[index, 1])
+            index -= len(solids.discs)
+            return "polygon", index, float(solids.circles[index, 0]), float(solids.circles[index, 1])
         geometry = self.map.geometry
         iy, ix = divmod(hit, geometry.nx)
         u, v = (ix + 0.5) * geometry.resolution, (iy + 0.5) * geometry.resolution
         c, s = math.cos(self.map.origin_yaw), math.sin(self.map.origin_yaw)
         return "map", hit, geometry.origin_x + c * u - s * v, geometry.origin_y + s * u + c * v
 
-    def clearance(self, pose: Pose2D, footprint: Footprint | None = None, time: float = 0.0) -> float:
+    def clearance(
+        self, pose: Pose2D, footprint: Footprint | None = None, time: float = 0.0, solids: Solids | None = None
+    ) -> float:
         """Distance (m) from the position, or from the outline there, to the nearest obstacle at `time` (s); exact.
 
-        0 in contact, inf when there is no obstacle at all.
+        0 in contact, inf when there is no obstacle at all. `solids` as of `contact`.
         """
-        outline = np.zeros((1, 2)) if footprint is None else footprint.vertices.copy()
+        outline = _POINT if footprint is None else footprint.vertices.copy()
         x, y, yaw = float(pose.x), float(pose.y), float(pose.yaw)
-        return float(clearance(self.squares, self.grid, self.discs_at(time), outline, x, y, yaw))
+        solids = self.solids_at(time) if solids is None else solids
+        return float(clearance(self.squares, self.grid, solids, outline, x, y, yaw))
+
+
+def _standing(shapes: Sequence[Shape]) -> Solids:
+    """Shapes where their poses are."""
+    discs = [(*shape.pose[:2], shape.radius) for shape in shapes if shape.radius is not None]
+    polygons = [shape for shape in shapes if shape.radius is None]
+    outlines, first, centres = packed([np.array(shape.outline(), np.float64) for shape in polygons])
+    poses = np.array([shape.pose for shape in polygons], np.float64).reshape(-1, 3)
+    corners, circles = place_polygons(outlines, first, centres, poses)
+    return Solids(
+        np.array(discs, np.float64).reshape(-1, 3),
+        np.array([shape.top for shape in shapes if shape.radius is not None], np.float64),
+        circles,
+        corners,
+        first,
+        np.array([shape.top for shape in polygons], np.float64),
+    )
 
 
 _SQUARES: dict[bytes, NDArray[np.uint8]] = {}
@@ -159,7 +247,7 @@ _MAPS_KEPT = 4
 
 
 def _squares_of(occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    key = hashlib.blake2b(np.packbits(occupied), key=repr(occupied.shape).encode()).digest()
+    key = hashlib.blake2b(np.packbits(occupied).tobytes(), key=repr(occupied.shape).encode()).digest()
     squares = _SQUARES.pop(key, None)
     if squares is None:
         squares = free_squares(occupied)

@@ -13,7 +13,7 @@ import navstack as nav
 from navstack.core import Footprint, LaserScan, PointCloud, Pose2D, Twist2D
 from navstack.core.errors import InputError
 from navstack.navigator import build_move_base, simulated_robot
-from navstack.sim import BumperParams, LidarParams, SimParams, SimulatedRobot, World
+from navstack.sim import LOW, BumperParams, LidarParams, SimParams, SimulatedRobot, World
 from navstack.sim.bumper import SPACING, skin
 from tests.sim.test_robot import BOX, CIRCLE, corridor
 
@@ -188,7 +188,7 @@ def test_lidars_do_not_see_what_is_low() -> None:
     assert robot.pose.x == pytest.approx(1.5 - 0.2 - 0.18, abs=0.006)
     world.put_discs(())
     assert len(world.discs_at(0.0)) == 1
-    assert len(world.in_sight(world.discs_at(0.0))) == 0
+    assert world.solids_at(0.0).disc_tops.tolist() == [LOW]
 
 
 # --- end to end -------------------------------------------------------------------------------------------------------
