@@ -145,14 +145,19 @@ def gradient_path(pot, nx, ny, k, dx, dy, root_x, root_y, enough, near, patience
         ix, iy = k % nx, k // nx
         x = np.float32(ix) + dx
         y = np.float32(iy) + dy
-        if n + 2 >= points.shape[0]:
+        if n + 3 >= points.shape[0]:
             points = _doubled(points)
         if pot[nearest] < enough or np.hypot(x - root_x, y - root_y) < near:
             inside = ix > 0 and iy > 0 and ix < nx - 1 and iy < ny - 1
-            down = inside and _crosses(
-                pot, k, nx, np.float64(dx), np.float64(dy), np.float64(root_x - ix), np.float64(root_y - iy)
-            )
+            rx, ry = np.float64(root_x - ix), np.float64(root_y - iy)
+            down = inside and _crosses(pot, k, nx, np.float64(dx), np.float64(dy), rx, ry)
             if not down:
+                if n > 0:  # C++ leaves this point out
+                    ax, ay = np.float64(points[n - 1, 0] - ix), np.float64(points[n - 1, 1] - iy)
+                    if not inside or max(abs(ax), abs(ay)) > 1.5 or _crosses(pot, k, nx, ax, ay, rx, ry):
+                        points[n, 0] = x
+                        points[n, 1] = y
+                        n += 1
                 points[n, 0] = root_x
                 points[n, 1] = root_y
                 return points, n + 1
@@ -192,8 +197,16 @@ def gradient_path(pot, nx, ny, k, dx, dy, root_x, root_y, enough, near, patience
             k, n = lowest_k, lowest_n
             to = _lowest_neighbour(pot, k, nx)
             if to == k:
-                if np.hypot(k % nx - root_x, k // nx - root_y) > 1.5:
+                ix, iy = k % nx, k // nx
+                if np.hypot(ix - root_x, iy - root_y) > 1.5:
                     return points, 0
+                ax, ay = np.float64(points[n - 1, 0] - ix), np.float64(points[n - 1, 1] - iy)
+                if _crosses(pot, k, nx, ax, ay, np.float64(root_x - ix), np.float64(root_y - iy)):
+                    points[n, 0] = ix + np.rint(ax)
+                    points[n, 1] = iy + np.rint(ay)
+                    points[n + 1, 0] = ix
+                    points[n + 1, 1] = iy
+                    n += 2
                 points[n, 0] = root_x
                 points[n, 1] = root_y
                 return points, n + 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Mapping
 from typing import ClassVar
 
@@ -57,6 +58,8 @@ class CarrotPlanner(GlobalPlanner):
         robot fits nowhere on the line.
         """
         del keep_potential
+        began = time.perf_counter()
+        start, goal = ends.with_yaw_in_range(start), ends.with_yaw_in_range(goal)
         _, goal_cell = ends.cells_of(costmap, start, goal)
         turn = angle_between(start.yaw, goal.yaw)
         scale = 1.0
@@ -70,7 +73,9 @@ class CarrotPlanner(GlobalPlanner):
                 moved = goal.distance_to(target)
                 notes = (f"the goal is pulled back by {moved:.2f} m to where the robot fits",) if moved > 0.0 else ()
                 poses = np.array([start, target], dtype=np.float64)
-                return Plan(Path(poses, costmap.frame), start.distance_to(target), target, moved, 0, None, notes)
+                length = start.distance_to(target)
+                took = time.perf_counter() - began
+                return Plan(Path(poses, costmap.frame), length, target, moved, 0, None, notes, took)
             scale = round(scale - _SCALE_STEP, 10)
         data = ends.occupied_data(costmap, navfn_rule(False), goal_cell, ring=False)
         raise GoalOccupiedError(

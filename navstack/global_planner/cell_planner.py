@@ -111,6 +111,7 @@ class CellPlanner(GlobalPlanner):
         began = time.perf_counter()
         params = cast("CellPlannerParams", self.params)
         rule, weights = _rule_and_weights(params.allow_unknown, params.neutral_cost, params.cost_factor)
+        start, goal = ends.with_yaw_in_range(start), ends.with_yaw_in_range(goal)
         start_cell, goal_cell = ends.cells_of(costmap, start, goal)
         request = Request(start, goal, costmap.geometry, costmap.frame, keep_potential, footprint)
         known = self._memory.recall(costmap, request)

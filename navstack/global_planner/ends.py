@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from navstack.core import Costmap, Pose2D, describe_cost
+from navstack.core import Costmap, Pose2D, describe_cost, normalize_angle
 from navstack.core.errors import (
     GoalOccupiedError,
     GoalOutsideMapError,
@@ -21,6 +21,13 @@ from navstack.global_planner.cost_rule import CostRule
 from navstack.global_planner.seal import blocked_stretches
 
 Cell = tuple[int, int]
+
+
+def with_yaw_in_range(pose: Pose2D) -> Pose2D:
+    """The pose with its yaw in (-pi, pi]: the very same where it lies there already, or is no number."""
+    if -math.pi < pose.yaw <= math.pi or not math.isfinite(pose.yaw):
+        return pose
+    return pose._replace(yaw=normalize_angle(pose.yaw))
 
 
 def cells_of(costmap: Costmap, start: Pose2D, goal: Pose2D) -> tuple[Cell, Cell]:

@@ -94,20 +94,23 @@ class WavePlanner(GlobalPlanner):
         began = time.perf_counter()
         params = cast("SearchParams", self.params)
         rule = self._rule()
-        ends.cells_of(costmap, start, goal)  # before a ring is added: outside is outside
+        start, goal = ends.with_yaw_in_range(start), ends.with_yaw_in_range(goal)
+        # all cells are looked up before a ring is added: what lies on an edge might otherwise change sides by a rounding
+        start_cell, goal_cell = ends.cells_of(costmap, start, goal)
         request = Request(start, goal, costmap.geometry, costmap.frame, keep_potential, footprint)
         known = self._memory.recall(costmap, request)
         if known is not None:
             return known
         given = self._grid(costmap)
-        start_cell, goal_cell = ends.cells_of(given, start, goal)
+        ring = (given.geometry.nx - costmap.geometry.nx) // 2
+        start_cell, goal_cell = (start_cell[0] + ring, start_cell[1] + ring), (goal_cell[0] + ring, goal_cell[1] + ring)
         departure = depart(given, rule, start, start_cell, footprint, params.start_policy, ring=True)
         grid, first = departure.costmap, departure.cell
-        free = [
-            c
-            for c in ends.goal_candidates(grid, goal, params.default_tolerance)
-            if c[1] == first or not ends.is_blocked(grid, rule, c[1])
+        candidates = [
+            (pose, (cell[0] + ring, cell[1] + ring))
+            for pose, cell in ends.goal_candidates(costmap, goal, params.default_tolerance)
         ]
+        free = [c for c in candidates if c[1] == first or not ends.is_blocked(grid, rule, c[1])]
         if not free:
             raise ends.goal_occupied(grid, rule, goal, goal_cell, params.default_tolerance)
         wave = self._wave
