@@ -20,7 +20,7 @@ from navstack.navigator import build_move_base, odometry_frame, simulated_robot,
 from navstack.record import Record, RunRecorder
 from navstack.record.metrics import RunMetrics, compute_metrics
 from navstack.record.timings import Timings, timed
-from navstack.sim import SimulatedRobot, World
+from navstack.sim import Shape, SimulatedRobot, World
 from navstack.sim.movers import Track, TrackedDiscs
 from navstack.success import SuccessConditions, Verdict
 
@@ -55,6 +55,8 @@ class Scenario:
     """Round obstacles that no lidar sees; bumpers do."""
     tracks: tuple[Track, ...] = ()
     """Discs that move on tracks."""
+    shapes: tuple[Shape, ...] = ()
+    """Whatever else stands or moves there: boxes, polygons, walls, doors, pedestrians."""
     success: SuccessConditions = SuccessConditions()
     """What the run is held to; it changes nothing in how it goes."""
     name: str = ""
@@ -64,7 +66,7 @@ class Scenario:
     def world(self) -> World:
         """The map with everything that stands and moves in it."""
         movers = (TrackedDiscs(self.tracks),) if self.tracks else ()
-        return World(self.map, self.obstacles, movers, self.low_obstacles)
+        return World(self.map, self.obstacles, movers, self.low_obstacles, self.shapes)
 
     def described(self) -> dict[str, Any]:
         """The scenario as the record keeps it (JSON): with the map, all that `from_record` needs to make it again."""
@@ -92,6 +94,8 @@ class Scenario:
             extras["low_obstacles"] = [list(obstacle) for obstacle in self.low_obstacles]
         if self.tracks:
             extras["tracks"] = [track.as_dict() for track in self.tracks]
+        if self.shapes:
+            extras["shapes"] = [shape.model_dump(mode="json", exclude_none=True) for shape in self.shapes]
         if self.success != SuccessConditions():
             extras["success"] = self.success.as_dict()
         return extras
@@ -125,6 +129,7 @@ class Scenario:
                 stop_on_failure=told.get("stop_on_failure", False),
                 low_obstacles=tuple((x, y, r) for x, y, r in told.get("low_obstacles", ())),
                 tracks=tuple(Track(**track) for track in told.get("tracks", ())),
+                shapes=tuple(Shape.model_validate(shape) for shape in told.get("shapes", ())),
                 success=SuccessConditions.from_dict(told.get("success", {})),
                 name=told.get("name", ""),
                 names={key: value for key, value in told.items() if key not in (*_NEEDED, *_OPTIONAL)},
@@ -136,7 +141,7 @@ class Scenario:
 
 
 _NEEDED: Final = ("ros_distro", "start", "goals", "obstacles", "seed", "time_limit_s", "parameters")
-_OPTIONAL: Final = ("rest_s", "stop_on_failure", "low_obstacles", "tracks", "success", "name", "navstack")
+_OPTIONAL: Final = ("rest_s", "stop_on_failure", "low_obstacles", "tracks", "shapes", "success", "name", "navstack")
 _NOT_FINITE: Final = {".inf": math.inf, "-.inf": -math.inf, ".nan": math.nan}
 
 
@@ -279,7 +284,7 @@ class _Meter:
         """The cycle that has just been; its clearance (m)."""
         robot = self._robot
         pose, now = robot.pose, robot.time
-        clearance = robot.world.clearance(pose, robot.footprint, now)
+        clearance = robot.world.clearance(pose, robot.footprint, solids=robot.solids)
         self._rows.extend((now, *pose, clearance))
         self._states.append(state)
         return clearance
