@@ -1,0 +1,51 @@
+"""Where a robot can stand on a map, and what is connected there."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import OccupancyGrid, Pose2D
+
+
+class FreeSpace:
+    """The cells of a map whose centres keep `clearance_m` from every occupied one, by connected region."""
+
+    def __init__(self, grid: OccupancyGrid, clearance_m: float) -> None:
+        from scipy import ndimage
+
+        self._geometry = grid.geometry
+        resolution = grid.geometry.resolution
+        # from centre to centre; half a cell's diagonal more is surely enough
+        away = ndimage.distance_transform_edt(grid.data < 100) * resolution - 0.71 * resolution
+        free = (away >= clearance_m) & (grid.data == 0)
+        labels, count = ndimage.label(free, np.ones((3, 3)))
+        sizes = np.bincount(labels.ravel(), minlength=count + 1)[1:]
+        self._regions: list[NDArray[np.int64]] = []
+        """Cells (n, 2) ix, iy of each region, the largest first."""
+        for label in np.argsort(-sizes, kind="stable").tolist():
+            iy, ix = np.nonzero(labels == label + 1)
+            self._regions.append(np.column_stack((ix, iy)))
+
+    @property
+    def is_empty(self) -> bool:
+        """True when the robot fits nowhere."""
+        return not self._regions
+
+    def draw(self, rng: np.random.Generator, region: int = 0) -> Pose2D:
+        """A pose of any direction in a region, 0 being the largest."""
+        cells = self._regions[region]
+        ix, iy = cells[int(rng.integers(len(cells)))].tolist()
+        x, y = self._geometry.cell_to_world(ix, iy)
+        return Pose2D(round(x, 3), round(y, 3), round(rng.uniform(-math.pi, math.pi), 4))
+
+    def draw_pair(self, rng: np.random.Generator, nearest_m: float, farthest_m: float) -> tuple[Pose2D, Pose2D]:
+        """Two poses of the largest region, so far apart as the crow flies, if 50 attempts find such."""
+        start = goal = self.draw(rng)
+        for _ in range(50):
+            start, goal = self.draw(rng), self.draw(rng)
+            if nearest_m <= start.distance_to(goal) <= farthest_m:
+                break
+        return start, goal

@@ -1,0 +1,148 @@
+"""Maps made by seed: rooms, mazes, scattered discs, caves. Free 0, occupied 100, one cell of wall around them."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import GridGeometry, OccupancyGrid
+
+RESOLUTION: Final = 0.05
+WALL: Final = 2
+"""Thickness of inner walls, in cells."""
+
+
+def rooms(rng: np.random.Generator, width_m: float, height_m: float, door_m: tuple[float, float]) -> OccupancyGrid:
+    """Rooms by cutting rooms in two, each wall with a door whose width (m) is drawn from `door_m`; all are connected."""
+    walls = _empty(width_m, height_m)
+    smallest = max(1.5, 2.0 * door_m[1])
+
+    def cut(x0: int, y0: int, x1: int, y1: int) -> None:
+        wide, high = (x1 - x0) * RESOLUTION, (y1 - y0) * RESOLUTION
+        across, room = wide > high, max(wide, high)
+        if room < 2.0 * smallest:
+            return
+        door = round(rng.uniform(*door_m) / RESOLUTION)
+        # views in which the wall stands upright: rows along it
+        view = walls[y0 - 1 : y1 + 1, x0:x1] if across else walls[y0:y1, x0 - 1 : x1 + 1].T
+        for _ in range(20):
+            at = round((smallest + rng.random() * (room - 2.0 * smallest)) / RESOLUTION)
+            ends = view[[0, -1], max(at - door, 0) : at + WALL + door]
+            if ends.all():  # no door of another wall is near its ends
+                break
+        else:
+            return
+        length = len(view) - 2
+        gap = 2 + int(rng.integers(max(1, length - door - 4)))
+        view[1 : 1 + gap, at : at + WALL] = True
+        view[1 + gap + door :, at : at + WALL] = True
+        if across:
+            cut(x0, y0, x0 + at, y1)
+            cut(x0 + at + WALL, y0, x1, y1)
+        else:
+            cut(x0, y0, x1, y0 + at)
+            cut(x0, y0 + at + WALL, x1, y1)
+
+    cut(1, 1, walls.shape[1] - 1, walls.shape[0] - 1)
+    return _grid(walls)
+
+
+def maze(rng: np.random.Generator, width_m: float, height_m: float, lane_m: float, loops: float = 0.1) -> OccupancyGrid:
+    """A maze of lanes `lane_m` wide; of the walls that it could do without, the share `loops` is left out."""
+    lane = round(lane_m / RESOLUTION)
+    pitch = lane + WALL
+    columns, lines = max(2, int(width_m / RESOLUTION) // pitch), max(2, int(height_m / RESOLUTION) // pitch)
+    walls = np.ones((lines * pitch + WALL, columns * pitch + WALL), np.bool_)
+
+    def room(i: int, j: int) -> tuple[slice, slice]:
+        return slice(WALL + j * pitch, WALL + j * pitch + lane), slice(WALL + i * pitch, WALL + i * pitch + lane)
+
+    def open_between(a: tuple[int, int], b: tuple[int, int]) -> None:
+        (i, j), (k, m) = min(a, b), max(a, b)
+        rows, cols = room(i, j)
+        if k > i:
+            walls[rows, cols.stop : cols.stop + WALL] = False
+        else:
+            walls[rows.stop : rows.stop + WALL, cols] = False
+
+    def neighbours(i: int, j: int) -> list[tuple[int, int]]:
+        around = ((i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1))
+        return [(k, m) for k, m in around if 0 <= k < columns and 0 <= m < lines]
+
+    for i in range(columns):
+        for j in range(lines):
+            walls[room(i, j)] = False
+    stack = [(0, 0)]
+    seen = {(0, 0)}
+    while stack:
+        ways = [cell for cell in neighbours(*stack[-1]) if cell not in seen]
+        if not ways:
+            stack.pop()
+            continue
+        chosen = ways[int(rng.integers(len(ways)))]
+        open_between(stack[-1], chosen)
+        seen.add(chosen)
+        stack.append(chosen)
+    for i in range(columns):
+        for j in range(lines):
+            for other in neighbours(i, j):
+                if other > (i, j) and rng.random() < loops:
+                    open_between((i, j), other)
+    return _grid(walls)
+
+
+def discs(
+    rng: np.random.Generator, width_m: float, height_m: float, per_m2: float, radius_m: tuple[float, float]
+) -> OccupancyGrid:
+    """Discs scattered over a field, so many per square metre, radii drawn from `radius_m`."""
+    walls = _empty(width_m, height_m)
+    ny, nx = walls.shape
+    x = (np.arange(nx) + 0.5) * RESOLUTION
+    y = (np.arange(ny) + 0.5) * RESOLUTION
+    for _ in range(round(per_m2 * width_m * height_m)):
+        cx, cy, r = rng.uniform(0.0, width_m), rng.uniform(0.0, height_m), rng.uniform(*radius_m)
+        walls |= (x[None, :] - cx) ** 2 + (y[:, None] - cy) ** 2 < r * r
+    return _grid(walls)
+
+
+def caves(rng: np.random.Generator, width_m: float, height_m: float, fill: float, rounds: int = 4) -> OccupancyGrid:
+    """A cellular automaton on squares of 0.15 m, as BARN's worlds are made.
+
+    Perille, Truong, Xiao, Stone, "Benchmarking Metric Ground Navigation", SSRR 2020: cells are filled with the probability
+    `fill`; in each round a cell with five and more filled neighbours fills, one with fewer than two empties.
+    """
+    coarse = 3
+    shape = (math.ceil(height_m / RESOLUTION / coarse), math.ceil(width_m / RESOLUTION / coarse))
+    filled = rng.random(shape) < fill
+    for _ in range(rounds):
+        padded = np.pad(filled.astype(np.int64), 1)
+        around = -filled.astype(np.int64)
+        for dy in range(3):
+            for dx in range(3):
+                around += padded[dy : dy + shape[0], dx : dx + shape[1]]
+        filled = (filled & (around >= 2)) | (around >= 5)
+    walls = np.kron(filled, np.ones((coarse, coarse), np.bool_))
+    return _grid(walls)
+
+
+def _empty(width_m: float, height_m: float) -> NDArray[np.bool_]:
+    """Nothing but the wall around it."""
+    walls = np.zeros((round(height_m / RESOLUTION), round(width_m / RESOLUTION)), np.bool_)
+    return _enclosed(walls)
+
+
+def _enclosed(walls: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    walls[[0, -1], :] = True
+    walls[:, [0, -1]] = True
+    return walls
+
+
+def _grid(walls: NDArray[np.bool_]) -> OccupancyGrid:
+    _enclosed(walls)
+    ny, nx = walls.shape
+    data = np.where(walls, 100, 0).astype(np.int8)
+    data.setflags(write=False)
+    return OccupancyGrid(data, GridGeometry(nx, ny, RESOLUTION))
