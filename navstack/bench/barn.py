@@ -9,7 +9,7 @@ that the shortest way takes at 2 m/s and AT the time taken, and 0 without succes
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -122,11 +122,22 @@ def load_worlds(file: Path) -> list[BarnWorld]:
 
 
 def barn_configuration(
-    params: Path, *, distro: str | None = None, rough: bool = False, overrides: Sequence[str] = ()
+    params: Path | Sequence[str],
+    *,
+    distro: str | None = None,
+    rough: bool = False,
+    noise_m: float | None = None,
+    overrides: Sequence[str] = (),
 ) -> Configuration:
-    """The parameters of a robot as published, in the benchmark's simulator. Raises ParameterError."""
+    """The parameters of a robot as published, in the benchmark's simulator; `noise_m` of the lidar's ranges (m).
+
+    Raises ParameterError.
+    """
     simulator = dict(ROUGH_JACKAL if rough else JACKAL)
-    return load_configuration([str(params), {"navstack": {"sim": simulator}}], overrides=overrides, distro=distro)
+    if noise_m is not None:
+        simulator["laser"] = {**simulator["laser"], "range_noise": noise_m}
+    sources = [str(params)] if isinstance(params, Path) else list(params)
+    return load_configuration([*sources, {"navstack": {"sim": simulator}}], overrides=overrides, distro=distro)
 
 
 def barn_scenario(world: BarnWorld, configuration: Configuration, *, seed: int = 0) -> Scenario:
@@ -193,33 +204,3 @@ def run_world(
     if run.recorder is not None and not run.outcomes:
         run.recorder.finish([], robot.collisions)
     return outcome, run.recorder
-
-
-def summary(outcomes: Sequence[BarnOutcome]) -> dict[str, float]:
-    """Shares and means of many runs, as BARN's tables give them; times are of successes."""
-    if not outcomes:
-        return {}
-    times = [o.time_s for o in outcomes if o.succeeded]
-    many = len(outcomes)
-    return {
-        "runs": many,
-        "success": len(times) / many,
-        "collision": sum(o.outcome == "collision" for o in outcomes) / many,
-        "timeout": sum(o.outcome not in ("success", "collision") for o in outcomes) / many,
-        "time_s": sum(times) / len(times) if times else math.nan,
-        "score": sum(o.score for o in outcomes) / many,
-    }
-
-
-def as_table(outcomes: Sequence[BarnOutcome]) -> Iterator[str]:
-    """A line per run and one of means."""
-    yield f"{'world':>5} {'outcome':<10} {'time':>6} {'length':>6} {'clear':>6} {'turning':>7} {'score':>6}"
-    for o in outcomes:
-        row = f"{o.world:>5} {o.outcome:<10} {o.time_s:>6.1f} {o.length_m:>6.2f} {o.clearance_m:>6.3f}"
-        yield f"{row} {o.turning_s:>7.1f} {o.score:>6.4f}  {o.text}".rstrip()
-    s = summary(outcomes)
-    if s:
-        yield (
-            f"{s['runs']:.0f} runs: success {s['success']:.3f}, collision {s['collision']:.3f}, "
-            f"timeout {s['timeout']:.3f}, {s['time_s']:.1f} s, score {s['score']:.4f}"
-        )

@@ -1,0 +1,83 @@
+"""Tables of results: the same rows for the terminal, for Markdown and for JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from navstack.statistics import Correlation, Difference, Interval
+
+
+class Column(NamedTuple):
+    """One column: what it shows of a row and how."""
+
+    key: str
+    head: str
+    digits: int = 2
+    """Of numbers that are not whole."""
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Rows of values by name, and the columns that show them."""
+
+    title: str
+    columns: Sequence[Column]
+    rows: Sequence[Mapping[str, Any]]
+
+    def texts(self) -> list[list[str]]:
+        """What stands in the cells, row by row."""
+        return [[text_of(row.get(c.key), c.digits) for c in self.columns] for row in self.rows]
+
+    def is_numeric(self, column: int) -> bool:
+        """True when a column is to be set to the right."""
+        values = [row.get(self.columns[column].key) for row in self.rows]
+        return not any(isinstance(v, str) for v in values)
+
+    def markdown(self) -> str:
+        """The table as GitHub shows it, its title in bold above it."""
+        cells = [[c.head for c in self.columns], *self.texts()]
+        widths = [max(len(row[i]) for row in cells) for i in range(len(self.columns))]
+        right = [self.is_numeric(i) for i in range(len(self.columns))]
+        lines = [
+            "| "
+            + " | ".join(t.rjust(w) if r else t.ljust(w) for t, w, r in zip(row, widths, right, strict=True))
+            + " |"
+            for row in cells
+        ]
+        rule = "|" + "|".join("-" * (w + 1) + (":" if r else "-") for w, r in zip(widths, right, strict=True)) + "|"
+        return "\n".join([f"**{self.title}**", "", lines[0], rule, *lines[1:]]) + "\n"
+
+
+def text_of(value: Any, digits: int = 2) -> str:
+    """A value as tables show it; a dash for nothing."""
+    if value is None:
+        return "-"
+    if isinstance(value, (Interval, Difference)):
+        return (value if isinstance(value, Interval) else value.interval).text(digits)
+    if isinstance(value, Correlation):
+        return Interval(value.rho, value.low, value.high, value.pairs).text(digits)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int):
+        return f"{value:,}"
+    if isinstance(value, float):
+        if math.isnan(value):
+            return "-"
+        return f"{value:,.{digits}f}"
+    return str(value)
+
+
+def as_json(value: Any) -> Any:
+    """Rows, intervals and tables for JSON."""
+    if isinstance(value, (Interval, Difference, Correlation)):
+        return value.as_dict()
+    if isinstance(value, Table):
+        return [{k: as_json(v) for k, v in row.items()} for row in value.rows]
+    if isinstance(value, Mapping):
+        return {str(k): as_json(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [as_json(v) for v in value]
+    return value
