@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import csv
-import hashlib
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -12,11 +10,19 @@ from pathlib import Path
 from typing import Any, Final
 
 from navstack.bench.barn import BarnOutcome, BarnWorld, barn_configuration, load_worlds, run_world
+from navstack.bench.files import digest_of_configuration, digest_of_file, short_names
 from navstack.bench.table import Column, Table
 from navstack.configuration import Configuration
 from navstack.core.errors import InputError
 from navstack.jobs import Job, JobResult
-from navstack.statistics import Correlation, Difference, mean, paired_difference, rank_correlation, share
+from navstack.statistics import (
+    Difference,
+    mean,
+    paired_difference,
+    paired_share_difference,
+    rank_correlation,
+    share,
+)
 
 WORLDS_FILE: Final = "worlds.npz"
 CPP_FILE: Final = "cpp_results.csv"
@@ -57,17 +63,15 @@ class BarnTask:
 
     def described(self) -> dict[str, Any]:
         """What shapes the outcomes, beyond world and seed."""
-        tree = json.dumps(self.configuration.tree.as_dict(), sort_keys=True, default=str)
-        worlds = (self.folder / WORLDS_FILE).read_bytes()
         return {
             "bench": "barn",
-            "params": [Path(p).name for p in self.params],
+            "params": short_names(self.params),
             "set": list(self.overrides),
             "distro": self.configuration.navstack.ros_distro,
             "rough": self.rough,
             "noise_m": self.noise_m,
-            "parameters": hashlib.sha256(tree.encode()).hexdigest()[:16],
-            "worlds": hashlib.sha256(worlds).hexdigest()[:16],
+            "parameters": digest_of_configuration(self.configuration),
+            "worlds": digest_of_file(self.folder / WORLDS_FILE),
         }
 
     def __call__(self, asked: tuple[int, int]) -> dict[str, Any]:
@@ -134,7 +138,7 @@ def barn_report(task: BarnTask, results: Sequence[JobResult], jobs: Sequence[Job
     against = None
     if cpp:
         totals.append(_total(CPP, [_as_outcome(w, row) for w, row in cpp.items()]))
-        against = _against(rows, cpp)
+        against = _against(rows, outcomes, cpp)
     return BarnReport(
         outcomes=outcomes,
         seeds=seeds,
@@ -247,37 +251,36 @@ def _as_outcome(world: int, row: Mapping[str, Any]) -> BarnOutcome:
     return BarnOutcome(world, row["outcome"], row["time_s"], row["length_m"], row["clearance_m"], row["score"], 0.0)
 
 
-def _against(rows: Sequence[Mapping[str, Any]], cpp: Mapping[int, Mapping[str, Any]]) -> Table:
+def _against(
+    rows: Sequence[Mapping[str, Any]], outcomes: Sequence[BarnOutcome], cpp: Mapping[int, Mapping[str, Any]]
+) -> Table:
     both = [row for row in rows if row["world"] in cpp]
     won = [row for row in both if row["cpp_time_s"] is not None and row["success"] > 0]
+    runs = [o for o in outcomes if o.world in cpp]
+    success = paired_share_difference(
+        [cpp[o.world]["outcome"] == "success" for o in runs], [o.succeeded for o in runs], [o.world for o in runs]
+    )
+    theirs = [float(r["cpp_outcome"] == "success") for r in both]
     told = [
+        _row("success", success, theirs, [r["success"] / r["runs"] for r in both]),
         _compared("score", [r["cpp_score"] for r in both], [r["score"] for r in both]),
+        _compared("time where both arrive (s)", [cpp[r["world"]]["time_s"] for r in won], [r["time_s"] for r in won]),
         _compared(
-            "success",
-            [float(r["cpp_outcome"] == "success") for r in both],
-            [r["success"] / r["runs"] for r in both],
-        ),
-        _compared(
-            "time where both arrive (s)",
-            [cpp[r["world"]]["time_s"] for r in won],
-            [r["time_s"] for r in won],
-        ),
-        _compared(
-            "length where both arrive (m)",
-            [cpp[r["world"]]["length_m"] for r in won],
-            [r["length_m"] for r in won],
+            "length where both arrive (m)", [cpp[r["world"]]["length_m"] for r in won], [r["length_m"] for r in won]
         ),
     ]
     return Table("navstack minus C++, paired by world", _AGAINST, told)
 
 
 def _compared(what: str, theirs: Sequence[float], ours: Sequence[float]) -> dict[str, Any]:
-    difference: Difference = paired_difference(theirs, ours)
-    correlation: Correlation = rank_correlation(theirs, ours)
+    return _row(what, paired_difference(theirs, ours), theirs, ours)
+
+
+def _row(what: str, difference: Difference, theirs: Sequence[float], ours: Sequence[float]) -> dict[str, Any]:
     return {
         "what": what,
         "worlds": len(ours),
         "difference": difference,
         "verdict": difference.verdict,
-        "rank_correlation": correlation,
+        "rank_correlation": rank_correlation(theirs, ours),
     }

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from navstack.configuration import Configuration
-from navstack.core import INSCRIBED, LETHAL, Costmap, FrameTree, OccupancyGrid, Pose2D, Transform2D
+from navstack.core import INSCRIBED, LETHAL, Costmap, Footprint, FrameTree, OccupancyGrid, Pose2D, Transform2D
 from navstack.core.errors import PlanningError
 from navstack.interfaces import GlobalPlanner, Plan
 from navstack.navigator import build_costmap
@@ -33,8 +35,13 @@ class PairResult:
     """Why there is no plan; None when there is one."""
     blocked: int
     """Points of the path that lie in blocked cells."""
-    length_m: float
-    time_ms: float
+    length_m: float = math.nan
+    """As all below, of a plan only."""
+    time_ms: float = math.nan
+    cost: float = math.nan
+    """In the planner's own unit."""
+    clearance_m: float = math.nan
+    expanded: int = 0
 
 
 def costmap_of(configuration: Configuration, grid: OccupancyGrid) -> Costmap:
@@ -96,38 +103,41 @@ def blocked_points(plan: Plan, costmap: Costmap, *, corners: bool) -> int:
 
 
 def run_pairs(
-    planners: Mapping[str, GlobalPlanner], costmap: Costmap, pairs: Sequence[tuple[Pose2D, Pose2D]]
+    planners: Mapping[str, GlobalPlanner],
+    costmap: Costmap,
+    pairs: Sequence[tuple[Pose2D, Pose2D]],
+    *,
+    footprint: Footprint | None = None,
 ) -> list[PairResult]:
-    """Every pair by every planner."""
+    """Every pair by every planner, from scratch; what comes before the first pair's time is loaded beforehand."""
     results: list[PairResult] = []
     for name, planner in planners.items():
+        for start, goal in pairs[:1]:  # allocates, and compiles on a first run: not to be timed
+            with suppress(PlanningError):
+                planner.make_plan(costmap, start, goal, footprint=footprint)
         for start, goal in pairs:
+            forget = getattr(planner, "forget", None)
+            if forget is not None:
+                forget()
             began = time.perf_counter()
             try:
-                plan = planner.make_plan(costmap, start, goal)
+                plan = planner.make_plan(costmap, start, goal, footprint=footprint)
             except PlanningError as error:
-                results.append(PairResult(name, start, goal, str(error), 0, 0.0, 0.0))
+                results.append(PairResult(name, start, goal, str(error), 0))
                 continue
             took = (time.perf_counter() - began) * 1e3
-            bad = blocked_points(plan, costmap, corners=name == "navfn")
-            results.append(PairResult(name, start, goal, None, bad, plan.length_m, took))
+            results.append(
+                PairResult(
+                    planner=name,
+                    start=start,
+                    goal=goal,
+                    error=None,
+                    blocked=blocked_points(plan, costmap, corners=name == "navfn"),
+                    length_m=plan.length_m,
+                    time_ms=took,
+                    cost=plan.cost,
+                    clearance_m=plan.clearance_m(costmap),
+                    expanded=plan.cells_expanded,
+                )
+            )
     return results
-
-
-def summary(results: Sequence[PairResult]) -> list[dict[str, Any]]:
-    """One row per planner."""
-    rows: list[dict[str, Any]] = []
-    for name in dict.fromkeys(r.planner for r in results):
-        mine = [r for r in results if r.planner == name]
-        rows.append(
-            {
-                "planner": name,
-                "pairs": len(mine),
-                "found": sum(r.error is None for r in mine),
-                "in_collision": sum(r.blocked > 0 for r in mine),
-                "blocked_points": sum(r.blocked for r in mine),
-                "length_m": sum(r.length_m for r in mine),
-                "median_ms": float(np.median([r.time_ms for r in mine])),
-            }
-        )
-    return rows

@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import math
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
@@ -58,19 +58,28 @@ def read_problems(folder: Path) -> list[Problem]:
     file = folder / "problems.tsv"
     if not file.is_file():
         raise InputError(f"{folder} holds no problems.tsv: give the folder of the movingai benchmark", path=str(folder))
-    with file.open(encoding="utf-8", newline="") as lines:
-        return [
-            Problem(
-                r["family"],
-                r["map"],
-                int(r["sx"]),
-                int(r["sy"]),
-                int(r["gx"]),
-                int(r["gy"]),
-                float(r["optimal"]),
-            )
-            for r in csv.DictReader(lines, delimiter="\t")
-        ]
+    try:
+        with file.open(encoding="utf-8", newline="") as lines:
+            return _problems(lines)
+    except (OSError, KeyError, ValueError, TypeError) as error:
+        raise InputError(
+            f"{file} is no table of problems with family, map, sx, sy, gx, gy, optimal ({error})", file=str(file)
+        ) from error
+
+
+def _problems(lines: Iterable[str]) -> list[Problem]:
+    return [
+        Problem(
+            r["family"],
+            r["map"],
+            int(r["sx"]),
+            int(r["sy"]),
+            int(r["gx"]),
+            int(r["gy"]),
+            float(r["optimal"]),
+        )
+        for r in csv.DictReader(lines, delimiter="\t")
+    ]
 
 
 def read_map(file: Path) -> NDArray[np.bool_]:
@@ -157,15 +166,3 @@ def _row(name: str, answers: Sequence[Answer]) -> dict[str, Any]:
         "median_ms": median(a.time_ms for a in answers),
         "total_ms": sum(a.time_ms for a in answers),
     }
-
-
-def as_table(rows: Sequence[Mapping[str, Any]]) -> str:
-    """The rows of `summary` as text."""
-    head = f"{'map':20}{'problems':>9}{'found':>7}{'optimal':>9}{'shorter':>9}{'worst excess':>14}{'mean ratio':>12}"
-    head += f"{'expanded':>10}{'median ms':>11}{'total ms':>10}"
-    lines = [
-        f"{r['map']:20}{r['problems']:9}{r['found']:7}{r['optimal']:9}{r['shorter']:9}{r['worst_excess']:14.4f}"
-        f"{r['mean_ratio']:12.4f}{r['median_expanded']:10,.0f}{r['median_ms']:11.2f}{r['total_ms']:10.0f}"
-        for r in rows
-    ]
-    return "\n".join([head, *lines])

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from navstack.bench.barn import BarnWorld, as_table, barn_configuration, load_worlds, run_world, summary
+from navstack.bench.barn import BarnWorld, barn_configuration, load_worlds, run_world
 from navstack.core.errors import InputError
 
 
@@ -55,14 +55,6 @@ def test_the_score_is_cut_at_both_ends() -> None:
     assert world.score(1.0) == 0.5
     assert world.score(20.0) == 0.25
     assert world.score(99.0) == 0.125
-
-
-def test_tables_and_means(jackal: Path) -> None:
-    won, _ = run_world(field((3.0, 5.0, 0.1)), barn_configuration(jackal))
-    lines = list(as_table([won]))
-    assert len(lines) == 3 and "success 1.000" in lines[-1]
-    assert summary([won])["time_s"] == won.time_s
-    assert summary([]) == {}
 
 
 def test_what_is_no_file_of_worlds(tmp_path: Path) -> None:

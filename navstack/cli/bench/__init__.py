@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from navstack.cli.bench import barn
+from navstack.cli.bench import barn, movingai, planners
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -14,3 +14,5 @@ app = typer.Typer(
     "Exit codes: 0 it ran, 1 some of its runs gave no result, 2 the input was wrong, 130 interrupted.",
 )
 app.command("barn")(barn.barn)
+app.command("movingai")(movingai.movingai)
+app.command("planners")(planners.planners)

@@ -41,13 +41,14 @@ def barn(
 ) -> int:
     """Drive through the BARN worlds and score as the BARN Challenge does: a table per world, totals with confidence intervals."""
     from navstack.bench.barn_bench import BarnTask, barn_jobs, barn_report
+    from navstack.bench.files import for_workers
     from navstack.core.errors import InputError
 
     if record and out is None:
         raise InputError("--record: say with --out where the records go", argument="--record")
     task = BarnTask(
         folder.resolve(),
-        tuple(_absolute(p) for p in params),
+        tuple(for_workers(p) for p in params),
         tuple(set_),
         distro,
         rough,
@@ -84,9 +85,3 @@ def barn(
     return running.report(
         document, tables, failed=found.failed, files=files, notes=notes, out=out, name="barn", json_=json_
     )
-
-
-def _absolute(source: str) -> str:
-    """Paths for workers; names of packaged sets as they are. `file@namespace` keeps its namespace."""
-    file, at, namespace = source.partition("@")
-    return f"{Path(file).resolve()}{at}{namespace}" if Path(file).exists() else source

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from navstack.jobs import Job, JobResult
 
 RESULTS_FILE = "results.jsonl"
+_WIDEST = 400
 
 PARAMS_HELP = "A packaged set, a folder, or files in order (repeat)."
 PROCESSES: Any = typer.Option(
@@ -97,6 +98,7 @@ def report(
 def print_table(table: Table) -> None:
     """A table on stdout."""
     from rich.box import SIMPLE_HEAD
+    from rich.console import Console
     from rich.markup import escape
     from rich.table import Table as RichTable
 
@@ -107,7 +109,8 @@ def print_table(table: Table) -> None:
         shown.add_column(escape(column.head), justify="right" if table.is_numeric(i) else "left", no_wrap=True)
     for row in table.texts():
         shown.add_row(*(escape(cell) for cell in row))
-    stdout().print(shown)
+    # never cut to the width of a terminal: a number without its end is another number
+    Console(width=max(stdout().width, _WIDEST), highlight=False).print(shown)
 
 
 def whole_numbers(texts: Sequence[str], argument: str) -> list[int]:

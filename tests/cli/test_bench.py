@@ -1,0 +1,199 @@
+"""`navstack bench`: tables that do not depend on processes or kills, JSON alone on stdout, one message for wrong input."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from navstack.cli.app import run
+
+
+@pytest.fixture
+def navstack(capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments: object, code: int = 0) -> Any:
+        got = run([str(a) for a in arguments])
+        captured = capfd.readouterr()
+        assert "Traceback" not in captured.err
+        assert got == code, captured.err
+        if "--json" in arguments:
+            return json.loads(captured.out)
+        return captured.out if code == 0 else captured.err
+
+    return call
+
+
+@pytest.fixture
+def jackal(data_dir: Path) -> Path:
+    folder = data_dir / "params" / "jackal_barn"
+    if not folder.is_dir():
+        pytest.skip("no parameters of the Jackal here")
+    return folder
+
+
+@pytest.fixture
+def fields(tmp_path: Path) -> Path:
+    """Three BARN worlds in which little stands in the way; in the last a ring of them keeps the robot in."""
+    folder = tmp_path / "barn"
+    folder.mkdir()
+    ring = [(0.8 * math.cos(a) - 2.25, 0.8 * math.sin(a) + 3.0) for a in np.linspace(0.0, 2.0 * math.pi, 48)]
+    discs = [(1.0, 8.0), (-4.0, 8.0), (-4.0, 7.0), *ring]
+    np.savez(
+        folder / "worlds.npz",
+        world=np.array([3, 8, 9]),
+        cyl_xy=np.array(discs),
+        cyl_offset=np.array([0, 1, 3, len(discs)]),
+        cyl_radius=0.075,
+        optimal_length_m=np.array([10.0, 10.5, 10.2]),
+    )
+    with (folder / "cpp_results.csv").open("w", newline="") as file:
+        table = csv.writer(file)
+        table.writerow(["world", "outcome", "AT", "length", "clearance", "score"])
+        table.writerow([3, "success", 20.0, 9.3, 0.4, 0.25])
+        table.writerow([8, "timeout", 100.0, 3.1, 0.3, 0.0])
+    return folder
+
+
+QUICK = (
+    "--set",
+    "controller_patience=0.5",
+    "--set",
+    "planner_patience=0.5",
+    "--set",
+    "recovery_behavior_enabled=false",
+)
+
+
+def test_barn_by_one_process_or_two_and_after_a_kill(navstack, jackal: Path, fields: Path, tmp_path: Path) -> None:
+    command = ("bench", "barn", fields, "--params", jackal, *QUICK, "--noise", 0.002, "--seeds", 2, "--worlds", "9,8")
+    one = navstack(*command, "--processes", 1, "--out", "one", "--json")
+    text = navstack(*command, "--processes", 2, "--out", "two")
+    assert "navstack minus C++" in text and "two/success.png" in text
+    for name in ("results.jsonl", "barn.md", "success.png", "times.png"):
+        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
+    assert [row["world"] for row in one["worlds"]] == [9, 8]
+    assert [row["success"] for row in one["worlds"]] == [0, 2]
+    ours, theirs = one["totals"]
+    assert ours["runs"] == 4 and ours["success"]["value"] == 0.5 and ours["success"]["low"] < 0.1
+    assert theirs["stack"] == "C++" and theirs["runs"] == 1 and theirs["success"]["value"] == 0.0
+    assert {r["what"]: r["verdict"] for r in one["against_cpp"]}["success"] == "no difference shown"
+    assert [0.24 < r["score"] < 0.3 for r in one["runs"]] == [False, True, False, True]
+    # a third run, killed when half of its results were there
+    command_line = [sys.executable, "-m", "navstack", *(str(a) for a in command), "--processes", "1", "--out", "three"]
+    results = tmp_path / "three" / "results.jsonl"
+    process = subprocess.Popen(command_line, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        while process.poll() is None and not (results.exists() and results.read_bytes().count(b"\n") >= 3):
+            pass
+    finally:
+        process.kill()
+        process.wait()
+    assert len(results.read_text().splitlines()) < 1 + 4
+    assert "--resume goes on" in navstack(*command, "--out", "three", code=2)
+    navstack(*command, "--processes", 1, "--out", "three", "--resume")
+    for name in ("results.jsonl", "barn.md"):
+        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "three" / name).read_bytes()
+    # the same folder is not gone on with by another bench
+    message = navstack(*command, "--noise", 0.01, "--out", "three", "--resume", code=2)
+    assert "noise_m was 0.002 and is 0.01 now" in message
+
+
+def test_barn_without_noise_counts_a_world_once_and_records_what_failed(
+    navstack, jackal: Path, fields: Path, tmp_path: Path
+) -> None:
+    command = ("bench", "barn", fields, "--params", jackal, *QUICK, "--worlds", 9, "--seeds", 2, "--record")
+    told = navstack(*command, "--out", "out", "--processes", 1, "--json")
+    assert told["worlds"][0]["success"] == 0
+    assert told["totals"][0]["score"]["value"] == 0.0
+    assert told["against_cpp"] is None
+    assert any("all seeds gave the same runs" in note for note in told["notes"])
+    assert (tmp_path / "out" / "records" / "world_9_seed_1").is_dir()
+
+
+def write_problems(folder: Path) -> Path:
+    """A room of 8 x 5 with a wall that leaves its top row open."""
+    (folder / "maps").mkdir(parents=True)
+    rows = ["........", "...@....", "...@....", "...@....", "...@...."]
+    (folder / "maps" / "room.map").write_text("type octile\nheight 5\nwidth 8\nmap\n" + "\n".join(rows) + "\n")
+    lines = ["family\tmap\tsx\tsy\tgx\tgy\toptimal", "own\troom\t0\t4\t2\t4\t2.0", "own\troom\t2\t4\t4\t4\t10.0"]
+    (folder / "problems.tsv").write_text("\n".join(lines) + "\n")
+    return folder
+
+
+def test_movingai(navstack, tmp_path: Path) -> None:
+    folder = write_problems(tmp_path / "movingai")
+    told = navstack("bench", "movingai", folder, "--processes", 1, "--json")
+    assert set(told["planners"]) == {"astar", "theta_star"}
+    row, everything = told["planners"]["astar"]
+    assert (row["map"], row["problems"], row["found"], row["optimal"]) == ("room", 2, 2, 2)
+    assert everything["map"] == "all"
+    text = navstack("bench", "movingai", folder, "--planner", "astar", "--map", "room", "--processes", 1)
+    assert text.startswith("astar") and "theta_star" not in text and "room" in text
+
+
+def test_planners(navstack, tmp_path: Path) -> None:
+    told = navstack("bench", "planners", "office", "--pairs", 2, "--planner", "navfn/NavfnROS", "--planner", "astar",
+                    "--processes", 1, "--out", "out", "--json")  # fmt: skip
+    assert [(r["map"], r["planner"], r["found"], r["in_collision"]) for r in told["rows"]] == [
+        ("office", "navfn", 2, 0),
+        ("office", "astar", 2, 0),
+    ]
+    assert all(r["clearance_m"] > 0.0 and r["p99_ms"] >= r["p50_ms"] > 0.0 for r in told["rows"])
+    assert len(told["plans"]["navfn on office"]) == 2
+    again = navstack("bench", "planners", "office", "--pairs", 2, "--planner", "navfn", "--planner", "astar",
+                     "--out", "out", "--resume", "--json")  # fmt: skip
+    assert again["rows"] == told["rows"]
+
+
+def test_a_planner_that_misses_a_pair_is_told_by_the_exit_code(navstack) -> None:
+    told = navstack("bench", "planners", "office", "--pairs", 3, "--planner", "carrot_planner", "--processes", 1,
+                    "--json", code=1)  # fmt: skip
+    (row,) = told["rows"]
+    assert row["found"] < 3 or row["in_collision"] > 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "match"),
+    [
+        (("barn", "absent", "--params", "turtlebot"), "absent/worlds.npz is not a file of BARN worlds"),
+        (("barn", "FIELDS"), "--params"),
+        (("barn", "FIELDS", "--params", "turtlebt"), "turtlebot"),
+        (("barn", "FIELDS", "--params", "turtlebot", "--worlds", "4"), "there is no world 4 in .*; there are 3, 8, 9"),
+        (("barn", "FIELDS", "--params", "turtlebot", "--worlds", "a"), '"a" is no whole number'),
+        (("barn", "FIELDS", "--params", "turtlebot", "--seeds", "0"), "--seeds"),
+        (("barn", "FIELDS", "--params", "turtlebot", "--noise", "-1"), "--noise"),
+        (("barn", "FIELDS", "--params", "turtlebot", "--distro", "hydro"), "noetic"),
+        (("barn", "FIELDS", "--params", "turtlebot", "--processes", "0"), "--processes"),
+        (("barn", "FIELDS", "--params", "turtlebot", "--resume"), "--out"),
+        (("barn", "FIELDS", "--params", "turtlebot", "--record"), "--out"),
+        (("movingai", "absent"), "holds no problems.tsv"),
+        (("movingai", "PROBLEMS", "--planner", "astr"), "astar"),
+        (("movingai", "PROBLEMS", "--map", "arena"), 'the problems.tsv has no problems on it; it has room'),
+        (("planners", "offic"), "office"),
+        (("planners", "absent.yaml"), "absent.yaml"),
+        (("planners", "FIELDS"), "holds no map's YAML"),
+        (("planners", "office", "--planner", "navfm"), "navfn"),
+        (("planners", "office", "--pairs", "0"), "--pairs"),
+        (("planners", "office", "--set", "nothing"), "--set"),
+        (("planners", "office", "--out", "file/out"), "--out"),
+    ],
+)  # fmt: skip
+def test_wrong_input(navstack, fields: Path, tmp_path: Path, arguments: tuple[str, ...], match: str) -> None:
+    write_problems(tmp_path / "problems")
+    (tmp_path / "file").touch()
+    places = {"FIELDS": str(fields), "PROBLEMS": "problems"}
+    words = [places.get(a, a) for a in arguments]
+    message = " ".join(navstack("bench", *words, code=2).split())
+    assert re.search(match.replace("the problems.tsv", ".*problems.tsv"), message), message
+    document = navstack("bench", *words, "--json", code=2)
+    assert document["error"]["message"]
