@@ -21,7 +21,6 @@ from navstack.record import Record, RunRecorder
 from navstack.record.metrics import RunMetrics, compute_metrics
 from navstack.record.timings import Timings, timed
 from navstack.sim import Shape, SimulatedRobot, World
-from navstack.sim.movers import Track, TrackedDiscs
 from navstack.success import SuccessConditions, Verdict
 
 WARM_UP_S = 1.0
@@ -51,12 +50,8 @@ class Scenario:
     """Simulated seconds that the robot stands between two goals."""
     stop_on_failure: bool = False
     """The goals that follow one that did not SUCCEED are left out."""
-    low_obstacles: tuple[tuple[float, float, float], ...] = ()
-    """Round obstacles that no lidar sees; bumpers do."""
-    tracks: tuple[Track, ...] = ()
-    """Discs that move on tracks."""
     shapes: tuple[Shape, ...] = ()
-    """Whatever else stands or moves there: boxes, polygons, walls, doors, pedestrians."""
+    """Whatever else stands or moves there: low things, boxes, walls, doors, people, discs on tracks."""
     success: SuccessConditions = SuccessConditions()
     """What the run is held to; it changes nothing in how it goes."""
     name: str = ""
@@ -65,8 +60,7 @@ class Scenario:
 
     def world(self) -> World:
         """The map with everything that stands and moves in it."""
-        movers = (TrackedDiscs(self.tracks),) if self.tracks else ()
-        return World(self.map, self.obstacles, movers, self.low_obstacles, self.shapes)
+        return World(self.map, self.obstacles, shapes=self.shapes)
 
     def described(self) -> dict[str, Any]:
         """The scenario as the record keeps it (JSON): with the map, all that `from_record` needs to make it again."""
@@ -90,10 +84,6 @@ class Scenario:
         extras: dict[str, Any] = {}
         if self.name:
             extras["name"] = self.name
-        if self.low_obstacles:
-            extras["low_obstacles"] = [list(obstacle) for obstacle in self.low_obstacles]
-        if self.tracks:
-            extras["tracks"] = [track.as_dict() for track in self.tracks]
         if self.shapes:
             extras["shapes"] = [shape.model_dump(mode="json", exclude_none=True) for shape in self.shapes]
         if self.success != SuccessConditions():
@@ -127,8 +117,6 @@ class Scenario:
                 time_limit_s=told["time_limit_s"],
                 rest_s=told.get("rest_s", 0.0),
                 stop_on_failure=told.get("stop_on_failure", False),
-                low_obstacles=tuple((x, y, r) for x, y, r in told.get("low_obstacles", ())),
-                tracks=tuple(Track(**track) for track in told.get("tracks", ())),
                 shapes=tuple(Shape.model_validate(shape) for shape in told.get("shapes", ())),
                 success=SuccessConditions.from_dict(told.get("success", {})),
                 name=told.get("name", ""),
@@ -141,7 +129,7 @@ class Scenario:
 
 
 _NEEDED: Final = ("ros_distro", "start", "goals", "obstacles", "seed", "time_limit_s", "parameters")
-_OPTIONAL: Final = ("rest_s", "stop_on_failure", "low_obstacles", "tracks", "shapes", "success", "name", "navstack")
+_OPTIONAL: Final = ("rest_s", "stop_on_failure", "shapes", "success", "name", "navstack")
 _NOT_FINITE: Final = {".inf": math.inf, "-.inf": -math.inf, ".nan": math.nan}
 
 
@@ -218,6 +206,8 @@ class RunResult:
     verdicts: tuple[Verdict, ...]
     """Each of the scenario's conditions, and whether the run met it."""
     timings: Timings | None = None
+    nearest_m: float = math.inf
+    """Least distance between the true outline and an obstacle as measured at the control cycles, contacts or not."""
 
     @property
     def succeeded(self) -> bool:
@@ -283,11 +273,14 @@ class _Meter:
     def note(self, state: str) -> float:
         """The cycle that has just been; its clearance (m)."""
         robot = self._robot
-        pose, now = robot.pose, robot.time
-        clearance = robot.world.clearance(pose, robot.footprint, solids=robot.solids)
-        self._rows.extend((now, *pose, clearance))
+        clearance = robot.clearance
+        self._rows.extend((robot.time, *robot.pose, clearance))
         self._states.append(state)
         return clearance
+
+    def nearest(self) -> float:
+        """The least clearance of all cycles so far, m."""
+        return min(self._rows[4::5], default=math.inf)
 
     def metrics(self, results: Sequence[Mapping[str, Any]]) -> RunMetrics:
         """Of the cycles so far."""
@@ -390,6 +383,7 @@ class Run:
             metrics=metrics,
             verdicts=self.scenario.success.judge(states, metrics, len(self.scenario.goals)),
             timings=self.timings,
+            nearest_m=self._meter.nearest(),
         )
 
     def metrics(self) -> RunMetrics:

@@ -212,11 +212,12 @@ class Binder:
                 made = model.model_validate({k: v for k, v in ready.items() if k not in dropped})
             except ValidationError as exc:
                 good = False
-                # what is there but wrong has been said: it is not missing as well
+                # what is there but wrong has been said: it is not missing as well, and the rest may suit it
                 errors = [
                     e
                     for e in exc.errors(include_url=False)
-                    if e["type"] != "missing" or len(e["loc"]) != 1 or e["loc"][0] not in chosen
+                    if (e["type"] != "missing" or len(e["loc"]) != 1 or e["loc"][0] not in chosen)
+                    and (e["loc"] or not dropped)
                 ]
                 self._report(model, space, chosen, errors, strictness)
                 bad = {str(e["loc"][0]) for e in errors if e["loc"]} & (ready.keys() - dropped)

@@ -9,8 +9,8 @@
     start: corridor_west                  # [x, y, yaw] (m, rad), or a place of the map
     goals: [office_2, [16.9, 9.6, 1.57]]  # or tour: {places: [..], order: given | sorted | random, loops: 1}
     shapes:
-      - {type: disc, at: [3.0, 7.4], radius: 0.2}
-      - {type: track, points: [[5, 6], [5, 9]], radius: 0.25, speed: 0.5}
+      - {radius: 0.2, pose: [3.0, 7.4]}
+      - {radius: 0.25, motion: {kind: track, points: [[5, 6], [5, 9]], speed: 0.5}}
     seed: 1
     time_limit: 120                       # simulated seconds for a goal
     success: {goals: SUCCEEDED, max_contacts: 0, max_time: 100, min_clearance: 0.02}
@@ -36,12 +36,20 @@ from navstack.params.sources import Source
 from navstack.params.yaml_reader import read_yaml
 from navstack.places import itinerary
 from navstack.scenario import Scenario
-from navstack.scenario_file.models import Disc, Success, TrackedDisc
+from navstack.scenario_file.models import Settings, Success
 from navstack.scenario_file.reader import Parts, ScenarioReader
-from navstack.sim.movers import Track
 from navstack.success import SuccessConditions
 
-__all__ = ["ScenarioSpec", "check_scenario", "is_scenario_file", "load_scenario", "read_scenario"]
+__all__ = [
+    "Parts",
+    "ScenarioSpec",
+    "Settings",
+    "Success",
+    "check_scenario",
+    "is_scenario_file",
+    "load_scenario",
+    "read_scenario",
+]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,7 +117,6 @@ class ScenarioSpec:
             poses = tuple(parts.places[name] for name in names)
         if goals is not None:
             names, poses = (), tuple(goals)
-        discs = [s for s in parts.shapes if isinstance(s, Disc)]
         told: dict[str, Any] = {
             "scenario": self.path.name if self.path is not None else self.name,
             "map": self.name if parts.map_file is None else parts.map_file.name,
@@ -123,9 +130,8 @@ class ScenarioSpec:
             configuration=configuration,
             start=start or parts.start,
             goals=poses,
-            obstacles=(*((*disc.at, disc.radius) for disc in discs if not disc.low), *obstacles),
-            low_obstacles=tuple((*disc.at, disc.radius) for disc in discs if disc.low),
-            tracks=tuple(_track(s) for s in parts.shapes if isinstance(s, TrackedDisc)),
+            obstacles=tuple(obstacles),
+            shapes=parts.shapes,
             seed=seed,
             time_limit_s=settings.time_limit if time_limit_s is None else time_limit_s,
             rest_s=settings.rest,
@@ -247,12 +253,6 @@ def _map_as_of(path: str, changed_ns: int) -> OccupancyGrid:
     grid = load_map(Path(path))
     grid.data.setflags(write=False)
     return grid
-
-
-def _track(shape: TrackedDisc) -> Track:
-    return Track(
-        [list(point) for point in shape.points], shape.speed, shape.radius, closed=shape.closed, begin=shape.begin
-    )
 
 
 def _conditions(told: Success) -> SuccessConditions:

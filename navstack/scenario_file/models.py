@@ -7,6 +7,7 @@ from typing import Literal
 from pydantic import field_validator
 
 from navstack.core.parameters import ParamModel, param
+from navstack.sim.shapes import DoorMotion, OnTrack, PedestrianMotion, Still
 from navstack.success import ENDS
 
 
@@ -54,32 +55,10 @@ class Success(ParamModel):
         return value
 
 
-class Disc(ParamModel):
-    """`{type: disc}`: a round obstacle that stands still."""
-
-    type: Literal["disc"]
-    at: tuple[float, float] = param(..., "centre [x, y] in the map", unit="m")
-    radius: float = param(..., "its radius", unit="m", gt=0.0, le=1000.0)
-    low: bool = param(False, "no lidar sees it, as a threshold or the feet of a chair; bumpers do")
-
-
-class TrackedDisc(ParamModel):
-    """`{type: track}`: a round obstacle that follows a way at constant speed, for ever."""
-
-    type: Literal["track"]
-    points: list[tuple[float, float]] = param(..., "corners [x, y] of the way in the map, two at least", unit="m")
-    radius: float = param(..., "of the disc", unit="m", gt=0.0, le=1000.0)
-    speed: float = param(..., "along the way; negative: the other way round", unit="m/s", ge=-100.0, le=100.0)
-    closed: bool = param(False, "from the last corner straight to the first and round again; if not, there and back")
-    begin: float = param(0.0, "how far along the way it starts", unit="m")
-
-    @field_validator("points")
-    @classmethod
-    def _a_way(cls, value: list[tuple[float, float]]) -> list[tuple[float, float]]:
-        if len(set(value)) < 2:
-            raise ValueError("points needs two different points [x, y] at least, or the way has no length")
-        return value
-
-
-SHAPES: dict[str, type[ParamModel]] = {"disc": Disc, "track": TrackedDisc}
-"""`type` of a shape -> its model."""
+MOTIONS: dict[str, type[ParamModel]] = {
+    "still": Still,
+    "track": OnTrack,
+    "door": DoorMotion,
+    "pedestrian": PedestrianMotion,
+}
+"""`kind` of a shape's motion -> its model."""

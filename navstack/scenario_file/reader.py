@@ -21,7 +21,8 @@ from navstack.params.sources import Source
 from navstack.params.tree import Space, overlay
 from navstack.params.yaml_reader import DictNode, ListNode, Node, ScalarNode, plain, read_yaml
 from navstack.places import PlacesFile, itinerary, pose_of, read_places
-from navstack.scenario_file.models import SHAPES, Settings, Success, Tour
+from navstack.scenario_file.models import MOTIONS, Settings, Success, Tour
+from navstack.sim.shapes import Shape
 
 M = TypeVar("M", bound=ParamModel)
 
@@ -47,6 +48,18 @@ _MEANT = {
     "world": "map",
 }
 """Other words for the same things."""
+_MEANT_OF_SHAPES = {
+    "at": "pose",
+    "position": "pose",
+    "type": "motion",
+    "kind": "motion",
+    "size": "box",
+    "width": "box",
+    "points": "polygon",
+    "low": "height",
+    "speed": "motion: {kind: .., speed: ..}",
+}
+_SHAPE = "{radius: 0.2, pose: [3.0, 1.5]}"
 
 
 @dataclass(slots=True)
@@ -70,7 +83,7 @@ class Parts:
     tour_names: tuple[str, ...] = ()
     """Places of the tour in the order of the file, for `tour`'s own order."""
     places: Mapping[str, Pose2D] = field(default_factory=dict[str, Pose2D])
-    shapes: tuple[ParamModel, ...] = ()
+    shapes: tuple[Shape, ...] = ()
     success: Success = field(default_factory=Success)
 
 
@@ -120,10 +133,11 @@ class ScenarioReader:
             way_out = f"did you mean {close}?" if close else f"there are {', '.join(names)}"
             self.say("unknown", at, key, f'{where} has no key "{key}"; {way_out}', close)
 
-    def _bound(self, model: type[M], node: DictNode, path: str) -> M | None:
+    def _bound(self, model: type[M], node: DictNode, path: str, fixed: Mapping[str, Any] | None = None) -> M | None:
+        """The section as its model; `fixed` are fields that were read elsewhere."""
         space = Space(path, node.at)
         overlay(space, node, self.findings)
-        made = self._binder.bind(model, space)
+        made = self._binder.bind(model, space, fixed=fixed)
         return made if isinstance(made, model) else None
 
     def _section(self, key: str) -> Node | None:
@@ -384,42 +398,48 @@ class ScenarioReader:
         node = self._section("shapes")
         if node is None or (isinstance(node, ScalarNode) and node.value is None):
             return
-        kinds = ", ".join(SHAPES)
         if not isinstance(node, ListNode):
-            message = f"shapes is {_is(node)}; write a list of {{type: .., ..}}, type being one of {kinds}"
-            self.say("wrong-type", node.at, "shapes", message)
+            self.say("wrong-type", node.at, "shapes", f"shapes is {_is(node)}; write a list, such as {_SHAPE}")
             return
-        found: list[ParamModel] = []
-        for i, item in enumerate(node.items, 1):
-            made = self._shape(item, f"shape {i}")
-            if made is not None:
-                found.append(made)
-        self.parts.shapes = tuple(found)
+        made = [self._shape(item, f"shape {i}") for i, item in enumerate(node.items, 1)]
+        self.parts.shapes = tuple(shape for shape in made if shape is not None)
 
-    def _shape(self, node: Node, what: str) -> ParamModel | None:
-        kinds = ", ".join(SHAPES)
+    def _shape(self, node: Node, what: str) -> Shape | None:
+        if not isinstance(node, DictNode):
+            self.say("wrong-type", node.at, what, f"{what} is {_is(node)}; write, for example, {_SHAPE}")
+            return None
+        before = len(self.findings)
+        self._keys(node, Shape.model_fields, what, meant=_MEANT_OF_SHAPES)
+        motion = self._motion(node.items["motion"][1], what) if "motion" in node.items else None
+        plain_values = {key: value for key, value in node.items.items() if key != "motion"}
+        fixed = {} if motion is None else {"motion": motion}
+        made = self._bound(Shape, DictNode(plain_values, node.at), what, fixed)
+        return made if len(self.findings) == before else None
+
+    def _motion(self, node: Node, what: str) -> ParamModel | None:
+        kinds = ", ".join(MOTIONS)
         if not isinstance(node, DictNode):
             self.say(
-                "wrong-type", node.at, what, f"{what} is {_is(node)}; write {{type: .., ..}}, type being one of {kinds}"
+                "wrong-type",
+                node.at,
+                what,
+                f"the motion of {what} is {_is(node)}; write {{kind: .., ..}}, kind one of {kinds}",
             )
             return None
-        if "type" not in node.items:
-            self.say("missing", node.at, what, f"{what} has no type; add `type:`, one of {kinds}")
+        if "kind" not in node.items:
+            self.say("missing", node.at, what, f"the motion of {what} has no kind; add `kind:`, one of {kinds}")
             return None
-        kind = self._text(node.items["type"][1], "type", f"one of {kinds}")
+        kind = self._text(node.items["kind"][1], "kind", f"one of {kinds}")
         if kind is None:
             return None
-        if kind not in SHAPES:
-            close = nearest(kind, SHAPES)
+        if kind not in MOTIONS:
+            close = nearest(kind, MOTIONS)
             hint = f"did you mean {close}?" if close else f"there are {kinds}"
-            message = f'{what} has the type "{kind}", which is none; {hint}'
-            self.say("unknown", node.items["type"][1].at, what, message, close)
+            message = f'the motion of {what} is of the kind "{kind}", which is none; {hint}'
+            self.say("unknown", node.items["kind"][1].at, what, message, close)
             return None
-        model = SHAPES[kind]
-        before = len(self.findings)
-        self._keys(node, model.model_fields, f"a {kind}")
-        made = self._bound(model, node, what)
-        return made if len(self.findings) == before else None
+        self._keys(node, MOTIONS[kind].model_fields, f"a motion of the kind {kind}")
+        return self._bound(MOTIONS[kind], node, f"{what}/motion")
 
     def _success(self) -> None:
         node = self._mapping("success", "conditions indented below it, such as `max_time: 60`")

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,17 +27,6 @@ class Track:
     """True: from the last corner straight to the first and round again; false: there and back."""
     begin: float = 0.0
     """How far along the way it starts, m."""
-
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON: `Track(**track.as_dict())` is the same track."""
-        points = [[float(x) for x in point] for point in self.points]
-        return {
-            "points": points,
-            "speed": float(self.speed),
-            "radius": float(self.radius),
-            "closed": self.closed,
-            "begin": float(self.begin),
-        }
 
 
 class TrackedDiscs:

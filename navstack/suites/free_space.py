@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +20,11 @@ class FreeSpace:
         self._geometry = grid.geometry
         resolution = grid.geometry.resolution
         # from centre to centre; half a cell's diagonal more is surely enough
-        away = ndimage.distance_transform_edt(grid.data < 100) * resolution - 0.71 * resolution
+        cells: Any = ndimage.distance_transform_edt(grid.data < 100)
+        away = cells * resolution - 0.71 * resolution
         free = (away >= clearance_m) & (grid.data == 0)
-        labels, count = ndimage.label(free, np.ones((3, 3)))
+        found: Any = ndimage.label(free, np.ones((3, 3)))
+        labels, count = found
         sizes = np.bincount(labels.ravel(), minlength=count + 1)[1:]
         self._regions: list[NDArray[np.int64]] = []
         """Cells (n, 2) ix, iy of each region, the largest first."""

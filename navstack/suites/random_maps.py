@@ -61,7 +61,7 @@ def maze(rng: np.random.Generator, width_m: float, height_m: float, lane_m: floa
         return slice(WALL + j * pitch, WALL + j * pitch + lane), slice(WALL + i * pitch, WALL + i * pitch + lane)
 
     def open_between(a: tuple[int, int], b: tuple[int, int]) -> None:
-        (i, j), (k, m) = min(a, b), max(a, b)
+        (i, j), (k, _) = min(a, b), max(a, b)
         rows, cols = room(i, j)
         if k > i:
             walls[rows, cols.stop : cols.stop + WALL] = False

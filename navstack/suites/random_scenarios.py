@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from navstack.core import OccupancyGrid, Pose2D
-from navstack.core.errors import InputError, NavError, PlanningError
+from navstack.core.errors import InputError, PlanningError
 from navstack.scenario import Run, RunResult, Scenario
 from navstack.scenario_file import Parts, ScenarioSpec, Settings, Success
 from navstack.sim.shapes import DoorMotion, OnTrack, PedestrianMotion, Shape
