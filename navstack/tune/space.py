@@ -107,7 +107,7 @@ class Dimension:
         if self.kind != "choice":
             told |= {"low": self.low, "high": self.high, "log": self.log}
         if self.ties:
-            told["ties"] = {name: factor for name, factor in self.ties}
+            told["ties"] = dict(self.ties)
         return told
 
     def range_text(self) -> str:

@@ -1,0 +1,215 @@
+"""What candidates are driven over: scenarios, BARN worlds. A run of one is a pure function of candidate, case and seed."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+from navstack.bench.barn import BarnWorld, run_world
+from navstack.configuration import Configuration
+from navstack.core.errors import NavError
+from navstack.record import RunRecorder
+from navstack.scenario import Run, Scenario
+
+FAILED_SCORE: Final = -1.0
+"""Score of a run over a scenario that did not get to its goals, or touched something."""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One scenario with one seed."""
+
+    name: str
+    """Of the scenario; runs of one are a group."""
+    seed: int
+
+    @property
+    def key(self) -> str:
+        """Its name among all cases."""
+        return f"{self.name} seed {self.seed}"
+
+
+@dataclass(frozen=True, slots=True)
+class RunOutcome:
+    """How a run ended."""
+
+    success: bool
+    """At every goal, and nothing touched."""
+    outcome: str
+    """success, collision, timeout, the state in which a goal ended, `refused` for parameters that cannot be used."""
+    score: float
+    """The higher the better; of the course's own rule."""
+    time_s: float
+    length_m: float
+    clearance_m: float
+    """Least distance between the robot's outline and anything, at the control cycles."""
+    acceleration: float
+    """Root mean square of the acceleration (m/s²), along the way and across it: how smooth the run was."""
+    recoveries: int
+    text: str = ""
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON; rounded to what means something, so that a line is short."""
+        return {
+            "success": self.success,
+            "outcome": self.outcome,
+            "score": round(self.score, 6),
+            "time_s": round(self.time_s, 4),
+            "length_m": round(self.length_m, 4),
+            "clearance_m": round(self.clearance_m, 4),
+            "acceleration": round(self.acceleration, 4),
+            "recoveries": self.recoveries,
+            "text": self.text,
+        }
+
+
+class Course(ABC):
+    """A list of cases, and how one is driven. Goes to other processes and machines, with all it needs."""
+
+    def __init__(self, name: str, cases: Sequence[Case]) -> None:
+        self.name = name
+        self.cases = tuple(cases)
+
+    @property
+    @abstractmethod
+    def failed_score(self) -> float:
+        """The score of a run that failed."""
+
+    @property
+    @abstractmethod
+    def best_score(self) -> float:
+        """No run has a higher one."""
+
+    @abstractmethod
+    def drive(
+        self, case: Case, configuration: Configuration, *, record: bool = False
+    ) -> tuple[RunOutcome, RunRecorder | None]:
+        """Drives once. The recorder only with `record`. Raises NavError where the run cannot begin."""
+
+    def outcome(
+        self, case: Case, configuration: Configuration, *, record: bool = False
+    ) -> tuple[RunOutcome, RunRecorder | None]:
+        """The same; a run that cannot begin is an outcome too."""
+        try:
+            return self.drive(case, configuration, record=record)
+        except NavError as error:
+            return self.refused(error.name.lower(), error.message), None
+
+    def refused(self, outcome: str, text: str) -> RunOutcome:
+        """The outcome of a run that was never driven."""
+        return RunOutcome(False, outcome, self.failed_score, 0.0, 0.0, 0.0, 0.0, 0, text)
+
+
+class _Motion:
+    """What is measured at every control cycle."""
+
+    def __init__(self) -> None:
+        self.clearance = math.inf
+        self.squares = 0.0
+        self.seconds = 0.0
+        self._last: tuple[float, float] | None = None
+
+    def see(self, run: Run) -> None:
+        robot = run.robot
+        self.clearance = min(self.clearance, robot.world.clearance(robot.pose, robot.footprint))
+        velocity, now = robot.state().velocity, robot.time
+        speed = math.copysign(velocity.speed, velocity.vx)
+        if self._last is not None and now > self._last[1]:
+            dt = now - self._last[1]
+            along, across = (speed - self._last[0]) / dt, speed * velocity.wz
+            self.squares += (along * along + across * across) * dt
+            self.seconds += dt
+        self._last = (speed, now)
+
+    @property
+    def acceleration(self) -> float:
+        return math.sqrt(self.squares / self.seconds) if self.seconds > 0.0 else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class NamedScenario:
+    """A scenario of a course. Its own parameters are replaced by the candidate's."""
+
+    name: str
+    scenario: Scenario
+    reference_s: float
+    """What the way takes at full speed: the time that a score of 1 needs."""
+
+
+class ScenarioCourse(Course):
+    """Scenarios; the score of a run is the reference time over the time taken, at most 1, or -1 without success."""
+
+    failed_score = FAILED_SCORE
+    best_score = 1.0
+
+    def __init__(self, name: str, scenarios: Sequence[NamedScenario], seeds: Sequence[int]) -> None:
+        self._scenarios = {s.name: s for s in scenarios}
+        super().__init__(name, [Case(s.name, seed) for seed in seeds for s in scenarios])
+
+    def drive(
+        self, case: Case, configuration: Configuration, *, record: bool = False
+    ) -> tuple[RunOutcome, RunRecorder | None]:
+        """A contact ends the run, and so does a goal that was not reached."""
+        named = self._scenarios[case.name]
+        scenario = replace(named.scenario, configuration=configuration, seed=case.seed, stop_on_failure=True)
+        run = Run(scenario, record=record)
+        motion = _Motion()
+        contact = False
+        while run.step():
+            motion.see(run)
+            if run.robot.collisions:
+                contact = True
+                break
+        if contact and not run.done:
+            run.stop()
+        result = run.result(0.0)
+        goals = result.goals
+        success = not contact and len(goals) == len(scenario.goals) and result.succeeded
+        ended = "success" if success else "collision" if contact else goals[-1].state.lower() if goals else "timeout"
+        if ended == "preempted":
+            ended = "timeout"
+        taken = sum(g.time_s for g in goals)
+        outcome = RunOutcome(
+            success=success,
+            outcome=ended,
+            score=min(1.0, named.reference_s / taken) if success and taken > 0.0 else FAILED_SCORE,
+            time_s=taken,
+            length_m=run.robot.distance_travelled,
+            clearance_m=0.0 if contact else motion.clearance,
+            acceleration=motion.acceleration,
+            recoveries=sum(g.recoveries for g in goals),
+            text="" if success else goals[-1].message if goals else "",
+        )
+        return outcome, run.recorder
+
+
+class BarnCourse(Course):
+    """BARN worlds, scored by BARN's rule: 0 without success, 0.5 at most."""
+
+    failed_score = 0.0
+    best_score = 0.5
+
+    def __init__(self, worlds: Sequence[BarnWorld], seeds: Sequence[int]) -> None:
+        self._worlds = {f"world {w.number}": w for w in worlds}
+        super().__init__("barn", [Case(name, seed) for seed in seeds for name in self._worlds])
+
+    def drive(
+        self, case: Case, configuration: Configuration, *, record: bool = False
+    ) -> tuple[RunOutcome, RunRecorder | None]:
+        """As `navstack.bench.barn` does."""
+        o, recorder = run_world(self._worlds[case.name], configuration, seed=case.seed, record=record)
+        outcome = RunOutcome(
+            success=o.succeeded,
+            outcome=o.outcome,
+            score=o.score,
+            time_s=o.time_s,
+            length_m=o.length_m,
+            clearance_m=o.clearance_m,
+            acceleration=0.0,
+            recoveries=0,
+            text=o.text,
+        )
+        return outcome, recorder
