@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -46,8 +46,8 @@ class RunOutcome:
     length_m: float
     clearance_m: float
     """Least distance between the robot's outline and anything, at the control cycles."""
-    acceleration: float
-    """Root mean square of the acceleration (m/s²), along the way and across it: how smooth the run was."""
+    jerk: float
+    """Root mean square of the jerk (m/s³): how smooth the run was."""
     recoveries: int
     text: str = ""
 
@@ -60,7 +60,7 @@ class RunOutcome:
             "time_s": round(self.time_s, 4),
             "length_m": round(self.length_m, 4),
             "clearance_m": round(self.clearance_m, 4),
-            "acceleration": round(self.acceleration, 4),
+            "jerk": round(self.jerk, 4),
             "recoveries": self.recoveries,
             "text": self.text,
         }
@@ -83,6 +83,11 @@ class Course(ABC):
     def best_score(self) -> float:
         """No run has a higher one."""
 
+    def over(self, case: Case) -> tuple[Mapping[str, Any], ...]:
+        """Parameters that a case lays over those of the robot."""
+        del case
+        return ()
+
     @abstractmethod
     def drive(
         self, case: Case, configuration: Configuration, *, record: bool = False
@@ -103,40 +108,16 @@ class Course(ABC):
         return RunOutcome(False, outcome, self.failed_score, 0.0, 0.0, 0.0, 0.0, 0, text)
 
 
-class _Motion:
-    """What is measured at every control cycle."""
-
-    def __init__(self) -> None:
-        self.clearance = math.inf
-        self.squares = 0.0
-        self.seconds = 0.0
-        self._last: tuple[float, float] | None = None
-
-    def see(self, run: Run) -> None:
-        robot = run.robot
-        self.clearance = min(self.clearance, robot.world.clearance(robot.pose, robot.footprint))
-        velocity, now = robot.state().velocity, robot.time
-        speed = math.copysign(velocity.speed, velocity.vx)
-        if self._last is not None and now > self._last[1]:
-            dt = now - self._last[1]
-            along, across = (speed - self._last[0]) / dt, speed * velocity.wz
-            self.squares += (along * along + across * across) * dt
-            self.seconds += dt
-        self._last = (speed, now)
-
-    @property
-    def acceleration(self) -> float:
-        return math.sqrt(self.squares / self.seconds) if self.seconds > 0.0 else 0.0
-
-
 @dataclass(frozen=True, slots=True)
 class NamedScenario:
-    """A scenario of a course. Its own parameters are replaced by the candidate's."""
+    """A scenario of a course. Its parameters are replaced by the candidate's."""
 
     name: str
     scenario: Scenario
     reference_s: float
     """What the way takes at full speed: the time that a score of 1 needs."""
+    over: tuple[Mapping[str, Any], ...] = ()
+    """Parameters that the scenario lays over those of the robot: its `set:` and `sim:`."""
 
 
 class ScenarioCourse(Course):
@@ -149,39 +130,44 @@ class ScenarioCourse(Course):
         self._scenarios = {s.name: s for s in scenarios}
         super().__init__(name, [Case(s.name, seed) for seed in seeds for s in scenarios])
 
+    def over(self, case: Case) -> tuple[Mapping[str, Any], ...]:
+        """The scenario's own."""
+        return self._scenarios[case.name].over
+
     def drive(
         self, case: Case, configuration: Configuration, *, record: bool = False
     ) -> tuple[RunOutcome, RunRecorder | None]:
-        """A contact ends the run, and so does a goal that was not reached."""
+        """A contact ends the run, unless the scenario allows it, and so does a goal that was not reached."""
         named = self._scenarios[case.name]
         scenario = replace(named.scenario, configuration=configuration, seed=case.seed, stop_on_failure=True)
+        allowed = scenario.success.max_contacts
         run = Run(scenario, record=record)
-        motion = _Motion()
-        contact = False
         while run.step():
-            motion.see(run)
-            if run.robot.collisions:
-                contact = True
+            if allowed is not None and len(run.robot.collisions) > allowed:
+                run.stop()
                 break
-        if contact and not run.done:
-            run.stop()
         result = run.result(0.0)
-        goals = result.goals
-        success = not contact and len(goals) == len(scenario.goals) and result.succeeded
-        ended = "success" if success else "collision" if contact else goals[-1].state.lower() if goals else "timeout"
-        if ended == "preempted":
-            ended = "timeout"
-        taken = sum(g.time_s for g in goals)
+        metrics, goals = result.metrics, result.goals
+        failed = next((v for v in result.verdicts if not v.holds), None)
+        ended = "success"
+        if failed is not None:
+            ended = failed.condition
+            if allowed is not None and metrics.contacts > allowed:
+                ended = "collision"
+            elif failed.condition == "goals":
+                ended = goals[-1].state.lower() if goals else "timeout"
+                ended = "timeout" if ended == "preempted" else ended
+        taken = math.fsum(g.time_s for g in goals)
         outcome = RunOutcome(
-            success=success,
+            success=failed is None,
             outcome=ended,
-            score=min(1.0, named.reference_s / taken) if success and taken > 0.0 else FAILED_SCORE,
+            score=min(1.0, named.reference_s / max(taken, 1e-9)) if failed is None else FAILED_SCORE,
             time_s=taken,
-            length_m=run.robot.distance_travelled,
-            clearance_m=0.0 if contact else motion.clearance,
-            acceleration=motion.acceleration,
-            recoveries=sum(g.recoveries for g in goals),
-            text="" if success else goals[-1].message if goals else "",
+            length_m=metrics.length_m,
+            clearance_m=metrics.clearance_min_m if math.isfinite(metrics.clearance_min_m) else 0.0,
+            jerk=metrics.jerk_rms_m_s3,
+            recoveries=metrics.recoveries,
+            text="" if failed is None else (goals[-1].message if goals and goals[-1].message else failed.text),
         )
         return outcome, run.recorder
 
@@ -208,7 +194,7 @@ class BarnCourse(Course):
             time_s=o.time_s,
             length_m=o.length_m,
             clearance_m=o.clearance_m,
-            acceleration=0.0,
+            jerk=0.0,
             recoveries=0,
             text=o.text,
         )

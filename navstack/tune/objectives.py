@@ -63,9 +63,9 @@ def _mean_clearance(outcomes: Outcomes) -> float:
     return math.fsum(float(o["clearance_m"]) if o["success"] else 0.0 for o in outcomes) / len(outcomes)
 
 
-def _mean_acceleration(outcomes: Outcomes) -> float:
-    values = _successes(outcomes, "acceleration")
-    return math.fsum(values) / len(values) if values else 100.0
+def _mean_jerk(outcomes: Outcomes) -> float:
+    values = _successes(outcomes, "jerk")
+    return math.fsum(values) / len(values) if values else 1000.0
 
 
 OBJECTIVES: Final[Mapping[str, Objective]] = {
@@ -74,7 +74,7 @@ OBJECTIVES: Final[Mapping[str, Objective]] = {
         Objective("score", True, mean_score, "", "the course's own score, a failure counting against it"),
         Objective("time", False, mean_time, "s", "mean time, a failure counting three times the slowest success"),
         Objective("clearance", True, _mean_clearance, "m", "mean of the runs' least distance to anything"),
-        Objective("smoothness", False, _mean_acceleration, "m/s²", "root mean square of the acceleration"),
+        Objective("smoothness", False, _mean_jerk, "m/s³", "root mean square of the jerk"),
         Objective("success", True, success_rate, "", "share of runs at every goal without contact"),
     )
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from navstack.configuration import Configuration, load_configuration
@@ -11,7 +12,7 @@ from navstack.jobs import Job
 from navstack.record import RunRecorder
 from navstack.tune.courses import Case, Course, RunOutcome
 
-_KEPT = 8
+_KEPT = 32
 """Configurations that a worker keeps: those of the candidates that are under way."""
 
 
@@ -33,20 +34,21 @@ class RunWork:
         self.parameters: dict[str, Any] = base.tree.as_dict()
         self.distro = base.navstack.ros_distro
         self.course = course
-        self._made: OrderedDict[tuple[str, ...], Configuration | ParameterError] = OrderedDict()
+        self._made: OrderedDict[str, Configuration | ParameterError] = OrderedDict()
 
     def __getstate__(self) -> dict[str, Any]:
         return {"parameters": self.parameters, "distro": self.distro, "course": self.course, "_made": OrderedDict()}
 
-    def configuration(self, overrides: tuple[str, ...]) -> Configuration:
-        """The candidate's parameters; raises ParameterError where they cannot be used."""
-        made = self._made.get(overrides)
+    def configuration(self, overrides: tuple[str, ...], over: tuple[Mapping[str, Any], ...] = ()) -> Configuration:
+        """The candidate's parameters, `over` lying over the robot's; raises ParameterError where they cannot be used."""
+        key = repr((overrides, over))
+        made = self._made.get(key)
         if made is None:
             try:
-                made = load_configuration([self.parameters], overrides=overrides, distro=self.distro)
+                made = load_configuration([self.parameters, *over], overrides=overrides, distro=self.distro)
             except ParameterError as error:
                 made = error
-            self._made[overrides] = made
+            self._made[key] = made
             while len(self._made) > _KEPT:
                 self._made.popitem(last=False)
         if isinstance(made, ParameterError):
@@ -56,7 +58,7 @@ class RunWork:
     def drive(self, given: RunInput, *, record: bool = False) -> tuple[RunOutcome, RunRecorder | None]:
         """The run itself. Parameters that cannot be used make an outcome `refused`."""
         try:
-            configuration = self.configuration(given.overrides)
+            configuration = self.configuration(given.overrides, self.course.over(given.case))
         except ParameterError as error:
             return self.course.refused("refused", error.message), None
         return self.course.outcome(given.case, configuration, record=record)
