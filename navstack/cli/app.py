@@ -12,7 +12,7 @@ from typing import Any
 
 import typer
 
-from navstack.cli import bench, check, explain, info, params, plan, plot, simulate, tour
+from navstack.cli import bench, check, explain, info, params, plan, plot, simulate, sweep, tour, tune
 
 EXIT_GOAL_FAILED = 1
 EXIT_WRONG_INPUT = 2
@@ -33,6 +33,8 @@ app.command("tour")(tour.tour)
 app.command("plot")(plot.plot)
 app.command("check")(check.check)
 app.command("info")(info.info)
+app.command("sweep")(sweep.sweep)
+app.command("tune")(tune.tune)
 app.add_typer(bench.app, name="bench")
 app.add_typer(explain.app, name="explain")
 app.add_typer(params.app, name="params")

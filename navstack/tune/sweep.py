@@ -77,3 +77,28 @@ def run_sweep(
         SweptRun(i // many, sweep.candidates[i // many], sweep.course.cases[i % many].key, result)
         for i, result in enumerate(found)
     ]
+
+
+def summary_of(runs: Sequence[SweptRun], cases: int) -> dict[str, Any]:
+    """For JSON: each candidate with its means, the best score first; of equal ones, the first that was tried."""
+    rows: list[dict[str, Any]] = []
+    for first in range(0, len(runs), cases):
+        mine = runs[first : first + cases]
+        told = [r.result.value for r in mine if not r.result.failed]
+        rows.append(
+            {
+                "candidate": mine[0].candidate,
+                "values": dict(mine[0].values),
+                "runs": len(told),
+                "errors": len(mine) - len(told),
+                "success": sum(bool(o["success"]) for o in told) / len(told) if told else 0.0,
+                "score": sum(o["score"] for o in told) / len(told) if told else None,
+                "time_s": _mean([o["time_s"] for o in told if o["success"]]),
+            }
+        )
+    rows.sort(key=lambda row: (row["score"] is None, -(row["score"] or 0.0), row["candidate"]))
+    return {"candidates": len(rows), "runs": len(runs), "ranking": rows}
+
+
+def _mean(values: Sequence[float]) -> float | None:
+    return sum(values) / len(values) if values else None

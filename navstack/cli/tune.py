@@ -1,0 +1,236 @@
+"""`navstack tune`: from a YAML that drives badly to one that drives well, with proof."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from navstack.cli import tuning as options
+
+if TYPE_CHECKING:
+    from navstack.tune.request import Done
+    from navstack.tune.sensitivity import Step
+    from navstack.tune.setup import Setup
+
+
+def tune(
+    params: list[str] = options.PARAMS,
+    suite: str = options.SUITE,
+    trials: int = typer.Option(100, "--trials", metavar="N", help="Candidates to try.", min=1),
+    why: bool = typer.Option(
+        False, "--why", help="No search: what changes if each parameter is halved or doubled, over every scenario."
+    ),
+    param: list[str] = options.PARAM,
+    space: str | None = options.SPACE,
+    keep: list[str] = options.KEEP,
+    objective: list[str] = typer.Option(
+        [],
+        "--objective",
+        metavar="NAME",
+        help="score (the default), time, clearance, smoothness or success; several give a Pareto front (repeat).",
+    ),
+    min_success: float = typer.Option(
+        1.0, "--min-success", help="With several objectives: the share of runs that must succeed.", min=0.0, max=1.0
+    ),
+    sampler: str = typer.Option("tpe", "--sampler", metavar="tpe|cmaes|random", help="Who chooses the candidates."),
+    held_out: float = typer.Option(0.4, "--held-out", metavar="SHARE", help="Scenarios that only the proof uses."),
+    against: str | None = typer.Option(
+        None, "--against", metavar="NAME|DIR|FILE", help="Compare the result with these parameters too."
+    ),
+    set_: list[str] = options.SET,
+    distro: str | None = options.DISTRO,
+    allow_missing: bool = options.ALLOW_MISSING,
+    scenario: list[str] = options.SCENARIO,
+    seeds: int = options.SEEDS,
+    seed: int = options.SEED,
+    rough: bool = options.ROUGH,
+    workers: int | None = options.WORKERS,
+    storage: str | None = typer.Option(
+        None,
+        "--storage",
+        metavar="FILE|URL",
+        help="Of the study: a file (OUT/study.journal), or a database for many machines.",
+    ),
+    resume: bool = options.RESUME,
+    set_back: bool = typer.Option(
+        True, "--set-back/--keep-all", help="Values that make no difference go back to what they were."
+    ),
+    out: Path = typer.Option(
+        Path("navstack_tune"), "--out", metavar="DIR", help="Folder of the tuned YAML, the report and the study."
+    ),
+    json_: bool = options.JSON,
+) -> int:
+    """Search for better parameters and prove them on scenarios that the search has not seen."""
+    from navstack.cli.output import print_json, print_note
+    from navstack.tune.extras import need
+    from navstack.tune.setup import Asked, prepare
+
+    need("optuna", "tuning")
+    need("ruamel.yaml", "writing tuned parameters")
+    setup = prepare(
+        Asked(
+            tuple(params),
+            suite,
+            space,
+            tuple(param),
+            tuple(keep),
+            tuple(set_),
+            distro,
+            allow_missing,
+            tuple(scenario),
+            seeds,
+            seed,
+            rough,
+        )
+    )
+    command = shlex.join(["navstack", *sys.argv[1:]])
+    if why:
+        return _why(setup, out, workers, command, json_)
+    from navstack.tune.request import TuneRequest, run_tuning
+
+    request = TuneRequest(
+        setup,
+        out,
+        trials,
+        tuple(objective),
+        min_success,
+        sampler,
+        held_out,
+        against,
+        storage,
+        resume,
+        set_back,
+        workers,
+        command,
+    )
+    if not json_:
+        _announce(setup)
+    with _progress(trials, quiet=json_) as hear:
+        done = run_tuning(request, hear=hear, say=(lambda text: None) if json_ else print_note)
+    if json_:
+        print_json(done.as_dict())
+    else:
+        _print(done)
+    return 0
+
+
+def _announce(setup: Setup) -> None:
+    from navstack.cli.output import print_note
+
+    print_note(
+        f"{len(setup.space)} parameters are searched: " + ", ".join(f"{d.name} {d.range_text()}" for d in setup.space)
+    )
+    robots = [d for d in setup.space if d.robot]
+    if robots:
+        said = ", ".join(f"{d.name.rpartition('/')[2]} up to {d.high:g} {d.unit}" for d in robots)
+        print_note(f"{said}: what the robot is able to is yours to say, by --param NAME=LOW:HIGH or --keep NAME")
+
+
+def _progress(trials: int, *, quiet: bool) -> Any:
+    from contextlib import contextmanager
+
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    from navstack.cli.output import stderr
+
+    @contextmanager
+    def bar() -> Any:
+        columns = (
+            TextColumn("trials"),
+            MofNCompleteColumn(),
+            BarColumn(),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            TextColumn("{task.fields[best]}"),
+        )
+        with Progress(*columns, console=stderr(), transient=True, disable=quiet or not stderr().is_terminal) as shown:
+            task = shown.add_task("", total=trials, best="")
+            best: list[float] = []
+
+            def hear(trial: Any, ended: int) -> None:
+                if trial.complete:
+                    best.append(trial.values[0])
+                text = f"last {trial.values[0]:.3f}" + (f", {len(best)} driven in full" if best else "")
+                shown.update(task, completed=ended, best=text)
+
+            yield hear
+
+    return bar()
+
+
+def _print(done: Done) -> None:
+    from rich.box import SIMPLE_HEAD
+    from rich.markup import escape
+    from rich.table import Table
+
+    from navstack.cli.output import stdout
+    from navstack.tune.space import value_of
+
+    out = stdout()
+    tuning = done.tuning
+    shown = tuning.held_out or tuning.training
+    title = "held-out runs" if tuning.held_out is not None else "training runs"
+    table = Table(title=f"{len(shown.cases)} {title}", title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
+    for name in ("", "before", "tuned", "difference", ""):
+        table.add_column(name, no_wrap=True)
+    for m in shown.measures:
+        digits = 1 if m.unit == "s" else 3
+        unit = f" ({m.unit})" if m.unit else ""
+        cells = (m.before.text(digits), m.after.text(digits), m.difference.interval.text(digits))
+        table.add_row(f"{m.name}{unit}", *(escape(c) for c in cells), m.verdict)
+    out.print(table)
+    if done.written is not None:
+        changes = Table(title="changed", title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
+        for name in ("parameter", "before", "after", "in"):
+            changes.add_column(name, no_wrap=True)
+        for c in done.written.changes:
+            before = "default" if c.old is None else value_of(c.old)
+            changes.add_row(escape(c.name), escape(before), escape(value_of(c.new)), escape(c.place or "a new line"))
+        out.print(changes)
+    out.print(tuning.verdict, markup=False)
+    if tuning.against is not None:
+        success, score = tuning.against.measure("success"), tuning.against.measure("score")
+        out.print(
+            f"beside the parameters to compare with: score {score.before.value:.3f} against {score.after.value:.3f} tuned "
+            f"(difference {score.difference.interval.text(3)}), success {success.before.value:.0%} against "
+            f"{success.after.value:.0%}",
+            markup=False,
+        )
+    if done.params:
+        out.print("parameters: " + " ".join(f"--params {p}" for p in done.params), markup=False)
+    out.print(f"report: {done.report}", markup=False)
+
+
+def _why(setup: Setup, out: Path, workers: int | None, command: str, json_: bool) -> int:
+    from navstack.cli.output import frames_bar, print_json, print_note, stdout
+    from navstack.tune.request import run_why
+
+    if not json_:
+        print_note(f"{len(setup.space)} parameters, each halved and doubled over {len(setup.course().cases)} runs")
+    with frames_bar(quiet=json_) as hear:
+        steps, page = run_why(setup, out, workers=workers, command=command, hear=hear)
+    if json_:
+        print_json({"steps": [s.as_dict() for s in steps], "files": {"report": str(page)}})
+        return 0
+    _print_steps(steps)
+    stdout().print(f"report: {page}", markup=False)
+    return 0
+
+
+def _print_steps(steps: list[Step]) -> None:
+    from navstack.cli.output import stdout
+
+    for number, step in enumerate(steps, 1):
+        stdout().print(f"{number:>3}. {step.sentence}", markup=False)

@@ -1,0 +1,37 @@
+"""What `navstack sweep` and `navstack tune` both ask for."""
+
+from __future__ import annotations
+
+import typer
+
+PARAMS: list[str] = typer.Option(
+    ["turtlebot"], "--params", metavar="NAME|DIR|FILE", help="The robot's parameters as they are (repeat)."
+)
+SUITE: str = typer.Option(
+    "office", "--suite", metavar="NAME|DIR|FILE", help="A suite, a folder of scenario files, or BARN's worlds.npz."
+)
+PARAM: list[str] = typer.Option(
+    [],
+    "--param",
+    metavar="NAME[=LOW:HIGH[:log]]",
+    help="Search this parameter, or among the choices NAME=A,B,C (repeat). A pattern with * sets all that match together.",
+)
+SPACE: str | None = typer.Option(
+    None,
+    "--space",
+    metavar="NAME|FILE",
+    help="Ready-made ranges (auto, local_planner, global_planner, costmaps) or a YAML file.",
+)
+KEEP: list[str] = typer.Option([], "--keep", metavar="NAME", help="Leave this parameter as it is (repeat).")
+SET: list[str] = typer.Option([], "--set", metavar="KEY=VALUE", help="Change a parameter beforehand (repeat).")
+DISTRO: str | None = typer.Option(
+    None, "--distro", metavar="noetic|indigo", help="Whose scoring scale: noetic's, or that of releases before 2018."
+)
+ALLOW_MISSING: bool = typer.Option(False, "--allow-missing", help="Leave out layers and plugins that are not here.")
+SCENARIO: list[str] = typer.Option([], "--scenario", metavar="NAME", help="Only this scenario of the suite (repeat).")
+SEEDS: int = typer.Option(1, "--seeds", help="Runs per scenario, each with another seed of the noise.", min=1)
+SEED: int = typer.Option(0, "--seed", help="Of the search; the same seed gives the same trials on one worker.", min=0)
+WORKERS: int | None = typer.Option(None, "--workers", help="Processes; as many as cores if not given.", min=1)
+RESUME: bool = typer.Option(False, "--resume", help="Go on with what an earlier call left.")
+ROUGH: bool = typer.Option(False, "--rough", help="BARN worlds with noise, lag and slip.")
+JSON: bool = typer.Option(False, "--json", help="One JSON document on stdout.")

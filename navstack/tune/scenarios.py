@@ -1,0 +1,125 @@
+"""Where candidates are driven: suites by name, scenario files, BARN worlds; split into training and held-out ones."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from navstack.bench.barn import JACKAL, ROUGH_JACKAL, BarnWorld, load_worlds
+from navstack.configuration import Configuration
+from navstack.core.errors import InputError
+from navstack.params.sources import Source
+from navstack.params.yaml_reader import DictNode, plain
+from navstack.scenario import Scenario
+from navstack.scenario_file import ScenarioFile, is_scenario_file, read_scenario
+from navstack.tune.courses import BarnCourse, Course, NamedScenario, ScenarioCourse
+
+WORLDS = "worlds.npz"
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """What `--suite` names, as read: scenario files, or BARN worlds."""
+
+    name: str
+    files: tuple[ScenarioFile, ...] = ()
+    worlds: tuple[BarnWorld, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the scenarios."""
+        return tuple(f.name for f in self.files) + tuple(f"world {w.number}" for w in self.worlds)
+
+    def environment(self, *, rough: bool) -> list[Source]:
+        """Parameters that lie over the user's: the simulator of the benchmark."""
+        return [{"navstack": {"sim": dict(ROUGH_JACKAL if rough else JACKAL)}}] if self.worlds else []
+
+
+def read_place(suite: str) -> Place:
+    """A suite's name, a scenario file, a folder of them, or BARN worlds (`worlds.npz` or its folder).
+
+    Raises InputError for what is none of these, ScenarioError for files that cannot be used.
+    """
+    path = Path(suite)
+    if path.is_dir() and (path / WORLDS).is_file():
+        path = path / WORLDS
+    if path.suffix == ".npz" and path.is_file():
+        return Place("barn", worlds=tuple(load_worlds(path)))
+    if path.is_dir():
+        files = [read_scenario(f) for f in sorted(path.glob("*.y*ml")) if is_scenario_file(f)]
+        if not files:
+            raise InputError(f"--suite {suite}: the folder holds neither scenario files nor {WORLDS}", suite=suite)
+        return Place(path.name, files=_named(files))
+    if path.is_file():
+        return Place(path.stem, files=(read_scenario(path),))
+    return _packaged(suite)
+
+
+def _packaged(suite: str) -> Place:
+    from navstack import suites
+
+    return Place(suite, files=_named(suites.scenarios(suite)))
+
+
+def _named(files: Sequence[ScenarioFile]) -> tuple[ScenarioFile, ...]:
+    seen: dict[str, ScenarioFile] = {}
+    for file in files:
+        if file.name in seen:
+            raise InputError(f"{file.path} and {seen[file.name].path} are both called {file.name}; rename one")
+        seen[file.name] = file
+    return tuple(seen.values())
+
+
+def split(names: Sequence[str], held_out: float, seed: int) -> tuple[list[str], list[str]]:
+    """Training and held-out scenarios, `held_out` being the share of the latter; both in the given order.
+
+    Raises InputError where one of the two would be empty.
+    """
+    if not 0.0 <= held_out < 1.0:
+        raise InputError(
+            f"--held-out {held_out:g}: give a share from 0 to below 1", argument="--held-out", value=held_out
+        )
+    if held_out == 0.0:
+        return list(names), []
+    many = round(len(names) * held_out)
+    if many == 0 or many == len(names):
+        raise InputError(
+            f"{len(names)} scenarios cannot be split into training and held-out ones with --held-out {held_out:g}; give "
+            "more scenarios, or --held-out 0 and do without the proof",
+            scenarios=len(names),
+        )
+    shuffled = list(names)
+    random.Random(seed).shuffle(shuffled)
+    kept = set(shuffled[many:])
+    return [n for n in names if n in kept], [n for n in names if n not in kept]
+
+
+def course_of(
+    place: Place, names: Sequence[str], seeds: Sequence[int], configuration: Configuration, speed: float
+) -> Course:
+    """The cases of some of the scenarios. `speed` (m/s): of the way straight to the goals, the reference of the score.
+
+    Raises MapError and InputError for scenarios that cannot be made.
+    """
+    wanted = set(names)
+    if place.worlds:
+        return BarnCourse([w for w in place.worlds if f"world {w.number}" in wanted], seeds)
+    made = [_scenario(f, configuration, speed) for f in place.files if f.name in wanted]
+    return ScenarioCourse(place.name, made, seeds)
+
+
+def _scenario(file: ScenarioFile, configuration: Configuration, speed: float) -> NamedScenario:
+    scenario = file.build(params=[configuration.tree.as_dict()], distro=configuration.navstack.ros_distro)
+    over: tuple[Mapping[str, Any], ...] = tuple(plain(s) for s in file.parts.sources if isinstance(s, DictNode))
+    return NamedScenario(file.name, scenario, reference_time(scenario, speed), over)
+
+
+def reference_time(scenario: Scenario, speed: float) -> float:
+    """From goal to goal as the crow flies, at full speed (s)."""
+    stations = [scenario.start, *scenario.goals]
+    length = math.fsum(a.distance_to(b) for a, b in zip(stations, stations[1:]))
+    return max(length, 0.1) / speed
