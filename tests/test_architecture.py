@@ -58,6 +58,8 @@ SAME_FLOOR = {
     ("suites", "scenario_file"),
     ("suites", "success"),
     ("tour", "scenario"),
+    ("tune", "plot"),  # its report shows runs
+    ("tune", "bench"),  # it drives BARN's worlds by their rule
 }
 
 

@@ -184,7 +184,7 @@ def _print(done: Done) -> None:
     title = "held-out runs" if tuning.held_out is not None else "training runs"
     table = Table(title=f"{len(shown.cases)} {title}", title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
     for name in ("", "before", "tuned", "difference", ""):
-        table.add_column(name, no_wrap=True)
+        table.add_column(name, overflow="fold")
     for m in shown.measures:
         digits = 1 if m.unit == "s" else 3
         unit = f" ({m.unit})" if m.unit else ""
@@ -192,13 +192,11 @@ def _print(done: Done) -> None:
         table.add_row(f"{m.name}{unit}", *(escape(c) for c in cells), m.verdict)
     out.print(table)
     if done.written is not None:
-        changes = Table(title="changed", title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
-        for name in ("parameter", "before", "after", "in"):
-            changes.add_column(name, no_wrap=True)
+        out.print("changed:")
         for c in done.written.changes:
             before = "default" if c.old is None else value_of(c.old)
-            changes.add_row(escape(c.name), escape(before), escape(value_of(c.new)), escape(c.place or "a new line"))
-        out.print(changes)
+            where = Path(c.place).name if c.place else "a new line"
+            out.print(f"  {c.name}: {before} -> {value_of(c.new)}  ({where})", markup=False)
     out.print(tuning.verdict, markup=False)
     if tuning.against is not None:
         success, score = tuning.against.measure("success"), tuning.against.measure("score")

@@ -6,7 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 from navstack.bench.barn import BarnWorld, run_world
 from navstack.configuration import Configuration
@@ -69,19 +69,14 @@ class RunOutcome:
 class Course(ABC):
     """A list of cases, and how one is driven. Goes to other processes and machines, with all it needs."""
 
+    failed_score: ClassVar[float]
+    """The score of a run that failed."""
+    best_score: ClassVar[float]
+    """No run has a higher one."""
+
     def __init__(self, name: str, cases: Sequence[Case]) -> None:
         self.name = name
         self.cases = tuple(cases)
-
-    @property
-    @abstractmethod
-    def failed_score(self) -> float:
-        """The score of a run that failed."""
-
-    @property
-    @abstractmethod
-    def best_score(self) -> float:
-        """No run has a higher one."""
 
     def over(self, case: Case) -> tuple[Mapping[str, Any], ...]:
         """Parameters that a case lays over those of the robot."""

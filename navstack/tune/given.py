@@ -59,14 +59,14 @@ def search_space(
     for text in params:
         dimension = _from_text(known, text)
         # what is given replaces what was there for the same parameters
-        for name in [n for n, d in found.items() if n in dimension.names]:
+        for name in [n for n in found if n in dimension.names]:
             old = found.pop(name)
             if name == dimension.name and not dimension.ties:
                 dimension = _with_ties(dimension, old)
         found[dimension.name] = dimension
     for pattern in keep:
         for parameter in known.find(pattern, f'--keep "{pattern}"'):
-            for name in [n for n, d in found.items() if n == parameter.name]:
+            for name in [n for n in found if n == parameter.name]:
                 del found[name]
     if not found:
         raise InputError(
@@ -176,7 +176,7 @@ def _from_text(known: Known, text: str) -> Dimension:
             raise InputError(f'{where}: the scale "{scale[0]}" is none; write LOW:HIGH or LOW:HIGH:log', value=text)
         low, high = (_number(scalar(end), where + f': "{end}"', f"give {_SHAPE}") for end in (low_text, high_text))
         return together([with_range(p, low, high, bool(scale), where) for p in parameters])
-    choices: list[Value] = [scalar(part.strip()) for part in rest.split(",")]
-    if any(c is None for c in choices):
+    choices: list[Any] = [scalar(part.strip()) for part in rest.split(",")]
+    if None in choices:
         raise InputError(f"{where}: a value is missing; give {_SHAPE}", argument="--param", value=text)
     return together([with_choices(p, choices, where) for p in parameters])

@@ -89,8 +89,7 @@ def chosen(names: Sequence[str]) -> tuple[Objective, ...]:
                 argument="--objective",
                 value=name,
             )
-    unique = tuple(dict.fromkeys(names)) or ("score",)
-    return tuple(OBJECTIVES[name] for name in unique)
+    return tuple(OBJECTIVES[name] for name in dict.fromkeys(names or ["score"]))
 
 
 def dominates(a: Sequence[float], b: Sequence[float], objectives: Sequence[Objective]) -> bool:

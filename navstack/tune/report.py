@@ -195,7 +195,8 @@ def _changes(tuning: Tuning, written: Written) -> Iterator[str]:
     for c in written.changes:
         before = "default" if c.old is None else value_of(c.old)
         where = c.place or "a new line"
-        yield f"<tr><td>{_e(c.name)}</td><td class=n>{_e(before)}</td><td class=n>{_e(value_of(c.new))}</td><td class=dim>{_e(where)}</td></tr>"
+        values = f"<td class=n>{_e(before)}</td><td class=n>{_e(value_of(c.new))}</td>"
+        yield f"<tr><td>{_e(c.name)}</td>{values}<td class=dim>{_e(where)}</td></tr>"
     yield "</table>"
     if tuning.set_back:
         yield f"<p class=dim>Made no difference, so they stayed as they were: {_e(', '.join(tuning.set_back))}.</p>"

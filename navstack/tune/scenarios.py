@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import random
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from navstack.bench.barn import JACKAL, ROUGH_JACKAL, BarnWorld, load_worlds
 from navstack.configuration import Configuration
@@ -15,7 +16,7 @@ from navstack.core.errors import InputError
 from navstack.params.sources import Source
 from navstack.params.yaml_reader import DictNode, plain
 from navstack.scenario import Scenario
-from navstack.scenario_file import ScenarioFile, is_scenario_file, read_scenario
+from navstack.scenario_file import ScenarioSpec, is_scenario_file, read_scenario
 from navstack.tune.courses import BarnCourse, Course, NamedScenario, ScenarioCourse
 
 WORLDS = "worlds.npz"
@@ -26,7 +27,7 @@ class Place:
     """What `--suite` names, as read: scenario files, or BARN worlds."""
 
     name: str
-    files: tuple[ScenarioFile, ...] = ()
+    files: tuple[ScenarioSpec, ...] = ()
     worlds: tuple[BarnWorld, ...] = ()
 
     @property
@@ -65,11 +66,11 @@ def _packaged(suite: str) -> Place:
     return Place(suite, files=_named(suites.scenarios(suite)))
 
 
-def _named(files: Sequence[ScenarioFile]) -> tuple[ScenarioFile, ...]:
-    seen: dict[str, ScenarioFile] = {}
+def _named(files: Sequence[ScenarioSpec]) -> tuple[ScenarioSpec, ...]:
+    seen: dict[str, ScenarioSpec] = {}
     for file in files:
         if file.name in seen:
-            raise InputError(f"{file.path} and {seen[file.name].path} are both called {file.name}; rename one")
+            raise InputError(f'two scenarios are called "{file.name}"; give one of them another name')
         seen[file.name] = file
     return tuple(seen.values())
 
@@ -112,14 +113,17 @@ def course_of(
     return ScenarioCourse(place.name, made, seeds)
 
 
-def _scenario(file: ScenarioFile, configuration: Configuration, speed: float) -> NamedScenario:
+def _scenario(file: ScenarioSpec, configuration: Configuration, speed: float) -> NamedScenario:
     scenario = file.build(params=[configuration.tree.as_dict()], distro=configuration.navstack.ros_distro)
-    over: tuple[Mapping[str, Any], ...] = tuple(plain(s) for s in file.parts.sources if isinstance(s, DictNode))
-    return NamedScenario(file.name, scenario, reference_time(scenario, speed), over)
+    over = tuple(plain(node) if isinstance(node, DictNode) else node for node in file.over)
+    assert all(isinstance(o, dict) for o in over)
+    return NamedScenario(
+        file.name, scenario, reference_time(scenario, speed), cast("tuple[Mapping[str, Any], ...]", over)
+    )
 
 
 def reference_time(scenario: Scenario, speed: float) -> float:
     """From goal to goal as the crow flies, at full speed (s)."""
     stations = [scenario.start, *scenario.goals]
-    length = math.fsum(a.distance_to(b) for a, b in zip(stations, stations[1:]))
+    length = math.fsum(a.distance_to(b) for a, b in itertools.pairwise(stations))
     return max(length, 0.1) / speed

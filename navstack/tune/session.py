@@ -59,9 +59,9 @@ class Tuning:
         shown = self.held_out or self.training
         where = "held-out" if self.held_out is not None else "training"
         score, success, time = (shown.measure("score"), shown.measure("success"), _time(shown))
+        head = f"On {len(shown.cases)} {where} runs the score goes from {score.before.value:.3f} to {score.after.value:.3f}"
         parts = [
-            f"On {len(shown.cases)} {where} runs the score goes from {score.before.value:.3f} to {score.after.value:.3f} "
-            f"(difference {score.difference.interval.text(3)}: {score.verdict})",
+            f"{head} (difference {score.difference.interval.text(3)}: {score.verdict})",
             f"success from {success.before.value:.0%} to {success.after.value:.0%}",
         ]
         if time is not None and time.before.groups:
@@ -193,11 +193,18 @@ def _set_back(
         less = {n: v for n, v in candidate.items() if n != name}
         if not less:
             continue
-        tried = evaluate(executor, f"without {name}", tuple(problem.space.overrides(less)), cases)
         scale = WORTH if objective.name in ("score", "success") else abs(now) * WORTH
-        reached = value(tried)
         # against the best there was, so that many small losses do not add up
         allowed = least - scale if objective.maximize else least + scale
+
+        def hopeless(ended: Sequence[Outcome], least: float = allowed) -> bool:
+            left = (len(cases) - len(ended)) * problem.course.best_score
+            return objective.name == "score" and (sum(o["score"] for o in ended) + left) / len(cases) < least
+
+        tried = evaluate(executor, f"without {name}", tuple(problem.space.overrides(less)), cases, hopeless=hopeless)
+        if len(tried) < len(cases):
+            continue
+        reached = value(tried)
         if not objective.better(allowed, reached):
             candidate, outcomes = less, tried
             back.append(name)

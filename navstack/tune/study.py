@@ -13,6 +13,7 @@ import json
 import random
 import time
 import warnings
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -119,9 +120,11 @@ class Study:
             )
         except ValueError as exc:
             raise InputError(f"{place} holds a study of other objectives; give another --storage") from exc
-        self._wilcoxon: Any = self._optuna.pruners.WilcoxonPruner(
-            p_threshold=0.1, n_startup_steps=max(5, len(problem.cases) // 4)
-        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # experimental, it says
+            self._wilcoxon: Any = self._optuna.pruners.WilcoxonPruner(
+                p_threshold=0.1, n_startup_steps=max(5, len(problem.cases) // 4)
+            )
         self.order = list(problem.cases)
         random.Random(seed).shuffle(self.order)
         self._check(resume, place)
@@ -197,7 +200,7 @@ class Study:
         if len(complete) < 8 or len({t.values for t in complete}) < 2:
             return {}
         evaluator = self._optuna.importance.PedAnovaImportanceEvaluator()
-        target = None if len(self.problem.objectives) == 1 else (lambda t: t.values[0])
+        target = None if len(self.problem.objectives) == 1 else _first_value
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             found: dict[str, float] = self._optuna.importance.get_param_importances(
@@ -284,7 +287,7 @@ class Study:
             # what the sampler takes for the value of a trial that was given up is its last report: its mean so far
             at.trial.report(values[0], len(self.order))
             self._study.tell(at.trial, state=states.PRUNED)
-        return self.finished()[-1] if self._alone else next(t for t in self.finished() if t.number == at.trial.number)
+        return next(t for t in self.finished() if t.number == at.trial.number)
 
     def _enqueue_starts(self) -> None:
         space = self.problem.space
@@ -362,6 +365,10 @@ class Study:
         return {d.name: d.clean(params[d.name]) for d in self.problem.space}
 
 
+def _first_value(frozen: Any) -> float:
+    return frozen.values[0]
+
+
 def _shown_difference(key: str, there: Any, here: Any) -> str:
     if key in ("space", "cases", "parameters"):
         return {"space": "another search space", "cases": "other cases", "parameters": "other parameters"}[key]
@@ -374,22 +381,28 @@ def evaluate(
     overrides: tuple[str, ...],
     cases: Sequence[Case],
     *,
-    hear: Callable[[], None] | None = None,
+    hopeless: Callable[[Sequence[Outcome]], bool] = lambda outcomes: False,
 ) -> dict[str, Outcome]:
-    """Drives one candidate over cases, all at once; how each ended, by the case's key. Raises InternalError."""
-    jobs = {job.key: case for case in cases for job in (run_job(name, overrides, case),)}
-    waiting = [run_job(name, overrides, case) for case in cases]
-    for job in waiting:
-        executor.submit(job)
+    """Drives one candidate over cases; how each ended, by the case's key, in the order of the cases.
+
+    Begins no further run once `hopeless` says so of the runs that have ended; then some are missing. Raises InternalError.
+    """
+    keys = {run_job(name, overrides, case).key: case.key for case in cases}
+    waiting = deque(run_job(name, overrides, case) for case in cases)
     found: dict[str, Outcome] = {}
-    for _ in waiting:
+    under_way = 0
+    while waiting or under_way:
+        while waiting and under_way < executor.slots:
+            executor.submit(waiting.popleft())
+            under_way += 1
         result = executor.collect()
+        under_way -= 1
         if result.error is not None:
             raise InternalError(f"a run could not be driven: {result.error.get('message', 'no reason given')}")
-        found[jobs[result.key].key] = result.value
-        if hear is not None:
-            hear()
-    return {case.key: found[case.key] for case in cases}
+        found[keys[result.key]] = result.value
+        if waiting and hopeless(list(found.values())):
+            waiting.clear()
+    return {case.key: found[case.key] for case in cases if case.key in found}
 
 
 def pareto_front(problem: Problem, trials: Sequence[Trial]) -> list[Trial]:
