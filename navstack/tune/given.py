@@ -25,7 +25,6 @@ from navstack.tune.space import (
     Dimension,
     Known,
     SearchSpace,
-    Value,
     from_metadata,
     ready_made_space,
     together,

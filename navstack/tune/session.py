@@ -188,14 +188,14 @@ def _set_back(
         return objective.of([of[c.key] for c in cases])
 
     now = value(outcomes)
-    least = now
+    least: float = now
     for name in list(candidate):
         less = {n: v for n, v in candidate.items() if n != name}
         if not less:
             continue
-        scale = WORTH if objective.name in ("score", "success") else abs(now) * WORTH
+        scale: float = WORTH if objective.name in ("score", "success") else abs(now) * WORTH
         # against the best there was, so that many small losses do not add up
-        allowed = least - scale if objective.maximize else least + scale
+        allowed: float = least - scale if objective.maximize else least + scale
 
         def hopeless(ended: Sequence[Outcome], least: float = allowed) -> bool:
             left = (len(cases) - len(ended)) * problem.course.best_score
@@ -204,7 +204,7 @@ def _set_back(
         tried = evaluate(executor, f"without {name}", tuple(problem.space.overrides(less)), cases, hopeless=hopeless)
         if len(tried) < len(cases):
             continue
-        reached = value(tried)
+        reached: float = value(tried)
         if not objective.better(allowed, reached):
             candidate, outcomes = less, tried
             back.append(name)

@@ -47,7 +47,7 @@ class Problem:
     space: SearchSpace
     course: Course
     """Training cases."""
-    objectives: tuple[Objective, ...]
+    objectives: Sequence[Objective]
     min_success: float = 0.0
     """With several objectives: candidates whose share of successes is below are ruled out."""
 
