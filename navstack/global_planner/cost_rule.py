@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -13,6 +13,8 @@ from navstack.core import INSCRIBED, LETHAL, UNKNOWN
 NAVFN_NEUTRAL = 50
 _INVSQRT2 = 0.707106781  # navfn.h
 _HIGHEST_STEP = 253  # navfn.h, COST_OBS - 1
+_LEAST_STEP = 0.004
+"""A quadratic potential exceeds the higher of the two neighbours it is entered over by 0.0046 of the cost, at least."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,6 +43,22 @@ def rule_of(
     for array in (steps, weights, blocked):
         array.setflags(write=False)
     return CostRule(steps, weights, blocked, neutral, quadratic, allow_unknown)
+
+
+@cache
+def careful(rule: CostRule) -> CostRule:
+    """The rule of a wave that looks again at every neighbour that could come lower still.
+
+    navfn's quadratic potential is entered over two neighbours, but a cell is queued only when the one that was lowered would
+    make it lower by itself: what the other adds is left out, and how much that is depends on the order in which cells come. With
+    this rule it does not: no wave comes lower.
+    """
+    if not rule.quadratic:
+        return rule
+    weights = (_LEAST_STEP * rule.steps).astype(np.float32)
+    weights[rule.blocked] = np.inf
+    weights.setflags(write=False)
+    return replace(rule, weights=weights)
 
 
 @cache

@@ -115,14 +115,19 @@ class GlobalPlannerROS(WavePlanner):
         stop = math.floor(gx + _HAIR), math.floor(gy + _HAIR)
         if not query.grid.geometry.contains_cell(*stop) or ends.is_blocked(query.grid, query.rule, stop):
             stop = target
-        spread(wave, query.grid, query.rule, query.start, query.start_cell, stop, params, guide, limit)
+        spread(wave, query.grid, query.rule_for(guide), query.start, query.start_cell, stop, params, guide, limit)
         potential = wave.full_potential() if keep else None
         if wave.potential_of(*stop) < math.inf:
-            if not (params.use_grid_path or params.old_navfn_behavior):
-                wave.complete(target[0], target[1], _ENDPOINT_REACH)
-            extend(wave, target, guide, limit)
-            if guide is not None:
+            gradient = not (params.use_grid_path or params.old_navfn_behavior)
+            if guide is None:  # as C++, to the bit
+                if gradient:
+                    wave.complete(target[0], target[1], _ENDPOINT_REACH)
+                extend(wave, target)
+            else:  # what is completed is not queued: a wave that runs on would not lower what lies behind it
+                extend(wave, target, guide, limit)
                 wave.settle(target, guide, limit)
+                if gradient:
+                    wave.complete(target[0], target[1], _ENDPOINT_REACH)
         return potential
 
     def _descend(self, query: WaveQuery, goal: Pose2D, cell: ends.Cell) -> NDArray[np.float64]:

@@ -116,7 +116,7 @@ class NavfnROS(WavePlanner):
 
     def _run(self, query: WaveQuery, guide: Guide | None, limit: float, keep: bool) -> NDArray[np.float32] | None:
         wave, target = self._wave, query.goal_cell
-        spread(wave, query.grid, query.rule, root=query.start_cell, target=target, guide=guide, limit=limit)
+        spread(wave, query.grid, query.rule_for(guide), root=query.start_cell, target=target, guide=guide, limit=limit)
         if guide is not None:
             wave.settle(target, guide, limit)
         keep = keep or cast("NavfnParams", self.params).visualize_potential

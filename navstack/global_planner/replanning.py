@@ -30,6 +30,10 @@ _WORTHWHILE: Final = 30_000
 what a guided wave finds may differ from it by a rounding, and a rounding decides which way round an obstacle a robot goes."""
 _FACTORS: Final = (1.005, 1.1)
 """Factor on the estimate within which the wave is kept, at first and then; with a slack on top, see `_slack`."""
+_MARGIN_PART: Final = 2.0
+_MARGIN_RISES: Final = 6.0
+"""How far the limit must lie above what was found: so much of what the field was wrong by, so many rises at most. Where costs are
+rough the two potentials disagree, and a cell that takes no part in the path may still lower one that does."""
 _BEYOND_RISES: Final = 8.0
 _MISLED: Final = 3
 """Plans in a row for which the field was far too low, after which it is built anew."""
@@ -106,8 +110,13 @@ class GoalField:
         if estimate < math.inf:
             guide = Guide(self._wave.pot, 0)
             for factor in _FACTORS:
-                if attempt(guide, factor * estimate + _slack(estimate, rise)) < math.inf:
+                limit = factor * estimate + _slack(estimate, rise)
+                found = attempt(guide, limit)
+                if found < math.inf:
                     right = factor == _FACTORS[0] and effort() <= max(_WORTHWHILE, self._asked // 2)
+                    enough = found + min(_MARGIN_PART * (found - estimate), _MARGIN_RISES * rise)
+                    if limit < enough:
+                        attempt(guide, enough)
                     self._misled = 0 if right else self._misled + 1
                     self._built = self._misled < _MISLED
                     return

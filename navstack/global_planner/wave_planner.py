@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from navstack.core import Costmap, Footprint, Path, Pose2D
 from navstack.global_planner import ends
-from navstack.global_planner.cost_rule import CostRule
+from navstack.global_planner.cost_rule import CostRule, careful
 from navstack.global_planner.departure import depart
 from navstack.global_planner.guide import CoarseGuide, astar
 from navstack.global_planner.replanning import GoalField, Memory, Request
@@ -32,6 +32,10 @@ class WaveQuery(NamedTuple):
     goal: Pose2D
     """The first of the goals that will do."""
     goal_cell: ends.Cell
+
+    def rule_for(self, guide: Guide | None) -> CostRule:
+        """The rule as C++ has it, or, where the last potential guides the wave, the one that no order of cells betters."""
+        return careful(self.rule) if guide is not None and guide.shift == 0 else self.rule
 
 
 class WavePlanner(GlobalPlanner):

@@ -191,7 +191,8 @@ class Wavefront:
         """
         reached = self.potential_of(*cell)
         if reached < math.inf:
-            self.run(last=reached, guide=guide, limit=limit)
+            # what waits was queued by cells whose potential is at least the threshold before this one
+            self.run(last=reached + float(self._level[1]), guide=guide, limit=limit)
 
     def revise(
         self, changed: NDArray[np.int64], were_blocked: NDArray[np.bool_], *, cheaper: NDArray[np.bool_], rise: float
