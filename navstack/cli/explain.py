@@ -1,4 +1,4 @@
-"""`navstack explain`: why a cell costs what it costs, which doors a robot passes, what inflation charges."""
+"""`navstack explain`: what became of a goal, a cell's cost, the doors a robot passes, what inflation charges."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from navstack.cli.explain_command import command
+from navstack.cli.explain_goal import goal
 
 if TYPE_CHECKING:
     from navstack.explain import CellExplanation, InflationCurve, PassageReport
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode="markdown",
-    help="Say why: a cell's cost, the doors a robot passes, what inflation charges.",
+    help="Say why: what became of a goal, a command, a cell's cost, the doors a robot passes, what inflation charges.",
 )
 
 STYLE = {"free": "blue", "costly": "yellow", "blocked": "bold red"}
@@ -33,6 +34,7 @@ def _which(name: str) -> str:
 
 
 app.command("command")(command)
+app.command("goal")(goal)
 
 
 @app.command("cell")

@@ -411,7 +411,10 @@ class MoveBase:
         except Exception as exc:
             return guards.internal("the robot's frames", exc)
         if goal.frame != target:
-            self._emit(now, "info", f'the goal lies at ({mission.pose.x:.3f}, {mission.pose.y:.3f}) in "{target}"', {})
+            x, y, _ = mission.pose
+            self._emit(
+                now, "info", f'the goal lies at ({x:.3f}, {y:.3f}) in "{target}"', {"goal_pose": list(mission.pose)}
+            )
         return None
 
     def _preempted(self, now: float) -> bool:
@@ -699,6 +702,12 @@ class MoveBase:
             Trigger.CONTROLLING_R: texts.LOG_NO_CONTROL,
             Trigger.OSCILLATION_R: texts.LOG_OSCILLATING,
         }[self._state.trigger]
+        if left:
+            self._warn(
+                now,
+                f"{mission.rounds} recoveries in a row did not bring the robot {self.params.oscillation_distance:g} m "
+                "further: the list is not begun once more",
+            )
         self._warn(now, log)
         self._apply(NavEvent.RECOVERIES_EXHAUSTED, now)
 
@@ -748,6 +757,7 @@ class MoveBase:
             return
         about: dict[str, Any] = {
             "name": recovery.name,
+            "type": type(recovery).__name__,
             "index": self._state.recovery_index,
             "total": len(self.recoveries),
             "status": status.value,
