@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Costmap, Footprint, Pose2D, RobotState, Twist2D
-from navstack.core.errors import ControlError
 from navstack.core.parameters import ParamModel, PluginSpec, param
 from navstack.interfaces import ControlInput, Critic, LocalPlan, Rollouts, ScoringContext, VelocityLimits
 from navstack.local_planner import critics as _critics
@@ -191,7 +190,7 @@ class DWAPlanner(PlanFollower):
             prune=p.prune_plan,
             controller_frequency=p.controller_frequency,
         )
-        self._limits = self._limits_of(None, None)
+        self.set_limits()
         self._simulator = Simulator(
             (p.vx_samples, p.vy_samples, p.vth_samples),
             p.sim_time,
@@ -203,7 +202,7 @@ class DWAPlanner(PlanFollower):
 
     # --- limits -----------------------------------------------------------------------------------------------------
 
-    def _limits_of(self, max_vel_trans: float | None, max_vel_theta: float | None) -> VelocityLimits:
+    def limits_of(self, max_vel_trans: float | None, max_vel_theta: float | None) -> VelocityLimits:
         p = self.params
         trans = p.max_vel_trans if max_vel_trans is None else min(p.max_vel_trans, max_vel_trans)
         theta = p.max_vel_theta if max_vel_theta is None else min(p.max_vel_theta, max_vel_theta)
@@ -224,18 +223,6 @@ class DWAPlanner(PlanFollower):
             yaw_goal_tolerance=p.yaw_goal_tolerance,
             xy_goal_tolerance=p.xy_goal_tolerance,
         )
-
-    @property
-    def limits(self) -> VelocityLimits:
-        """The limits in force."""
-        return self._limits
-
-    def set_limits(self, *, max_vel_trans: float | None = None, max_vel_theta: float | None = None) -> None:
-        """Lowers the speed limits (m/s, rad/s) until called again; None restores that of the parameters."""
-        for name, value in (("max_vel_trans", max_vel_trans), ("max_vel_theta", max_vel_theta)):
-            if value is not None and not (math.isfinite(value) and value >= 0.0):
-                raise ControlError(f"{name} must be a speed of at least 0, not {value}", limit=name, value=value)
-        self._limits = self._limits_of(max_vel_trans, max_vel_theta)
 
     # --- the state of the flags -------------------------------------------------------------------------------------
 

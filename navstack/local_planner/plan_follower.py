@@ -65,12 +65,31 @@ class PlanFollower(LocalPlanner):
         self._goal: Pose2D | None = None
         self._latched = False
         self._rotating = False
+        self._limits: VelocityLimits
         self._last: tuple[ScoringContext, Rollouts, ScoreTable, LocalPlan] | None = None
 
     @property
     def period(self) -> float:
         """Seconds between two commands."""
         return self._period
+
+    # --- limits -----------------------------------------------------------------------------------------------------
+
+    @property
+    def limits(self) -> VelocityLimits:
+        """The limits in force."""
+        return self._limits
+
+    def set_limits(self, *, max_vel_trans: float | None = None, max_vel_theta: float | None = None) -> None:
+        """Lowers the speed limits (m/s, rad/s) until called again; None restores that of the parameters."""
+        for name, value in (("max_vel_trans", max_vel_trans), ("max_vel_theta", max_vel_theta)):
+            if value is not None and not (math.isfinite(value) and value >= 0.0):
+                raise ControlError(f"{name} must be a speed of at least 0, not {value}", limit=name, value=value)
+        self._limits = self.limits_of(max_vel_trans, max_vel_theta)
+
+    @abstractmethod
+    def limits_of(self, max_vel_trans: float | None, max_vel_theta: float | None) -> VelocityLimits:
+        """Those of the parameters, with lower ones in place (None: not lowered)."""
 
     # --- plan and goal ----------------------------------------------------------------------------------------------
 

@@ -16,32 +16,30 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import field_validator
 
-from navstack.core import Costmap, Footprint, Pose2D, RobotState, Twist2D, angle_between
-from navstack.core.errors import ControlError
+from navstack.core import Costmap, Footprint, Pose2D, RobotState, Twist2D
 from navstack.core.parameters import ParamModel, param
 from navstack.interfaces import ControlInput, Critic, LocalPlan, Rollouts, ScoringContext, VelocityLimits
-from navstack.local_planner._outline_kernels import perimeter_cost
-from navstack.local_planner._toward_kernels import free_outline, heading_differences, simulate_toward
 from navstack.local_planner.cells import RolloutCells
-from navstack.local_planner.critics._grid_critic import CENTRE_CODES, GridCritic
 from navstack.local_planner.critics._scale import RosDistro
-from navstack.local_planner.critics.goal import GoalCritic, GoalParams
-from navstack.local_planner.critics.obstacle import ObstacleCritic, ObstacleParams
+from navstack.local_planner.directions import Directions
+from navstack.local_planner.getting_unstuck import Circles, Escape, way_out
 from navstack.local_planner.goal_checker import GoalChecker
-from navstack.local_planner.map_grid import MapGrid
 from navstack.local_planner.plan_follower import PlanFollower
-from navstack.local_planner.rollouts import check_points
+from navstack.local_planner.rollout_critics import (
+    AtMoment,
+    Attractor,
+    Heading,
+    RolloutGoal,
+    RolloutObstacle,
+    RolloutPath,
+    one_point,
+)
+from navstack.local_planner.rollout_samples import STRAFE, RolloutSampler
 from navstack.local_planner.scoring import ScoreTable, score
 from navstack.plugins import LOCAL_PLANNERS
 
 STOPPED = 1e-2
 """Slower than this (m/s, rad/s) counts as stopped: a constant in C++."""
-STRAFE = 0.1
-"""Speed (m/s) forward and to either side of the two strafing samples of a holonomic robot."""
-OUTLINES = tuple(round(1.0 - 0.05 * i, 2) for i in range(6))
-"""How much of the outline must be free where the robot stands for it to back out: padding is no more than the rest."""
-HEADING_SCALE = 0.3
-"""Weight of the heading difference with heading_scoring: a constant in C++."""
 
 
 class TrajectoryPlannerParams(ParamModel):
@@ -152,143 +150,6 @@ def y_speeds(value: str | Sequence[float]) -> list[float]:
     return speeds
 
 
-class _RolloutPath(GridCritic):
-    """Distance to the plan; the cells under the robot count as free."""
-
-    CODES: ClassVar[dict[int, str]] = CENTRE_CODES
-
-    def __init__(self, bias: float, per_metre: bool) -> None:
-        super().__init__("path", None)
-        self._bias = bias
-        self._per_metre = per_metre
-        self._scratch = np.empty((2, 0), np.int64)
-
-    def weight(self, context: ScoringContext) -> float:
-        return self._bias * (context.costmap.geometry.resolution if self._per_metre else 1.0)
-
-    def build(self, context: ScoringContext) -> MapGrid:
-        costmap = context.costmap.copy()
-        g = costmap.geometry
-        if self._scratch.shape[1] != g.nx:
-            self._scratch = np.empty((2, g.nx), np.int64)
-        free_outline(
-            costmap.data,
-            g.origin_x,
-            g.origin_y,
-            g.resolution,
-            context.footprint.vertices,
-            np.array(context.state.pose),
-            self._scratch[0],
-            self._scratch[1],
-        )
-        return self._buffer.build(costmap, context.plan, last_only=False)
-
-
-class _RolloutGoal(GoalCritic):
-    """Distance to the local goal."""
-
-    def __init__(self, bias: float, per_metre: bool) -> None:
-        super().__init__("goal", GoalParams())
-        self._bias = bias
-        self._per_metre = per_metre
-
-    def weight(self, context: ScoringContext) -> float:
-        return self._bias * (context.costmap.geometry.resolution if self._per_metre else 1.0)
-
-
-class _Attractor(Critic):
-    """Squared distance (m²) from the last point to the end of the plan in sight."""
-
-    def __init__(self, weight: float) -> None:
-        super().__init__("goal", None)
-        self._weight = weight
-        self._end = np.zeros(2)
-
-    @property
-    def scale(self) -> float:
-        return self._weight
-
-    def prepare(self, context: ScoringContext) -> None:
-        self._end = context.plan[-1, :2]
-
-    def score(self, rollouts: Rollouts, alive: NDArray[np.bool_]) -> NDArray[np.float64]:
-        last = rollouts.poses[np.arange(len(alive)), np.maximum(rollouts.counts - 1, 0), :2]
-        return np.where(alive, ((last - self._end) ** 2).sum(axis=1), 0.0)
-
-
-class _RolloutObstacle(ObstacleCritic):
-    """The highest cost under the outline, which does not grow here."""
-
-    def __init__(self, weight: float, per_metre: bool) -> None:
-        super().__init__("obstacle", ObstacleParams(occdist_scale=weight, scaling_speed=1e9))
-        self._per_metre = per_metre
-
-    @property
-    def scale(self) -> float:
-        return self._scale
-
-    def prepare(self, context: ScoringContext) -> None:
-        super().prepare(context)
-        if self._per_metre:
-            self._scale = self.params.occdist_scale * context.costmap.geometry.resolution
-
-
-class _Heading(Critic):
-    """The turn (rad) to the farthest pose of the plan in free sight."""
-
-    def __init__(self) -> None:
-        super().__init__("heading", None)
-        self._context: ScoringContext | None = None
-
-    @property
-    def scale(self) -> float:
-        return HEADING_SCALE
-
-    def prepare(self, context: ScoringContext) -> None:
-        self._context = context
-
-    def score(self, rollouts: Rollouts, alive: NDArray[np.bool_]) -> NDArray[np.float64]:
-        assert self._context is not None
-        costmap = self._context.costmap
-        g = costmap.geometry
-        out = np.zeros(len(alive))
-        if rollouts.poses.shape[1]:
-            at = np.ascontiguousarray(rollouts.poses[:, 0])
-            heading_differences(costmap.data, g.origin_x, g.origin_y, g.resolution, self._context.plan, at, alive, out)
-            # C++ adds the largest double there is
-            out[np.isinf(out)] = 1e300
-        return out
-
-
-class _AtMoment(Critic):
-    """Another critic, shown only the point at which heading_scoring looks."""
-
-    def __init__(self, inner: Critic, planner: TrajectoryPlanner) -> None:
-        super().__init__(inner.name, inner.params)
-        self._inner = inner
-        self._planner = planner
-
-    @property
-    def scale(self) -> float:
-        return self._inner.scale
-
-    def prepare(self, context: ScoringContext) -> None:
-        self._inner.prepare(context)
-
-    def score(self, rollouts: Rollouts, alive: NDArray[np.bool_]) -> NDArray[np.float64]:
-        point = self._planner.moment(int(rollouts.counts.max(initial=0)))
-        if point is None:
-            return np.zeros(len(alive))
-        return self._inner.score(_one_point(rollouts, point), alive)
-
-
-def _one_point(rollouts: Rollouts, point: int | NDArray[np.int64]) -> Rollouts:
-    """The same rollouts reduced to one point each."""
-    rows = np.arange(len(rollouts.counts))
-    poses = np.ascontiguousarray(rollouts.poses[rows, point][:, None, :])
-    return Rollouts(rollouts.samples, poses, np.minimum(rollouts.counts, 1))
-
-
 @LOCAL_PLANNERS.register("trajectory_rollout", aliases=("base_local_planner/TrajectoryPlannerROS",))
 class TrajectoryPlanner(PlanFollower):
     """Follows a plan by trajectory rollout; stops and turns at the goal.
@@ -302,16 +163,16 @@ class TrajectoryPlanner(PlanFollower):
     def __init__(self, params: TrajectoryPlannerParams) -> None:
         p = params
         per_metre = p.meter_scoring
-        obstacle = _RolloutObstacle(p.occdist_scale, per_metre and p.ros_distro == "indigo")
-        self._path = _RolloutPath(p.path_distance_bias, per_metre)
-        self._goal_critic = _RolloutGoal(p.goal_distance_bias, per_metre)
+        obstacle = RolloutObstacle(p.occdist_scale, per_metre and p.ros_distro == "indigo")
+        path = RolloutPath(p.path_distance_bias, per_metre)
+        self._to_goal = RolloutGoal(p.goal_distance_bias, per_metre)
         critics: list[Critic] = [obstacle]
         if p.simple_attractor:
-            critics.append(_Attractor(p.goal_distance_bias))
+            critics.append(Attractor(p.goal_distance_bias))
         elif p.heading_scoring:
-            critics += [_AtMoment(c, self) for c in (self._path, self._goal_critic, _Heading())]
+            critics += [AtMoment(c, p.heading_scoring_timestep, p.sim_time) for c in (path, self._to_goal, Heading())]
         else:
-            critics += [self._path, self._goal_critic]
+            critics += [path, self._to_goal]
         super().__init__(
             p,
             critics,
@@ -322,22 +183,17 @@ class TrajectoryPlanner(PlanFollower):
             controller_frequency=p.controller_frequency,
         )
         self._y_vels = y_speeds(p.y_vels)
-        self._limits = self._limits_of(None, None)
+        self.set_limits()
+        self._sampler = RolloutSampler(p, self._period)
         self._reached = False
-        self._turned = [False, False]  # left, right: chosen since the robot last moved
-        self._only: list[bool] = [False, False]  # .. and chosen again: the other way is not open any more
-        self._strafed = [False, False]
-        self._strafe_only = [False, False]
-        self._since = (0.0, 0.0)
-        self._escape: Pose2D | None = None
-        self._escape_dist = params.escape_reset_dist
-        self._escaped: Pose2D | None = None  # where the last escape began
-        self._turning: tuple[Pose2D, float] | None = None  # pose of the last cycle, angle turned in place up to then
-        self._weary: Pose2D | None = None  # where a whole circle led nowhere
+        farthest = p.max_vel_x * p.sim_time
+        self._directions = Directions()
+        self._circles = Circles(farthest)
+        self._escape = Escape(p.escape_reset_dist, p.escape_reset_theta, farthest)
 
     # --- limits -----------------------------------------------------------------------------------------------------
 
-    def _limits_of(self, max_vel_trans: float | None, max_vel_theta: float | None) -> VelocityLimits:
+    def limits_of(self, max_vel_trans: float | None, max_vel_theta: float | None) -> VelocityLimits:
         p = self.params
         trans = math.inf if max_vel_trans is None else max_vel_trans
         theta = max(p.max_vel_theta, -p.min_vel_theta) if max_vel_theta is None else max_vel_theta
@@ -362,18 +218,6 @@ class TrajectoryPlanner(PlanFollower):
             xy_goal_tolerance=p.xy_goal_tolerance,
         )
 
-    @property
-    def limits(self) -> VelocityLimits:
-        """The limits in force."""
-        return self._limits
-
-    def set_limits(self, *, max_vel_trans: float | None = None, max_vel_theta: float | None = None) -> None:
-        """Lowers the speed limits (m/s, rad/s) until called again; None restores that of the parameters."""
-        for name, value in (("max_vel_trans", max_vel_trans), ("max_vel_theta", max_vel_theta)):
-            if value is not None and not (math.isfinite(value) and value >= 0.0):
-                raise ControlError(f"{name} must be a speed of at least 0, not {value}", limit=name, value=value)
-        self._limits = self._limits_of(max_vel_trans, max_vel_theta)
-
     def turning_limits(self) -> tuple[VelocityLimits, float]:
         """The turn at the goal is limited by max_rotational_vel alone, as in C++, and by limits that were lowered."""
         p = self.params
@@ -389,7 +233,8 @@ class TrajectoryPlanner(PlanFollower):
         """A new goal has not been reached."""
         if not same_goal:
             self._reached = False
-            self._turning = self._weary = self._escaped = None
+            self._circles.forget()
+            self._escape.forget()
 
     def goal_reached(self, inputs: ControlInput) -> bool:
         """True once a command found position and heading within the tolerances."""
@@ -408,64 +253,16 @@ class TrajectoryPlanner(PlanFollower):
     @property
     def rule(self) -> str:
         """Turns in place are weighed by where they look to, and not taken back."""
-        closed = [way for way, other in (("left", self._only[1]), ("right", self._only[0])) if other]
+        closed = self._directions.closed
         until = f"; turning {' or '.join(closed)} is closed until it has moved" if closed else ""
         return (
             "of the turns in place that cost no more than the best sample ahead, the one that looks nearest to the goal "
             f"wins{until}"
         )
 
-    # --- samples ----------------------------------------------------------------------------------------------------
-
-    def moment(self, steps: int) -> int | None:
-        """Index of the point at heading_scoring_timestep, of trajectories of `steps` points; None beyond their end."""
-        if steps == 0:
-            return None
-        point = math.ceil(self.params.heading_scoring_timestep / (self.params.sim_time / steps) - 1e-9)
-        return point if point < steps else None
-
-    def _ranges(self, state: RobotState, plan: NDArray[np.float64]) -> tuple[float, float, float, float]:
-        """Lowest and highest vx, lowest and highest wz."""
-        limits, p = self._limits, self.params
-        distance = math.hypot(plan[-1, 0] - state.pose.x, plan[-1, 1] - state.pose.y)
-        horizon = self._period if p.dwa else p.sim_time
-        slowest = min(p.min_vel_x, limits.max_vel_x)
-        v, w = state.velocity.vx, state.velocity.wz
-        top = max(min(limits.max_vel_x, distance / p.sim_time, v + limits.acc_lim_x * horizon), slowest)
-        bottom = min(max(slowest, v - limits.acc_lim_x * horizon), limits.max_vel_x)
-        left = min(p.max_vel_theta, limits.max_vel_theta)
-        right = max(p.min_vel_theta, -limits.max_vel_theta)
-        change = limits.acc_lim_theta * horizon
-        return bottom, top, min(max(right, w - change), left), max(min(left, w + change), right)
-
-    def _rollouts(self, samples: NDArray[np.float64], state: RobotState) -> Rollouts:
-        p, limits = self.params, self._limits
-        if p.heading_scoring:
-            counts = np.full(len(samples), int(p.sim_time / p.sim_granularity + 0.5), np.int64)
-        else:
-            steps = np.maximum(
-                np.hypot(samples[:, 0], samples[:, 1]) * (p.sim_time / p.sim_granularity),
-                np.abs(samples[:, 2]) / p.angular_sim_granularity,
-            )
-            counts = (steps + 0.5).astype(np.int64)
-        counts = np.maximum(counts, 1)
-        longest = int(counts.max())
-        check_points(len(samples), longest)
-        poses = np.empty((len(samples), longest, 3))
-        simulate_toward(
-            samples,
-            np.array(state.pose),
-            np.array(state.velocity),
-            np.array((limits.acc_lim_x, limits.acc_lim_y, limits.acc_lim_theta)),
-            p.sim_time,
-            counts,
-            poses,
-        )
-        return Rollouts(samples, poses, counts)
-
     def simulated(self, command: Twist2D, state: RobotState) -> Rollouts:
         """The one trajectory of a command at the goal."""
-        return self._rollouts(np.array([command]), state)
+        return self._sampler.run(np.array([command]), state, self._limits)
 
     # --- the command ------------------------------------------------------------------------------------------------
 
@@ -478,29 +275,13 @@ class TrajectoryPlanner(PlanFollower):
         goal: Pose2D,
     ) -> LocalPlan:
         """The best sample for following `plan` (n, 3), all in the costmap's frame (TrajectoryPlanner::createTrajectories)."""
-        p, limits = self.params, self._limits
+        p, limits, sampler = self.params, self._limits, self._sampler
         context = self.context(state, costmap, footprint, plan, goal)
-
-        bottom, top, right, left = self._ranges(state, plan)
-        nx, nw = p.vx_samples, p.vtheta_samples
-        dw = (left - right) / (nw - 1) if nw > 1 else math.inf
-        turns: NDArray[np.float64] = np.linspace(right, left, nw) if nw > 1 else np.array([right])
-        forward = np.empty((0, 3))
-        if self._escape is None:
-            speeds = np.linspace(bottom, top, nx)
-            # each speed straight on, then with every turn but the last
-            forward = np.zeros((nx, nw, 3))
-            forward[:, :, 0] = speeds[:, None]
-            forward[:, 1:, 2] = turns[:-1]
-            forward = forward.reshape(-1, 3)
-            strafe = min(STRAFE, limits.max_vel_x)
-            if p.holonomic_robot and math.hypot(strafe, STRAFE) <= limits.max_vel_trans:
-                forward = np.vstack((forward, [(strafe, STRAFE, 0.0), (strafe, -STRAFE, 0.0)]))
-        in_place = np.zeros((nw, 3))
-        slowest = limits.min_vel_theta
-        in_place[:, 2] = np.where(turns > 0.0, np.maximum(turns, slowest), np.minimum(turns, -slowest))
-        samples = np.vstack((forward, in_place))
-        rollouts = self._rollouts(samples, state)
+        bottom, top, right, left = sampler.ranges(state, plan, limits)
+        turns = sampler.turns(right, left)
+        forward = np.empty((0, 3)) if self._escape.active else sampler.forward(bottom, top, turns, limits)
+        samples = np.vstack((forward, sampler.in_place(turns, limits)))
+        rollouts = sampler.run(samples, state, limits)
         table = score(self.critics, context, rollouts)
 
         totals, legal = table.totals, table.rejected_by == -1
@@ -508,8 +289,10 @@ class TrajectoryPlanner(PlanFollower):
         if len(forward) and legal[: len(forward)].any():
             best = int(np.where(legal[: len(forward)], totals[: len(forward)], np.inf).argmin())
         nearest = math.inf
-        if best < 0 or not self._has_circled(state.pose):
-            best, nearest = self._turn_in_place(best, nearest, len(forward), turns, dw, table, rollouts, legal)
+        moved = self._directions.moved(state.pose, p.oscillation_reset_dist)
+        if best < 0 or not self._circles.complete(state.pose, moved=moved):
+            step = (left - right) / (len(turns) - 1) if len(turns) > 1 else math.inf
+            best, nearest = self._turn_in_place(best, nearest, len(forward), turns, step, table, rollouts, legal)
         mode = "follow"
         if best < 0 and p.holonomic_robot and self._y_vels:
             first = len(samples)
@@ -518,67 +301,39 @@ class TrajectoryPlanner(PlanFollower):
             samples, rollouts, table = self._more(context, samples, sideways)
             best = self._strafe(first, nearest, table, rollouts)
         if best >= 0:
-            self._note_direction(samples[best], state.pose)
+            self._take_note(samples[best], state.pose)
         elif p.escape_vel != 0.0:
             escape = np.array([(max(p.escape_vel, limits.min_vel_x), 0.0, 0.0)])
             samples, rollouts, table = self._more(context, samples, escape)
-            points = len(rollouts.poses[-1]) if table.rejected_by[-1] == -1 else self._way_out(context, rollouts)
+            free = table.rejected_by[-1] == -1
+            points = int(rollouts.counts[-1]) if free else way_out(context, rollouts, p.escape_reset_dist)
             if points:
                 best = len(samples) - 1
                 mode = "escape"
                 rollouts.counts[-1] = min(rollouts.counts[-1], points)  # what was checked
-                self._begin_escape(state.pose)
+                self._escape.begin(state.pose)
             else:
-                self._escape = None  # no farther: the next cycle tries everything again
-        self._forget(state.pose)
+                self._escape.stop()  # no farther: the next cycle tries everything again
+        if self._directions.moved(state.pose, p.oscillation_reset_dist):
+            self._directions.clear()
+        self._escape.end_when_done(state.pose)
         command = Twist2D(*samples[best].tolist()) if best >= 0 else Twist2D()
         chosen = ScoreTable(table.costs, table.scales, table.totals, table.rejected_by, best)
         return self.result(command, samples, chosen, rollouts, context, mode)
-
-    def _way_out(self, context: ScoringContext, rollouts: Rollouts) -> int:
-        """Points of the last trajectory, backing out, that come no nearer to anything than the robot already is; 0: it does.
-
-        ROS differs: C++ backs up whatever is behind it. Here the outline may stand on lethal cells (it is padded, and cells
-        are coarse), but, shrunk until it is free where it stands, it must stay free until the escape is over and braked, give
-        or take half a cell.
-        """
-        p, g = self.params, context.costmap.geometry
-        speed = abs(float(rollouts.samples[-1, 0]))
-        braking = speed * speed / (2.0 * p.acc_lim_x) if p.acc_lim_x > 0.0 else 0.0
-        way = rollouts.poses[-1, : rollouts.counts[-1]]
-        along = np.hypot(way[:, 0] - way[0, 0], way[:, 1] - way[0, 1])
-        way = way[along <= p.escape_reset_dist + braking + g.resolution].tolist()
-
-        def is_free(pose: list[float], scale: float) -> bool:
-            x, y, yaw = pose
-            if g.world_to_cell(x, y) is None:
-                return False
-            vertices = context.footprint.vertices
-            cost = perimeter_cost(
-                context.costmap.data, g.origin_x, g.origin_y, g.resolution, vertices, x, y, yaw, scale
-            )
-            return bool(cost >= 0)
-
-        scale = next((scale for scale in OUTLINES if is_free(way[0], scale)), None)
-        if scale is None:
-            return 0
-        # what slides along the outline falls into one cell or the next
-        scale -= 0.5 * g.resolution / max(context.footprint.inscribed_radius, g.resolution)
-        return len(way) if all(is_free(pose, scale) for pose in way) else 0
 
     def _more(
         self, context: ScoringContext, samples: NDArray[np.float64], added: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], Rollouts, ScoreTable]:
         """The table again with further samples, tried only because nothing before was legal."""
         samples = np.vstack((samples, added))
-        rollouts = self._rollouts(samples, context.state)
+        rollouts = self._sampler.run(samples, context.state, self._limits)
         return samples, rollouts, score(self.critics, context, rollouts)
 
     def _ahead(self, rollouts: Rollouts, rows: slice) -> NDArray[np.float64]:
         """Goal distance (cells) seen heading_lookahead ahead of each trajectory's end; negative off the map."""
         part = Rollouts(rollouts.samples[rows], rollouts.poses[rows], rollouts.counts[rows])
-        ends = _one_point(part, part.counts - 1)
-        grid = self._goal_critic.grid
+        ends = one_point(part, part.counts - 1)
+        grid = self._to_goal.grid
         k = len(ends.counts)
         if grid is None:  # simple_attractor builds none
             return np.zeros(k)
@@ -606,8 +361,7 @@ class TrajectoryPlanner(PlanFollower):
                 continue
             if best >= 0 and totals[k] > totals[best] and samples[best, 1] == 0.0:
                 continue
-            open_way = not self._only[0] if turn < 0.0 else not self._only[1]
-            if 0.0 <= ahead[i] < nearest and open_way:
+            if 0.0 <= ahead[i] < nearest and self._directions.turn.allows(turn):
                 best, nearest = k, float(ahead[i])
         return best, nearest
 
@@ -619,70 +373,13 @@ class TrajectoryPlanner(PlanFollower):
             k = first + i
             if table.rejected_by[k] != -1 or (best >= 0 and table.totals[k] > table.totals[best]):
                 continue
-            open_way = not self._strafe_only[0] if rollouts.samples[k, 1] < 0.0 else not self._strafe_only[1]
-            if 0.0 <= ahead[i] < nearest and open_way:
+            if 0.0 <= ahead[i] < nearest and self._directions.strafe.allows(float(rollouts.samples[k, 1])):
                 best, nearest = k, float(ahead[i])
         return best
 
-    # --- memory -----------------------------------------------------------------------------------------------------
-
-    def _has_circled(self, pose: Pose2D) -> bool:
-        """True from a whole circle in place on, until the robot has come as far as its samples look.
-
-        ROS differs: where driving on costs more than it is worth, C++ turns in place for ever. All there is to see was seen
-        in one circle: from then on the best sample ahead is taken.
-        """
-        if self._weary is not None and pose.distance_to(self._weary) > self.params.max_vel_x * self.params.sim_time:
-            self._weary = None
-        if self._turning is not None:
-            before, turned = self._turning
-            if pose.distance_to(Pose2D(*self._since)) > self.params.oscillation_reset_dist:
-                self._turning = None
-            else:
-                turned += abs(angle_between(before.yaw, pose.yaw))
-                self._turning = pose, turned
-                if turned > 2.0 * math.pi:
-                    self._turning, self._weary = None, pose
-        return self._weary is not None
-
-    def _note_direction(self, sample: NDArray[np.float64], pose: Pose2D) -> None:
-        """A way chosen twice without moving is the only one until the robot has moved."""
-        if sample[0] > 0.0:
-            return
-        if self._turning is None and sample[2] != 0.0:
-            self._turning = pose, 0.0
-        for value, chosen, only in (
-            (sample[2], self._turned, self._only),
-            (sample[1], self._strafed, self._strafe_only),
-        ):
-            if value != 0.0:
-                side = 0 if value > 0.0 else 1
-                only[side] = only[side] or chosen[side]
-                chosen[side] = True
-                break
-        self._since = (pose.x, pose.y)
-
-    def _begin_escape(self, pose: Pose2D) -> None:
-        """Takes note of where an escape begins; from one place, each goes back twice as far as the one before.
-
-        ROS differs: C++ always goes back escape_reset_dist, and often for ever between two poses that differ by that.
-        """
-        if self._escape is not None:
-            return
-        farthest = max(self.params.max_vel_x * self.params.sim_time, self.params.escape_reset_dist)
-        if self._escaped is not None and pose.distance_to(self._escaped) <= farthest:
-            self._escape_dist = min(2.0 * self._escape_dist, farthest)
-        else:
-            self._escape_dist = self.params.escape_reset_dist
-        self._escape = self._escaped = pose
-
-    def _forget(self, pose: Pose2D) -> None:
-        p = self.params
-        if math.hypot(pose.x - self._since[0], pose.y - self._since[1]) > p.oscillation_reset_dist:
-            for flags in (self._turned, self._only, self._strafed, self._strafe_only):
-                flags[:] = [False, False]
-        if self._escape is not None and (
-            pose.distance_to(self._escape) > self._escape_dist
-            or abs(angle_between(self._escape.yaw, pose.yaw)) > p.escape_reset_theta
-        ):
-            self._escape = None
+    def _take_note(self, sample: NDArray[np.float64], pose: Pose2D) -> None:
+        """A way other than forward is kept to until the robot has moved."""
+        if sample[0] <= 0.0:
+            if sample[2] != 0.0:
+                self._circles.begin(pose)
+            self._directions.note(sample, pose)

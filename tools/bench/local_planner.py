@@ -213,7 +213,7 @@ def soak(name: str, values: dict[str, Any], cycles: int) -> dict[str, Any]:
         )
         for _ in range(997)
     ]
-    times, busy = np.zeros(cycles), np.zeros(cycles)
+    times, busy = np.full(cycles, np.nan), np.full(cycles, np.nan)  # written, so that their pages count from the start
     memory: list[tuple[int, float]] = []
     traced: list[int] = []
     refused = 0

@@ -1,0 +1,96 @@
+"""The velocities that trajectory rollout tries, and their trajectories (TrajectoryPlanner::createTrajectories)."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import RobotState
+from navstack.interfaces import Rollouts, VelocityLimits
+from navstack.local_planner._toward_kernels import simulate_toward
+from navstack.local_planner.rollouts import check_points
+
+if TYPE_CHECKING:
+    from navstack.local_planner.trajectory_rollout import TrajectoryPlannerParams
+
+STRAFE = 0.1
+"""Speed (m/s) forward and to either side of the two strafing samples of a holonomic robot."""
+
+
+class RolloutSampler:
+    """Samples for one set of parameters."""
+
+    def __init__(self, params: TrajectoryPlannerParams, period: float) -> None:
+        self._params = params
+        self._period = period
+
+    def ranges(
+        self, state: RobotState, plan: NDArray[np.float64], limits: VelocityLimits
+    ) -> tuple[float, float, float, float]:
+        """Lowest and highest vx, lowest and highest wz: what can be reached, no faster than would reach the plan's end."""
+        p = self._params
+        distance = math.hypot(plan[-1, 0] - state.pose.x, plan[-1, 1] - state.pose.y)
+        horizon = self._period if p.dwa else p.sim_time
+        slowest = min(p.min_vel_x, limits.max_vel_x)
+        v, w = state.velocity.vx, state.velocity.wz
+        top = max(min(limits.max_vel_x, distance / p.sim_time, v + limits.acc_lim_x * horizon), slowest)
+        bottom = min(max(slowest, v - limits.acc_lim_x * horizon), limits.max_vel_x)
+        left = min(p.max_vel_theta, limits.max_vel_theta)
+        right = max(p.min_vel_theta, -limits.max_vel_theta)
+        change = limits.acc_lim_theta * horizon
+        return bottom, top, min(max(right, w - change), left), max(min(left, w + change), right)
+
+    def turns(self, right: float, left: float) -> NDArray[np.float64]:
+        """(vtheta_samples,) turning speeds, from right to left."""
+        number = self._params.vtheta_samples
+        return np.linspace(right, left, number) if number > 1 else np.array([right])
+
+    def forward(
+        self, bottom: float, top: float, turns: NDArray[np.float64], limits: VelocityLimits
+    ) -> NDArray[np.float64]:
+        """(n, 3) each speed straight on, then with every turn but the last; two that strafe, of a holonomic robot."""
+        p = self._params
+        samples = np.zeros((p.vx_samples, len(turns), 3))
+        samples[:, :, 0] = np.linspace(bottom, top, p.vx_samples)[:, None]
+        samples[:, 1:, 2] = turns[:-1]
+        samples = samples.reshape(-1, 3)
+        strafe = min(STRAFE, limits.max_vel_x)
+        if p.holonomic_robot and math.hypot(strafe, STRAFE) <= limits.max_vel_trans:
+            samples = np.vstack((samples, [(strafe, STRAFE, 0.0), (strafe, -STRAFE, 0.0)]))
+        return samples
+
+    def in_place(self, turns: NDArray[np.float64], limits: VelocityLimits) -> NDArray[np.float64]:
+        """(n, 3) turns in place, none slower than the base can turn."""
+        slowest = limits.min_vel_theta
+        samples = np.zeros((len(turns), 3))
+        samples[:, 2] = np.where(turns > 0.0, np.maximum(turns, slowest), np.minimum(turns, -slowest))
+        return samples
+
+    def run(self, samples: NDArray[np.float64], state: RobotState, limits: VelocityLimits) -> Rollouts:
+        """Trajectories of `samples` (K, 3), which accelerate toward their velocity."""
+        p = self._params
+        if p.heading_scoring:
+            counts = np.full(len(samples), int(p.sim_time / p.sim_granularity + 0.5), np.int64)
+        else:
+            steps = np.maximum(
+                np.hypot(samples[:, 0], samples[:, 1]) * (p.sim_time / p.sim_granularity),
+                np.abs(samples[:, 2]) / p.angular_sim_granularity,
+            )
+            counts = (steps + 0.5).astype(np.int64)
+        counts = np.maximum(counts, 1)
+        longest = int(counts.max())
+        check_points(len(samples), longest)
+        poses = np.empty((len(samples), longest, 3))
+        simulate_toward(
+            samples,
+            np.array(state.pose),
+            np.array(state.velocity),
+            np.array((limits.acc_lim_x, limits.acc_lim_y, limits.acc_lim_theta)),
+            p.sim_time,
+            counts,
+            poses,
+        )
+        return Rollouts(samples, poses, counts)
