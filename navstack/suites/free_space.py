@@ -44,11 +44,21 @@ class FreeSpace:
         x, y = self._geometry.cell_to_world(ix, iy)
         return Pose2D(round(x, 3), round(y, 3), round(rng.uniform(-math.pi, math.pi), 4))
 
-    def draw_pair(self, rng: np.random.Generator, nearest_m: float, farthest_m: float) -> tuple[Pose2D, Pose2D]:
-        """Two poses of the largest region, so far apart as the crow flies, if 50 attempts find such."""
+    def draw_pair(
+        self, rng: np.random.Generator, nearest_m: float, farthest_m: float, *, across: bool = False
+    ) -> tuple[Pose2D, Pose2D]:
+        """Two poses so far apart as the crow flies, if 100 attempts find such.
+
+        Of the largest region; or `across` regions, of two that the clearance keeps apart, where there are two.
+        """
+        sizes = np.array([len(cells) for cells in self._regions])
+        shares = sizes / sizes.sum()
         start = goal = self.draw(rng)
-        for _ in range(50):
-            start, goal = self.draw(rng), self.draw(rng)
+        for _ in range(100):
+            first = second = 0
+            if across and len(self._regions) > 1:
+                first, second = rng.choice(len(sizes), 2, replace=False, p=shares).tolist()
+            start, goal = self.draw(rng, first), self.draw(rng, second)
             if nearest_m <= start.distance_to(goal) <= farthest_m:
                 break
         return start, goal
