@@ -9,6 +9,9 @@ from typing import Any, NamedTuple
 
 from navstack.statistics import Correlation, Difference, Interval
 
+DIGITS = "_digits"
+"""A row's own number of digits, in the place of its columns'."""
+
 
 class Column(NamedTuple):
     """One column: what it shows of a row and how."""
@@ -29,7 +32,7 @@ class Table:
 
     def texts(self) -> list[list[str]]:
         """What stands in the cells, row by row."""
-        return [[text_of(row.get(c.key), c.digits) for c in self.columns] for row in self.rows]
+        return [[text_of(row.get(c.key), row.get(DIGITS, c.digits)) for c in self.columns] for row in self.rows]
 
     def is_numeric(self, column: int) -> bool:
         """True when a column is to be set to the right."""
@@ -75,7 +78,7 @@ def as_json(value: Any) -> Any:
     if isinstance(value, (Interval, Difference, Correlation)):
         return value.as_dict()
     if isinstance(value, Table):
-        return [{k: as_json(v) for k, v in row.items()} for row in value.rows]
+        return [{k: as_json(v) for k, v in row.items() if k != DIGITS} for row in value.rows]
     if isinstance(value, Mapping):
         return {str(k): as_json(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from navstack.bench.compare_bench import Pair, courses_table, measures_table
 from navstack.cli.app import run
 
 
@@ -161,6 +162,50 @@ def test_a_planner_that_misses_a_pair_is_told_by_the_exit_code(navstack) -> None
     assert row["found"] < 3 or row["in_collision"] > 0
 
 
+def write_scenario(file: Path, name: str = "trip", goal: str = "[4.0, 7.45, 0.0]") -> Path:
+    """Three metres along the corridor of the packaged office."""
+    file.write_text(f"name: {name}\nmap: office\nstart: [1.0, 7.45, 0.0]\ngoals: [{goal}]\ntime_limit: 60\n")
+    return file
+
+
+def test_compare(navstack, tmp_path: Path) -> None:
+    folder = tmp_path / "scenarios"
+    folder.mkdir()
+    write_scenario(folder / "a.yaml")
+    write_scenario(folder / "b.yaml", "nowhere", "[4.0, 30.0, 0.0]")
+    told = navstack("bench", "compare", "turtlebot", "turtlebot", folder, "--set-b", "DWAPlannerROS/max_vel_x=0.25",
+                    "--processes", 1, "--out", "out", "--json")  # fmt: skip
+    trip, nowhere = told["courses"]
+    assert (trip["scenario"], trip["a_success"], trip["b_success"]) == ("trip", 1, 1)
+    assert trip["difference_s"] > 2.0
+    assert (nowhere["a_success"], nowhere["b_success"], nowhere["a_time_s"]) == (0, 0, None)
+    measures = {row["measure"]: row for row in told["measures"]}
+    assert measures["success"]["pairs"] == 2 and measures["success"]["verdict"] == "no difference shown"
+    assert measures["time (s)"]["pairs"] == 1
+    assert measures["time (s)"]["verdict"] == "no difference shown"  # one pair proves nothing
+    assert told["B"] == {"params": ["turtlebot"], "set": ["DWAPlannerROS/max_vel_x=0.25"]}
+    assert (tmp_path / "out" / "compare.png").stat().st_size > 10_000
+    message = navstack("bench", "compare", "turtlebot", "turtlebot", folder, "--out", "out", "--resume", code=2)
+    assert "B.set.0 was" in message or "B.set was" in message
+
+
+def pair(course: str, a: float | None, b: float | None) -> Pair:
+    sides = [{"success": t is not None, "time_s": t or 60.0, "recoveries": 0} for t in (a, b)]
+    return Pair(course, 0, *sides)
+
+
+def test_what_a_comparison_shows() -> None:
+    pairs = [pair(f"s{i}", 20.0 + i, 18.0 + i + 0.1 * (i % 3)) for i in range(12)]
+    rows = {r["measure"]: r for r in measures_table(pairs).rows}
+    assert rows["time (s)"]["verdict"] == "B is better"
+    assert rows["success"]["verdict"] == rows["recoveries"]["verdict"] == "no difference shown"
+    pairs = [pair(f"s{i}", 20.0, None if i < 7 else 20.0) for i in range(12)]
+    rows = {r["measure"]: r for r in measures_table(pairs).rows}
+    assert rows["success"]["verdict"] == "A is better"
+    assert rows["time (s)"]["pairs"] == 5 and rows["time (s)"]["verdict"] == "no difference shown"
+    assert [r["b_success"] for r in courses_table(pairs).rows] == [0] * 7 + [1] * 5
+
+
 @pytest.mark.parametrize(
     ("arguments", "match"),
     [
@@ -185,12 +230,20 @@ def test_a_planner_that_misses_a_pair_is_told_by_the_exit_code(navstack) -> None
         (("planners", "office", "--pairs", "0"), "--pairs"),
         (("planners", "office", "--set", "nothing"), "--set"),
         (("planners", "office", "--out", "file/out"), "--out"),
+        (("compare", "turtlebot", "turtlebot"), "nothing to drive"),
+        (("compare", "turtlebot", "turtlebt", "SCENARIO"), "turtlebot"),
+        (("compare", ",", "turtlebot", "SCENARIO"), "names no parameters"),
+        (("compare", "turtlebot", "turtlebot", "absent.yaml"), "absent.yaml"),
+        (("compare", "turtlebot", "turtlebot", "SCENARIO", "SCENARIO"), 'two scenarios are called "trip"'),
+        (("compare", "turtlebot", "turtlebot", "problems"), "holds neither scenario files nor"),
+        (("compare", "turtlebot", "turtlebot", "SCENARIO", "--set-b", "DWAPlannerROS/max_vel_x=fast"), "max_vel_x"),
     ],
 )  # fmt: skip
 def test_wrong_input(navstack, fields: Path, tmp_path: Path, arguments: tuple[str, ...], match: str) -> None:
     write_problems(tmp_path / "problems")
+    write_scenario(tmp_path / "trip.yaml")
     (tmp_path / "file").touch()
-    places = {"FIELDS": str(fields), "PROBLEMS": "problems"}
+    places = {"FIELDS": str(fields), "PROBLEMS": "problems", "SCENARIO": "trip.yaml"}
     words = [places.get(a, a) for a in arguments]
     message = " ".join(navstack("bench", *words, code=2).split())
     assert re.search(match.replace("the problems.tsv", ".*problems.tsv"), message), message

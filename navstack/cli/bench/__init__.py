@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from navstack.cli.bench import barn, movingai, planners, random
+from navstack.cli.bench import barn, compare, movingai, planners, random
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -16,4 +16,5 @@ app = typer.Typer(
 app.command("barn")(barn.barn)
 app.command("movingai")(movingai.movingai)
 app.command("planners")(planners.planners)
+app.command("compare")(compare.compare)
 app.command("random")(random.random)

@@ -1,0 +1,280 @@
+"""Two parameter sets over the same scenarios and seeds: what differs, and by how much for certain."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from navstack.bench.barn import JACKAL, BarnWorld, barn_scenario, load_worlds, run_world
+from navstack.bench.barn_bench import WORLDS_FILE
+from navstack.bench.table import DIGITS, Column, Table
+from navstack.configuration import Configuration, load_configuration
+from navstack.core.errors import InputError
+from navstack.jobs import Job, JobResult
+from navstack.scenario import Scenario, run_scenario
+from navstack.scenario_file import ScenarioSpec, is_scenario_file, read_scenario
+from navstack.statistics import mean, paired_difference, paired_share_difference, share
+
+SIDES: Final = ("A", "B")
+
+
+class ParameterSet(NamedTuple):
+    """One side of the comparison."""
+
+    params: tuple[str, ...]
+    overrides: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """A scenario or a BARN world, which is driven with either set."""
+
+    name: str
+    spec: ScenarioSpec | None = None
+    world: BarnWorld | None = None
+
+    def scenario(self, chosen: ParameterSet, seed: int) -> Scenario:
+        """What is driven. Raises MapError, ParameterError, InputError."""
+        if self.spec is not None:
+            return self.spec.build(params=chosen.params, overrides=chosen.overrides, seed=seed)
+        assert self.world is not None
+        return barn_scenario(self.world, _in_barn(chosen), seed=seed)
+
+    def digest(self, chosen: ParameterSet) -> str:
+        """Changes with whatever shapes the runs of a set on it."""
+        scenario = self.scenario(chosen, 0)
+        told = json.dumps(scenario.described(), sort_keys=True, default=str)
+        return hashlib.sha256(told.encode() + scenario.map.data.tobytes()).hexdigest()[:16]
+
+    def drive(self, chosen: ParameterSet, seed: int) -> dict[str, Any]:
+        """Drives once; what the comparison looks at."""
+        if self.world is not None:
+            outcome, _ = run_world(self.world, _in_barn(chosen), seed=seed)
+            return {
+                "success": outcome.succeeded,
+                "ended": outcome.outcome,
+                "score": outcome.score,
+                "time_s": outcome.time_s,
+                "length_m": outcome.length_m,
+                "clearance_min_m": outcome.clearance_m,
+                "turning_s": outcome.turning_s,
+                "contacts": int(outcome.outcome == "collision"),
+            }
+        result = run_scenario(self.scenario(chosen, seed), record=False)
+        told = result.metrics.as_dict()
+        ends = [goal.state for goal in result.goals if not goal.succeeded]
+        missed = [verdict.text for verdict in result.verdicts if not verdict.holds]
+        kept = {m.key: told[m.key] for m in MEASURES if m.key in told}
+        return {"success": result.succeeded, "ended": "; ".join(missed) or " ".join(ends), **kept}
+
+
+def _in_barn(chosen: ParameterSet) -> Configuration:
+    simulator = {"navstack": {"sim": dict(JACKAL)}}
+    return load_configuration([*chosen.params, simulator], overrides=chosen.overrides)
+
+
+def read_courses(names: Sequence[str], suite: str | None) -> list[Course]:
+    """Scenario files, folders of them, folders with BARN worlds, and a packaged suite.
+
+    Raises InputError, ScenarioError.
+    """
+    courses: list[Course] = []
+    for name in names:
+        path = Path(name)
+        if path.is_dir() and (path / WORLDS_FILE).is_file():
+            courses += [Course(f"world {w.number}", world=w) for w in load_worlds(path / WORLDS_FILE)]
+        elif path.is_dir():
+            files = [f for f in sorted(path.glob("*.y*ml")) if is_scenario_file(f)]
+            if not files:
+                raise InputError(
+                    f"{path} holds neither scenario files nor {WORLDS_FILE}", argument="SCENARIO", value=name
+                )
+            courses += [_course(read_scenario(f.resolve(), str(f))) for f in files]
+        else:
+            courses.append(_course(read_scenario(path.resolve(), name)))
+    if suite is not None:
+        from navstack import suites
+
+        courses += [_course(spec) for spec in suites.scenarios(suite)]
+    if not courses:
+        raise InputError("nothing to drive: give scenario files, or --suite NAME", argument="SCENARIO")
+    seen: set[str] = set()
+    for course in courses:
+        if course.name in seen:
+            raise InputError(
+                f'two scenarios are called "{course.name}"; give one of them another `name:`', argument="SCENARIO"
+            )
+        seen.add(course.name)
+    return courses
+
+
+def _course(spec: ScenarioSpec) -> Course:
+    return Course(spec.name, spec=spec)
+
+
+@dataclass(frozen=True)
+class CompareTask:
+    """Called with a side (`A` or `B`), a course's index and a seed, drives once."""
+
+    sets: Mapping[str, ParameterSet]
+    courses: tuple[Course, ...]
+
+    def __call__(self, asked: tuple[str, int, int]) -> dict[str, Any]:
+        """What came of it."""
+        side, course, seed = asked
+        return self.courses[course].drive(self.sets[side], seed)
+
+    def jobs(self, seeds: int) -> list[Job]:
+        """A job per course, seed and side."""
+        return [
+            Job(f"{side}, {course.name}, seed {seed}", (side, i, seed))
+            for seed in range(seeds)
+            for i, course in enumerate(self.courses)
+            for side in SIDES
+        ]
+
+
+class Measure(NamedTuple):
+    """A number that two runs are compared by."""
+
+    key: str
+    name: str
+    digits: int
+    better: int
+    """+1: more is better; -1: less is; 0: neither."""
+    of_both: bool = True
+    """Only pairs in which both sides succeed: a failure's time says nothing."""
+
+
+MEASURES: Final = (
+    Measure("score", "score", 4, +1, of_both=False),
+    Measure("time_s", "time (s)", 1, -1),
+    Measure("length_m", "length (m)", 2, -1),
+    Measure("clearance_min_m", "least clearance (m)", 3, +1),
+    Measure("clearance_mean_m", "mean clearance (m)", 3, +1),
+    Measure("speed_mean_m_s", "mean speed (m/s)", 3, 0),
+    Measure("jerk_rms_m_s3", "jerk, rms (m/s³)", 2, -1),
+    Measure("curvature_mean_1_m", "curvature (1/m)", 3, -1),
+    Measure("turning_s", "turning in place (s)", 1, -1),
+    Measure("recoveries", "recoveries", 2, -1, of_both=False),
+    Measure("contacts", "contacts", 2, -1, of_both=False),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """Both sides' runs of one course and seed."""
+
+    course: str
+    seed: int
+    a: Mapping[str, Any]
+    b: Mapping[str, Any]
+
+    @property
+    def both(self) -> bool:
+        """True when both succeeded."""
+        return bool(self.a["success"] and self.b["success"])
+
+
+def pairs_of(task: CompareTask, results: Sequence[JobResult], jobs: Sequence[Job]) -> list[Pair]:
+    """The pairs of which both runs gave a result."""
+    found = {job.input: r.value for r, job in zip(results, jobs, strict=True) if not r.failed}
+    cases = dict.fromkeys((course, seed) for _, course, seed in found)
+    return [
+        Pair(task.courses[c].name, seed, found["A", c, seed], found["B", c, seed])
+        for c, seed in cases
+        if ("A", c, seed) in found and ("B", c, seed) in found
+    ]
+
+
+def measures_table(pairs: Sequence[Pair]) -> Table:
+    """A row per measure: both sides, the difference and what it shows."""
+    groups = [p.course for p in pairs]
+    won = [bool(p.a["success"]) for p in pairs], [bool(p.b["success"]) for p in pairs]
+    rows: list[dict[str, Any]] = [
+        _measured(
+            "success",
+            3,
+            +1,
+            share(won[0], groups),
+            share(won[1], groups),
+            paired_share_difference(won[0], won[1], groups),
+        )
+    ]
+    for m in MEASURES:
+        wanted = [p for p in pairs if (p.both or not m.of_both) and _finite(p.a.get(m.key)) and _finite(p.b.get(m.key))]
+        if not wanted:
+            continue
+        a, b = [float(p.a[m.key]) for p in wanted], [float(p.b[m.key]) for p in wanted]
+        groups = [p.course for p in wanted]
+        rows.append(
+            _measured(m.name, m.digits, m.better, mean(a, groups), mean(b, groups), paired_difference(a, b, groups))
+        )
+    return Table("B against A, with 95 % confidence intervals over scenarios", _MEASURES, rows)
+
+
+def _finite(value: Any) -> bool:
+    return isinstance(value, (int, float)) and value == value and abs(value) != float("inf")
+
+
+def _measured(name: str, digits: int, better: int, a: Any, b: Any, difference: Any) -> dict[str, Any]:
+    if not difference.shown:
+        verdict = difference.verdict
+    elif better == 0:
+        verdict = f"B is {difference.verdict}"
+    else:
+        verdict = "B is better" if (difference.interval.value > 0.0) == (better > 0) else "A is better"
+    return {
+        "measure": name,
+        "a": a,
+        "b": b,
+        "difference": difference,
+        "pairs": difference.pairs,
+        "verdict": verdict,
+        DIGITS: digits,
+    }
+
+
+def courses_table(pairs: Sequence[Pair]) -> Table:
+    """A row per scenario."""
+    rows: list[dict[str, Any]] = []
+    for name in dict.fromkeys(p.course for p in pairs):
+        mine = [p for p in pairs if p.course == name]
+        both = [p for p in mine if p.both]
+        a = sum(p.a["time_s"] for p in both) / len(both) if both else None
+        b = sum(p.b["time_s"] for p in both) / len(both) if both else None
+        rows.append(
+            {
+                "scenario": name,
+                "pairs": len(mine),
+                "a_success": sum(bool(p.a["success"]) for p in mine),
+                "b_success": sum(bool(p.b["success"]) for p in mine),
+                "a_time_s": a,
+                "b_time_s": b,
+                "difference_s": b - a if a is not None and b is not None else None,
+            }
+        )
+    return Table("scenarios (times where both succeed)", _COURSES, rows)
+
+
+_MEASURES: Final = (
+    Column("measure", "measure"),
+    Column("pairs", "pairs"),
+    Column("a", "A", 3),
+    Column("b", "B", 3),
+    Column("difference", "B - A", 3),
+    Column("verdict", "verdict"),
+)
+_COURSES: Final = (
+    Column("scenario", "scenario"),
+    Column("pairs", "pairs"),
+    Column("a_success", "A succeeds"),
+    Column("b_success", "B succeeds"),
+    Column("a_time_s", "A (s)", 1),
+    Column("b_time_s", "B (s)", 1),
+    Column("difference_s", "B - A (s)", 1),
+)

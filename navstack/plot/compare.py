@@ -1,0 +1,54 @@
+"""Two parameter sets, run by run: the time of each pair, and where one of them failed."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from navstack.plot import canvas, colors
+
+Times = Sequence[tuple[float | None, float | None]]
+"""(time with A, time with B) of each pair (s); None where that side failed."""
+
+
+def plot_pairs(
+    pairs: Times, path: str | os.PathLike[str], *, title: str, names: tuple[str, str], dpi: float = 130.0
+) -> Path:
+    """Draws a point per pair, its time with A across and with B upward; those that failed lie on the edges.
+
+    Raises OutputError. Returns the file.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    out = Path(path)
+    canvas.check_format(out)
+    with canvas.style():
+        figure = Figure(figsize=(7.6, 4.8), layout="constrained")
+        FigureCanvasAgg(figure)
+        axes: Any = figure.add_subplot()
+        axes.set_title(title)
+        known = [t for pair in pairs for t in pair if t is not None]
+        top = 1.08 * max(known, default=1.0)
+        edge = 1.04 * top
+        axes.plot([0.0, top], [0.0, top], color=colors.FAINT, lw=0.9, ls=(0, (4, 2)), label="as long with both")
+        axes.axhspan(top, 1.08 * top, color=colors.FAINT, alpha=0.15, lw=0)
+        axes.axvspan(top, 1.08 * top, color=colors.FAINT, alpha=0.15, lw=0)
+        for label, marker, color, mine in (
+            ("both succeed", "o", colors.BLUE, [(a, b) for a, b in pairs if a is not None and b is not None]),
+            ("A fails", "<", colors.ORANGE, [(edge, b) for a, b in pairs if a is None and b is not None]),
+            ("B fails", "v", colors.VERMILLION, [(a, edge) for a, b in pairs if a is not None and b is None]),
+            ("both fail", "x", colors.BLACK, [(edge, edge) for a, b in pairs if a is None and b is None]),
+        ):
+            if mine:
+                xs, ys = zip(*mine, strict=True)
+                axes.plot(xs, ys, marker, color=color, ms=5.5, ls="none", label=f"{label} ({len(mine)})")
+        axes.set_xlim(0.0, 1.08 * top)
+        axes.set_ylim(0.0, 1.08 * top)
+        axes.set_aspect("equal")
+        axes.set_xlabel(f"time with A, {names[0]} (s)")
+        axes.set_ylabel(f"time with B, {names[1]} (s)")
+        axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0)
+        return canvas.save(figure, out, dpi)
