@@ -50,6 +50,12 @@ class NavstackParams(ParamModel):
         "noetic",
         "the scoring scale that the planners' weights were tuned in: noetic, or indigo for those of before 2018",
     )
+    goal_time_limit: float = param(
+        0.0,
+        "how long a goal may take from being accepted until it is aborted; 0 = for ever, as in ROS",
+        unit="s",
+        ge=0.0,
+    )
     sim: SimParams = param(SimParams(), "the simulated robot")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -50,6 +51,7 @@ def build_move_base(
         local_planner=configuration.local_planner.cls(configuration.local_planner.params),
         recoveries=[choice.cls(choice.name, choice.params) for choice in configuration.recoveries],
         listeners=listeners,
+        goal_time_limit_s=configuration.navstack.goal_time_limit or math.inf,
     )
 
 
@@ -140,8 +142,6 @@ def true_frame(configuration: Configuration) -> str:
 
 def _nearest_free(world: World, footprint: Footprint, pose: Pose2D) -> str:
     """A hint where the robot would fit, searched on rings around `pose`."""
-    import math
-
     for ring in range(1, 21):
         radius = 0.1 * ring
         for k in range(6 * ring):

@@ -47,6 +47,13 @@ class BusyError(NavError):
     name = "BUSY"
 
 
+class GoalTimeLimitError(NavError):
+    """The goal took longer than whoever sent it, or `navstack/goal_time_limit`, allows."""
+
+    code = 9016
+    name = "GOAL_TIME_LIMIT"
+
+
 class StaleSensorsError(NavError):
     """A sensor that the local costmap relies on is silent for too long."""
 

@@ -49,6 +49,8 @@ class Goal:
     stamp: float
     orientation: Quaternion | None = None
     """As sent, when it was a quaternion; then `pose.yaw` is its heading, NaN when it has none."""
+    time_limit_s: float | None = None
+    """From acceptance to the end; None: the goal manager's own."""
 
     @property
     def has_valid_orientation(self) -> bool:

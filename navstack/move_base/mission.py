@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 from navstack.core import Pose2D
@@ -18,6 +19,8 @@ class Mission:
     """Everything that belongs to the goal being worked on."""
 
     handle: GoalHandle
+    deadline: float = math.inf
+    """When its time limit is over, s."""
     tally: Tally = field(default_factory=Tally)
     pose: Pose2D | None = None
     """The goal in the global costmap's frame; None while it cannot be transformed."""

@@ -28,7 +28,13 @@ from navstack.interfaces import (
 )
 from navstack.move_base import guards, texts
 from navstack.move_base.action_server import SimpleActionServer
-from navstack.move_base.errors import BusyError, GoalReplacedError, NoProgressError, StaleSensorsError
+from navstack.move_base.errors import (
+    BusyError,
+    GoalReplacedError,
+    GoalTimeLimitError,
+    NoProgressError,
+    StaleSensorsError,
+)
 from navstack.move_base.feedback import Feedback, Turn, distance_remaining
 from navstack.move_base.goal import Goal, GoalHandle, Quaternion, yaw_of
 from navstack.move_base.goal_status import GoalStatus
@@ -67,9 +73,13 @@ class MoveBase:
         global_update_frequency: float | None = None,
         local_update_frequency: float | None = None,
         recovery_time_limit_s: float = 120.0,
+        goal_time_limit_s: float = math.inf,
     ) -> None:
         """`planning` says how long planning takes (none at all when None). The update frequencies (Hz) are those of the
         costmaps' own parameters unless given. A recovery that runs longer than `recovery_time_limit_s` has failed.
+
+        A goal that is not reached within `goal_time_limit_s` after it was accepted is aborted. C++ has no such limit, and
+        by default there is none: with oscillation_timeout 0 a goal may then be driven to for ever.
 
         Raises a ParameterError when a recovery's parameters do not fit the costmaps.
         """
@@ -82,6 +92,8 @@ class MoveBase:
         self.recoveries = tuple(recoveries)
         self.listeners: list[Listener] = list(listeners)
         self.server = SimpleActionServer(self._on_status)
+        self.goal_time_limit_s = goal_time_limit_s
+        """s from acceptance, for goals that come without a limit of their own; inf for none."""
         self.turn = Turn(0.0)
         """What the last tick did."""
         self._state = NavState()
@@ -224,12 +236,13 @@ class MoveBase:
         orientation: Quaternion | None = None,
         goal_id: str | None = None,
         stamp: float | None = None,
+        time_limit_s: float | None = None,
     ) -> GoalHandle:
         """Asks for `pose` (m, rad) in `frame` (the global costmap's when None); any goal before it is replaced.
 
         With `orientation` (x, y, z, w) the heading is that quaternion's. `stamp` (s) is the time of the last tick unless
         given; goals stamped before the one at hand are RECALLED. What is wrong with a goal shows in the handle, which
-        reaches a terminal state in any case.
+        reaches a terminal state in any case. `time_limit_s` counts from acceptance; `goal_time_limit_s` when None.
         """
         self._goal_count += 1
         if orientation is not None:
@@ -238,8 +251,10 @@ class MoveBase:
         stamp = self._now if stamp is None else stamp
         if not math.isfinite(stamp):
             raise InputError(f"a goal's stamp is a time in seconds, not {stamp}", stamp=stamp)
+        if time_limit_s is not None and not time_limit_s > 0.0:
+            raise InputError(f"a goal's time limit is a positive time in seconds, not {time_limit_s}; None for none")
         name = goal_id or f"goal-{self._goal_count}"
-        goal = Goal(pose, clean_frame(frame or self.global_costmap.frame), name, stamp, orientation)
+        goal = Goal(pose, clean_frame(frame or self.global_costmap.frame), name, stamp, orientation, time_limit_s)
         return self.server.submit(goal, self._now)
 
     def cancel_goal(self, goal: GoalHandle | str) -> None:
@@ -382,8 +397,9 @@ class MoveBase:
 
     def _accept(self, now: float) -> Mission:
         handle = self.server.accept(now)
-        mission = self._mission = Mission(handle)
         goal = handle.goal
+        limit = self.goal_time_limit_s if goal.time_limit_s is None else goal.time_limit_s
+        mission = self._mission = Mission(handle, now + limit)
         self._plan = self._new_plan = self._local_plan = None
         self._stale_since = None
         self._planning.abandon()
@@ -435,11 +451,23 @@ class MoveBase:
         self._apply(NavEvent.GOAL_REPLACED, now)
         return False
 
+    def _is_out_of_time(self, now: float) -> bool:
+        """Ends the goal when its own time limit is over; C++ has none."""
+        mission = self._mission
+        if mission is None or now < mission.deadline - EPSILON_S:
+            return False
+        limit = mission.deadline - (mission.handle.accepted_at or 0.0)
+        error = GoalTimeLimitError(
+            f"the goal was not reached within its time limit of {limit:g} s", time_limit_s=limit, pose=self._pose
+        )
+        self._end_with(NavEvent.TIMED_OUT, error, now)
+        return True
+
     # --- the control cycle --------------------------------------------------------------------------------------------
 
     def _cycle(self, now: float) -> None:
         self._control.advance(now)
-        if self._preempted(now):
+        if self._preempted(now) or self._is_out_of_time(now):
             return
         if self.global_costmap.frame != self._goal_frame and self._mission is not None:
             self._goal_frame = self.global_costmap.frame
@@ -727,7 +755,9 @@ class MoveBase:
         """A turn of a recovery that runs: unlike in C++, cancels, new goals and silent sensors are seen (parity 22)."""
         runner = self._recovery
         polled, stepped = runner.take_turn(now)
-        if not polled or self._preempted(now) or runner.running is not recovery or self._is_stale(now):
+        if not polled or self._preempted(now) or self._is_out_of_time(now):
+            return
+        if runner.running is not recovery or self._is_stale(now):
             return
         ended = runner.overrun(recovery, now)
         if ended is None and stepped:

@@ -50,6 +50,7 @@ class NavEvent(Enum):
     GOAL_INVALID = "the goal accepted cannot be one (quaternion, position)"
     FRAME_CHANGED = "the global costmap's frame is another one now"
     CANCELED = "the goal was cancelled"
+    TIMED_OUT = "the goal's own time limit is over (ours; none by default)"
     CYCLE = "a control cycle, sensors current"
     SENSORS_STALE = "a control cycle, a sensor is silent"
     SENSORS_LOST = "a sensor has been silent for controller_patience"
@@ -103,6 +104,7 @@ class Outcome(Enum):
     KILLED = texts.KILLED
     STALE_SENSORS = texts.STALE_SENSORS
     DRIVER_FAILED = texts.DRIVER_FAILED
+    TIME_LIMIT = texts.TIME_LIMIT
 
 
 class IndexRule(Enum):
@@ -173,6 +175,7 @@ def _rows() -> Iterable[Transition]:
         # ROS differs (parity 25): C++ leaves the planner running and the robot moving
         yield _ends(mode, _E.GOAL_INVALID, _O.BAD_QUATERNION)
         yield _ends(mode, _E.CANCELED, _O.CANCELED)
+        yield _ends(mode, _E.TIMED_OUT, _O.TIME_LIMIT)
         yield _ends(mode, _E.SENSORS_LOST, _O.STALE_SENSORS)
         yield _ends(mode, _E.DRIVER_FAILED, _O.DRIVER_FAILED)
         yield _ends(mode, _E.SHUTDOWN, _O.KILLED)

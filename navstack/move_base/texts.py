@@ -33,6 +33,7 @@ KILLED: Final = "Aborting on the goal because the node has been killed"
 # ours: ROS never ends such a goal
 STALE_SENSORS: Final = "Sensor data is out of date: the robot was stopped for safety and no fresh data came."
 BAD_POSITION: Final = "Aborting on goal because its position is not a finite number"
+TIME_LIMIT: Final = "Aborting on goal because its time limit is over"
 DRIVER_FAILED: Final = "Aborting on goal because the robot does not take commands"
 
 # move_base: log

@@ -2,6 +2,10 @@
 
 Live use only. When the answer comes depends on the machine, so a simulation takes `InlinePlanning`, whose runs can be
 repeated. Compiled kernels release the GIL: control has the other core to itself.
+
+A planner that never returns cannot be stopped: Python ends no thread from outside. Its thread is given up after
+`hang_timeout_s`, and a new planner of the same class and parameters, in a thread of its own, takes its place; that is done
+`MAX_HUNG` times, after which every request fails at once until the planner is exchanged (`MoveBase.reconfigure`).
 """
 
 from __future__ import annotations
@@ -10,13 +14,16 @@ import math
 import queue
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from navstack.core import Costmap, Footprint, Pose2D
-from navstack.core.errors import NavError
+from navstack.core.errors import NavError, PlanningTimeoutError
 from navstack.interfaces import GlobalPlanner
 from navstack.move_base import guards
 from navstack.move_base.planning import PlanAnswer
+
+MAX_HUNG = 4
+"""Threads that are given up before a planner is held to be broken: each keeps a copy of the costmap, and perhaps a core."""
 
 
 @dataclass(slots=True)
@@ -30,6 +37,10 @@ class _Job:
     goal_id: str
     requested_at: float
     answer: PlanAnswer | None = None
+    seen_at: float | None = None
+    """When it was first seen to be worked on, s."""
+    lost: bool = False
+    """Its planner hangs."""
     done: threading.Event = field(default_factory=threading.Event)
     abandoned: threading.Event = field(default_factory=threading.Event)
 
@@ -39,6 +50,8 @@ class _Worker:
 
     def __init__(self, planner: GlobalPlanner, on_answer: Callable[[], None] | None) -> None:
         self.planner = planner
+        self.at: _Job | None = None
+        """What it works on."""
         self.idle = threading.Event()
         self.idle.set()
         self._on_answer = on_answer
@@ -60,13 +73,16 @@ class _Worker:
 
     def _work(self) -> None:
         while (job := self._jobs.get()) is not None:
+            self.at = job
             if not job.abandoned.is_set():
                 job.answer = self._plan(job)
+            self.at = None
             if self._jobs.empty():
                 self.idle.set()
             job.done.set()
             if self._on_answer is not None and not job.abandoned.is_set():
                 self._on_answer()
+        self.idle.set()
 
     def _plan(self, job: _Job) -> PlanAnswer:
         try:
@@ -83,13 +99,22 @@ class ThreadPlanning:
     """Plans on a copy of the costmap, beside driving: `MoveBase(.., planning=ThreadPlanning())`.
 
     `tick` never waits for it. Patience counts as ever: a planner that is too slow ends in CLEARING. A request that nobody
-    waits for any more is left to end by itself, and the next one of that planner comes after it.
+    waits for any more is left to end by itself, and the next one of that planner comes after it; unless it hangs, see the
+    module.
     """
 
-    def __init__(self, on_answer: Callable[[], None] | None = None) -> None:
-        """`on_answer` is called from the worker thread when there is an answer to `poll`: to wake whoever waits to tick."""
+    def __init__(self, on_answer: Callable[[], None] | None = None, *, hang_timeout_s: float = 60.0) -> None:
+        """`on_answer` is called from the worker thread when there is an answer to `poll`: to wake whoever waits to tick.
+
+        A planner that works on one request for longer than `hang_timeout_s` (s of the ticks' clock) hangs.
+        """
+        self.hang_timeout_s = hang_timeout_s
+        self.hung = 0
+        """How often the planner in use was given up."""
         self._on_answer = on_answer
         self._worker: _Worker | None = None
+        self._planner: GlobalPlanner | None = None
+        self._lost: list[_Worker] = []
         self._job: _Job | None = None
 
     @property
@@ -114,22 +139,64 @@ class ThreadPlanning:
         now: float,
     ) -> None:
         """Hands the request to the planner's thread and returns at once; the costmap is copied."""
-        worker = self._worker
-        if worker is None or worker.planner is not planner:
-            if worker is not None:
-                worker.submit(None)
-            worker = self._worker = _Worker(planner, self._on_answer)
+        if self._planner is not planner:
+            if self._worker is not None:
+                self._worker.submit(None)
+            self._planner, self._worker, self.hung = planner, _Worker(planner, self._on_answer), 0
         self._job = _Job(costmap.copy(), start, goal, footprint, goal_id, now)
-        worker.submit(self._job)
+        if self._worker is not None:
+            self._worker.submit(self._job)
 
     def poll(self, now: float) -> PlanAnswer | None:
-        """The answer, once, if it is there."""
-        del now
+        """The answer, once, if it is there; a TIMEOUT when the planner hangs."""
         job = self._job
-        if job is None or not job.done.is_set():
+        if job is None:
+            return None
+        if not job.done.is_set():
+            self._replace_hung(now)
+        elif job.answer is not None:
+            self._job = None
+            return job.answer
+        worker = self._worker
+        if worker is not None and not job.lost:
             return None
         self._job = None
-        return job.answer
+        much = f"works on one plan for longer than {self.hang_timeout_s:g} s: its thread was given up"
+        if worker is None:
+            much = f"hung {self.hung} times, for longer than {self.hang_timeout_s:g} s each: exchange it"
+        error = PlanningTimeoutError(f"the global planner {much}", hung=self.hung, hang_timeout_s=self.hang_timeout_s)
+        return PlanAnswer(job.goal_id, job.requested_at, None, error)
+
+    def _replace_hung(self, now: float) -> None:
+        """Gives up a thread that hangs; another one takes over, and what waits for it."""
+        worker, planner = self._worker, self._planner
+        at = worker.at if worker is not None else None
+        if worker is None or planner is None or at is None:
+            return
+        if at.seen_at is None:
+            at.seen_at = now
+        if now - at.seen_at < self.hang_timeout_s:
+            return
+        at.abandoned.set()
+        worker.submit(None)  # should it ever return
+        self._lost = [*(lost for lost in self._lost if not lost.idle.is_set()), worker]
+        self.hung += 1
+        self._worker = None
+        if self.hung < MAX_HUNG:
+            # not the same object: it may be in any state
+            try:
+                self._worker = _Worker(type(planner)(planner.params), self._on_answer)
+            except Exception:
+                self.hung = MAX_HUNG
+        job = self._job
+        if job is None:
+            return
+        if job is at:
+            job.lost = True
+        elif self._worker is not None:
+            waiting = self._job = replace(job, done=threading.Event(), abandoned=threading.Event())
+            job.abandoned.set()
+            self._worker.submit(waiting)
 
     def abandon(self) -> None:
         """Nobody waits for the answer any more."""
@@ -139,13 +206,14 @@ class ThreadPlanning:
 
     def is_using(self, planner: GlobalPlanner) -> bool:
         """True while that planner is at work, be it on a plan that nobody waits for."""
-        worker = self._worker
-        return worker is not None and worker.planner is planner and not worker.idle.is_set()
+        workers = [*self._lost, *([self._worker] if self._worker is not None else [])]
+        return any(worker.planner is planner and not worker.idle.is_set() for worker in workers)
 
     def close(self, timeout_s: float = 0.0) -> bool:
-        """Ends the thread after what it is at; True when it has ended within `timeout_s` (s)."""
+        """Ends the thread after what it is at; True when it has ended within `timeout_s` (s). Not those that hang."""
         self.abandon()
         worker, self._worker = self._worker, None
+        self._planner = None
         if worker is None:
             return True
         worker.submit(None)

@@ -570,3 +570,30 @@ def test_results_are_plain_data() -> None:
     assert document["data"]["error"]["code"] == 206
     assert isinstance(handle.result.data["error"]["message"], str)
     assert InternalError.code == 9099
+
+
+@pytest.mark.parametrize("own", [True, False])
+def test_a_time_limit_ends_a_goal_that_would_go_on_for_ever(own: bool) -> None:
+    # oscillation_timeout 0: C++ would have the robot spin until somebody cancels
+    bench = Bench(driver=TurnAndGo(lambda n: TurnAndGo.turn(0.5)), oscillation_timeout=0.0)
+    if not own:
+        bench.move_base.goal_time_limit_s = 20.0
+    handle = bench.run(bench.move_base.send_goal(FAR, time_limit_s=20.0 if own else None))
+    assert (handle.status, handle.text) == (S.ABORTED, texts.TIME_LIMIT)
+    assert (handle.result.error_code, handle.result.error_name) == (9016, "GOAL_TIME_LIMIT")
+    assert handle.result.message == "the goal was not reached within its time limit of 20 s"
+    assert handle.result.time_s == pytest.approx(20.0, abs=0.01)
+    assert bench.robot.twist == Twist2D()
+
+
+def test_a_time_limit_counts_from_acceptance_and_ends_a_recovery_too() -> None:
+    bench = Bench(planner=StraightPlanner(occupied), recoveries=[Waiting("long", 60.0, frequency=20.0)])
+    bench.run_to(3.0)
+    handle = bench.run(bench.move_base.send_goal(FAR, time_limit_s=10.0))
+    assert handle.text == texts.TIME_LIMIT
+    assert handle.result.ended_at == pytest.approx(13.0, abs=0.21)
+    assert handle.result.recovery_names == ("long",)
+    assert bench.robot.twist == Twist2D()
+    with pytest.raises(InputError, match="a positive time in seconds, not -1"):
+        bench.move_base.send_goal(FAR, time_limit_s=-1)
+    assert bench.run(bench.move_base.send_goal(FAR, time_limit_s=math.inf)).text == texts.NO_PLAN

@@ -17,6 +17,7 @@ GOAL_REPLACED        -                     PLANNING/0           PLANNING/0      
 GOAL_INVALID         IDLE/./BAD_QUATERNION IDLE/0/BAD_QUATERNION IDLE/0/BAD_QUATERNION IDLE/0/BAD_QUATERNION
 FRAME_CHANGED        -                     PLANNING/0           PLANNING/0           PLANNING/0
 CANCELED             -                     IDLE/0/CANCELED      IDLE/0/CANCELED      IDLE/0/CANCELED
+TIMED_OUT            -                     IDLE/0/TIME_LIMIT    IDLE/0/TIME_LIMIT    IDLE/0/TIME_LIMIT
 CYCLE                -                     =/.                  =/.                  =/.
 SENSORS_STALE        -                     =/.                  =/.                  =/.
 SENSORS_LOST         -                     IDLE/0/STALE_SENSORS IDLE/0/STALE_SENSORS IDLE/0/STALE_SENSORS
@@ -114,6 +115,7 @@ def test_outcomes_carry_the_texts_of_cpp() -> None:
         "KILLED": "Aborting on the goal because the node has been killed",
         "STALE_SENSORS": texts.STALE_SENSORS,
         "DRIVER_FAILED": texts.DRIVER_FAILED,
+        "TIME_LIMIT": texts.TIME_LIMIT,
     }
 
 

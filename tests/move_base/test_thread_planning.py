@@ -9,8 +9,9 @@ import pytest
 
 from navstack.core import Pose2D, Twist2D
 from navstack.core.costs import LETHAL
-from navstack.move_base import GoalStatus, Mode, ThreadPlanning
+from navstack.move_base import GoalHandle, GoalStatus, Mode, MoveBaseParams, ThreadPlanning
 from navstack.move_base.errors import BusyError
+from navstack.move_base.thread_planning import MAX_HUNG
 
 from .world import Bench, StraightPlanner, occupied
 
@@ -178,3 +179,103 @@ def test_a_new_planner_need_not_wait_for_one_that_hangs(live: Live) -> None:
     assert live.answered.acquire(timeout=PATIENCE_S)
     assert bench.run(handle).status is GoalStatus.SUCCEEDED
     assert live.planner.calls == []
+
+
+class HangingPlanner(StraightPlanner):
+    """Never returns, the first `HangingPlanner.times` times that any of its kind is asked."""
+
+    times = 0
+    made = 0
+    gate = threading.Event()
+    at_work = threading.Semaphore(0)
+
+    def __init__(self, params: object = None) -> None:
+        super().__init__()
+        type(self).made += 1
+
+    def make_plan(self, costmap, start, goal, **how):  # type: ignore[no-untyped-def]
+        kind = type(self)
+        kind.times -= 1
+        hangs = kind.times >= 0
+        kind.at_work.release()
+        if hangs:
+            kind.gate.wait()
+        return super().make_plan(costmap, start, goal, **how)
+
+
+class Hung:
+    """A bench whose planner hangs so many times before it plans."""
+
+    def __init__(self, times: int) -> None:
+        HangingPlanner.times, HangingPlanner.made = times, 0
+        HangingPlanner.gate.clear()
+        HangingPlanner.at_work = threading.Semaphore(0)
+        self.answered = threading.Semaphore(0)
+        self.planning = ThreadPlanning(self.answered.release, hang_timeout_s=8.0)
+        self.bench = Bench(planner=HangingPlanner(), planning=self.planning)
+
+    def run(self, handle: GoalHandle, hangs: int) -> GoalHandle:
+        """Until the goal ends; waits for the planner's thread wherever it has a plan to make."""
+        bench = self.bench
+        hung = 0
+        while not handle.is_done:
+            bench.tick()
+            while hung < hangs and HangingPlanner.at_work.acquire(blocking=False):
+                hung += 1
+            if hung >= hangs and self.planning.is_busy and self.planning.hung >= hangs:
+                assert self.answered.acquire(timeout=PATIENCE_S)
+            assert bench.robot.time < 300.0
+        return handle
+
+
+@pytest.fixture
+def hung(request: pytest.FixtureRequest) -> Generator[Hung]:
+    found = Hung(request.param)
+    yield found
+    HangingPlanner.gate.set()
+    assert found.planning.close(PATIENCE_S)
+
+
+@pytest.mark.parametrize("hung", [1], indirect=True)
+def test_a_planner_that_hangs_is_replaced_for_the_goals_to_come(hung: Hung) -> None:
+    bench = hung.bench
+    first = bench.move_base.send_goal(GOAL)
+    bench.run_to(0.2)
+    assert HangingPlanner.at_work.acquire(timeout=PATIENCE_S)
+    bench.run(first)
+    # patience, not the hang, ends this one
+    assert (first.status, first.result.error_name) == (GoalStatus.ABORTED, "TIMEOUT")
+    assert first.result.ended_at < 6.0
+    with pytest.raises(BusyError):
+        bench.move_base.make_plan(GOAL)
+    second = bench.move_base.send_goal(Pose2D(2.0, 0.0))
+    while hung.planning.hung == 0:
+        bench.tick()
+    assert bench.robot.time == pytest.approx(8.0, abs=0.5)
+    assert not second.is_done
+    assert hung.run(second, 0).status is GoalStatus.SUCCEEDED
+    assert (HangingPlanner.made, hung.planning.hung) == (2, 1)
+
+
+@pytest.mark.parametrize("hung", [MAX_HUNG], indirect=True)
+def test_a_planner_that_hangs_again_and_again_is_given_up(hung: Hung) -> None:
+    bench = hung.bench
+    bench.move_base.reconfigure(MoveBaseParams(**(bench.move_base.params.model_dump() | {"planner_patience": 100.0})))
+    goal = bench.move_base.send_goal(GOAL)
+    for n in range(MAX_HUNG):
+        bench.tick()
+        assert HangingPlanner.at_work.acquire(timeout=PATIENCE_S)
+        while hung.planning.hung == n:
+            bench.tick()
+    assert not goal.is_done
+    told = [e.text for e in bench.ears.of("plan_failed")]
+    assert told[0] == "the global planner works on one plan for longer than 8 s: its thread was given up"
+    assert told[-1] == f"the global planner hung {MAX_HUNG} times, for longer than 8 s each: exchange it"
+    # every request is answered at once now, and the goal ends
+    bench.run(goal)
+    assert (goal.status, goal.result.error_name) == (GoalStatus.ABORTED, "TIMEOUT")
+    assert HangingPlanner.made == MAX_HUNG
+    # a new planner is asked again
+    bench.move_base.reconfigure(global_planner=HangingPlanner())
+    assert hung.run(bench.move_base.send_goal(Pose2D(1.0, 0.0)), 0).status is GoalStatus.SUCCEEDED
+    assert hung.planning.hung == 0
