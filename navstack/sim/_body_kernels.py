@@ -188,7 +188,7 @@ def jerk_limited(error, last, jerk):
     """
     way = abs(error) / jerk
     m = math.floor(0.5 * (math.sqrt(8.0 * way + 1.0) - 1.0))
-    wanted = math.copysign(jerk * (m + way / (m + 1.0) - 0.5 * m), error)
+    wanted = math.copysign(jerk * (m + way / (m + 1.0) - 0.5 * m), error) if m > 0 else error
     return min(max(wanted, last - jerk), last + jerk)
 
 

@@ -1,11 +1,12 @@
 # pyright: basic
 """Ray casting on a grid, on discs and polygons, exact: no step length anywhere.
 
-The grid comes as the free squares of its cells: `squares[q, iy, ix]` = c says that the c x c cells which have (ix, iy) as
-their corner and extend in the quadrant q are free (q & 1: towards smaller x, q & 2: towards smaller y); 0 is an occupied
-cell. A ray leaps to the far border of the square that lies in its own quadrant. With c = 1 that is the step of Amanatides and
-Woo (A Fast Voxel Traversal Algorithm for Ray Tracing, Eurographics 1987), so the first occupied cell on the ray and the point
-where it enters it are those of a walk through every single cell.
+The grid comes as two tables. The free squares of its cells: `squares[q, iy, ix]` = c says that the c x c cells which have
+(ix, iy) as their corner and extend in the quadrant q are free (q & 1: towards smaller x, q & 2: towards smaller y); 0 is an
+occupied cell. And, for rays, one free rectangle for each octant, square or four times as long as wide: `leaps`. A ray leaps
+to the far border of its rectangle. With one cell each, that is the step of Amanatides and Woo (A Fast Voxel Traversal
+Algorithm for Ray Tracing, Eurographics 1987), so the first occupied cell on the ray and the point where it enters it are
+those of a walk through every single cell.
 """
 
 from __future__ import annotations
@@ -43,6 +44,49 @@ def free_squares(occupied):
 
 
 @kernel
+def free_rectangles(squares):
+    """(8, ny, nx) uint8 from the free squares: the larger of two free rectangles that have the cell as their corner.
+
+    In octant 2 q the ray is in the quadrant q and goes farther in x than in y, in 2 q + 1 farther in y. Bits 0 to 6 are the
+    short side in cells; bit 7 says that the other, along the axis in which the ray goes farther, is four times as long. Of
+    all directions of the octant a ray covers on average short * (1 + ln(long / short)), which decides between the two.
+    """
+    quadrants, ny, nx = squares.shape
+    leaps = np.empty((2 * quadrants, ny, nx), np.uint8)
+    thin = np.empty((ny, nx), np.uint8)
+    run = np.empty(nx, np.int64)
+    for octant in range(2 * quadrants):
+        q = octant >> 1
+        along_x = octant & 1 == 0
+        ax, ay = (4, 1) if along_x else (1, 4)
+        sx = -1 if q & 1 else 1
+        sy = -1 if q & 2 else 1
+        run[:] = 0
+        for j in range(ny):
+            iy = j if sy < 0 else ny - 1 - j
+            for i in range(nx):
+                ix = i if sx < 0 else nx - 1 - i
+                # free cells in a row from here on, along the long side
+                if squares[q, iy, ix] == 0:
+                    run[ix] = 0
+                elif along_x:
+                    run[ix] = run[ix + sx] + 1 if i > 0 else 1
+                else:
+                    run[ix] += 1
+                side = 0
+                if run[ix] >= 4:
+                    # what lies behind by a long and a short step is free, and the first strip
+                    if i >= ax and j >= ay:
+                        side = min(thin[iy, ix + ax * sx], thin[iy + ay * sy, ix])
+                        side = min(min(side, thin[iy + ay * sy, ix + ax * sx]), 126)
+                    side += 1
+                thin[iy, ix] = side
+                square = min(squares[q, iy, ix], 127)
+                leaps[octant, iy, ix] = 128 + side if side * 2.386 > square else square
+    return leaps
+
+
+@kernel
 def enter_map(nx, ny, x, y, dx, dy):
     """Where a ray from outside meets the map: distance (cells), ix, iy of the first cell. The distance is inf if it misses."""
     tx0, tx1 = -math.inf, math.inf
@@ -64,9 +108,9 @@ def enter_map(nx, ny, x, y, dx, dy):
 
 
 @kernel
-def cast_ray(squares, x, y, dx, dy, reach):
+def cast_ray(leaps, x, y, dx, dy, reach):
     """Distance (cells) from (x, y) (cells) along the unit vector (dx, dy) to the first occupied cell; inf beyond `reach`."""
-    _, ny, nx = squares.shape
+    _, ny, nx = leaps.shape
     t = 0.0
     ix, iy = 0, 0
     if 0.0 <= x < nx and 0.0 <= y < ny:
@@ -76,26 +120,30 @@ def cast_ray(squares, x, y, dx, dy, reach):
         if t > reach:
             return math.inf
     right, up = dx >= 0.0, dy >= 0.0
-    quadrant = (0 if right else 1) + (0 if up else 2)
+    along_x = abs(dx) >= abs(dy)
+    octant = (0 if right else 2) + (0 if up else 4) + (0 if along_x else 1)
+    longer_x, longer_y = (2, 0) if along_x else (0, 2)
     per_x = 1.0 / dx if dx != 0.0 else math.inf
     per_y = 1.0 / dy if dy != 0.0 else math.inf
     while True:
-        c = int(squares[quadrant, iy, ix])
-        if c == 0:
+        leap = int(leaps[octant, iy, ix])
+        if leap == 0:
             return t
-        tx = ((ix + c if right else ix + 1 - c) - x) * per_x
-        ty = ((iy + c if up else iy + 1 - c) - y) * per_y
-        # across the nearer border; rounding must not push the ray out of the square along it
+        w = (leap & 127) << (longer_x if leap > 127 else 0)
+        h = (leap & 127) << (longer_y if leap > 127 else 0)
+        tx = ((ix + w if right else ix + 1 - w) - x) * per_x
+        ty = ((iy + h if up else iy + 1 - h) - y) * per_y
+        # across the nearer border; rounding must not push the ray out of the rectangle along it
         if tx < ty:
             t = tx
             along = int(y + t * dy)
-            iy = min(max(along, iy), iy + c - 1) if up else max(min(along, iy), iy - c + 1)
-            ix = ix + c if right else ix - c
+            iy = min(max(along, iy), iy + h - 1) if up else max(min(along, iy), iy - h + 1)
+            ix = ix + w if right else ix - w
         else:
             t = ty
             along = int(x + t * dx)
-            ix = min(max(along, ix), ix + c - 1) if right else max(min(along, ix), ix - c + 1)
-            iy = iy + c if up else iy - c
+            ix = min(max(along, ix), ix + w - 1) if right else max(min(along, ix), ix - w + 1)
+            iy = iy + h if up else iy - h
         if t > reach or ix < 0 or iy < 0 or ix >= nx or iy >= ny:
             return math.inf
 
@@ -124,9 +172,7 @@ def see_edge(ranges, beams, ax, ay, bx, by, angle_min, angle_increment):
 
 
 @kernel
-def sweep(
-    squares, grid, solids, x, y, yaw, height, beams, angle_min, angle_increment, range_min, range_max, noise, kept
-):
+def sweep(leaps, grid, solids, x, y, yaw, height, beams, angle_min, angle_increment, range_min, range_max, noise, kept):
     """One scan (n,) float32 from the sensor's pose in the map (m, rad), `height` (m) above the ground.
 
     `grid` = [origin x, origin y, origin yaw, resolution]; `solids` as `Solids`; `beams` (n, 2) unit vectors in
@@ -146,7 +192,7 @@ def sweep(
     for i in range(n):
         dx = c * beams[i, 0] - s * beams[i, 1]
         dy = s * beams[i, 0] + c * beams[i, 1]
-        ranges[i] = resolution * cast_ray(squares, px, py, dx, dy, reach / resolution)
+        ranges[i] = resolution * cast_ray(leaps, px, py, dx, dy, reach / resolution)
 
     # every disc meets the beams between its two tangents only
     c, s = math.cos(yaw), math.sin(yaw)

@@ -60,7 +60,7 @@ class Lidar:
             if p.dropout > 0.0:
                 kept = rng.random(p.beams) >= p.dropout
         ranges = sweep(
-            world.squares,
+            world.leaps,
             world.grid,
             solids,
             eye.x,

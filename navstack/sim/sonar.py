@@ -45,7 +45,7 @@ class Sonar:
         nearest = math.inf
         if not missed:
             ranges = sweep(
-                world.squares,
+                world.leaps,
                 world.grid,
                 world.solids_at(stamp) if solids is None else solids,
                 eye.x,

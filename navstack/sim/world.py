@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -15,7 +16,7 @@ from navstack.core import Footprint, GridGeometry, OccupancyGrid, Pose2D
 from navstack.core.errors import InputError
 from navstack.sim import _body_kernels as body
 from navstack.sim._clearance_kernels import clearance
-from navstack.sim._lidar_kernels import free_squares
+from navstack.sim._lidar_kernels import free_rectangles, free_squares
 from navstack.sim._shape_kernels import place_polygons
 from navstack.sim.crowd import Crowd
 from navstack.sim.shapes import LOW, PedestrianMotion, Shape, Still
@@ -64,7 +65,8 @@ class World:
             [geometry.origin_x, geometry.origin_y, self.map.origin_yaw, geometry.resolution]
         )
         """[origin x, origin y, origin yaw, resolution] for the kernels."""
-        self.squares: NDArray[np.uint8] = _squares_of(self.map.data >= OCCUPIED)
+        self._tables = _tables_of(self.map.data >= OCCUPIED)
+        self.squares: NDArray[np.uint8] = self._tables.squares
         """(4, ny, nx): the free squares of every cell, one in each quadrant; 0 = occupied."""
         self.movers = tuple(movers)
         self.shapes = tuple(shapes)
@@ -76,6 +78,11 @@ class World:
         self._shape_solids = _standing(self._still)
         self._solids = self._standing(_checked_discs(discs))
         self._last: tuple[float, Solids] | None = None
+
+    @property
+    def leaps(self) -> NDArray[np.uint8]:
+        """(8, ny, nx): free rectangles for rays (`free_rectangles`), made when the first ray is cast."""
+        return self._tables.leaps
 
     @property
     def moves(self) -> bool:
@@ -241,20 +248,31 @@ def _standing(shapes: Sequence[Shape]) -> Solids:
     )
 
 
-_SQUARES: dict[bytes, NDArray[np.uint8]] = {}
+class _Tables:
+    """What the kernels need of a map's occupied cells."""
+
+    def __init__(self, occupied: NDArray[np.bool_]) -> None:
+        self.squares = free_squares(occupied)
+
+    @cached_property
+    def leaps(self) -> NDArray[np.uint8]:
+        return free_rectangles(self.squares)
+
+
+_TABLES: dict[bytes, _Tables] = {}
 """By what the map holds: those of the maps used last, since many runs share one."""
 _MAPS_KEPT = 4
 
 
-def _squares_of(occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
+def _tables_of(occupied: NDArray[np.bool_]) -> _Tables:
     key = hashlib.blake2b(np.packbits(occupied).tobytes(), key=repr(occupied.shape).encode()).digest()
-    squares = _SQUARES.pop(key, None)
-    if squares is None:
-        squares = free_squares(occupied)
-    _SQUARES[key] = squares  # the newest last
-    if len(_SQUARES) > _MAPS_KEPT:
-        del _SQUARES[next(iter(_SQUARES))]
-    return squares
+    tables = _TABLES.pop(key, None)
+    if tables is None:
+        tables = _Tables(occupied)
+    _TABLES[key] = tables  # the newest last
+    if len(_TABLES) > _MAPS_KEPT:
+        del _TABLES[next(iter(_TABLES))]
+    return tables
 
 
 def _checked_discs(discs: NDArray[np.float64] | Sequence[Sequence[float]]) -> NDArray[np.float64]:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from navstack.core import Footprint, OccupancyGrid, PointCloud, Pose2D, Twist2D
-from navstack.sim import Lidar, LidarParams, SimParams, SimulatedRobot, World
+from navstack.sim import Lidar, LidarParams, Shape, SimParams, SimulatedRobot, World
 from tests.sim.worlds import random_map, to_world
 
 GIVEN = settings(deadline=None, max_examples=60, derandomize=True)
@@ -37,7 +37,9 @@ def solid(world: World) -> NDArray[np.object_]:
     x, y = to_world(grid, corners[..., 0], corners[..., 1])
     squares = shapely.polygons(np.stack((x, y), axis=-1))
     discs = [shapely.Point(x, y).buffer(radius, quad_segs=256) for x, y, radius in world.discs_at(0.0)]
-    return np.array([*squares, *discs], dtype=object)
+    solids = world.solids_at(0.0)
+    polygons = [shapely.Polygon(solids.polygon(k)) for k in range(len(solids.circles))]
+    return np.array([*squares, *discs, *polygons], dtype=object)
 
 
 def world_and_pose(seed: int) -> tuple[World, Pose2D]:
@@ -49,7 +51,15 @@ def world_and_pose(seed: int) -> tuple[World, Pose2D]:
         for _ in range(rng.integers(0, 4))
     ]
     x, y = to_world(grid, *rng.uniform(-1, extent + 1, 2).tolist())
-    return World(grid, discs), Pose2D(x, y, float(rng.uniform(-math.pi, math.pi)))
+    shapes: list[Shape] = []
+    for _ in range(rng.integers(0, 4)):
+        sx, sy = to_world(grid, *rng.uniform(-1, extent + 1, 2).tolist())
+        at = [sx, sy, float(rng.uniform(-4, 4))]
+        if rng.random() < 0.5:
+            shapes.append(Shape(box=rng.uniform(0.01, 1.5, 2).tolist(), pose=at))
+        else:  # an arrow head: not convex, its origin outside
+            shapes.append(Shape(polygon=[[0.2, 0.0], [1.0, 0.5], [0.5, 0.0], [1.0, -0.4]], pose=at))
+    return World(grid, discs, shapes=shapes), Pose2D(x, y, float(rng.uniform(-math.pi, math.pi)))
 
 
 @GIVEN
@@ -80,6 +90,8 @@ def test_contact_is_a_clearance_of_nothing(seed: int, outline: str) -> None:
         touched = (
             shapely.Point(x, y).buffer(world.map.geometry.resolution * math.sqrt(0.5))
             if kind == "map"
+            else shapely.Polygon(world.solids_at(0.0).polygon(index))
+            if kind == "polygon"
             else shapely.Point(x, y).buffer(float(world.discs_at(0.0)[index, 2]))
         )
         assert shapely.Polygon(footprint.at(pose)).distance(touched) < 1e-9

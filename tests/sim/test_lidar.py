@@ -6,11 +6,13 @@ import math
 
 import numpy as np
 import pytest
+import shapely
 from numpy.typing import NDArray
 
 from navstack.core import OccupancyGrid, Pose2D
 from navstack.maps import map_names, places
-from navstack.sim import Lidar, LidarParams, World
+from navstack.sim import Lidar, LidarParams, Shape, World
+from navstack.sim._lidar_kernels import free_rectangles, free_squares
 from tests.sim.worlds import ascii_map, random_map, to_world
 from tests.test_maps import read
 
@@ -29,6 +31,15 @@ def occupied_at(grid: OccupancyGrid, x: NDArray[np.float64], y: NDArray[np.float
     return found
 
 
+def in_polygons(world: World, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which points of the map frame lie in one of the world's polygons, by shapely."""
+    solids = world.solids_at(0.0)
+    found = np.zeros(x.shape, bool)
+    for k in range(len(solids.circles)):
+        found |= shapely.contains_xy(shapely.Polygon(solids.polygon(k)), x, y)
+    return found
+
+
 def march(world: World, eye: Pose2D, angles: NDArray[np.float64], reach: float) -> NDArray[np.float64]:
     """Ranges by steps of 1 cm; inf beyond `reach`."""
     t = np.arange(0.0, reach, STEP)
@@ -37,6 +48,7 @@ def march(world: World, eye: Pose2D, angles: NDArray[np.float64], reach: float) 
     hit = occupied_at(world.map, x, y)
     for dx, dy, r in world.discs_at(0.0):
         hit |= (x - dx) ** 2 + (y - dy) ** 2 <= r * r
+    hit |= in_polygons(world, x, y)
     first = hit.argmax(axis=1)
     return np.where(hit.any(axis=1), t[first], np.inf)
 
@@ -61,6 +73,7 @@ def compare(world: World, eye: Pose2D, reach: float) -> None:
         inside = occupied_at(world.map, x, y)
         for dx, dy, r in world.discs_at(0.0):
             inside |= (x - dx) ** 2 + (y - dy) ** 2 <= r * r
+        inside |= in_polygons(world, x, y)
         assert inside.any(), (i, exact[i], marched[i])
     assert agree.mean() > 0.9
 
@@ -73,7 +86,14 @@ def test_equals_a_marcher_in_random_worlds(seed: int) -> None:
     discs = [
         [*to_world(grid, *rng.uniform(-1, extent + 1, 2).tolist()), float(rng.uniform(0.03, 0.4))] for _ in range(seed)
     ]
-    world = World(grid, discs)
+    shapes = [
+        Shape(box=[0.4, 1.1], pose=[*to_world(grid, *rng.uniform(0, extent, 2).tolist()), float(rng.uniform(-3, 3))]),
+        Shape(
+            polygon=[[0, 0], [0.8, 0.5], [0.4, 0], [0.8, -0.4]],
+            pose=[*to_world(grid, *rng.uniform(0, extent, 2).tolist())],
+        ),
+    ]
+    world = World(grid, discs, shapes=shapes[: seed % 3])
     for _ in range(8):  # also from outside of the map
         x, y = to_world(grid, *rng.uniform(-2, extent + 2, 2).tolist())
         compare(world, Pose2D(x, y, float(rng.uniform(-4, 4))), reach=5.0)
@@ -84,6 +104,32 @@ def test_equals_a_marcher_on_the_packaged_maps(name: str) -> None:
     world = World(read(name))
     for pose in places(name).places.values():
         compare(world, pose, reach=12.0)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_leaps_cross_free_cells_only(seed: int) -> None:
+    """Every rectangle lies on the map and holds no occupied cell; where there is none, the cell is occupied."""
+    rng = np.random.default_rng(seed)
+    ny, nx = rng.integers(1, 50, 2).tolist() if seed else (3, 700)  # beyond what a byte holds
+    occupied = rng.random((ny, nx)) < rng.choice([0.0, 0.005, 0.03, 0.2])
+    total = np.zeros((ny + 1, nx + 1), np.int64)
+    total[1:, 1:] = occupied.cumsum(axis=0).cumsum(axis=1)
+    leaps = free_rectangles(free_squares(occupied)).astype(np.int64)
+    iy, ix = np.mgrid[:ny, :nx]
+    for octant in range(8):
+        along_x = octant % 2 == 0
+        short = leaps[octant] & 127
+        long = np.where(leaps[octant] > 127, 4 * short, short)
+        assert ((short == 0) == occupied).all()
+        w, h = (long, short) if along_x else (short, long)
+        x0 = ix - w + 1 if octant & 2 else ix
+        y0 = iy - h + 1 if octant & 4 else iy
+        x1, y1 = x0 + w, y0 + h
+        on_map = (x0 >= 0) & (y0 >= 0) & (x1 <= nx) & (y1 <= ny)
+        assert on_map[~occupied].all()
+        keep = ~occupied
+        x0, x1, y0, y1 = x0[keep], x1[keep], y0[keep], y1[keep]
+        assert (total[y1, x1] - total[y0, x1] - total[y1, x0] + total[y0, x0] == 0).all()
 
 
 def test_along_the_axes_and_through_corners() -> None:
