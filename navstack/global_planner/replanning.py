@@ -28,12 +28,15 @@ Cell = tuple[int, int]
 _WORTHWHILE: Final = 30_000
 """Cells lowered by the last wave from which on a field pays (about 1 ms). Below, every plan is made as C++ makes it, to the bit:
 what a guided wave finds may differ from it by a rounding, and a rounding decides which way round an obstacle a robot goes."""
+_NEAR_RISES: Final = 50.0
+"""Estimate, in rises of the threshold (two free cells each), under which a plan is made from scratch: it takes no time either."""
 _FACTORS: Final = (1.005, 1.1)
 """Factor on the estimate within which the wave is kept, at first and then; with a slack on top, see `_slack`."""
 _MARGIN_PART: Final = 2.0
 _MARGIN_RISES: Final = 6.0
 """How far the limit must lie above what was found: so much of what the field was wrong by, so many rises at most. Where costs are
-rough the two potentials disagree, and a cell that takes no part in the path may still lower one that does."""
+rough the two potentials disagree, and a cell that takes no part in the path may still lower one that does: then the wave runs
+again, with that much room and with care (`cost_rule.careful`)."""
 _BEYOND_RISES: Final = 8.0
 _MISLED: Final = 3
 """Plans in a row for which the field was far too low, after which it is built anew."""
@@ -107,7 +110,7 @@ class GoalField:
             self._key, self._asked, self._built = key, 0, False
         again = self._asked > _WORTHWHILE and not rule.blocked[costmap.data[start[1], start[0]]]
         estimate = self._estimate(costmap, rule, start, goal, rise) if again else math.inf
-        if estimate < math.inf:
+        if _NEAR_RISES * rise <= estimate < math.inf:
             guide = Guide(self._wave.pot, 0)
             for factor in _FACTORS:
                 limit = factor * estimate + _slack(estimate, rise)
@@ -116,7 +119,7 @@ class GoalField:
                     right = factor == _FACTORS[0] and effort() <= max(_WORTHWHILE, self._asked // 2)
                     enough = found + min(_MARGIN_PART * (found - estimate), _MARGIN_RISES * rise)
                     if limit < enough:
-                        attempt(guide, enough)
+                        attempt(Guide(self._wave.pot, 0, careful=True), enough)
                     self._misled = 0 if right else self._misled + 1
                     self._built = self._misled < _MISLED
                     return

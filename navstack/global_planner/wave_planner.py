@@ -34,8 +34,8 @@ class WaveQuery(NamedTuple):
     goal_cell: ends.Cell
 
     def rule_for(self, guide: Guide | None) -> CostRule:
-        """The rule as C++ has it, or, where the last potential guides the wave, the one that no order of cells betters."""
-        return careful(self.rule) if guide is not None and guide.shift == 0 else self.rule
+        """The rule as C++ has it, or the one that no order of cells betters, as the guide says."""
+        return careful(self.rule) if guide is not None and guide.careful else self.rule
 
 
 class WavePlanner(GlobalPlanner):

@@ -25,6 +25,8 @@ class Guide(NamedTuple):
     values: NDArray[np.float32]
     """One per square of 2**shift cells, with a ring around; one per cell, without a ring, when shift is 0."""
     shift: int
+    careful: bool = False
+    """Whether the wave is to look again at every neighbour that could come lower still."""
 
 
 class Wavefront:
