@@ -19,6 +19,8 @@ from navstack.core.errors import (
     InputError,
     NoValidPathError,
     PlanningError,
+    PlanningTimeoutError,
+    StartOccupiedError,
     StartOutsideMapError,
 )
 from navstack.interfaces import GlobalPlanner, Plan
@@ -36,6 +38,8 @@ VARIANTS: dict[str, list[dict[str, object]]] = {
         for g in (True, False)
     ]
     + [{"old_navfn_behavior": True}, {"outline_map": False}, {"allow_unknown": False}],
+    "astar": [{}, {"heuristic_weight": 2.0, "cut_corners": True}, {"allow_unknown": False}],
+    "theta_star": [{}, {"cost_factor": 0.0}, {"allow_unknown": False}],
 }
 STRAIGHT_ONLY = {"carrot_planner"}
 """Planners that do not search: they go straight and may stop short."""
@@ -49,9 +53,14 @@ def name_of(planner: tuple[str, dict[str, object]]) -> str:
     return "-".join([planner[0], *(f"{k}={v}" for k, v in planner[1].items())])
 
 
-def build(planner: tuple[str, dict[str, object]]) -> GlobalPlanner:
+def build(planner: tuple[str, dict[str, object]], **more: object) -> GlobalPlanner:
     cls = GLOBAL_PLANNERS.get(planner[0]).cls
-    return cls(cls.Params(**planner[1]))
+    return cls(cls.Params(**planner[1], **more))
+
+
+def has_parameter(planner: tuple[str, dict[str, object]], name: str) -> bool:
+    """Third parties' planners need not have ours."""
+    return name in GLOBAL_PLANNERS.get(planner[0]).cls.Params.model_fields
 
 
 def ascii_map(text: str, origin: tuple[float, float] = (-1.0, 2.0)) -> Costmap:
@@ -116,6 +125,11 @@ each_planner = pytest.mark.parametrize("planner", planners(), ids=name_of)
 searching = pytest.mark.parametrize("planner", [p for p in planners() if p[0] not in STRAIGHT_ONLY], ids=name_of)
 
 
+def searching_with(parameter: str) -> pytest.MarkDecorator:
+    which = [p for p in planners() if p[0] not in STRAIGHT_ONLY and has_parameter(p, parameter)]
+    return pytest.mark.parametrize("planner", which, ids=name_of)
+
+
 def assert_contract(
     plan: Plan, costmap: Costmap, start: Pose2D, goal: Pose2D, planner: tuple[str, dict[str, object]]
 ) -> None:
@@ -131,6 +145,9 @@ def assert_contract(
     assert np.isfinite(plan.cost)
     assert plan.cost >= 0.0
     assert plan.cells_expanded >= 0
+    assert plan.took_s is None or plan.took_s >= 0.0
+    assert plan.length_m == pytest.approx(float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum()))
+    assert plan.clearance_m(costmap) >= 0.0
     if planner[0] in STRAIGHT_ONLY:
         return
     steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
@@ -256,9 +273,28 @@ def test_no_connection(planner: tuple[str, dict[str, object]]) -> None:
     assert error.value.code == 208
     assert error.value.data["nearest_reachable"] == pytest.approx(costmap.geometry.cell_to_world(4, 2))
     assert error.value.data["nearest_reachable_distance_m"] == pytest.approx(0.4)
+    assert error.value.data["cells_expanded"] >= 0
+    (seal,) = error.value.data["sealed_by"]
+    assert seal["kind"] == "obstacle"
+    assert seal["x"] == pytest.approx(costmap.geometry.cell_to_world(5, 2)[0])
 
 
-@pytest.mark.parametrize("name", ["navfn", "global_planner"])
+@searching
+def test_the_narrowest_gap_is_named(planner: tuple[str, dict[str, object]]) -> None:
+    """Of two ways that are blocked, the one where the robot nearly fits."""
+    costmap = ascii_map(SEALED)
+    costmap.data[2, 5] = 253
+    with pytest.raises(NoValidPathError, match="too narrow for the robot") as error:
+        build(planner).make_plan(costmap, at(costmap, 2, 2), at(costmap, 8, 2))
+    (seal,) = error.value.data["sealed_by"]
+    assert seal["kind"] == "too narrow"
+    assert seal["gap_m"] == pytest.approx(
+        RESOLUTION
+    )  # between the centres of two walls a cell apart, less half a cell each
+    assert (seal["x"], seal["y"]) == pytest.approx(costmap.geometry.cell_to_world(5, 2))
+
+
+@pytest.mark.parametrize("name", ["navfn", "global_planner", "astar", "theta_star"])
 def test_unknown_space(name: str) -> None:
     costmap = ascii_map(UNKNOWN_DOOR)
     start, goal = at(costmap, 2, 2), at(costmap, 8, 2)
@@ -270,17 +306,91 @@ def test_unknown_space(name: str) -> None:
         closed.make_plan(costmap, start, at(costmap, 5, 2))
 
 
-@pytest.mark.parametrize("name", ["navfn", "global_planner"])
-def test_tolerance(name: str) -> None:
+@searching_with("default_tolerance")
+def test_tolerance(planner: tuple[str, dict[str, object]]) -> None:
     costmap = ascii_map(SEALED)
     start, goal = at(costmap, 2, 2), at(costmap, 7, 2, 0.7)
     with pytest.raises(NoValidPathError):
-        build((name, {"default_tolerance": 0.25})).make_plan(costmap, start, goal)
-    plan = build((name, {"default_tolerance": 0.35})).make_plan(costmap, start, goal)
+        build(planner, default_tolerance=0.25).make_plan(costmap, start, goal)
+    plan = build(planner, default_tolerance=0.35).make_plan(costmap, start, goal)
+    assert_contract(plan, costmap, start, goal, planner)
     assert 0.2 < plan.goal_moved_m < 0.5
     assert plan.goal.yaw == 0.7
     assert costmap.cost_at(plan.goal.x, plan.goal.y) == 0
     assert any("default_tolerance" in note for note in plan.notes)
+    # into an obstacle likewise; and where nothing within the tolerance is free the goal is to blame
+    assert build(planner, default_tolerance=0.15).make_plan(costmap, start, at(costmap, 5, 2)).goal_moved_m > 0.0
+    block = ascii_map(ROOM)
+    block.data[2:9, 8:15] = 254
+    with pytest.raises(GoalOccupiedError, match="default_tolerance"):
+        build(planner, default_tolerance=0.15).make_plan(block, at(block, 2, 2), at(block, 11, 5))
+
+
+@searching_with("max_expansions")
+def test_a_search_that_may_not_go_on(planner: tuple[str, dict[str, object]]) -> None:
+    costmap = Costmap(GridGeometry(60, 60, RESOLUTION), np.zeros((60, 60), np.uint8))
+    costmap.data[30, 5:55] = 254
+    start, goal = at(costmap, 30, 5), at(costmap, 30, 54)
+    with pytest.raises(PlanningTimeoutError, match="max_expansions") as error:
+        build(planner, max_expansions=60).make_plan(costmap, start, goal)
+    assert error.value.code == 207
+    data = error.value.data
+    assert data["max_expansions"] == 60
+    assert 60 <= data["cells_expanded"] < 200  # a wave ends with its round
+    x, y = data["nearest_reachable"]
+    assert data["nearest_reachable_distance_m"] == pytest.approx(math.hypot(x - goal.x, y - goal.y))
+    assert 0.0 < data["nearest_reachable_distance_m"] < goal.distance_to(start)
+    again = build(planner, max_expansions=60)
+    for _ in range(2):
+        with pytest.raises(PlanningTimeoutError) as other:
+            again.make_plan(costmap, start, goal)
+        assert other.value.as_dict() == error.value.as_dict()
+    free = build(planner).make_plan(costmap, start, goal)
+    allowed = build(planner, max_expansions=4 * free.cells_expanded).make_plan(costmap, start, goal)
+    assert allowed.path.poses.tobytes() == free.path.poses.tobytes()
+
+
+@searching_with("start_policy")
+def test_start_policies(planner: tuple[str, dict[str, object]]) -> None:
+    costmap = Costmap(GridGeometry(40, 40, RESOLUTION), np.zeros((40, 40), np.uint8))
+    costmap.data[8:13, 8:13] = 253
+    costmap.data[10, 10] = 254
+    start, goal = at(costmap, 11, 10, 0.4), at(costmap, 30, 30)
+    footprint = Footprint.from_radius(0.4)
+    with pytest.raises(StartOccupiedError, match="start_policy is refuse") as error:
+        build(planner, start_policy="refuse").make_plan(costmap, start, goal, footprint=footprint)
+    assert error.value.code == 205
+    assert error.value.data["cost"] == 253
+    assert error.value.data["nearest_free_distance_m"] == pytest.approx(2 * RESOLUTION)
+    # its cell alone leads nowhere: the obstacle goes on all around
+    with pytest.raises(StartOccupiedError, match="no free cell beside it"):
+        build(planner, start_policy="clear_cell").make_plan(costmap, start, goal, footprint=footprint)
+    plan = build(planner, start_policy="clear_footprint").make_plan(costmap, start, goal, footprint=footprint)
+    assert any("under the footprint" in note for note in plan.notes)
+    assert np.hypot(*(plan.path.poses[0, :2] - start[:2])) <= RESOLUTION
+    plan = build(planner, start_policy="nearest_free").make_plan(costmap, start, goal, footprint=footprint)
+    assert any("nearest free" in note for note in plan.notes)
+    poses = plan.path.poses
+    assert tuple(poses[0, :2]) == tuple(start[:2])
+    assert np.hypot(*np.diff(poses[:, :2], axis=0).T).max() <= 2.0 * RESOLUTION
+    beyond = np.hypot(*(poses[:, :2] - start[:2]).T) > 2.5 * RESOLUTION
+    assert all(costmap.cost_at(x, y) == 0 for x, y, _ in poses[beyond])
+    # a start that is free is no case for any policy
+    free = at(costmap, 20, 5)
+    plans = [
+        build(planner, start_policy=p).make_plan(costmap, free, goal, footprint=footprint)
+        for p in ("refuse", "clear_cell", "clear_footprint", "nearest_free")
+    ]
+    assert len({p.path.poses.tobytes() for p in plans}) == 1
+    assert (costmap.data[8:13, 8:13] != 0).all()
+
+
+@each_planner
+def test_yaws_are_brought_into_range(planner: tuple[str, dict[str, object]]) -> None:
+    costmap = ascii_map(ROOM)
+    plan = build(planner).make_plan(costmap, at(costmap, 2, 2, -7.0), at(costmap, 17, 2, 9.0))
+    assert ((-math.pi < plan.path.poses[:, 2]) & (plan.path.poses[:, 2] <= math.pi)).all()
+    assert plan.goal.yaw == pytest.approx(9.0 - 2.0 * math.pi)
 
 
 @searching
