@@ -274,6 +274,27 @@ class LocalPlan:
     """The part of the global plan in sight, in the costmap's frame."""
     notes: tuple[str, ...] = ()
 
+    def as_dict(self) -> dict[str, Any]:
+        """A summary for JSON: the command, and how many samples were legal or rejected by which critic."""
+        rejected: dict[str, int] = {}
+        legal = 0
+        if self.rejected_by is not None:
+            legal = int((self.rejected_by == -1).sum())
+            for index, name in ((-2, "limits"), *enumerate(self.critics)):
+                number = int((self.rejected_by == index).sum())
+                if number:
+                    rejected[name] = number
+        return {
+            "mode": self.mode,
+            "command": list(self.command),
+            "samples": 0 if self.samples is None else len(self.samples),
+            "legal": legal,
+            "rejected": rejected,
+            "best": None if self.best < 0 or self.samples is None else self.samples[self.best].tolist(),
+            "total": None if self.best < 0 or self.totals is None else float(self.totals[self.best]),
+            "notes": list(self.notes),
+        }
+
 
 class LocalPlanner(ABC):
     """Turns a plan, a pose and a local costmap into a velocity."""

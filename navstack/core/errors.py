@@ -12,7 +12,10 @@ import numpy as np
 
 
 def jsonable(value: Any) -> Any:
-    """`value` with numpy scalars, arrays, tuples and paths turned into what `json` writes; not-a-number becomes None."""
+    """`value` with numpy scalars, arrays, tuples and paths turned into what `json` writes; not-a-number becomes None.
+
+    An object that has `as_dict` is asked for it; of others remains what `str` says.
+    """
     if isinstance(value, dict):
         return {str(k): jsonable(v) for k, v in value.items()}
     if isinstance(value, np.ndarray):
@@ -28,7 +31,8 @@ def jsonable(value: Any) -> Any:
         return value if np.isfinite(value) else None
     if value is None or isinstance(value, (str, int, bool)):
         return value
-    return str(value)
+    as_dict = getattr(value, "as_dict", None)
+    return jsonable(as_dict()) if callable(as_dict) else str(value)
 
 
 class NavError(Exception):

@@ -6,6 +6,7 @@ own defaults plus those of WANTED that its parameters know.
 
 from __future__ import annotations
 
+import json
 import math
 from typing import Any
 
@@ -243,7 +244,11 @@ def test_no_command_with_the_outline_on_a_lethal_cell(name: str) -> None:
         planner.compute_command(inputs_at(Pose2D(0.0, 0.0), lethal=ring))
     assert caught.value.code == 106
     assert "obstacle" in caught.value.message and "lethal" in caught.value.message
-    assert caught.value.as_dict()["rejected"]["obstacle"] > 0
+    document = json.loads(json.dumps(caught.value.as_dict(), allow_nan=False))
+    assert document["rejected"]["obstacle"] > 0
+    if "plan" in document:  # the table, in numbers
+        assert document["plan"]["legal"] == 0 and document["plan"]["best"] is None
+        assert sum(document["plan"]["rejected"].values()) == document["plan"]["samples"]
 
 
 def test_a_plan_that_cannot_be_followed(name: str) -> None:

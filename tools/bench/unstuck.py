@@ -1,0 +1,92 @@
+"""What trajectory rollout's ways out of getting stuck are worth: BARN worlds with and without each of them.
+
+    python tools/bench/unstuck.py [--worlds 49 157] [--distro indigo]
+
+Without `circles` it turns in place for as long as that scores best; without `check` it backs out whatever is behind it;
+without `longer` every escape ends after escape_reset_dist. Without all three it is C++'s. By default the worlds in which the
+C++ stack did not succeed. They come from NAVSTACK_DATA (../shared/data by default).
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from unittest.mock import patch
+
+from navstack.bench.barn import barn_configuration, load_worlds, run_world, summary
+from navstack.core import Pose2D
+from navstack.interfaces import Rollouts, ScoringContext
+from navstack.local_planner import trajectory_rollout
+from navstack.local_planner.getting_unstuck import Circles, Escape
+
+DATA = Path(os.environ.get("NAVSTACK_DATA") or Path(__file__).resolve().parents[3] / "shared" / "data")
+WAYS = ("circles", "check", "longer")
+CASES: tuple[tuple[str, ...], ...] = ((), ("circles",), ("check",), ("longer",), WAYS)
+
+
+def never_complete(self: Circles, pose: Pose2D, *, moved: bool) -> bool:
+    """No number of circles is enough."""
+    del self, pose, moved
+    return False
+
+
+def whole_way(context: ScoringContext, rollouts: Rollouts, distance: float) -> int:
+    """Backing out is always legal."""
+    del context, distance
+    return int(rollouts.counts[-1])
+
+
+def always_short(self: Escape, pose: Pose2D) -> None:
+    """Every escape is a first one."""
+    self.forget()
+    _begin(self, pose)
+
+
+_begin = Escape.begin
+
+
+@contextmanager
+def without(ways: tuple[str, ...]) -> Iterator[None]:
+    """Takes some of WAYS away."""
+    with (
+        patch.object(Circles, "complete", never_complete if "circles" in ways else Circles.complete),
+        patch.object(trajectory_rollout, "way_out", whole_way if "check" in ways else trajectory_rollout.way_out),
+        patch.object(Escape, "begin", always_short if "longer" in ways else Escape.begin),
+    ):
+        yield
+
+
+def main() -> None:
+    """Prints a line per run and a summary per case."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--worlds", type=int, nargs="*")
+    parser.add_argument("--distro", choices=("noetic", "indigo"))
+    args = parser.parse_args()
+    with (DATA / "barn" / "cpp_results.csv").open() as file:
+        failed = [int(row["world"]) for row in csv.DictReader(file) if row["outcome"] != "success"]
+    numbers = args.worlds or failed
+    worlds = [w for w in load_worlds(DATA / "barn" / "worlds.npz") if w.number in numbers]
+    configuration = barn_configuration(DATA / "params" / "jackal_barn", distro=args.distro)
+    for ways in CASES:
+        with without(ways):
+            outcomes = [run_world(world, configuration)[0] for world in worlds]
+        name = f"without {', '.join(ways)}" if ways else "as it is"
+        for o in outcomes:
+            print(
+                f"  {o.world:4d} {o.outcome:10s} {o.time_s:6.1f} s  {o.length_m:6.2f} m  turning {o.turning_s:5.1f} s"
+            )
+        s = summary(outcomes)
+        ended = {kind: sum(o.outcome == kind for o in outcomes) for kind in sorted({o.outcome for o in outcomes})}
+        turning = sum(o.turning_s for o in outcomes)
+        print(
+            f"{name}: {s['runs']:.0f} runs, {ended}, score {s['score']:.3f}, turning in place {turning:.0f} s",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()
