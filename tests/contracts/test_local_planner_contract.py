@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -58,6 +59,26 @@ WANTED: dict[str, Any] = {
     "holonomic_robot": False,
     "meter_scoring": True,
     "escape_vel": 0.0,
+}
+# turns in place come without the way to brake for them: the base does what it can, as in C++
+BRAKES_AT_ONCE = {"trajectory_rollout"}
+# what a planner can do beside its defaults; with False where samples are of more than one period
+MODES: dict[str, dict[str, tuple[dict[str, Any], bool]]] = {
+    "dwa": {
+        "holonomic": ({"max_vel_y": 0.2, "min_vel_y": -0.2, "acc_lim_y": 1.0, "vy_samples": 5}, True),
+        "use_dwa off": ({"use_dwa": False}, False),
+        "sum_scores": ({"sum_scores": True}, True),
+        "backward": ({"min_vel_x": -0.2}, True),
+        "indigo": ({"ros_distro": "indigo"}, True),
+    },
+    "trajectory_rollout": {
+        "holonomic": ({"holonomic_robot": True, "acc_lim_y": 1.0, "y_vels": "-0.3,-0.1,0.1,0.3"}, True),
+        "dwa off": ({"dwa": False}, False),
+        "heading_scoring": ({"heading_scoring": True, "heading_scoring_timestep": 0.8}, True),
+        "cells": ({"meter_scoring": False}, True),
+        "simple_attractor": ({"simple_attractor": True}, True),
+        "indigo": ({"ros_distro": "indigo"}, True),
+    },
 }
 # what it takes to start at 50 Hz
 OWN: dict[str, dict[str, Any]] = {"trajectory_rollout": {"min_vel_x": 0.1}}
@@ -114,20 +135,33 @@ def check_limits(planner: LocalPlanner, command: Twist2D) -> None:
     assert command.speed <= limits.max_vel_trans + 1e-4 + SLACK  # C++'s own tolerance
 
 
-def check_window(planner: LocalPlanner, plan: LocalPlan, velocity: Twist2D, period: float) -> None:
+def check_window(name: str, planner: LocalPlanner, plan: LocalPlan, velocity: Twist2D, period: float) -> None:
     """Within one period's acceleration, but never kept below the lowest speeds that the base can drive at all."""
     limits, command = planner.limits, plan.command
     if plan.mode == "arrived":
         return
     for now, then, acceleration, lowest in (
         (velocity.vx, command.vx, limits.acc_lim_x, limits.min_vel_trans),
+        (velocity.vy, command.vy, limits.acc_lim_y, limits.min_vel_trans),
         (velocity.wz, command.wz, limits.acc_lim_theta, limits.min_vel_theta),
     ):
-        # braking harder than the limits say is asked for by trajectory rollout: the base does what it can
-        assert abs(then) <= max(abs(now) + acceleration * period, lowest) + SLACK
+        change = acceleration * period
+        assert abs(then) <= max(abs(now) + change, lowest) + SLACK
+        if name not in BRAKES_AT_ONCE and plan.mode == "follow":
+            # from below too: no harder braking, but for a change of direction at the lowest speeds
+            assert now - max(change, lowest) - SLACK <= then <= now + max(change, lowest) + SLACK
 
 
-def drive(planner: LocalPlanner, start: Pose2D, goal: Pose2D, frequency: float, seconds: float) -> tuple[Pose2D, float]:
+def drive(
+    name: str,
+    planner: LocalPlanner,
+    start: Pose2D,
+    goal: Pose2D,
+    frequency: float,
+    seconds: float,
+    *,
+    windowed: bool = True,
+) -> tuple[Pose2D, float]:
     """Follows the straight line to `goal` until it is reached: (pose, time)."""
     planner.set_plan(straight(start, goal), goal)
     pose, velocity, period = start, Twist2D(), 1.0 / frequency
@@ -137,7 +171,8 @@ def drive(planner: LocalPlanner, start: Pose2D, goal: Pose2D, frequency: float, 
             return pose, i * period
         plan = planner.compute_command(inputs)
         check_limits(planner, plan.command)
-        check_window(planner, plan, velocity, period)
+        if windowed:
+            check_window(name, planner, plan, velocity, period)
         velocity = plan.command
         pose = driven(pose, velocity, period)
     raise AssertionError(f"{goal} not reached in {seconds} s: {pose}, {velocity}")
@@ -152,7 +187,7 @@ def test_reaches_a_free_goal_from_64_headings(name: str) -> None:
     goal = Pose2D(1.0, 0.4, 0.5)
     for heading in HEADINGS:
         planner = make(name)
-        end, _ = drive(planner, Pose2D(0.0, 0.0, normalize_angle(heading)), goal, 5.0, 40.0)
+        end, _ = drive(name, planner, Pose2D(0.0, 0.0, normalize_angle(heading)), goal, 5.0, 40.0)
         assert end.distance_to(goal) <= 0.15 + 1e-9, heading
         assert abs(angle_between(end.yaw, goal.yaw)) <= 0.2 + 1e-9, heading
 
@@ -161,8 +196,72 @@ def test_reaches_a_free_goal_from_64_headings(name: str) -> None:
 def test_reaches_a_free_goal_at_any_frequency(name: str, frequency: float) -> None:
     planner = make(name, controller_frequency=frequency)
     goal = Pose2D(1.2, -0.3, -1.0)
-    end, _ = drive(planner, Pose2D(0.0, 0.0, 0.3), goal, frequency, 60.0)
+    end, _ = drive(name, planner, Pose2D(0.0, 0.0, 0.3), goal, frequency, 60.0)
     assert end.distance_to(goal) <= 0.15 + 1e-9
+
+
+@pytest.mark.parametrize(("planner_name", "mode"), [(n, m) for n in PLANNERS for m in MODES.get(n, {})])
+def test_reaches_a_free_goal_in_every_mode(planner_name: str, mode: str) -> None:
+    more, windowed = MODES[planner_name][mode]
+    goal = Pose2D(1.0, -0.3, 0.8)
+    for heading in HEADINGS[::16]:
+        planner = make(planner_name, **more)
+        start = Pose2D(0.0, 0.0, normalize_angle(heading))
+        end, _ = drive(planner_name, planner, start, goal, 5.0, 60.0, windowed=windowed)
+        assert end.distance_to(goal) <= 0.15 + 1e-9
+
+
+@pytest.mark.parametrize("planner_name", [n for n in PLANNERS if "holonomic" in MODES.get(n, {})])
+def test_a_holonomic_robot_strafes(planner_name: str) -> None:
+    """To a goal beside it, with the heading it has: some of the way sideways, where the sampling allows it."""
+    planner = make(planner_name, **MODES[planner_name]["holonomic"][0])
+    goal = Pose2D(0.7, 0.5, 0.0)
+    planner.set_plan(straight(Pose2D(0.0, 0.0), goal), goal)
+    plan = planner.compute_command(inputs_at(Pose2D(0.0, 0.0), Twist2D(0.2, 0.0, 0.0)))
+    assert plan.samples is not None and plan.rejected_by is not None
+    sideways = plan.samples[:, 1] != 0.0
+    assert sideways.any() and (plan.rejected_by[sideways] == -1).any()
+    assert (plan.samples[sideways, 1] > 0.0).any() and (plan.samples[sideways, 1] < 0.0).any()
+
+
+def test_stops_when_told(name: str) -> None:
+    """Limits of zero, as a keepout mask or an operator sets them: no more than braking, and in the end no motion at all."""
+    planner = make(name)
+    goal = Pose2D(1.8, 0.3, 0.0)
+    planner.set_plan(straight(Pose2D(0.0, 0.0), goal), goal)
+    pose, velocity = Pose2D(0.0, 0.0, 0.2), Twist2D(0.4, 0.0, 0.3)
+    planner.set_limits(max_vel_trans=0.0, max_vel_theta=0.0)
+    for _ in range(15):
+        try:
+            command = planner.compute_command(inputs_at(pose, velocity)).command
+        except ControlError:
+            command = Twist2D()
+        assert command.speed <= velocity.speed + SLACK and abs(command.wz) <= abs(velocity.wz) + SLACK
+        velocity = command
+        pose = driven(pose, velocity, 0.2)
+    assert velocity == Twist2D()
+    planner.set_limits()
+    assert planner.compute_command(inputs_at(pose, velocity)).command != Twist2D()
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.25])
+def test_a_straight_corridor_gives_a_straight_path(name: str, heading: float) -> None:
+    """No snaking between two walls: on the plan within a cell from half a metre on, and hardly any change of side."""
+    walls = tuple((x, y) for y in (-0.525, 0.525) for x in np.arange(-1.0, 4.0, 0.04))
+    goal = Pose2D(2.4, 0.0, 0.0)
+    planner = make(name, controller_frequency=10.0)
+    planner.set_plan(straight(Pose2D(0.0, 0.0), goal), goal)
+    pose, velocity, aside, turns = Pose2D(0.0, 0.0, heading), Twist2D(), 0.0, list[float]()
+    for _ in range(200):
+        if pose.x > 2.0:
+            break
+        velocity = planner.compute_command(inputs_at(pose, velocity, lethal=walls)).command
+        pose = driven(pose, velocity, 0.1)
+        if pose.x > 0.8:
+            aside = max(aside, abs(pose.y))
+            turns += [velocity.wz] if abs(velocity.wz) > 0.15 else []
+    assert pose.x > 2.0 and aside <= 0.06
+    assert sum(a * b < 0.0 for a, b in pairwise(turns)) <= 2
 
 
 @pytest.mark.parametrize("heading", HEADINGS[::8])

@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from unittest.mock import patch
 
-from navstack.bench.barn import barn_configuration, load_worlds, run_world, summary
+from navstack.bench.barn import barn_configuration, load_worlds, run_world
 from navstack.core import Pose2D
 from navstack.interfaces import Rollouts, ScoringContext
 from navstack.local_planner import trajectory_rollout
@@ -79,11 +79,11 @@ def main() -> None:
             print(
                 f"  {o.world:4d} {o.outcome:10s} {o.time_s:6.1f} s  {o.length_m:6.2f} m  turning {o.turning_s:5.1f} s"
             )
-        s = summary(outcomes)
         ended = {kind: sum(o.outcome == kind for o in outcomes) for kind in sorted({o.outcome for o in outcomes})}
         turning = sum(o.turning_s for o in outcomes)
+        score = sum(o.score for o in outcomes) / len(outcomes)
         print(
-            f"{name}: {s['runs']:.0f} runs, {ended}, score {s['score']:.3f}, turning in place {turning:.0f} s",
+            f"{name}: {len(outcomes)} runs, {ended}, score {score:.3f}, turning in place {turning:.0f} s",
             flush=True,
         )
 
