@@ -1,0 +1,152 @@
+"""Pedestrians: where they walk, what they keep off, the same for the same seed."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from navstack.core import Footprint, Pose2D, Twist2D
+from navstack.sim import PedestrianMotion, Shape, SimParams, SimulatedRobot, World
+from navstack.sim._crowd_kernels import push_from_other, push_from_wall
+from tests.sim.worlds import ascii_map
+
+CIRCLE = Footprint.from_radius(0.18)
+FAR_AWAY = Pose2D(50.0, 50.0, 0.0)
+BLIND = SimParams(lasers=[], bumpers=[])
+
+
+def walker(x: float, y: float, *goals: tuple[float, float], radius: float = 0.25, **more: object) -> Shape:
+    motion = PedestrianMotion(goals=[list(goal) for goal in goals], **more)  # pyright: ignore
+    return Shape(radius=radius, pose=[x, y], motion=motion)
+
+
+def ways(robot: SimulatedRobot, seconds: float, step: float = 0.1) -> NDArray[np.float64]:
+    """(time, people, 2) where they walked."""
+    found: list[NDArray[np.float64]] = []
+    begun = robot.time
+    for k in range(round(seconds / step)):
+        robot.advance_to(begun + step * (k + 1))
+        found.append(robot.solids.discs[-len(robot.world.people) :, :2].copy())
+    return np.array(found)
+
+
+def test_one_alone_walks_to_its_goals_at_its_speed() -> None:
+    world = World(None, shapes=[walker(0, 0, (10, 0), (10, 5), speed=1.2, goal_radius=0.2)])
+    way = ways(SimulatedRobot(BLIND, world, CIRCLE, FAR_AWAY), 15.0)[:, 0]
+    # v (t - tau (1 - exp(-t / tau))): the speed is come to under the relaxation time of 0.5 s
+    t = 0.1 * np.arange(1, 81)
+    assert way[:80, 0] == pytest.approx(1.2 * (t - 0.5 * (1 - np.exp(-t / 0.5))), abs=0.35)
+    assert np.hypot(*(way - [10, 0]).T).min() < 0.25
+    assert np.hypot(*(way - [10, 5]).T).min() < 1.0
+    speeds = np.hypot(*np.diff(way, axis=0).T) / 0.1
+    assert speeds.max() < 1.3 * 1.2 + 1e-9
+
+
+def test_forces_are_the_gradients_of_the_paper_s_potentials() -> None:
+    """Equations 3 to 5 by central differences."""
+
+    def others(x: float, y: float, vx: float, vy: float) -> float:
+        sx, sy = 2.0 * vx, 2.0 * vy
+        ahead = math.hypot(x - sx, y - sy)
+        b = 0.5 * math.sqrt((math.hypot(x, y) + ahead) ** 2 - sx * sx - sy * sy)
+        return 2.1 * math.exp(-b / 0.3)
+
+    h = 1e-6
+    for x, y, vx, vy in ((1.0, 0.2, 0.0, 0.3), (0.4, -0.6, 0.5, 0.5), (-0.8, 0.1, 1.0, 0.0), (0.5, 0.5, 0.0, 0.0)):
+        expected = (
+            -(others(x + h, y, vx, vy) - others(x - h, y, vx, vy)) / (2 * h),
+            -(others(x, y + h, vx, vy) - others(x, y - h, vx, vy)) / (2 * h),
+        )
+        assert push_from_other(x, y, vx, vy, 0.0) == pytest.approx(expected, rel=1e-5, abs=1e-8)
+    assert push_from_wall(0.5, 0.0, 0.0, 0.3, 0.4) == pytest.approx(
+        (0.6 * 50 * math.exp(-2.5), 0.8 * 50 * math.exp(-2.5))
+    )
+
+
+def test_two_that_meet_pass_each_other() -> None:
+    world = World(None, shapes=[walker(-4, 0, (4, 0), speed=1.2), walker(4, 0.05, (-4, 0), speed=1.2)])
+    both = ways(SimulatedRobot(BLIND, world, CIRCLE, FAR_AWAY), 12.0)
+    assert np.hypot(*(both[:, 0] - both[:, 1]).T).min() > 0.5
+    assert np.hypot(*(both[:, 0] - [4, 0]).T).min() < 0.4
+    assert np.hypot(*(both[:, 1] - [-4, 0]).T).min() < 0.4
+
+
+ROOM = """
+################
+#              #
+#              #
+#      ##      #
+#      ##      #
+#              #
+#              #
+################
+"""
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_nobody_walks_into_walls_solids_or_the_robot(seed: int) -> None:
+    """Six who criss-cross a room with a pillar, a post and a robot that drives about."""
+    rng = np.random.default_rng(seed)
+    grid = ascii_map(ROOM, 0.5)
+    people = [
+        walker(*start, *[tuple(rng.uniform(0.9, 3.0, 2) * (2.3, 1.0)) for _ in range(3)])  # pyright: ignore
+        for start in ((1, 1), (1, 2), (1, 3), (6.8, 1), (6.8, 2), (6.8, 3))
+    ]
+    post = Shape(radius=0.2, pose=[2.5, 2.0])
+    box = Shape(box=[0.4, 0.4], pose=[5.5, 2.2, 0.7])
+    world = World(grid, shapes=[*people, post, box])
+    robot = SimulatedRobot(BLIND, world, CIRCLE, Pose2D(4.0, 0.9, 0.0), seed=seed)
+    still = World(grid, shapes=[post, box])
+    speeds: list[float] = []
+    last = robot.solids.discs[-6:, :2].copy()
+    for k in range(400):
+        robot.command(Twist2D(*((0.3, 0.0, 0.4) if k % 80 < 40 else (-0.3, 0.0, 0.4))))
+        robot.advance_to(0.1 * (k + 1))
+        now = robot.solids.discs[-6:, :2].copy()
+        speeds += (np.hypot(*(now - last).T) / 0.1).tolist()
+        last = now
+        for x, y in now.tolist():
+            assert still.clearance(Pose2D(x, y)) >= 0.25 - 1e-9
+    assert max(speeds) < 1.3 * 2.5
+    assert np.mean(speeds) > 0.2
+
+
+def test_they_walk_round_a_robot_that_stands_in_their_way() -> None:
+    world = World(None, shapes=[walker(-3, 0.02, (3, 0), speed=1.0)])
+    robot = SimulatedRobot(BLIND, world, CIRCLE, Pose2D(0, 0, 0))
+    way = ways(robot, 10.0)[:, 0]
+    assert not robot.collisions
+    assert np.hypot(*way.T).min() > 0.43
+    assert np.hypot(*(way - [3, 0]).T).min() < 0.4
+
+
+def test_one_that_does_not_notice_the_robot_runs_into_it() -> None:
+    shape = walker(-3, 0, (3, 0), speed=1.0, notices_robot=False).model_copy(update={"name": "ann"})
+    robot = SimulatedRobot(BLIND, World(None, shapes=[shape]), CIRCLE, Pose2D(0, 0, 0))
+    robot.advance_to(8.0)
+    assert [(c.kind, c.name) for c in robot.collisions] == [("disc", "ann")]
+    assert robot.pose == Pose2D(0, 0, 0)
+
+
+def test_speeds_and_ways_come_from_the_seed() -> None:
+    world = World(None, shapes=[walker(0, y, (20, y)) for y in np.arange(0, 120, 6.0).tolist()])
+
+    def walked(seed: int) -> NDArray[np.float64]:
+        return ways(SimulatedRobot(BLIND, world, CIRCLE, Pose2D(-50, 0, 0), seed=seed), 4.0, 1.0)
+
+    first = walked(1)
+    assert (first == walked(1)).all()
+    assert (first != walked(2)).any()
+    speeds = (first[3] - first[2])[:, 0]
+    assert speeds.mean() == pytest.approx(1.34, abs=4 * 0.26 / math.sqrt(20))
+    assert 0.1 < speeds.std() < 0.5
+
+
+def test_they_pause_at_their_goals() -> None:
+    world = World(None, shapes=[walker(0, 0, (2, 0), (0, 0), speed=1.0, pause=3.0)])
+    way = ways(SimulatedRobot(BLIND, world, CIRCLE, FAR_AWAY), 6.0)[:, 0]
+    there = np.hypot(*(way - [2, 0]).T) < 0.45
+    assert 2.5 < 0.1 * there.sum() < 4.0
