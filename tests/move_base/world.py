@@ -43,6 +43,8 @@ from navstack.interfaces import (
 )
 from navstack.move_base import GoalHandle, MoveBase, MoveBaseParams, Planning
 
+NOTHING = object()
+"""What a planner that is told so returns as None."""
 LIMITS = VelocityLimits(0.5, 0.0, 0.0, 0.0, 0.5, 0.1, 1.0, 0.4, 2.5, 0.0, 3.2, 0.1, 0.1)
 
 
@@ -181,7 +183,7 @@ class StraightPlanner(GlobalPlanner):
         self.calls.append(goal)
         told = self.behave(len(self.calls) - 1)
         if told is not None:
-            return told
+            return None if told is NOTHING else told
         n = max(2, int(start.distance_to(goal) / 0.05) + 1)
         f = np.linspace(0.0, 1.0, n)
         heading = math.atan2(goal.y - start.y, goal.x - start.x)
@@ -248,7 +250,7 @@ class TurnAndGo(LocalPlanner):
         self.calls += 1
         told = self.behave(self.calls - 1)
         if told is not None:
-            return told
+            return None if told is NOTHING else told
         distance, bearing, turn = self._offset(inputs)
         if distance > 0.1:
             speed = min(0.5, 2.0 * distance) if abs(bearing) < 0.5 else 0.0
