@@ -90,6 +90,8 @@ class ObservationBuffer:
         self._keep_one = params.observation_persistence == 0.0
         self._pending: deque[LaserScan | PointCloud] = deque()
         self._since: float | None = None
+        self._heard: float | None = None
+        self._newest_arrival: float | None = None
         self._restarted = False
         self._directions: NDArray[np.float64] | None = None
         self._directions_key = (0, 0.0, 0.0)
@@ -116,6 +118,7 @@ class ObservationBuffer:
             self._pending.popleft()
             self.dropped += 1
         self._pending.append(data)
+        self._newest_arrival = data.stamp
         if self.last_stamp is None or data.stamp > self.last_stamp:
             self.last_stamp = data.stamp
         return True
@@ -162,8 +165,12 @@ class ObservationBuffer:
         if allowed == 0.0:
             return True
         if self._since is None:
-            self._since = now if self.last_stamp is None or self._restarted else self.last_stamp
-        newest = self._since if self.last_stamp is None else max(self.last_stamp, self._since)
+            self._since = now if self.last_stamp is None or self._restarted else min(self.last_stamp, now)
+        if self._newest_arrival is not None:
+            # a stamp from the future counts as now: a clock that is wrong must not hide that the sensor fell silent
+            heard, self._newest_arrival = min(self._newest_arrival, now), None
+            self._heard = heard if self._heard is None else max(heard, self._heard)
+        newest = self._since if self._heard is None else max(self._heard, self._since)
         return now - newest <= allowed
 
     def restart(self) -> None:

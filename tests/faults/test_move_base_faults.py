@@ -201,7 +201,7 @@ def build(seed: int) -> tuple[Bench, random.Random, dict[str, Any]]:
     def pick(what: str, choices: list[Any]) -> Any:
         return dice.choice(choices) if what in faulty else choices[0]
 
-    about = {
+    about: dict[str, Any] = {
         "seed": seed,
         "planner": pick("planner", list(PLANNERS)),
         "planning": pick("planning", PLANNING_TIMES),

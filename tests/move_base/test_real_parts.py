@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from navstack.configuration import load_configuration
-from navstack.core import Event, Pose2D, Transform2D, Twist2D
+from navstack.core import Event, LaserScan, Pose2D, Transform2D, Twist2D
 from navstack.map_io import load_map
 from navstack.maps import map_path
 from navstack.move_base import GoalHandle, GoalStatus, Mode, MoveBase, texts
@@ -161,6 +163,45 @@ def test_silent_sensors() -> None:
     # half a second of grace, then controller_patience
     assert handle.result.ended_at == pytest.approx(3.0 + 0.5 + 3.0, abs=0.45)
     assert office.stands()
+
+
+def bent(scan: LaserScan, kind: str) -> LaserScan:
+    """A scan as a broken driver would have it."""
+    if kind == "all NaN":
+        return replace(scan, ranges=np.full_like(scan.ranges, np.nan))
+    if kind == "all inf":
+        return replace(scan, ranges=np.full_like(scan.ranges, np.inf))
+    return replace(scan, stamp=scan.stamp + {"late": -0.3, "too late": -2.0, "from the future": 60.0}[kind])
+
+
+@pytest.mark.parametrize("kind", ["all NaN", "all inf", "late", "too late", "from the future"])
+def test_scans_that_are_wrong(kind: str) -> None:
+    office = Office(
+        "global_costmap/obstacle_layer/scan/expected_update_rate=0.5",
+        "local_costmap/obstacle_layer/scan/expected_update_rate=0.5",
+    )
+    handle = office.move_base.send_goal(NEAR)
+    office.run_to(1.5)
+    scans = office.robot.scans
+    office.robot.scans = lambda: [bent(s, kind) if isinstance(s, LaserScan) else s for s in scans()]  # type: ignore[method-assign]
+    office.run(handle)
+    if kind == "too late":
+        assert (handle.status, handle.result.error_name) == (S.ABORTED, "SENSOR_DATA_STALE")
+        assert handle.result.ended_at < 1.5 + 0.5 + 3.0 + 0.5
+    else:
+        assert (handle.status, handle.result.error_name) == (S.SUCCEEDED, "NONE")
+    assert office.stands()
+    assert not office.robot.collisions
+    # and then none at all: whatever the stamps were, the silence is noticed
+    silent = office.move_base.send_goal(FAR)
+    office.run_to(office.robot.time + 1.0)
+    began = office.robot.time
+    office.robot.scans = lambda: ()  # type: ignore[method-assign]
+    office.run(silent)
+    assert (silent.status, silent.result.error_name) == (S.ABORTED, "SENSOR_DATA_STALE")
+    assert silent.result.ended_at <= began + 0.5 + 3.0 + 0.5
+    office.robot.scans = scans  # type: ignore[method-assign]
+    assert office.run(office.move_base.send_goal(NEAR)).status is S.SUCCEEDED
 
 
 def test_shutdown_and_a_bug() -> None:
