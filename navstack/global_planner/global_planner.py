@@ -18,6 +18,7 @@ from navstack.core.parameters import param
 from navstack.global_planner import _trace_kernels as trace
 from navstack.global_planner import ends
 from navstack.global_planner.cost_rule import CostRule, global_planner_rule
+from navstack.global_planner.loops import without_loops
 from navstack.global_planner.orientation_filter import OrientationMode, orient
 from navstack.global_planner.search_params import SearchParams
 from navstack.global_planner.wave_planner import WavePlanner, WaveQuery
@@ -130,9 +131,10 @@ class GlobalPlannerROS(WavePlanner):
                     wave.complete(target[0], target[1], _ENDPOINT_REACH)
         return potential
 
-    def _descend(self, query: WaveQuery, goal: Pose2D, cell: ends.Cell) -> NDArray[np.float64]:
+    def _descend(self, query: WaveQuery, goal: Pose2D, cell: ends.Cell, loops: bool) -> NDArray[np.float64]:
         g = query.grid.geometry
         cells = descend(self._wave, query.grid, query.start, query.start_cell, goal, cell, self._own)
+        cells = cells if loops else without_loops(cells, g.nx)
         offset = 0.0 if self._own.old_navfn_behavior else 0.5
         return (cells[::-1].astype(np.float64) + offset) * g.resolution + (g.origin_x, g.origin_y)
 

@@ -17,6 +17,7 @@ from navstack.core.parameters import param
 from navstack.global_planner import _trace_kernels as trace
 from navstack.global_planner import ends
 from navstack.global_planner.cost_rule import NAVFN_NEUTRAL, CostRule, navfn_rule
+from navstack.global_planner.loops import without_loops
 from navstack.global_planner.search_params import SearchParams
 from navstack.global_planner.wave_planner import WavePlanner, WaveQuery
 from navstack.global_planner.wavefront import Guide, Wavefront
@@ -122,8 +123,9 @@ class NavfnROS(WavePlanner):
         keep = keep or cast("NavfnParams", self.params).visualize_potential
         return wave.full_potential() if keep else None
 
-    def _descend(self, query: WaveQuery, goal: Pose2D, cell: ends.Cell) -> NDArray[np.float64]:
+    def _descend(self, query: WaveQuery, goal: Pose2D, cell: ends.Cell, loops: bool) -> NDArray[np.float64]:
         del goal
         g = query.grid.geometry
-        cells = descend(self._wave, cell, root=query.start_cell).astype(np.float64)
+        cells = descend(self._wave, cell, root=query.start_cell)
+        cells = (cells if loops else without_loops(cells, g.nx)).astype(np.float64)
         return cells[::-1] * g.resolution + (g.origin_x, g.origin_y)

@@ -74,8 +74,11 @@ class WavePlanner(GlobalPlanner):
         """Runs the wave from the start until it reaches the goal's cell; the potential (ny, nx) if it is to be kept."""
 
     @abstractmethod
-    def _descend(self, query: WaveQuery, goal: Pose2D, cell: ends.Cell) -> NDArray[np.float64]:
-        """(n, 2) points (m) from the start to `goal`, which may be left out, by the potential."""
+    def _descend(self, query: WaveQuery, goal: Pose2D, cell: ends.Cell, loops: bool) -> NDArray[np.float64]:
+        """(n, 2) points (m) from the start to `goal`, which may be left out, by the potential.
+
+        `loops`: leave them in.
+        """
 
     def _orient(self, poses: NDArray[np.float64], start_yaw: float) -> None:
         """Sets the headings of a path (n, 3) that ends with the goal's."""
@@ -153,7 +156,8 @@ class WavePlanner(GlobalPlanner):
             potential[cell[1], cell[0]] = cost
             if given is not costmap:
                 potential = np.ascontiguousarray(potential[1:-1, 1:-1])
-        points = self._descend(query, used, cell)
+        # a potential that C++ has gives the path that C++ has, with its loops
+        points = self._descend(query, used, cell, not guided)
         poses = np.zeros((len(departure.lead) + len(points) + 1, 3))
         poses[: len(departure.lead), :2] = departure.lead
         poses[len(departure.lead) : -1, :2] = points
