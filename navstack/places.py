@@ -69,7 +69,9 @@ def pose_of(node: Node, what: str) -> Pose2D:
     """
     if isinstance(node, ListNode):
         if len(node.items) not in (2, 3):
-            raise _wrong(node.at, f"{what} has {len(node.items)} numbers; give {_POSE}")
+            raise _wrong(
+                node.at, f"{what} has {len(node.items)} number{'' if len(node.items) == 1 else 's'}; give {_POSE}"
+            )
         numbers = [_number(item, f"{name} of {what}") for item, name in zip(node.items, ("x", "y", "yaw"))]
         return Pose2D(numbers[0], numbers[1], numbers[2] if len(numbers) == 3 else 0.0)
     if not isinstance(node, DictNode):

@@ -64,7 +64,7 @@ def test_start_and_goals_by_name(tmp_path: Path) -> None:
     ("text", "where", "what"),
     [
         ("places: {a: [1, x]}", "1:17", 'y of "a" is a finite number'),
-        ("places:\n  a: [1]\n", "2:6", "has 1 numbers"),
+        ("places:\n  a: [1]\n", "2:6", "has 1 number"),
         ("places:\n  a: {x: 1, yaw: 2}\n", "2:6", "has no y"),
         ("places:\n  a: {x: 1, y: .inf}\n", "2:16", "finite"),
         ("places:\n  a: {x: 1, y: 2, theta: 2}\n", "2:19", '"theta"'),

@@ -131,6 +131,10 @@ class Binder:
                 self.say(strictness, "wrong-type", found.node.at, found.path, message)
         return Space(parent.join(name), parent.at, parent)
 
+    def _of_ros(self, path: str) -> bool:
+        """False for parameters that ROS does not read."""
+        return self.of_ros and path.partition("/")[0] != "navstack"
+
     def _only_check(self, *args: Any) -> None:
         """Finds what else is wrong, for a model that a namespace below it already spoils."""
         self._validate(*args)
@@ -290,7 +294,7 @@ class Binder:
                 found = node.items.get(name)
                 at = found[1].at if found else node.at
                 text = message_for(
-                    error, name, model.model_fields.get(name), found[1] if found else None, of_ros=self.of_ros
+                    error, name, model.model_fields.get(name), found[1] if found else None, of_ros=self._of_ros(path)
                 )
                 self.say(strictness, rule_for(error), at, f"{path}/{name}", text)
             return plain(node)
@@ -314,7 +318,7 @@ class Binder:
                 for step in _steps(error):
                     here = here.items[step] if isinstance(here, ListNode) and step < len(here.items) else here
                 text = message_for(
-                    error, name, model.model_fields.get(name), here, bool(_steps(error)), of_ros=self.of_ros
+                    error, name, model.model_fields.get(name), here, bool(_steps(error)), of_ros=self._of_ros(path)
                 )
                 if text not in said and not (said and here is node):
                     self.say(strictness, rule_for(error), here.at if here is not None else at, path, text)

@@ -453,8 +453,13 @@ class ScenarioReader:
         count = len(self.parts.goals)
         if isinstance(made.goals, list) and count and len(made.goals) != count:
             at = node.items["goals"][1].at
-            message = f"success lists {len(made.goals)} states for {count} goals; give one for each, or one for all"
+            given, wanted = _many(len(made.goals), "state"), _many(count, "goal")
+            message = f"success lists {given} for {wanted}; give one for each, or one for all"
             self.say("wrong-value", at, "success/goals", message)
+
+
+def _many(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"
 
 
 def _sterner(f: Finding) -> Finding:
