@@ -32,8 +32,8 @@ CASES = {
     "not yaml": (
         "map: office\nstart: [0.8, 7.4\n",
         (
-            "3:1: this is not YAML: while parsing a flow sequence did not find expected ',' or ']'; look at this line and the one "
-            "above (indentation, colons, brackets)"
+            "3:1: this is not YAML: while parsing a flow sequence did not find expected ',' or ']'; look at this line and the "
+            "one above (indentation, colons, brackets)"
         ),
     ),
     "a tab": (
@@ -102,8 +102,8 @@ CASES = {
     "params missing": (
         GOOD + "params: [turtlebot, mine.yaml]\n",
         (
-            '4:21: there are no parameters "mine.yaml": no such file or folder beside this one and no packaged set; packaged sets '
-            "are turtlebot"
+            '4:21: there are no parameters "mine.yaml": no such file or folder beside this one and no packaged set; packaged '
+            "sets are turtlebot"
         ),
     ),
     "set is a list": (

@@ -191,7 +191,7 @@ def test_simulate_takes_a_scenario_file(
     assert "max_time: not held" in capfd.readouterr().out
     Path("wrong.yaml").write_text(SHORT + "sede: 1\n")
     assert run(["simulate", "wrong.yaml"]) == 2
-    assert 'wrong.yaml:15:1: a scenario has no key "sede"; did you mean seed?' in capfd.readouterr().err
+    assert 'wrong.yaml:14:1: a scenario has no key "sede"; did you mean seed?' in capfd.readouterr().err
 
 
 def test_check_takes_a_scenario_file(
@@ -203,7 +203,7 @@ def test_check_takes_a_scenario_file(
     Path("wrong.yaml").write_text(SHORT + "sede: 1\n")
     assert run(["check", "wrong.yaml", "--json"]) == 2
     errors = [f for f in json.loads(capfd.readouterr().out)["findings"] if f["severity"] == "error"]
-    assert [(f["line"], f["column"], f["suggestion"]) for f in errors] == [(15, 1, "seed")]
+    assert [(f["line"], f["column"], f["suggestion"]) for f in errors] == [(14, 1, "seed")]
 
 
 def test_those_that_are_shipped_say_what_they_show() -> None:
