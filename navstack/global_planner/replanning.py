@@ -165,7 +165,7 @@ class GoalField:
         before, after = kept[changed], new[changed]
         kept[changed] = after
         price = np.where(rule.blocked, np.float32(np.inf), rule.steps)
-        self._wave.revise(changed, rule.blocked[before], cheaper=price[after] < price[before], rise=rise)
+        self._wave.revise(changed, cheaper=price[after] < price[before], rise=rise)
         return True
 
 

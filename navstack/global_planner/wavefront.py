@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Costmap
+from navstack.core.errors import InputError
 from navstack.global_planner import _kernels as kernels
 from navstack.global_planner.cost_rule import CostRule
 
@@ -32,16 +33,17 @@ class Guide(NamedTuple):
 class Wavefront:
     """A wavefront over one costmap at a time. Cells are numbered k = iy * nx + ix.
 
-    The two arrays of 4 bytes a cell are allocated once per size of costmap and touched only where the wave goes; the lists
-    of cells grow with its front. The costmap is read, never written to, and must not change while a wave is under way.
+    Two arrays, 5 bytes a cell together, are allocated once per size of costmap and touched only where the wave goes; the
+    lists of cells grow with its front. The costmap is read, never written to, and must not change while a wave is under way.
     """
 
     def __init__(self) -> None:
         self.nx = 0
         self.ny = 0
         self._pot = np.empty(0, np.float32)
-        self._weight = np.empty(0, np.float32)
+        self._pending = np.empty(0, np.uint8)
         self._lists = [np.empty(_FIRST_LISTS, np.uint32) for _ in range(3)]
+        self._notes = np.empty(_FIRST_LISTS, np.uint8)
         self._state = np.zeros(kernels.STATE_SIZE, np.int64)
         self._level = np.zeros(2, np.float32)
         self._cost = np.empty(0, np.uint8)
@@ -102,9 +104,11 @@ class Wavefront:
         """
         ny, nx = costmap.data.shape
         if (nx, ny) != (self.nx, self.ny):
+            if nx * ny > kernels.MOST_CELLS:
+                raise InputError(f"a costmap of {nx} x {ny} cells: at most 2**31 can be planned over")
             self.nx, self.ny = nx, ny
             self._pot = np.empty(nx * ny, np.float32)
-            self._weight = np.empty(nx * ny, np.float32)
+            self._pending = np.empty(nx * ny, np.uint8)
         self._cost = np.ascontiguousarray(costmap.data).reshape(-1)
         self._rule = rule
         self._state[:] = 0
@@ -114,10 +118,8 @@ class Wavefront:
         xs = [target[0], *(k % nx for k, _ in seeds)]
         ys = [target[1], *(k // nx for k, _ in seeds)]
         kernels.open_rectangle(
-            self._cost,
             self._pot,
-            self._weight,
-            rule.weights,
+            self._pending,
             nx,
             ny,
             self._state,
@@ -128,8 +130,10 @@ class Wavefront:
         )
         inside = [y * nx + x for x, y in fronts if 0 < x < nx - 1 and 0 < y < ny - 1]
         kernels.seed(
+            self._cost,
             self._pot,
-            self._weight,
+            self._pending,
+            rule.weights,
             self._state,
             self._lists[0],
             np.array([k for k, _ in seeds], np.int64),
@@ -147,10 +151,10 @@ class Wavefront:
         """
         if stop >= 0:
             self._open(stop % self.nx, stop // self.nx)
-        self._lists[:] = kernels.wave(
+        *self._lists, self._notes = kernels.wave(
             self._cost,
             self._pot,
-            self._weight,
+            self._pending,
             self.rule.steps,
             self.rule.weights,
             self.nx,
@@ -158,6 +162,7 @@ class Wavefront:
             self._lists[0],
             self._lists[1],
             self._lists[2],
+            self._notes,
             self._state,
             self._level,
             np.float32(last),
@@ -173,10 +178,8 @@ class Wavefront:
         x0, y0, x1, y1 = self.rectangle
         if not (x0 <= ix < x1 and y0 <= iy < y1):
             kernels.open_rectangle(
-                self._cost,
                 self._pot,
-                self._weight,
-                self.rule.weights,
+                self._pending,
                 self.nx,
                 self.ny,
                 self._state,
@@ -196,21 +199,17 @@ class Wavefront:
             # what waits was queued by cells whose potential is at least the threshold before this one
             self.run(last=reached + float(self._level[1]), guide=guide, limit=limit)
 
-    def revise(
-        self, changed: NDArray[np.int64], were_blocked: NDArray[np.bool_], *, cheaper: NDArray[np.bool_], rise: float
-    ) -> None:
+    def revise(self, changed: NDArray[np.int64], *, cheaper: NDArray[np.bool_], rise: float) -> None:
         """The costs of the cells `changed` are others now: lowers the potential where it has become cheaper.
 
         What has become dearer keeps its potential, as a lower bound; so this is for guides only. The wave under way is
         interrupted for it and taken up again where it was.
         """
         nx, ny = self.nx, self.ny
-        weight, pot = self._weight, self._pot
+        pot = self._pot
         inner = (changed % nx > 0) & (changed % nx < nx - 1) & (changed >= nx) & (changed < (ny - 1) * nx)
-        waiting = ~were_blocked & np.isinf(weight[changed])  # queued by the wave under way: it will see to them
-        free = inner & ~waiting
-        weight[changed[free]] = self.rule.weights[self._cost[changed[free]]]
-        cells = changed[free & cheaper]
+        # what waits is queued by the wave under way: it will see to it
+        cells = changed[inner & cheaper & (self._pending[changed] == 0)]
         around = (
             pot[np.stack([cells - 1, cells + 1, cells - nx, cells + nx])]
             if cells.size
@@ -221,7 +220,7 @@ class Wavefront:
         if cells.size == 0:
             return
         suspended, level = self._queued(), float(self._level[0])
-        weight[cells] = np.inf
+        self._pending[cells] = kernels.WAITS
         self._queue(cells.astype(np.uint32))
         self._level[0] = min(level, float(lowest.min()) + rise)
         self.run(last=level)
