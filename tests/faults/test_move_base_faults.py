@@ -222,7 +222,7 @@ def build(seed: int) -> tuple[Bench, random.Random, dict[str, Any]]:
         planner_frequency=dice.choice([0.0, 1.0, 3.0]),
         planner_patience=dice.choice([0.0, 1.0]),
         controller_patience=dice.choice([0.0, 1.0]),
-        oscillation_timeout=2.0,
+        oscillation_timeout=4.0,  # long enough to turn round for a goal that is close
         max_planning_retries=dice.choice([-1, 0, 3]),
         shutdown_costmaps=dice.random() < 0.2,
     )
