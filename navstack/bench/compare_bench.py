@@ -77,7 +77,7 @@ def _in_barn(chosen: ParameterSet) -> Configuration:
     return load_configuration([*chosen.params, simulator], overrides=chosen.overrides)
 
 
-def read_courses(names: Sequence[str], suite: str | None) -> list[Course]:
+def read_courses(names: Sequence[str], suite: str | None, count: int | None = None) -> list[Course]:
     """Scenario files, folders of them, folders with BARN worlds, and a packaged suite.
 
     Raises InputError, ScenarioError.
@@ -96,10 +96,12 @@ def read_courses(names: Sequence[str], suite: str | None) -> list[Course]:
             courses += [_course(read_scenario(f.resolve(), str(f))) for f in files]
         else:
             courses.append(_course(read_scenario(path.resolve(), name)))
+    if count is not None and suite is None:
+        raise InputError("--count: say with --suite what it counts the scenarios of", argument="--count")
     if suite is not None:
         from navstack import suites
 
-        courses += [_course(spec) for spec in suites.scenarios(suite)]
+        courses += [_course(spec) for spec in suites.scenarios(suite, count=count)]
     if not courses:
         raise InputError("nothing to drive: give scenario files, or --suite NAME", argument="SCENARIO")
     seen: set[str] = set()

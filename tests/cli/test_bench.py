@@ -15,7 +15,9 @@ import numpy as np
 import pytest
 
 from navstack.bench.compare_bench import Pair, courses_table, measures_table
+from navstack.bench.speed_bench import read_reference, speed_tables
 from navstack.cli.app import run
+from navstack.jobs import JobResult
 
 
 @pytest.fixture
@@ -189,6 +191,23 @@ def test_compare(navstack, tmp_path: Path) -> None:
     assert "B.set.0 was" in message or "B.set was" in message
 
 
+def test_speed(navstack, tmp_path: Path) -> None:
+    trip = write_scenario(tmp_path / "trip.yaml", goal="[2.0, 7.45, 0.0]")
+    told = navstack("bench", "speed", trip, "--repeats", 1, "--json")
+    (tmp_path / "then.json").write_text(json.dumps(told))
+    whole = told["measured"]["whole run"]
+    assert whole["states"] == ["SUCCEEDED"] and whole["factors"][0] > 0.0
+    stages = told["measured"]["stages of a run"]["stages"]
+    assert {"local planner", "global planner", "costmaps", "simulator", "recorder"} <= set(stages)
+    assert {"dwa_turtlebot", "costmap_update_4m", "voxel_update_4m"} <= set(told["cases"])
+    # what it told is a reference for the next time; the ratio is made with both calibrations
+    now = {name: {"ms": 2.0 * case["ms"]} for name, case in told["cases"].items()}
+    results = [JobResult(name, {**case, "calibration_ms": 50.0}) for name, case in now.items()]
+    then = read_reference(tmp_path / "then.json")
+    rows = speed_tables(results, then)[-1].rows
+    assert [r["ratio"] for r in rows] == [pytest.approx(50.0 / told["calibration_ms"] / 2.0)] * len(now)
+
+
 def pair(course: str, a: float | None, b: float | None) -> Pair:
     sides = [{"success": t is not None, "time_s": t or 60.0, "recoveries": 0} for t in (a, b)]
     return Pair(course, 0, *sides)
@@ -235,6 +254,12 @@ def test_what_a_comparison_shows() -> None:
         (("compare", ",", "turtlebot", "SCENARIO"), "names no parameters"),
         (("compare", "turtlebot", "turtlebot", "absent.yaml"), "absent.yaml"),
         (("compare", "turtlebot", "turtlebot", "SCENARIO", "SCENARIO"), 'two scenarios are called "trip"'),
+        (("compare", "turtlebot", "turtlebot", "SCENARIO", "--count", "3"), "--suite"),
+        (("compare", "turtlebot", "turtlebot", "--suite", "ofice"), "office"),
+        (("speed", "offic"), "office"),
+        (("speed", "office", "--repeats", "0"), "--repeats"),
+        (("speed", "office", "--reference", "absent.json"), "cannot read absent.json"),
+        (("speed", "office", "--reference", "trip.yaml"), "holds no reference times"),
         (("compare", "turtlebot", "turtlebot", "problems"), "holds neither scenario files nor"),
         (("compare", "turtlebot", "turtlebot", "SCENARIO", "--set-b", "DWAPlannerROS/max_vel_x=fast"), "max_vel_x"),
     ],

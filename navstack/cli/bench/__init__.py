@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from navstack.cli.bench import barn, compare, movingai, planners, random
+from navstack.cli.bench import barn, compare, movingai, planners, random, speed
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -16,5 +16,6 @@ app = typer.Typer(
 app.command("barn")(barn.barn)
 app.command("movingai")(movingai.movingai)
 app.command("planners")(planners.planners)
+app.command("speed")(speed.speed)
 app.command("compare")(compare.compare)
 app.command("random")(random.random)

@@ -18,6 +18,7 @@ def compare(
         None, metavar="[SCENARIO..]", help="Scenario files, folders of them, or a folder with BARN worlds."
     ),
     suite: str | None = typer.Option(None, "--suite", metavar="NAME", help="A packaged suite of scenarios."),
+    count: int | None = typer.Option(None, "--count", metavar="N", min=1, help="How many scenarios of the suite."),
     seeds: int = typer.Option(
         1, "--seeds", metavar="N", min=1, help="Runs per scenario and side, with seeds 0 to N - 1."
     ),
@@ -46,7 +47,7 @@ def compare(
     sources = {"A": _sources(a), "B": _sources(b)}
     overrides = {"A": (*set_, *set_a), "B": (*set_, *set_b)}
     sets = {side: ParameterSet(tuple(for_workers(s) for s in sources[side]), overrides[side]) for side in sources}
-    task = CompareTask(sets, tuple(read_courses(scenario or [], suite)))
+    task = CompareTask(sets, tuple(read_courses(scenario or [], suite, count)))
     told = {side: {"params": short_names(sources[side]), "set": list(overrides[side])} for side in sources}
     what = {
         "bench": "compare",
