@@ -17,7 +17,8 @@ def simulate(
     map_: str = typer.Argument(
         "office",
         metavar="[SCENARIO.yaml | MAP.yaml]",
-        help="A scenario file; or a map_server YAML, or the name of a packaged map.",
+        help="A scenario file, or the name of one that is shipped (narrow_door, ..); or a map_server YAML, or the name of a "
+        "packaged map.",
     ),
     start: str | None = typer.Option(None, "--start", metavar="X,Y[,YAW]", help="Where the robot stands (m, rad)."),
     goal: list[str] = typer.Option(
@@ -100,13 +101,14 @@ def _scenario(
     from navstack.configuration import load_configuration
     from navstack.core.errors import InputError
     from navstack.scenario import Scenario
-    from navstack.scenario_file import is_scenario_file, read_scenario
+    from navstack.scenario_file import read_scenario
 
     start_pose = parse_pose(start, "--start") if start is not None else None
     goals = tuple(parse_pose(g, "--goal") for g in goal)
     obstacles = tuple(parse_obstacle(o) for o in obstacle)
-    if is_scenario_file(Path(map_name)):
-        scenario = read_scenario(map_name).build(
+    file = _scenario_file(map_name)
+    if file is not None:
+        scenario = read_scenario(file).build(
             params=params or None,
             overrides=overrides,
             distro=distro,
@@ -142,6 +144,18 @@ def _scenario(
     )
     _note_warnings(scenario)
     return scenario
+
+
+def _scenario_file(name: str) -> Path | None:
+    """The scenario file of that path, or of that name among those that come with navstack; None: it is none."""
+    from navstack import maps
+    from navstack.scenario_file import is_scenario_file
+    from navstack.suites import shipped
+
+    path = Path(name)
+    if is_scenario_file(path):
+        return path
+    return None if path.exists() or name in maps.map_names() else shipped().get(name)
 
 
 def _note_warnings(scenario: Scenario) -> None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from navstack.cli.app import run
 from navstack.core.errors import InputError
 from navstack.scenario_file import ScenarioSpec
 from navstack.suites import random_maps as maps_by_seed
@@ -37,6 +39,12 @@ def test_barn_needs_its_worlds(data_dir: Path) -> None:
     assert not {s.name for s in train} & {s.name for s in held_out}
     built = train[0].build()
     assert built.start.yaw == 1.57 and built.goals[0].y == 10.0 and len(built.shapes) > 50
+
+
+def test_a_shipped_scenario_is_simulated_by_its_name(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert run(["simulate", "unreachable_goal", "--json", "--out", str(tmp_path)]) == 0
+    document = json.loads(capfd.readouterr().out)
+    assert document["success"] and document["goals"][0]["state"] == "ABORTED"
 
 
 def test_a_suite_that_is_none() -> None:
