@@ -217,7 +217,8 @@ def wave(
     stride = np.uint64(nx)
     guided = guide.size > 0
     coarse = shift > 0
-    gnx = ((nx - 1) >> shift) + 3
+    shifts = np.uint64(shift)
+    guide_stride = np.uint64(((nx - 1) >> shift) + 3)
     per_step = np.empty(256, np.float64)
     planes = np.empty(256, np.float32)
     for b in range(256):
@@ -259,7 +260,7 @@ def wave(
                     if coarse:
                         y = np.uint32(k) // np.uint32(nx)
                         x = np.uint32(k) - y * np.uint32(nx)
-                        rest = guide[((int(y) >> shift) + 1) * gnx + (int(x) >> shift) + 1]
+                        rest = guide[((np.uint64(y) >> shifts) + one) * guide_stride + (np.uint64(x) >> shifts) + one]
                     else:
                         rest = guide[k]
                     p = INF if p + rest - h > limit else p
@@ -320,18 +321,34 @@ def wave(
 
 
 @kernel
-def coarsen(cost, steps, weights, nx, ny, shift, out):
-    """The least whole cost of a free cell in every square of 2**shift cells into `out` uint8 (with a ring); 0 = none is free."""
-    gnx = ((nx - 1) >> shift) + 3
-    for i in range(out.size):
-        out[i] = 0
+def _least_of_row(cost, least, first, count, out, to):
+    """Lowers `out[to:]` to the least of every four of the `count` cells from `first` on (uint64, all)."""
+    four = np.uint64(4)
+    whole = count // four
+    for i in range(whole):
+        k = first + four * i
+        a, b = least[cost[k]], least[cost[k + np.uint64(1)]]
+        c, d = least[cost[k + np.uint64(2)]], least[cost[k + np.uint64(3)]]
+        a = a if a < b else b
+        c = c if c < d else d
+        a = a if a < c else c
+        b = out[to + i]
+        out[to + i] = a if a < b else b
+    for k in range(first + four * whole, first + count):
+        a, b = least[cost[k]], out[to + whole]
+        out[to + whole] = a if a < b else b
+
+
+@kernel
+def coarsen(cost, steps, weights, nx, ny, out):
+    """The least whole cost of a free cell in every square of 4 x 4 cells into `out` uint8 (with a ring); 0 = none is free."""
+    gnx = ((nx - 1) >> 2) + 3
+    for i in range(np.uint64(out.size)):
+        out[i] = 255
     least = np.empty(256, np.uint8)  # by byte: its cost less one, 255 where blocked
     for b in range(256):
         least[b] = np.uint8(steps[b]) - 1 if weights[b] < INF else 255
     for y in range(ny):
-        row = ((y >> shift) + 1) * gnx + 1
-        for x in range(nx):
-            v = least[cost[y * nx + x]]
-            i = row + (x >> shift)
-            if np.uint8(out[i] - 1) > v:  # 0 - 1 = 255: nothing yet
-                out[i] = v + 1
+        _least_of_row(cost, least, np.uint64(y * nx), np.uint64(nx), out, np.uint64(((y >> 2) + 1) * gnx + 1))
+    for i in range(np.uint64(out.size)):
+        out[i] = np.uint8(out[i] + 1)  # 255 + 1 = 0

@@ -14,7 +14,7 @@ from navstack.global_planner.cost_rule import CostRule, rule_of
 from navstack.global_planner.wavefront import Guide, Wavefront
 
 Cell = tuple[int, int]
-_SHIFT: Final = 2
+_SHIFT: Final = 2  # squares of 4 x 4 cells, as coarsen() makes them
 _SLACK_RISES: Final = 6.0
 _WIDEN: Final = (1.06, 1.2)
 
@@ -47,7 +47,7 @@ class CoarseGuide:
         if self._cells.size != gnx * gny:
             self._cells = np.empty(gnx * gny, np.uint8)
         cost = np.ascontiguousarray(costmap.data).reshape(-1)
-        kernels.coarsen(cost, rule.steps, rule.weights, nx, ny, _SHIFT, self._cells)
+        kernels.coarsen(cost, rule.steps, rule.weights, nx, ny, self._cells)
         coarse = Costmap(GridGeometry(gnx, gny, 1.0), self._cells.reshape(gny, gnx))
         tx, ty = (target[0] >> _SHIFT) + 1, (target[1] >> _SHIFT) + 1
         ox, oy = (other[0] >> _SHIFT) + 1, (other[1] >> _SHIFT) + 1

@@ -42,6 +42,8 @@ _MISLED: Final = 3
 """Plans in a row for which the field was far too low, after which it is built anew."""
 _MANY_CHANGES: Final = 0.05
 """Part of the cells that may change before the field is built anew."""
+_AT_A_TIME: Final = 1 << 20
+"""Cells compared at once: on a map of millions the array of their differences would count."""
 
 
 class Request(NamedTuple):
@@ -65,18 +67,30 @@ class Memory:
         self._seen = np.empty((0, 0), np.uint8)
 
     def recall(self, costmap: Costmap, request: Request) -> Plan | None:
-        """The plan for this request, None when it must be made."""
-        if request != self._request:
-            return None
-        x0, y0, x1, y1 = self._rectangle
-        return self._plan if np.array_equal(costmap.data[y0:y1, x0:x1], self._seen) else None
+        """The plan for this request; None when it must be made, and then what was remembered is forgotten."""
+        if request == self._request:
+            x0, y0, x1, y1 = self._rectangle
+            if _are_equal(costmap.data[y0:y1, x0:x1], self._seen):
+                return self._plan
+        self._request, self._plan, self._seen = None, None, np.empty((0, 0), np.uint8)
+        return None
 
-    def remember(self, costmap: Costmap, request: Request, plan: Plan, rectangle: tuple[int, int, int, int]) -> None:
-        """Keeps a plan, and the cells of `rectangle` = (x0, y0, x1, y1), all that its wave looked at."""
+    def remember(
+        self,
+        costmap: Costmap,
+        request: Request,
+        plan: Plan,
+        rectangle: tuple[int, int, int, int],
+        kept: NDArray[np.uint8] | None = None,
+    ) -> None:
+        """Keeps a plan, and the cells of `rectangle` = (x0, y0, x1, y1), all that its wave looked at.
+
+        `kept`, unless None, is a copy of all costs that will not change before the next `recall`.
+        """
         x0, y0, x1, y1 = rectangle
         plan.path.poses.setflags(write=False)  # it may be handed out twice
         self._request, self._plan, self._rectangle = request, plan, rectangle
-        self._seen = costmap.data[y0:y1, x0:x1].copy()
+        self._seen = costmap.data[y0:y1, x0:x1].copy() if kept is None else kept[y0:y1, x0:x1]
 
 
 class GoalField:
@@ -89,6 +103,12 @@ class GoalField:
         self._misled = 0
         self._wave = Wavefront()
         self._kept: Costmap | None = None
+        self._is_current = False
+
+    @property
+    def kept(self) -> NDArray[np.uint8] | None:
+        """(ny, nx) the copy of the costs of the last search that the field keeps anyway; None when it keeps none."""
+        return self._kept.data if self._kept is not None and self._is_current else None
 
     def search(
         self,
@@ -105,6 +125,7 @@ class GoalField:
 
         `effort()` tells how many cells the last attempt lowered.
         """
+        self._is_current = False
         key = (goal, costmap.geometry, rule)
         if self._key is None or self._key[:2] != key[:2] or self._key[2] is not rule:
             self._key, self._asked, self._built = key, 0, False
@@ -146,6 +167,7 @@ class GoalField:
                 whole=True,
             )
             self._built, self._misled = True, 0
+        self._is_current = True
         if wave.potential_of(*start) == math.inf:
             wave.run(start[1] * wave.nx + start[0])
         estimate = wave.potential_of(*start)
@@ -157,7 +179,7 @@ class GoalField:
         """Takes over what changed since; False when the field is better built anew."""
         assert self._kept is not None
         kept, new = self._kept.data.reshape(-1), data.reshape(-1)
-        changed = np.flatnonzero(kept != new)
+        changed = _differing(kept, new)
         if changed.size == 0:
             return True
         if changed.size > _MANY_CHANGES * kept.size:
@@ -167,6 +189,19 @@ class GoalField:
         price = np.where(rule.blocked, np.float32(np.inf), rule.steps)
         self._wave.revise(changed, cheaper=price[after] < price[before], rise=rise)
         return True
+
+
+def _are_equal(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> bool:
+    rows = max(1, _AT_A_TIME // max(1, a.shape[1]))
+    return a.shape == b.shape and all(
+        np.array_equal(a[y : y + rows], b[y : y + rows]) for y in range(0, a.shape[0], rows)
+    )
+
+
+def _differing(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> NDArray[np.int64]:
+    """Where two arrays (n,) differ."""
+    parts = [np.flatnonzero(a[i : i + _AT_A_TIME] != b[i : i + _AT_A_TIME]) + i for i in range(0, a.size, _AT_A_TIME)]
+    return np.concatenate(parts)
 
 
 def _slack(estimate: float, rise: float) -> float:

@@ -181,5 +181,6 @@ class WavePlanner(GlobalPlanner):
         # without a guide a wave looks at every cell that could matter; with one, others may come to matter
         elsewhere = grid is not costmap or len(departure.lead) > 0
         everything = guided or elsewhere or params.default_tolerance > 0.0
-        self._memory.remember(costmap, request, plan, whole if everything else wave.rectangle)
+        kept = self._field.kept if grid is costmap else None
+        self._memory.remember(costmap, request, plan, whole if everything else wave.rectangle, kept)
         return plan
