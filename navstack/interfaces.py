@@ -74,11 +74,22 @@ class Layer(ABC):
     """A layer of a costmap. Bounds may only grow; costs are written only inside the window."""
 
     Params: ClassVar[type[ParamModel]]
+    LIVE: ClassVar[frozenset[str]] = frozenset()
+    """The parameters that may change while the layer is at work, by `set_params`."""
 
     def __init__(self, params: Any, context: LayerContext) -> None:
         self.params = params
         self.context = context
         self.name = context.name
+
+    def set_params(self, params: Any) -> None:
+        """Other parameters, which differ in `LIVE` and `live_parts` only; the costmap is written anew after it."""
+        self.params = params
+
+    def live_parts(self, params: Any) -> frozenset[str]:
+        """Parameters beyond `LIVE` of which only such parts differ in `params` as may change: nested ones."""
+        del params
+        return frozenset()
 
     @abstractmethod
     def match_size(self, geometry: GridGeometry) -> None:

@@ -10,6 +10,7 @@ from navstack.configuration import Configuration, CostmapConfiguration, PluginCh
 from navstack.core import Footprint, FrameTree, Listener, OccupancyGrid, Pose2D, Transform2D
 from navstack.core.errors import InputError, StartOccupiedError, StartOutsideMapError
 from navstack.costmap import LayeredCostmap, LayerSpec
+from navstack.costmap.reconfigure import apply_reconfigure, check_reconfigure
 from navstack.interfaces import GlobalPlanner, Plan, Robot
 from navstack.map_io import load_mask
 from navstack.move_base import MoveBase
@@ -23,7 +24,7 @@ def build_costmap(
     return LayeredCostmap(
         name,
         configuration.params,
-        [LayerSpec(layer.name, layer.cls, layer.params) for layer in configuration.layers],
+        _layers_of(configuration),
         footprint=configuration.footprint,
         frames=frames,
         static_map=static_map,
@@ -56,11 +57,23 @@ def build_move_base(
 
 
 def reconfigure(move_base: MoveBase, configuration: Configuration) -> None:
-    """Gives a running goal manager the move_base parameters and the planners of `configuration`.
+    """Gives a running goal manager the parameters, planners and costmap parameters of `configuration`.
 
-    A planner is made anew when its plugin or its parameters differ; costmaps and recoveries stay as they are. When a
-    planner cannot be made nothing is changed, and the error is raised.
+    A planner is made anew when its plugin or its parameters differ. Costmaps keep what they have seen and take what
+    dynamic_reconfigure can change in ROS (inflation, ranges, footprint, frequencies, size ..; `navstack.costmap.reconfigure`);
+    recoveries stay as they are. Everything or nothing: when a planner cannot be made, or a costmap would have to be built
+    anew, nothing is changed and the error is raised.
     """
+    costmaps = [
+        (costmap, given, _layers_of(given))
+        for costmap, given in (
+            (move_base.global_costmap, configuration.global_costmap),
+            (move_base.local_costmap, configuration.local_costmap),
+        )
+        if isinstance(costmap, LayeredCostmap)
+    ]
+    for costmap, given, layers in costmaps:
+        check_reconfigure(costmap, given.params, layers)
     made_global = made_local = None
     choice = configuration.global_planner
     if type(move_base.global_planner) is not choice.cls or move_base.global_planner.params != choice.params:
@@ -69,6 +82,14 @@ def reconfigure(move_base: MoveBase, configuration: Configuration) -> None:
     if type(move_base.local_planner) is not driver.cls or move_base.local_planner.params != driver.params:
         made_local = driver.cls(driver.params)
     move_base.reconfigure(configuration.move_base, global_planner=made_global, local_planner=made_local)
+    move_base.goal_time_limit_s = configuration.navstack.goal_time_limit or math.inf
+    changes = [apply_reconfigure(costmap, given.params, layers, given.footprint) for costmap, given, layers in costmaps]
+    if any(changes):
+        move_base.costmaps_changed()
+
+
+def _layers_of(configuration: CostmapConfiguration) -> list[LayerSpec]:
+    return [LayerSpec(layer.name, layer.cls, layer.params) for layer in configuration.layers]
 
 
 def true_footprint(configuration: Configuration) -> Footprint:

@@ -29,6 +29,8 @@ class DenoiseLayer(Layer):
 
     Params: ClassVar[type[ParamModel]] = DenoiseLayerParams
 
+    LIVE: ClassVar[frozenset[str]] = frozenset({"enabled"})
+
     def __init__(self, params: Any, context: LayerContext) -> None:
         super().__init__(params, context)
         self.params: Any = params

@@ -74,6 +74,9 @@ class InflationLayer(Layer):
     """Keeps the robot's centre away from obstacles, the nearer the dearer. 1 byte a cell."""
 
     Params: ClassVar[type[ParamModel]] = InflationLayerParams
+    LIVE: ClassVar[frozenset[str]] = frozenset(
+        {"enabled", "cost_scaling_factor", "inflation_radius", "inflate_unknown"}
+    )
 
     def __init__(self, params: Any, context: LayerContext) -> None:
         super().__init__(params, context)
@@ -100,12 +103,19 @@ class InflationLayer(Layer):
         self.inscribed_radius = footprint.inscribed_radius
         self._tabulate()
 
-    def set_inflation(self, inflation_radius: float, cost_scaling_factor: float) -> None:
+    def set_params(self, params: Any) -> None:
         """Other parameters at run time: everything is inflated anew."""
-        self.params = self.params.model_copy(
-            update={"inflation_radius": inflation_radius, "cost_scaling_factor": cost_scaling_factor}
-        )
+        self.params = params
+        self._unknown_from = np.uint8(1 if params.inflate_unknown else INSCRIBED)
         self._tabulate()
+
+    def set_inflation(self, inflation_radius: float, cost_scaling_factor: float) -> None:
+        """Only these two of the parameters: everything is inflated anew."""
+        self.set_params(
+            self.params.model_copy(
+                update={"inflation_radius": inflation_radius, "cost_scaling_factor": cost_scaling_factor}
+            )
+        )
 
     def update_bounds(self, robot: Pose2D, now: float, bounds: Bounds) -> Bounds:
         """What changed now or in the last update, grown by the inflation radius."""

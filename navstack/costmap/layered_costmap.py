@@ -27,6 +27,7 @@ from navstack.costmap import _kernels
 from navstack.costmap.mask_layers import SpeedLimit, SpeedMaskLayer
 from navstack.costmap.params import CostmapParams
 from navstack.costmap.provenance import CellProvenance, explain_cell
+from navstack.costmap.reconfigure import apply_reconfigure, check_reconfigure
 from navstack.costmap.regions import shift_cells, window_shift
 from navstack.costmap.static_layer import StaticLayer
 from navstack.interfaces import Layer, LayerContext
@@ -197,6 +198,25 @@ class LayeredCostmap:
         if taken and not self.rolling_window:
             self._resize(self._initial_geometry())
         return taken
+
+    def reconfigure(self, params: CostmapParams, layers: Sequence[LayerSpec], footprint: Footprint) -> bool:
+        """Other parameters and another outline (padded) while running; False when nothing differs.
+
+        Raises InputError, and changes nothing, for what only holds from the start (frames, layers, rolling_window ..).
+        """
+        check_reconfigure(self, params, layers)
+        return apply_reconfigure(self, params, layers, footprint)
+
+    def rewrite(self) -> None:
+        """Lets every layer write the whole master anew."""
+        master = self.master
+        master.data.fill(self.default_cost)
+        for layer in self._layers:
+            layer.update_costs(master, master.geometry.window)
+
+    def take_size(self) -> None:
+        """Takes the size that the parameters, or the static map, give; what was observed is forgotten."""
+        self._resize(self._initial_geometry())
 
     def _resize(self, geometry: GridGeometry) -> None:
         # planners hold on to the Costmap, not to its array

@@ -99,6 +99,24 @@ class ObservationBuffer:
         self._height = math.nan
         self._height_fits = False
 
+    LIVE: ClassVar[frozenset[str]] = frozenset(
+        {
+            *("expected_update_rate", "min_obstacle_height", "max_obstacle_height", "inf_is_valid"),
+            *("obstacle_range", "raytrace_range"),
+        }
+    )
+    """The parameters that may change while it listens."""
+
+    def may_become(self, params: ObservationSourceParams) -> bool:
+        """True when these differ in `LIVE` only."""
+        old = self.params
+        return all(name in self.LIVE or getattr(old, name) == getattr(params, name) for name in type(old).model_fields)
+
+    def set_params(self, params: ObservationSourceParams) -> None:
+        """Other parameters of that kind."""
+        self.params = params
+        self._height = math.nan
+
     def offer(self, data: SensorData) -> bool:
         """Takes the message when its topic and type are this source's. Raises InputError for one that cannot be used."""
         topic = data.topic

@@ -61,6 +61,12 @@ class ObstacleLayer(Layer):
     """
 
     Params: ClassVar[type[ParamModel]] = ObstacleLayerParams
+    LIVE: ClassVar[frozenset[str]] = frozenset(
+        {
+            *("enabled", "footprint_clearing_enabled", "max_obstacle_height", "combination_method"),
+            *("obstacle_range", "raytrace_range"),  # what the sources say counts
+        }
+    )
 
     def __init__(self, params: Any, context: LayerContext) -> None:
         super().__init__(params, context)
@@ -113,6 +119,18 @@ class ObstacleLayer(Layer):
         self._parts = convex_parts(footprint.vertices)
         self._outline = np.concatenate(self._parts)
         self._placed = np.zeros_like(self._outline)
+
+    def live_parts(self, params: Any) -> frozenset[str]:
+        """The sources, as long as they stay the same sensors, listened to in the same way."""
+        old, new = self.params.sources, params.sources
+        same = list(old) == list(new) and all(buffer.may_become(new[buffer.name]) for buffer in self.buffers)
+        return frozenset({"sources"}) if same else frozenset()
+
+    def set_params(self, params: Any) -> None:
+        """Takes them over, and those of the sources."""
+        self.params = params
+        for buffer in self.buffers:
+            buffer.set_params(params.sources[buffer.name])
 
     # --- update -------------------------------------------------------------------------------------------------------
 

@@ -58,6 +58,7 @@ class StaticLayer(Layer):
     """
 
     Params: ClassVar[type[ParamModel]] = StaticLayerParams
+    LIVE: ClassVar[frozenset[str]] = frozenset({"enabled", "use_maximum"})
 
     def __init__(self, params: Any, context: LayerContext) -> None:
         super().__init__(params, context)

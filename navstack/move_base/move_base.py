@@ -311,6 +311,11 @@ class MoveBase:
         self._emit(now, "info", f"planners changed: {names}", {})
         self._apply(NavEvent.PLANNERS_CHANGED, now)
 
+    def costmaps_changed(self) -> None:
+        """Whoever gave a costmap other parameters while running says so: update frequencies, the recoveries' limits."""
+        self._senses.read_frequencies(self._now)
+        self._emit(self._now, "info", "costmaps changed", {})
+
     def _set_params(self, params: MoveBaseParams, now: float) -> None:
         before, self.params = self.params, params
         if params.controller_frequency != before.controller_frequency:

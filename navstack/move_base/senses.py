@@ -43,6 +43,7 @@ class Senses:
         """Why the last update of the local costmap failed."""
         self.global_error: NavError | None = None
         self._warn = warn
+        self._given = (global_update_frequency, local_update_frequency)
         self._global_update = Schedule(_update_frequency(global_costmap, global_update_frequency))
         self._local_update = Schedule(_update_frequency(local_costmap, local_update_frequency))
 
@@ -55,6 +56,17 @@ class Senses:
         """Both costmaps are due at `now` (s)."""
         self._global_update.restart(now)
         self._local_update.restart(now)
+
+    def read_frequencies(self, now: float) -> None:
+        """The costmaps' parameters have changed: those that are updated at another frequency now are due at `now` (s)."""
+        whole, near = self._given
+        for costmap, given, name in (
+            (self.global_costmap, whole, "_global_update"),
+            (self.local_costmap, near, "_local_update"),
+        ):
+            frequency = _update_frequency(costmap, given)
+            if frequency != getattr(self, name).frequency:
+                setattr(self, name, Schedule(frequency, now))
 
     def switch(self, on: bool, now: float) -> None:
         """Updates the costmaps, or does so no more; those that were off are due at once."""

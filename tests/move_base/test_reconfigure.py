@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 import navstack as nav
 from navstack.core import Pose2D, Twist2D
 from navstack.core.errors import InputError, ParameterError
 from navstack.interfaces import RecoveryContext
-from navstack.move_base import GoalStatus, Mode
+from navstack.move_base import GoalStatus, Mode, MoveBase
 from navstack.move_base.state_machine import NavEvent
 from navstack.navigator import reconfigure
+from navstack.sim import SimulatedRobot
 
 from .world import Bench, StraightPlanner, TurnAndGo, Waiting, occupied
 
@@ -162,3 +164,104 @@ def test_from_a_configuration() -> None:
     assert move_base.global_planner is not planners[0]
     assert move_base.local_planner is planners[1]
     assert move_base.params.planner_patience == 7.0
+
+
+def office(*overrides: str) -> tuple[MoveBase, SimulatedRobot]:
+    grid = nav.load_map(nav.map_path("office"))
+    configuration = nav.load_configuration(["turtlebot"], overrides=overrides)
+    robot = nav.simulated_robot(configuration, grid, Pose2D(2.0, 7.45, 0.0))
+    return nav.build_move_base(configuration, robot, static_map=grid), robot
+
+
+def drive(move_base: MoveBase, robot: SimulatedRobot, until: float) -> None:
+    while robot.time < until:
+        robot.advance_to(move_base.next_due(robot.time))
+        move_base.tick(robot.time)
+
+
+LIVE = (
+    "global_costmap/inflation_layer/inflation_radius=0.3",
+    "global_costmap/inflation_layer/cost_scaling_factor=3.0",
+    "global_costmap/obstacle_layer/scan/obstacle_range=1.0",
+    "global_costmap/update_frequency=4.0",
+    "local_costmap/inflation_layer/inflation_radius=0.4",
+    "local_costmap/width=5.0",
+    "local_costmap/height=5.0",
+    "controller_frequency=10.0",
+    "planner_frequency=2.0",
+)
+
+
+def test_costmaps_take_other_parameters_while_driving_and_are_as_if_built_with_them() -> None:
+    move_base, robot = office()
+    handle = move_base.send_goal(Pose2D(8.0, 7.4, 0.0))
+    drive(move_base, robot, 3.0)
+    static = [layer.name for layer in move_base.global_costmap.layers]
+    reconfigure(move_base, nav.load_configuration(["turtlebot"], overrides=LIVE))
+    assert not handle.is_done
+    drive(move_base, robot, 3.05)
+    fresh, still = office(*LIVE)
+    drive(fresh, still, 0.05)
+    # the walls of the map far from what the robot saw: the same costs as of a costmap built with these parameters
+    ours, theirs = move_base.global_costmap.master.data, fresh.global_costmap.master.data
+    far = np.s_[: ours.shape[0] // 3, ours.shape[1] // 2 :]
+    assert np.array_equal(ours[far], theirs[far])
+    before, _ = office()
+    drive(before, _, 0.05)
+    assert not np.array_equal(ours[far], before.global_costmap.master.data[far])
+    assert move_base.local_costmap.master.data.shape == (100, 100)
+    assert [layer.name for layer in move_base.global_costmap.layers] == static
+    layer = move_base.global_costmap.layers[1]
+    assert layer.buffers[0].params.obstacle_range == 1.0  # type: ignore[attr-defined]
+    # and it goes on, at the new cadence
+    times: list[float] = []
+    while not handle.is_done:
+        robot.advance_to(move_base.next_due(robot.time))
+        move_base.tick(robot.time)
+        if move_base.turn.global_window is not None:
+            times.append(robot.time)
+    assert handle.status is GoalStatus.SUCCEEDED
+    gaps = np.diff(times)
+    assert gaps.mean() == pytest.approx(0.25, abs=0.01)
+
+
+def test_another_footprint_while_driving() -> None:
+    move_base, robot = office()
+    move_base.send_goal(Pose2D(8.0, 7.4, 0.0))
+    drive(move_base, robot, 2.0)
+    small = move_base.local_costmap.footprint.circumscribed_radius
+    bigger = ("global_costmap/robot_radius=0.25", "local_costmap/robot_radius=0.25")
+    reconfigure(move_base, nav.load_configuration(["turtlebot"], overrides=bigger))
+    assert move_base.local_costmap.footprint.circumscribed_radius == pytest.approx(small + 0.05, abs=0.01)
+    inscribed = (move_base.global_costmap.master.data == 253).sum()
+    fresh, still = office(*bigger)
+    drive(fresh, still, 0.05)
+    # but for what the robot has seen on the way
+    assert inscribed == pytest.approx((fresh.global_costmap.master.data == 253).sum(), rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        (
+            "global_costmap/robot_base_frame=base_link",
+            "global_costmap/robot_base_frame cannot change while the costmap runs",
+        ),
+        ("local_costmap/rolling_window=false", "local_costmap/rolling_window cannot change"),
+        ("global_costmap/obstacle_layer/scan/topic=other", "global_costmap/obstacle_layer/sources cannot change"),
+    ],
+)
+def test_what_a_running_costmap_cannot_take_changes_nothing(override: str, message: str) -> None:
+    move_base, robot = office()
+    drive(move_base, robot, 0.1)
+    before = move_base.global_costmap.params, move_base.params, move_base.global_costmap.master.data.copy()
+    with pytest.raises(InputError, match=message):
+        reconfigure(
+            move_base,
+            nav.load_configuration(
+                ["turtlebot"],
+                overrides=[override, "planner_patience=9.0", "global_costmap/inflation_layer/inflation_radius=0.2"],
+            ),
+        )
+    assert (move_base.global_costmap.params, move_base.params) == before[:2]
+    assert np.array_equal(move_base.global_costmap.master.data, before[2])
