@@ -25,7 +25,7 @@ app = typer.Typer(
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
     help="move_base without ROS: plan, simulate and understand navigation from the YAML files of your robot.",
-    epilog="Exit codes: 0 every goal SUCCEEDED, 1 a goal did not, 2 the input was wrong.",
+    epilog="Exit codes: 0 every goal SUCCEEDED (or a scenario's conditions held), 1 not so, 2 the input was wrong.",
 )
 app.command("plan")(plan.plan)
 app.command("simulate")(simulate.simulate)
