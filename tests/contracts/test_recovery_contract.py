@@ -10,7 +10,7 @@ from navstack.core import Pose2D, RobotState, Twist2D
 from navstack.core.errors import NavError
 from navstack.core.parameters import ParamModel
 from navstack.interfaces import RecoveryBehavior, RecoveryContext, RecoveryStatus, RecoveryStep
-from navstack.move_base import GoalStatus, Mode
+from navstack.move_base import GoalHandle, GoalStatus, Mode
 from navstack.plugins import RECOVERY_BEHAVIORS
 from tests.move_base.world import Bench, EmptyCostmap, KinematicRobot, StraightPlanner, TurnAndGo, occupied
 
@@ -140,3 +140,35 @@ def test_move_base_runs_it_and_can_cancel_it(cls: type[RecoveryBehavior]) -> Non
     assert handle.status is GoalStatus.PREEMPTED
     assert bench.robot.time <= 5.5
     assert (bench.robot.twist, bench.move_base.recovery) == (Twist2D(), None), running
+
+
+def test_a_cancel_takes_effect_within_a_control_cycle_whenever_it_comes(cls: type[RecoveryBehavior]) -> None:
+    period = 0.2
+
+    def scene_until(count: int) -> tuple[Bench, GoalHandle]:
+        bench = Bench(planner=StraightPlanner(occupied), recoveries=[make(cls)], planner_patience=0.4)
+        handle = bench.move_base.send_goal(Pose2D(2.0, 1.0))
+        for _ in range(count):
+            bench.tick()
+        return bench, handle
+
+    # at which ticks the recovery runs
+    bench, handle = scene_until(0)
+    running: list[int] = []
+    for count in range(1, 2000):
+        bench.tick()
+        if bench.move_base.recovery is not None:
+            running.append(count)
+        if handle.is_done:
+            break
+    assert handle.is_done
+    for count in running[:: max(1, len(running) // 15)]:
+        bench, handle = scene_until(count)
+        assert bench.move_base.recovery == "under_test"
+        asked = bench.robot.time
+        bench.move_base.cancel_goal(handle)
+        bench.run(handle)
+        assert handle.status is GoalStatus.PREEMPTED
+        assert bench.robot.time <= asked + period + 1e-6
+        assert bench.robot.twist == Twist2D()
+        assert bench.move_base.state is Mode.IDLE
