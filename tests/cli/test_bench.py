@@ -67,14 +67,10 @@ def fields(tmp_path: Path) -> Path:
     return folder
 
 
-QUICK = (
-    "--set",
-    "controller_patience=0.5",
-    "--set",
-    "planner_patience=0.5",
-    "--set",
-    "recovery_behavior_enabled=false",
-)
+FAST = ("controller_patience=0.5", "planner_patience=0.5", "recovery_behavior_enabled=false",
+        "controller_frequency=10.0", "TrajectoryPlannerROS/max_vel_x=2.0")  # fmt: skip
+QUICK = tuple(word for setting in FAST for word in ("--set", setting))
+"""A Jackal that is through with a world soon, one way or the other."""
 
 
 def test_barn_killed_and_resumed_by_one_process_and_at_once_by_two(
@@ -107,7 +103,7 @@ def test_barn_killed_and_resumed_by_one_process_and_at_once_by_two(
     assert ours["runs"] == 4 and ours["success"]["value"] == 0.5 and ours["success"]["low"] < 0.1
     assert theirs["stack"] == "C++" and theirs["runs"] == 1 and theirs["success"]["value"] == 0.0
     assert {r["what"]: r["verdict"] for r in one["against_cpp"]}["success"] == "no difference shown"
-    assert [0.24 < r["score"] < 0.3 for r in one["runs"]] == [False, True, False, True]
+    assert [0.3 < r["score"] <= 0.5 for r in one["runs"]] == [False, True, False, True]
 
 
 def test_barn_without_noise_counts_a_world_once_and_records_what_failed(
@@ -144,24 +140,17 @@ def test_movingai(navstack, tmp_path: Path) -> None:
 
 
 def test_planners(navstack, tmp_path: Path) -> None:
-    told = navstack("bench", "planners", "office", "--pairs", 2, "--planner", "navfn/NavfnROS", "--planner", "astar",
-                    "--processes", 1, "--out", "out", "--json")  # fmt: skip
-    assert [(r["map"], r["planner"], r["found"], r["in_collision"]) for r in told["rows"]] == [
-        ("office", "navfn", 2, 0),
-        ("office", "astar", 2, 0),
-    ]
-    assert all(r["clearance_m"] > 0.0 and r["p99_ms"] >= r["p50_ms"] > 0.0 for r in told["rows"])
-    assert len(told["plans"]["navfn on office"]) == 2
-    again = navstack("bench", "planners", "office", "--pairs", 2, "--planner", "navfn", "--planner", "astar",
-                     "--out", "out", "--resume", "--json")  # fmt: skip
-    assert again["rows"] == told["rows"]
-
-
-def test_a_planner_that_misses_a_pair_is_told_by_the_exit_code(navstack) -> None:
-    told = navstack("bench", "planners", "office", "--pairs", 3, "--planner", "carrot_planner", "--processes", 1,
-                    "--json", code=1)  # fmt: skip
-    (row,) = told["rows"]
-    assert row["found"] < 3 or row["in_collision"] > 0
+    """The exit code tells that carrot_planner, which goes straight, misses a pair or ends in a wall."""
+    command = ("bench", "planners", "office", "--pairs", 3, "--planner", "navfn/NavfnROS", "--planner", "astar",
+               "--planner", "carrot_planner", "--out", "out", "--json")  # fmt: skip
+    told = navstack(*command, "--processes", 1, code=1)
+    navfn, astar, carrot = told["rows"]
+    for row, name in ((navfn, "navfn"), (astar, "astar")):
+        assert (row["map"], row["planner"], row["found"], row["in_collision"]) == ("office", name, 3, 0)
+        assert row["clearance_m"] > 0.0 and row["p99_ms"] >= row["p50_ms"] > 0.0
+    assert carrot["found"] < 3 or carrot["in_collision"] > 0
+    assert len(told["plans"]["navfn on office"]) == 3
+    assert navstack(*command, "--resume", code=1)["rows"] == told["rows"]
 
 
 def write_scenario(file: Path, name: str = "trip", goal: str = "[4.0, 7.45, 0.0]") -> Path:
