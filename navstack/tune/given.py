@@ -13,6 +13,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -76,9 +77,10 @@ def search_space(
 
 
 def _with_ties(dimension: Dimension, old: Dimension) -> Dimension:
-    from dataclasses import replace
-
-    return replace(dimension, ties=old.ties, start=old.start, robot=False) if old.kind == dimension.kind else dimension
+    """A range that was given, with what the ready-made one knows besides: of the robot's limits, the upper end is vouched for."""
+    if old.kind != dimension.kind:
+        return dimension
+    return replace(dimension, ties=old.ties, start=dimension.high if old.robot else old.start, robot=False)
 
 
 def _once(dimensions: Sequence[Dimension]) -> None:
