@@ -37,7 +37,7 @@ def tune(
         1.0, "--min-success", help="With several objectives: the share of runs that must succeed.", min=0.0, max=1.0
     ),
     sampler: str = typer.Option("tpe", "--sampler", metavar="tpe|cmaes|random", help="Who chooses the candidates."),
-    held_out: float = typer.Option(0.4, "--held-out", metavar="SHARE", help="Scenarios that only the proof uses."),
+    held_out: float = typer.Option(0.4, "--held-out", metavar="SHARE", help="Scenarios that only the proof uses; of a suite, always half."),
     against: str | None = typer.Option(
         None, "--against", metavar="NAME|DIR|FILE", help="Compare the result with these parameters too."
     ),
@@ -45,6 +45,7 @@ def tune(
     distro: str | None = options.DISTRO,
     allow_missing: bool = options.ALLOW_MISSING,
     scenario: list[str] = options.SCENARIO,
+    count: int | None = options.COUNT,
     seeds: int = options.SEEDS,
     seed: int = options.SEED,
     rough: bool = options.ROUGH,
@@ -82,6 +83,7 @@ def tune(
             distro,
             allow_missing,
             tuple(scenario),
+            count,
             seeds,
             seed,
             rough,

@@ -29,6 +29,9 @@ DISTRO: str | None = typer.Option(
 )
 ALLOW_MISSING: bool = typer.Option(False, "--allow-missing", help="Leave out layers and plugins that are not here.")
 SCENARIO: list[str] = typer.Option([], "--scenario", metavar="NAME", help="Only this scenario of the suite (repeat).")
+COUNT: int | None = typer.Option(
+    None, "--count", metavar="N", help="Scenarios of a suite, half of them held out (16).", min=1
+)
 SEEDS: int = typer.Option(1, "--seeds", help="Runs per scenario, each with another seed of the noise.", min=1)
 SEED: int = typer.Option(0, "--seed", help="Of the search; the same seed gives the same trials on one worker.", min=0)
 WORKERS: int | None = typer.Option(None, "--workers", help="Processes; as many as cores if not given.", min=1)

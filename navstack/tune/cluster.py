@@ -31,7 +31,7 @@ class DaskExecutor:
         self._distributed: Any = need("distributed", "running on a cluster")
         try:
             self._client: Any = self._distributed.Client(address, timeout=ANSWER_S, set_as_default=False)
-        except (OSError, ValueError, TypeError, self._distributed.CommClosedError) as exc:
+        except (OSError, ValueError, TypeError) as exc:
             raise InputError(
                 f"no Dask scheduler answers at {address} ({_reason(exc)}); start one by `dask scheduler` and give its "
                 "address, such as tcp://127.0.0.1:8786",

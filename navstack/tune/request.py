@@ -78,7 +78,7 @@ def run_tuning(
     need("optuna", "tuning")
     need("ruamel.yaml", "writing tuned parameters")
     setup = request.setup
-    train, kept = split(setup.names, request.held_out, setup.asked.seed)
+    train, kept = split(setup.names, request.held_out, setup.asked.seed, setup.place.held_out)
     problem = Problem(setup.base, setup.space, setup.course(train), chosen(request.objectives), request.min_success)
     other = setup.other(request.against) if request.against is not None else None
     folder = ensure_directory(request.out)

@@ -17,6 +17,7 @@ from navstack.params.sources import Source
 from navstack.params.yaml_reader import DictNode, plain
 from navstack.scenario import Scenario
 from navstack.scenario_file import ScenarioSpec, is_scenario_file, read_scenario
+from navstack.suites import scenarios
 from navstack.tune.courses import BarnCourse, Course, NamedScenario, ScenarioCourse
 
 WORLDS = "worlds.npz"
@@ -29,6 +30,8 @@ class Place:
     name: str
     files: tuple[ScenarioSpec, ...] = ()
     worlds: tuple[BarnWorld, ...] = ()
+    held_out: tuple[str, ...] = ()
+    """Scenarios that the suite itself keeps for the proof; none where that is left to chance."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -40,10 +43,11 @@ class Place:
         return [{"navstack": {"sim": dict(ROUGH_JACKAL if rough else JACKAL)}}] if self.worlds else []
 
 
-def read_place(suite: str) -> Place:
+def read_place(suite: str, count: int | None = None) -> Place:
     """A suite's name, a scenario file, a folder of them, or BARN worlds (`worlds.npz` or its folder).
 
-    Raises InputError for what is none of these, ScenarioError for files that cannot be used.
+    `count`: how many of a suite's; half of them are its held-out ones. Raises InputError for what is none of these,
+    ScenarioError for files that cannot be used.
     """
     path = Path(suite)
     if path.is_dir() and (path / WORLDS).is_file():
@@ -57,13 +61,17 @@ def read_place(suite: str) -> Place:
         return Place(path.name, files=_named(files))
     if path.is_file():
         return Place(path.stem, files=(read_scenario(path),))
-    return _packaged(suite)
+    return _packaged(suite, count)
 
 
-def _packaged(suite: str) -> Place:
-    from navstack import suites
-
-    return Place(suite, files=_named(suites.scenarios(suite)))
+def _packaged(suite: str, count: int | None) -> Place:
+    if suite == "barn":
+        raise InputError(f"--suite barn: BARN's worlds are not part of navstack; give the folder of their {WORLDS}", suite=suite)
+    try:
+        files = _named(scenarios(suite, count=count))
+    except InputError as error:
+        raise InputError(f"--suite {suite}: no such file or folder, and {error.message}", suite=suite) from error
+    return Place(suite, files=files, held_out=tuple(f.name for f in files[1::2]))
 
 
 def _named(files: Sequence[ScenarioSpec]) -> tuple[ScenarioSpec, ...]:
@@ -75,8 +83,12 @@ def _named(files: Sequence[ScenarioSpec]) -> tuple[ScenarioSpec, ...]:
     return tuple(seen.values())
 
 
-def split(names: Sequence[str], held_out: float, seed: int) -> tuple[list[str], list[str]]:
+def split(
+    names: Sequence[str], held_out: float, seed: int, known: Sequence[str] = ()
+) -> tuple[list[str], list[str]]:
     """Training and held-out scenarios, `held_out` being the share of the latter; both in the given order.
+
+    The held-out ones are drawn by `seed`, or those that are `known` for it, whatever their share.
 
     Raises InputError where one of the two would be empty.
     """
@@ -86,6 +98,9 @@ def split(names: Sequence[str], held_out: float, seed: int) -> tuple[list[str], 
         )
     if held_out == 0.0:
         return list(names), []
+    kept = [n for n in names if n not in known]
+    if 0 < len(kept) < len(names):
+        return kept, [n for n in names if n in known]
     many = round(len(names) * held_out)
     if many == 0 or many == len(names):
         raise InputError(
@@ -95,8 +110,8 @@ def split(names: Sequence[str], held_out: float, seed: int) -> tuple[list[str], 
         )
     shuffled = list(names)
     random.Random(seed).shuffle(shuffled)
-    kept = set(shuffled[many:])
-    return [n for n in names if n in kept], [n for n in names if n not in kept]
+    drawn = set(shuffled[:many])
+    return [n for n in names if n not in drawn], [n for n in names if n in drawn]
 
 
 def course_of(

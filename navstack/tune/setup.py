@@ -30,6 +30,8 @@ class Asked:
     allow_missing: bool = False
     scenarios: tuple[str, ...] = ()
     """Only these of the suite; all for none."""
+    count: int | None = None
+    """How many scenarios of a suite; half of them are held out."""
     seeds: int = 1
     seed: int = 0
     rough: bool = False
@@ -81,7 +83,7 @@ class Setup:
 
 def prepare(asked: Asked) -> Setup:
     """Loads everything. Raises InputError, ParameterError, ScenarioError or MapError."""
-    place = read_place(asked.suite)
+    place = read_place(asked.suite, asked.count)
     names = place.names
     for name in asked.scenarios:
         if name not in names:

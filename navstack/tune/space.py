@@ -364,7 +364,9 @@ def with_choices(parameter: Parameter, choices: Sequence[Value], where: str) -> 
     made = blank(parameter, where)
     cleaned: list[Value] = []
     for choice in choices:
-        if made.kind == "choice" and made.choices and choice not in made.choices:
+        # to Python, 1 is True
+        same = [c for c in made.choices if c == choice and type(c) is type(choice)]
+        if made.kind == "choice" and made.choices and not same:
             known = ", ".join(value_of(v) for v in made.choices)
             raise InputError(
                 f"{where}: {made.name} cannot be {value_of(choice)}; it takes {known}", parameter=made.name

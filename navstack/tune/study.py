@@ -21,6 +21,7 @@ from typing import Any, Final
 from navstack import __version__
 from navstack.configuration import Configuration
 from navstack.core.errors import InputError, InternalError
+from navstack.effective import parameters_of
 from navstack.jobs import Executor
 from navstack.tune.courses import Case, Course
 from navstack.tune.extras import need
@@ -130,6 +131,9 @@ class Study:
         self._check(resume, place)
         self._distributions = {d.name: self._distribution(d) for d in problem.space}
         self._trials: dict[int, Trial] = {}
+        self._present = {p.name: p.value for p in parameters_of(problem.base)}
+        self._scalar = [o.name for o in problem.objectives] == ["score"]
+        """Trials are given up early only where runs have a score that is all that counts."""
 
     # --- storage ------------------------------------------------------------------------------------------------------
 
@@ -219,6 +223,12 @@ class Study:
         while True:
             while len(active) < executor.slots and ended + len(active) < trials:
                 begun = self._begin(ended + len(active))
+                if self._is_present(begun):
+                    trial = self._end(begun)
+                    ended += 1
+                    if hear is not None:
+                        hear(trial, ended)
+                    continue
                 active[self._submit(executor, begun)] = begun
             if not active:
                 return
@@ -250,6 +260,17 @@ class Study:
         candidate = self._cleaned(trial.params)
         return _Active(trial, candidate, tuple(self.problem.space.overrides(candidate)))
 
+    def _is_present(self, at: _Active) -> bool:
+        """True for the parameters as they are, whose runs are there already."""
+        known: dict[str, Outcome] | None = self._study.user_attrs.get(_BASELINE)
+        if known is None or any(self._present[n] != v for n, v in self.problem.space.settings(at.candidate).items()):
+            return False
+        at.outcomes = [known[case.key] for case in self.order]
+        if self._scalar:
+            for step, outcome in enumerate(at.outcomes):
+                at.trial.report(outcome["score"], step)
+        return True
+
     def _submit(self, executor: Executor, at: _Active) -> str:
         job = run_job(f"trial {at.trial.number}", at.overrides, self.order[len(at.outcomes)])
         executor.submit(job)
@@ -258,7 +279,7 @@ class Study:
     def _go_on(self, at: _Active) -> bool:
         """False when the trial is over: all cases driven, or not worth going on."""
         done, cases = len(at.outcomes), len(self.order)
-        if len(self.problem.objectives) > 1 or self.problem.objectives[0].name != "score":
+        if not self._scalar:
             return done < cases
         scores = [o["score"] for o in at.outcomes]
         at.trial.report(scores[-1], done - 1)

@@ -1,0 +1,131 @@
+"""`navstack sweep` and `navstack tune` at the command line: what they print, and what they say to wrong input."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from navstack.cli.app import run
+from tests.tune.room import make_room
+
+
+def test_sweep_prints_a_ranking_and_writes_lines(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    suite = make_room(tmp_path)
+    options = [
+        "--suite",
+        str(suite),
+        "--param",
+        "DWAPlannerROS/max_vel_trans=0.2:0.5",
+        "--method",
+        "grid",
+        "--points",
+        "2",
+    ]
+    code = run(["sweep", *options, "--workers", "1", "--out", str(tmp_path / "out"), "--json"])
+    document = json.loads(capsys.readouterr().out)
+    assert code == 0
+    assert document["runs"] == 4
+    assert document["ranking"][0]["values"] == {"DWAPlannerROS/max_vel_trans": 0.5}
+    assert document["ranking"][0]["success"] == 1.0
+    lines = (tmp_path / "out" / "runs.jsonl").read_text().splitlines()
+    assert len(lines) == 5
+    assert run(["sweep", *options, "--workers", "1", "--out", str(tmp_path / "out")]) == 2  # not overwritten
+    assert run(["sweep", *options, "--workers", "1", "--out", str(tmp_path / "out"), "--resume"]) == 0
+    assert "max_vel_trans 0.5" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", ["tune", "sweep"])
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--param", "DWAPlannerROS/sim_tme=1:2"], 'did you mean "DWAPlannerROS/sim_time"?'),
+        (["--param", "DWAPlannerROS/sim_time=2:1"], "is empty"),
+        (["--space", "dwaa.yaml"], "there is no such file"),
+        (["--suite", "offfice"], 'did you mean "office"?'),
+        (["--suite", "barn"], "give the folder of their worlds.npz"),
+        (["--params", "turtlebott"], 'did you mean "turtlebot"?'),
+        (["--scenario", "acros"], 'did you mean "across"?'),
+        (["--keep", "nonsense"], "there is no parameter"),
+        (["--set", "DWAPlannerROS/sim_time=-1"], "sim_time"),
+        (["--seeds", "0"], "--seeds"),
+    ],
+)
+def test_wrong_input(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str, options: list[str], said: str
+) -> None:
+    suite = [] if "--suite" in options else ["--suite", str(make_room(tmp_path))]
+    out = tmp_path / "out"
+    assert run([command, *suite, "--workers", "1", "--out", str(out), *options, "--json"]) == 2
+    message = json.loads(capsys.readouterr().out)["error"]["message"]
+    assert said in message
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--objective", "speed"], "choose score, time"),
+        (["--sampler", "annealing"], "choose tpe"),
+        (["--held-out", "1"], "give a share from 0 to below 1"),
+        (["--storage", "nonsense://x"], "cannot be used"),
+        (["--against", "nobody"], 'no file, folder or packaged set "nobody"'),
+    ],
+)
+def test_wrong_tuning(tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], said: str) -> None:
+    suite = make_room(tmp_path)
+    assert (
+        run(["tune", "--suite", str(suite), "--workers", "1", "--out", str(tmp_path / "out"), *options, "--json"]) == 2
+    )
+    assert said in json.loads(capsys.readouterr().out)["error"]["message"]
+    assert not list((tmp_path / "out").glob("*.html"))
+
+
+def test_a_scenario_that_cannot_begin(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    suite = make_room(tmp_path)
+    for file in suite.glob("*.yaml"):
+        file.write_text(file.read_text().replace("[0.6, 1.0, 0]", "[0.05, 1.0, 0]"))
+    assert (
+        run(
+            [
+                "tune",
+                "--suite",
+                str(suite),
+                "--held-out",
+                "0",
+                "--workers",
+                "1",
+                "--out",
+                str(tmp_path / "out"),
+                "--json",
+            ]
+        )
+        == 2
+    )
+    assert (
+        "no scenario can be driven with these parameters: " in json.loads(capsys.readouterr().out)["error"]["message"]
+    )
+
+
+@pytest.mark.parametrize(
+    ("module", "command", "package"),
+    [
+        ("optuna", ["tune"], "optuna"),
+        ("ruamel.yaml", ["tune"], "ruamel.yaml"),
+        ("distributed", ["sweep", "--scheduler", "tcp://127.0.0.1:1", "--samples", "2"], "dask[distributed]"),
+    ],
+)
+def test_without_the_extra(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    module: str,
+    command: list[str],
+    package: str,
+) -> None:
+    monkeypatch.setitem(__import__("sys").modules, module, None)
+    suite = make_room(tmp_path)
+    assert run([command[0], "--suite", str(suite), "--out", str(tmp_path / "out"), *command[1:], "--json"]) == 2
+    message = json.loads(capsys.readouterr().out)["error"]["message"]
+    assert f"needs {package}, which is not installed; install it: pip install 'navstack[tune]'" in message

@@ -1,0 +1,61 @@
+"""A course that costs nothing to drive: the score falls off from a best place, and each case has its own."""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+from pathlib import Path
+
+from navstack.configuration import Configuration, load_configuration
+from navstack.record import RunRecorder
+from navstack.tune.courses import Case, Course, RunOutcome
+from navstack.tune.given import search_space
+from navstack.tune.objectives import chosen
+from navstack.tune.space import SearchSpace
+from navstack.tune.study import Problem
+
+PARAMS = (
+    "DWAPlannerROS/sim_time=0.5:4.0",
+    "DWAPlannerROS/occdist_scale=0.001:1.0:log",
+    "DWAPlannerROS/vx_samples=3:12",
+)
+
+
+class Bowl(Course):
+    """Best at sim_time 2.0 + a little per case, occdist_scale 0.05; fails far from it."""
+
+    failed_score = -1.0
+    best_score = 1.0
+
+    def __init__(self, cases: int = 4, *, suicide: Path | None = None, after: int = 0, hopeless: bool = False) -> None:
+        super().__init__("bowl", [Case(f"case {i}", 0) for i in range(cases)])
+        self.suicide = suicide
+        """A file that counts the runs; at `after` of them the process is killed, once."""
+        self.after = after
+        self.hopeless = hopeless
+
+    def drive(
+        self, case: Case, configuration: Configuration, *, record: bool = False
+    ) -> tuple[RunOutcome, RunRecorder | None]:
+        if self.suicide is not None:
+            with self.suicide.open("a") as file:
+                file.write(f"{case.key}\n")
+            if len(self.suicide.read_text().splitlines()) == self.after:
+                os.kill(os.getpid(), signal.SIGKILL)
+        p = configuration.local_planner.params
+        off = (p.sim_time - 2.0 - 0.05 * int(case.name.split()[1])) ** 2 + 0.1 * math.log(p.occdist_scale / 0.05) ** 2
+        success = off < 1.5 and not self.hopeless
+        score = math.exp(-off) if success else -1.0
+        return RunOutcome(
+            success, "success" if success else "timeout", score, 5.0 + off, 3.0, 0.3 / p.sim_time, off, 0
+        ), None
+
+
+def problem(course: Course | None = None, *, objectives: tuple[str, ...] = (), sim_time: float = 0.6) -> Problem:
+    base = load_configuration(["turtlebot"], overrides=[f"DWAPlannerROS/sim_time={sim_time}"])
+    return Problem(base, space(base), course or Bowl(), chosen(objectives))
+
+
+def space(base: Configuration) -> SearchSpace:
+    return search_space(base, params=PARAMS)
