@@ -37,7 +37,9 @@ def tune(
         1.0, "--min-success", help="With several objectives: the share of runs that must succeed.", min=0.0, max=1.0
     ),
     sampler: str = typer.Option("tpe", "--sampler", metavar="tpe|cmaes|random", help="Who chooses the candidates."),
-    held_out: float = typer.Option(0.4, "--held-out", metavar="SHARE", help="Scenarios that only the proof uses; of a suite, always half."),
+    held_out: float = typer.Option(
+        0.4, "--held-out", metavar="SHARE", help="Scenarios that only the proof uses; of a suite, always half."
+    ),
     against: str | None = typer.Option(
         None, "--against", metavar="NAME|DIR|FILE", help="Compare the result with these parameters too."
     ),

@@ -66,7 +66,9 @@ def read_place(suite: str, count: int | None = None) -> Place:
 
 def _packaged(suite: str, count: int | None) -> Place:
     if suite == "barn":
-        raise InputError(f"--suite barn: BARN's worlds are not part of navstack; give the folder of their {WORLDS}", suite=suite)
+        raise InputError(
+            f"--suite barn: BARN's worlds are not part of navstack; give the folder of their {WORLDS}", suite=suite
+        )
     try:
         files = _named(scenarios(suite, count=count))
     except InputError as error:
@@ -83,9 +85,7 @@ def _named(files: Sequence[ScenarioSpec]) -> tuple[ScenarioSpec, ...]:
     return tuple(seen.values())
 
 
-def split(
-    names: Sequence[str], held_out: float, seed: int, known: Sequence[str] = ()
-) -> tuple[list[str], list[str]]:
+def split(names: Sequence[str], held_out: float, seed: int, known: Sequence[str] = ()) -> tuple[list[str], list[str]]:
     """Training and held-out scenarios, `held_out` being the share of the latter; both in the given order.
 
     The held-out ones are drawn by `seed`, or those that are `known` for it, whatever their share.
