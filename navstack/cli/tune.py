@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import shlex
 import sys
+import time
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -15,6 +18,9 @@ if TYPE_CHECKING:
     from navstack.tune.request import Done
     from navstack.tune.sensitivity import Step
     from navstack.tune.setup import Setup
+    from navstack.tune.study import Trial
+
+LINES_APART_S = 60.0
 
 
 def tune(
@@ -134,9 +140,8 @@ def _announce(setup: Setup) -> None:
         print_note(f"{said}: what the robot is able to is yours to say, by --param NAME=LOW:HIGH or --keep NAME")
 
 
-def _progress(trials: int, *, quiet: bool) -> Any:
-    from contextlib import contextmanager
-
+@contextmanager
+def _progress(trials: int, *, quiet: bool) -> Generator[Callable[[Trial, int], None]]:
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,
@@ -146,32 +151,32 @@ def _progress(trials: int, *, quiet: bool) -> Any:
         TimeRemainingColumn,
     )
 
-    from navstack.cli.output import stderr
+    from navstack.cli.output import print_note, stderr
 
-    @contextmanager
-    def bar() -> Any:
-        columns = (
-            TextColumn("trials"),
-            MofNCompleteColumn(),
-            BarColumn(),
-            TimeElapsedColumn(),
-            TextColumn("left"),
-            TimeRemainingColumn(),
-            TextColumn("{task.fields[best]}"),
-        )
-        with Progress(*columns, console=stderr(), transient=True, disable=quiet or not stderr().is_terminal) as shown:
-            task = shown.add_task("", total=trials, best="")
-            best: list[float] = []
+    columns = (
+        TextColumn("trials"),
+        MofNCompleteColumn(),
+        BarColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[best]}"),
+    )
+    with Progress(*columns, console=stderr(), transient=True, disable=quiet or not stderr().is_terminal) as shown:
+        task = shown.add_task("", total=trials, best="")
+        full = 0
+        said = time.monotonic()
 
-            def hear(trial: Any, ended: int) -> None:
-                if trial.complete:
-                    best.append(trial.values[0])
-                text = f"last {trial.values[0]:.3f}" + (f", {len(best)} driven in full" if best else "")
-                shown.update(task, completed=ended, best=text)
+        def hear(trial: Trial, ended: int) -> None:
+            nonlocal full, said
+            full += trial.complete
+            shown.update(task, completed=ended, best=f"last {trial.values[0]:.3f}, {full} driven in full")
+            # no terminal: a line now and then
+            if not quiet and not stderr().is_terminal and time.monotonic() - said >= LINES_APART_S:
+                said = time.monotonic()
+                print_note(f"{ended} of {trials} trials, {full} driven in full")
 
-            yield hear
-
-    return bar()
+        yield hear
 
 
 def _print(done: Done) -> None:

@@ -17,7 +17,7 @@ from navstack.params.sources import Source
 from navstack.params.yaml_reader import DictNode, plain
 from navstack.scenario import Scenario
 from navstack.scenario_file import ScenarioSpec, is_scenario_file, read_scenario
-from navstack.suites import scenarios
+from navstack.suites import scenarios, suite_names
 from navstack.tune.courses import BarnCourse, Course, NamedScenario, ScenarioCourse
 
 WORLDS = "worlds.npz"
@@ -49,6 +49,9 @@ def read_place(suite: str, count: int | None = None) -> Place:
     `count`: how many of a suite's; half of them are its held-out ones. Raises InputError for what is none of these,
     ScenarioError for files that cannot be used.
     """
+    # as with parameter sets, a packaged one wins: ./office is the folder of that name
+    if suite in suite_names() and suite != "barn":
+        return _packaged(suite, count)
     path = Path(suite)
     if path.is_dir() and (path / WORLDS).is_file():
         path = path / WORLDS

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final
 
 from navstack.core.errors import InputError
@@ -173,6 +174,14 @@ def _changed(problem: Problem, candidate: Mapping[str, Value]) -> dict[str, Valu
     return {d.name: candidate[d.name] for d in problem.space if candidate[d.name] != d.present or d.ties}
 
 
+def _hopeless(problem: Problem, least: float, ended: Sequence[Outcome]) -> bool:
+    """True when the runs that are left cannot bring the mean score to `least`."""
+    if problem.objectives[0].name != "score":
+        return False
+    left = (len(problem.cases) - len(ended)) * problem.course.best_score
+    return (sum(o["score"] for o in ended) + left) / len(problem.cases) < least
+
+
 def _set_back(
     problem: Problem, executor: Executor, candidate: dict[str, Value], outcomes: Mapping[str, Outcome]
 ) -> tuple[dict[str, Value], Mapping[str, Outcome], tuple[str, ...]]:
@@ -197,11 +206,13 @@ def _set_back(
         # against the best there was, so that many small losses do not add up
         allowed: float = least - scale if objective.maximize else least + scale
 
-        def hopeless(ended: Sequence[Outcome], least: float = allowed) -> bool:
-            left = (len(cases) - len(ended)) * problem.course.best_score
-            return objective.name == "score" and (sum(o["score"] for o in ended) + left) / len(cases) < least
-
-        tried = evaluate(executor, f"without {name}", tuple(problem.space.overrides(less)), cases, hopeless=hopeless)
+        tried = evaluate(
+            executor,
+            f"without {name}",
+            tuple(problem.space.overrides(less)),
+            cases,
+            hopeless=partial(_hopeless, problem, allowed),
+        )
         if len(tried) < len(cases):
             continue
         reached: float = value(tried)

@@ -142,7 +142,7 @@ def test_launch_files_get_a_file_beside_them(data_dir: Path, tmp_path: Path) -> 
     assert same_parameters(load_configuration(sources), want)
 
 
-ROBOTS = (["jackal_barn_fast_dwa"], ["turtlebot2/param"], ["ridgeback", "ridgeback/odom_nav_params"], ["pr2_stage"])
+ROBOTS = (["jackal_barn_fast_dwa"], ["turtlebot2/param"], ["pr2_stage"])
 
 
 @pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot[0])
