@@ -1,10 +1,10 @@
 """What trajectory rollout's ways out of getting stuck are worth: BARN worlds with and without each of them.
 
-    python tools/bench/unstuck.py [--worlds 49 157] [--distro indigo]
+    python tools/bench/unstuck.py [--worlds 49 157] [--distro indigo] [--without circles check longer]
 
 Without `circles` it turns in place for as long as that scores best; without `check` it backs out whatever is behind it;
-without `longer` every escape ends after escape_reset_dist. Without all three it is C++'s. By default the worlds in which the
-C++ stack did not succeed. They come from NAVSTACK_DATA (../shared/data by default).
+without `longer` every escape ends after escape_reset_dist. Without all three it is C++'s. By default each by itself
+and all together, in the worlds in which the C++ stack did not succeed. They come from NAVSTACK_DATA (../shared/data by default).
 """
 
 from __future__ import annotations
@@ -65,13 +65,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--worlds", type=int, nargs="*")
     parser.add_argument("--distro", choices=("noetic", "indigo"))
+    parser.add_argument("--without", choices=WAYS, nargs="*", help="one case only: without these")
     args = parser.parse_args()
+    cases = CASES if args.without is None else (tuple(args.without),)
     with (DATA / "barn" / "cpp_results.csv").open() as file:
         failed = [int(row["world"]) for row in csv.DictReader(file) if row["outcome"] != "success"]
     numbers = args.worlds or failed
     worlds = [w for w in load_worlds(DATA / "barn" / "worlds.npz") if w.number in numbers]
     configuration = barn_configuration(DATA / "params" / "jackal_barn", distro=args.distro)
-    for ways in CASES:
+    for ways in cases:
         with without(ways):
             outcomes = [run_world(world, configuration)[0] for world in worlds]
         name = f"without {', '.join(ways)}" if ways else "as it is"
