@@ -13,7 +13,7 @@ from typing import ClassVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import LETHAL, Costmap, GridGeometry, Pose2D
+from navstack.core import Costmap, GridGeometry, Pose2D
 from navstack.core.parameters import param
 from navstack.global_planner import _trace_kernels as trace
 from navstack.global_planner import ends
@@ -106,8 +106,8 @@ class GlobalPlannerROS(WavePlanner):
     def _is_guided(self) -> bool:
         return not self._own.use_dijkstra
 
-    def _grid(self, costmap: Costmap) -> Costmap:
-        return costmap if self._own.outline_map else _with_ring(costmap)
+    def _blocks_outline(self) -> bool:
+        return self._own.outline_map
 
     def _run(self, query: WaveQuery, guide: Guide | None, limit: float, keep: bool) -> NDArray[np.float32] | None:
         wave, params, target = self._wave, self._own, query.goal_cell
@@ -140,13 +140,6 @@ class GlobalPlannerROS(WavePlanner):
 
     def _orient(self, poses: NDArray[np.float64], start_yaw: float) -> None:
         orient(poses, start_yaw, OrientationMode(self._own.orientation_mode), self._own.orientation_window_size)
-
-
-def _with_ring(costmap: Costmap) -> Costmap:
-    """A copy with one more ring of lethal cells, so that the outermost cells of the map itself can be crossed."""
-    g = costmap.geometry
-    larger = GridGeometry(g.nx + 2, g.ny + 2, g.resolution, g.origin_x - g.resolution, g.origin_y - g.resolution)
-    return Costmap(larger, np.pad(costmap.data, 1, constant_values=LETHAL), costmap.frame)
 
 
 def _fractional(geometry: GridGeometry, pose: Pose2D, cell: ends.Cell, old_navfn: bool) -> tuple[float, float]:

@@ -10,7 +10,7 @@ from typing import NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Costmap, Footprint, Path, Pose2D
+from navstack.core import LETHAL, Costmap, Footprint, GridGeometry, Path, Pose2D
 from navstack.global_planner import ends
 from navstack.global_planner.cost_rule import CostRule, careful
 from navstack.global_planner.departure import depart
@@ -65,9 +65,9 @@ class WavePlanner(GlobalPlanner):
     def _is_guided(self) -> bool:
         """True for A*."""
 
-    def _grid(self, costmap: Costmap) -> Costmap:
-        """The costs to run over: the costmap's, or with one more ring of blocked cells."""
-        return costmap
+    def _blocks_outline(self) -> bool:
+        """True when the map's outermost cells are blocked."""
+        return True
 
     @abstractmethod
     def _run(self, query: WaveQuery, guide: Guide | None, limit: float, keep: bool) -> NDArray[np.float32] | None:
@@ -108,18 +108,25 @@ class WavePlanner(GlobalPlanner):
         known = self._memory.recall(costmap, request)
         if known is not None:
             return known
-        given = self._grid(costmap)
-        ring = (given.geometry.nx - costmap.geometry.nx) // 2
-        start_cell, goal_cell = (start_cell[0] + ring, start_cell[1] + ring), (goal_cell[0] + ring, goal_cell[1] + ring)
-        departure = depart(given, rule, start, start_cell, footprint, params.start_policy, ring=True)
-        grid, first = departure.costmap, departure.cell
-        candidates = [
-            (pose, (cell[0] + ring, cell[1] + ring))
-            for pose, cell in ends.goal_candidates(costmap, goal, params.default_tolerance)
+        outline = self._blocks_outline()
+        departure = depart(costmap, rule, start, start_cell, footprint, params.start_policy, ring=outline)
+        free = [
+            c
+            for c in ends.goal_candidates(costmap, goal, params.default_tolerance)
+            if c[1] == departure.cell or not ends.is_blocked(departure.costmap, rule, c[1], ring=outline)
         ]
-        free = [c for c in candidates if c[1] == first or not ends.is_blocked(grid, rule, c[1])]
         if not free:
-            raise ends.goal_occupied(grid, rule, goal, goal_cell, params.default_tolerance)
+            raise ends.goal_occupied(costmap, rule, goal, goal_cell, params.default_tolerance, ring=outline)
+        # a wave stays off the outermost cells: to have them crossed it gets one ring more
+        ring = 0 if outline else 1
+        grid = departure.costmap if outline else _with_ring(departure.costmap)
+        free = [(pose, (ix + ring, iy + ring)) for pose, (ix, iy) in free]
+        first = departure.cell[0] + ring, departure.cell[1] + ring
+
+        def nearest() -> ends.Cell:
+            ix, iy = wave.nearest_reached(goal_cell[0] + ring, goal_cell[1] + ring)
+            return ix - ring, iy - ring
+
         wave = self._wave
         wave.most = params.most
         query = WaveQuery(grid, rule, departure.pose, first, *free[0])
@@ -134,8 +141,7 @@ class WavePlanner(GlobalPlanner):
             if found == math.inf and wave.is_exhausted:
                 found = min(wave.potential_of(*c) for _, c in free)
                 if found == math.inf:
-                    nearest = wave.nearest_reached(*goal_cell)
-                    raise ends.timeout(grid, start, goal, nearest, wave.expanded, params.most)
+                    raise ends.timeout(costmap, start, goal, nearest(), wave.expanded, params.most)
             return found
 
         def otherwise() -> object:
@@ -147,14 +153,14 @@ class WavePlanner(GlobalPlanner):
         reached = next((c for c in free if wave.potential_of(*c[1]) < math.inf), None)
         if reached is None:
             if wave.expanded == 0 and ends.is_blocked(grid, rule, first):
-                raise ends.start_occupied(grid, rule, start, start_cell)
-            nearest = wave.nearest_reached(*goal_cell)
-            raise ends.no_path(grid, rule, start, goal, (first, goal_cell), nearest, wave.expanded)
+                raise ends.start_occupied(costmap, rule, start, start_cell, ring=outline)
+            cells = departure.cell, goal_cell
+            raise ends.no_path(departure.costmap, rule, start, goal, cells, nearest(), wave.expanded)
         used, cell = reached
         cost = wave.potential_of(*cell)
         if potential is not None:
             potential[cell[1], cell[0]] = cost
-            if given is not costmap:
+            if ring:
                 potential = np.ascontiguousarray(potential[1:-1, 1:-1])
         # a potential that C++ has gives the path that C++ has, with its loops
         points = self._descend(query, used, cell, not guided)
@@ -184,3 +190,10 @@ class WavePlanner(GlobalPlanner):
         kept = self._field.kept if grid is costmap else None
         self._memory.remember(costmap, request, plan, whole if everything else wave.rectangle, kept)
         return plan
+
+
+def _with_ring(costmap: Costmap) -> Costmap:
+    """A copy with one more ring of lethal cells."""
+    g = costmap.geometry
+    larger = GridGeometry(g.nx + 2, g.ny + 2, g.resolution, g.origin_x - g.resolution, g.origin_y - g.resolution)
+    return Costmap(larger, np.pad(costmap.data, 1, constant_values=LETHAL), costmap.frame)
