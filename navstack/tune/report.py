@@ -166,7 +166,7 @@ def _document(
         yield from _picture(figures, "importance", "Importance of each parameter")
         yield from _picture(figures, "slices", "Score of the trials against the six most important parameters")
     else:
-        yield "<p>Too few trials were driven over every case to tell.</p>"
+        yield "<p>There were too few trials to tell.</p>"
     objectives = tuning.problem.objectives
     yield "<h2>" + ("Pareto front" if len(objectives) > 1 else "Time against clearance") + "</h2>"
     yield from _picture(figures, "pareto", "Trials by two objectives")

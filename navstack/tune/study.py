@@ -199,16 +199,24 @@ class Study:
         return found
 
     def importance(self) -> dict[str, float]:
-        """How much each dimension mattered (PED-ANOVA: Watanabe et al., IJCAI 2023), greatest first; empty for few trials."""
-        complete = [t for t in self.finished() if t.complete]
-        if len(complete) < 8 or len({t.values for t in complete}) < 2:
+        """How much each dimension mattered (PED-ANOVA: Watanabe et al., IJCAI 2023), greatest first; empty for few trials.
+
+        Trials that were given up count with what their runs came to: most of what is known of bad values is in them.
+        """
+        trials = self.finished()
+        if len(trials) < 10 or len({t.values[0] for t in trials}) < 3:
             return {}
-        evaluator = self._optuna.importance.PedAnovaImportanceEvaluator()
-        target = None if len(self.problem.objectives) == 1 else _first_value
+        objective = self.problem.objectives[0]
+        judged = self._optuna.create_study(direction=objective.direction)
+        for t in trials:
+            made = self._optuna.trial.create_trial(
+                params=dict(t.candidate), distributions=self._distributions, value=t.values[0]
+            )
+            judged.add_trial(made)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             found: dict[str, float] = self._optuna.importance.get_param_importances(
-                self._study, evaluator=evaluator, target=target
+                judged, evaluator=self._optuna.importance.PedAnovaImportanceEvaluator()
             )
         return dict(sorted(found.items(), key=lambda item: (-item[1], item[0])))
 
@@ -384,10 +392,6 @@ class Study:
 
     def _cleaned(self, params: Mapping[str, Any]) -> dict[str, Value]:
         return {d.name: d.clean(params[d.name]) for d in self.problem.space}
-
-
-def _first_value(frozen: Any) -> float:
-    return frozen.values[0]
 
 
 def _shown_difference(key: str, there: Any, here: Any) -> str:

@@ -17,6 +17,9 @@ from navstack.tune.study import Study, Trial, best_of, pareto_front
 from navstack.tune.work import RunWork
 from tests.tune.bowl import Bowl, problem
 
+importance: dict[str, float] = {}
+"""Of the last study that was run."""
+
 
 def run(storage: str, trials: int, *, course: Bowl | None = None, **options: object) -> list[Trial]:
     objectives: tuple[str, ...] = options.pop("objectives", ())  # type: ignore[assignment]
@@ -25,6 +28,8 @@ def run(storage: str, trials: int, *, course: Bowl | None = None, **options: obj
         study = Study(p, kept, place=storage, **options)  # type: ignore[arg-type]
         study.baseline(executor)
         study.run(executor, trials)
+        importance.clear()
+        importance.update(study.importance())
         return study.finished()
 
 
@@ -50,6 +55,8 @@ def test_a_better_place_is_found_and_bad_trials_are_given_up(tmp_path: Path) -> 
     assert best.values[0] > 0.8
     assert best.values[0] == max(t.values[0] for t in trials if t.complete)
     assert any(not t.complete for t in trials)
+    # the course does not look at vx_samples
+    assert list(importance)[-1] == "DWAPlannerROS/vx_samples"
     # nothing is given up that would have become the best: the present values' own trial is driven in full, being first
     assert trials[0].origin == "present"
     assert trials[0].complete
