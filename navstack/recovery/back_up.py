@@ -5,12 +5,11 @@ Source of behaviour and names: Nav2 (nav2_behaviors/BackUp, nav2_behavior_tree's
 
 from __future__ import annotations
 
-from navstack.core import RobotState
 from navstack.core.parameters import ParamModel, param
-from navstack.interfaces import RecoveryBehavior, RecoveryContext, RecoveryStep
+from navstack.interfaces import RecoveryContext
 from navstack.plugins import RECOVERY_BEHAVIORS
 from navstack.recovery.errors import BackUpCollisionError, BackUpTimeoutError
-from navstack.recovery.straight import StraightDrive
+from navstack.recovery.straight import StraightRecovery
 
 
 class BackUpParams(ParamModel):
@@ -25,39 +24,20 @@ class BackUpParams(ParamModel):
 
 
 @RECOVERY_BEHAVIORS.register("back_up", aliases=("nav2_behaviors/BackUp", "nav2_recoveries/BackUp"))
-class BackUp(RecoveryBehavior):
+class BackUp(StraightRecovery):
     """Reverses `backup_dist`; before each command the whole outline is checked on the local costmap, as far as it will go."""
 
     Params = BackUpParams
     params: BackUpParams
 
-    def __init__(self, name: str, params: BackUpParams) -> None:
-        super().__init__(name, params)
-        self._drive: StraightDrive | None = None
-
-    @property
-    def frequency(self) -> float:
-        """Commands per second."""
-        return self.params.cycle_frequency
-
     def start(self, context: RecoveryContext, now: float) -> None:
         """Measured from the pose at the first step."""
         p = self.params
-        self._drive = StraightDrive(
-            self.name,
+        self.drive(
             context,
             now,
             distance=-abs(p.backup_dist),
-            speed=abs(p.backup_speed),
-            time_allowance=p.time_allowance,
-            look_ahead_s=p.simulate_ahead_time,
-            frequency=p.cycle_frequency,
-            check_collisions=not p.disable_collision_checks,
+            speed=p.backup_speed,
             timeout=BackUpTimeoutError,
             collision=BackUpCollisionError,
         )
-
-    def step(self, state: RobotState, now: float) -> RecoveryStep:
-        """The next command; raises BackUpCollisionError or BackUpTimeoutError."""
-        assert self._drive is not None
-        return self._drive.step(state, now)

@@ -5,16 +5,15 @@ Source of behaviour and names: Nav2 (nav2_behaviors/DriveOnHeading, nav2_behavio
 
 from __future__ import annotations
 
-from navstack.core import RobotState
 from navstack.core.parameters import ParamModel, param
-from navstack.interfaces import RecoveryBehavior, RecoveryContext, RecoveryStep
+from navstack.interfaces import RecoveryContext
 from navstack.plugins import RECOVERY_BEHAVIORS
 from navstack.recovery.errors import (
     DriveOnHeadingCollisionError,
     DriveOnHeadingInputError,
     DriveOnHeadingTimeoutError,
 )
-from navstack.recovery.straight import StraightDrive
+from navstack.recovery.straight import StraightRecovery
 
 
 class DriveOnHeadingParams(ParamModel):
@@ -31,20 +30,11 @@ class DriveOnHeadingParams(ParamModel):
 @RECOVERY_BEHAVIORS.register(
     "drive_on_heading", aliases=("nav2_behaviors/DriveOnHeading", "nav2_recoveries/DriveOnHeading")
 )
-class DriveOnHeading(RecoveryBehavior):
+class DriveOnHeading(StraightRecovery):
     """Drives `dist_to_travel` straight; before each command the whole outline is checked, as far as it will go."""
 
     Params = DriveOnHeadingParams
     params: DriveOnHeadingParams
-
-    def __init__(self, name: str, params: DriveOnHeadingParams) -> None:
-        super().__init__(name, params)
-        self._drive: StraightDrive | None = None
-
-    @property
-    def frequency(self) -> float:
-        """Commands per second."""
-        return self.params.cycle_frequency
 
     def check(self, context: RecoveryContext) -> None:
         """Raises DriveOnHeadingInputError when distance and speed point in opposite directions."""
@@ -61,21 +51,11 @@ class DriveOnHeading(RecoveryBehavior):
         """Measured from the pose at the first step; raises as `check` does."""
         self.check(context)
         p = self.params
-        self._drive = StraightDrive(
-            self.name,
+        self.drive(
             context,
             now,
             distance=p.dist_to_travel,
-            speed=abs(p.speed),
-            time_allowance=p.time_allowance,
-            look_ahead_s=p.simulate_ahead_time,
-            frequency=p.cycle_frequency,
-            check_collisions=not p.disable_collision_checks,
+            speed=p.speed,
             timeout=DriveOnHeadingTimeoutError,
             collision=DriveOnHeadingCollisionError,
         )
-
-    def step(self, state: RobotState, now: float) -> RecoveryStep:
-        """The next command; raises DriveOnHeadingCollisionError or DriveOnHeadingTimeoutError."""
-        assert self._drive is not None
-        return self._drive.step(state, now)

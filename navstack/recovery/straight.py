@@ -6,12 +6,13 @@ Source of behaviour and names: nav2_behaviors (drive_on_heading.hpp).
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from navstack.core import Costmap, Footprint, Pose2D, RobotState, Twist2D, describe_cost
 from navstack.core.collision import footprint_cost
 from navstack.core.costs import LETHAL
 from navstack.core.errors import CollisionAheadError, RecoveryError
-from navstack.interfaces import RecoveryContext, RecoveryStatus, RecoveryStep
+from navstack.interfaces import RecoveryBehavior, RecoveryContext, RecoveryStatus, RecoveryStep
 
 
 def clear_distance(costmap: Costmap, footprint: Footprint, pose: Pose2D, distance: float) -> tuple[float, int | None]:
@@ -99,3 +100,47 @@ class StraightDrive:
         text = f"{self.name}: driving {self._distance:.2f} m at {self._speed:g} m/s" if first else ""
         speed = math.copysign(self._speed, self._distance)
         return RecoveryStep(RecoveryStatus.RUNNING, Twist2D(speed, 0.0, 0.0), text, data)
+
+
+class StraightRecovery(RecoveryBehavior):
+    """A recovery that is one straight drive; who derives from it says in `start` how far and how fast."""
+
+    def __init__(self, name: str, params: Any) -> None:
+        super().__init__(name, params)
+        self._drive: StraightDrive | None = None
+
+    @property
+    def frequency(self) -> float:
+        """Commands per second."""
+        return self.params.cycle_frequency
+
+    def step(self, state: RobotState, now: float) -> RecoveryStep:
+        """The next command; raises the timeout's or the collision's error."""
+        assert self._drive is not None
+        return self._drive.step(state, now)
+
+    def drive(
+        self,
+        context: RecoveryContext,
+        now: float,
+        *,
+        distance: float,
+        speed: float,
+        timeout: type[RecoveryError],
+        collision: type[CollisionAheadError],
+    ) -> None:
+        """Begins: `distance` (m, backwards when negative) at `speed` (m/s), from the pose at the first step."""
+        p = self.params
+        self._drive = StraightDrive(
+            self.name,
+            context,
+            now,
+            distance=distance,
+            speed=abs(speed),
+            time_allowance=p.time_allowance,
+            look_ahead_s=p.simulate_ahead_time,
+            frequency=p.cycle_frequency,
+            check_collisions=not p.disable_collision_checks,
+            timeout=timeout,
+            collision=collision,
+        )
