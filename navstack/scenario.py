@@ -334,6 +334,8 @@ class Run:
         self._handle: GoalHandle | None = None
         self._begun, self._driven = 0.0, 0.0
         self._rest_until = 0.0
+        # times are sums: what is nearer than this is not worth a step of the body, and must not wait for one
+        self._moment = 1e-5 / configuration.navstack.sim.physics_frequency
 
     def step(self) -> bool:
         """One control cycle: the world goes on to its time, then the goal manager ticks. False: nothing is left to do."""
@@ -341,7 +343,7 @@ class Run:
         robot, move_base = self.robot, self.move_base
         due = math.inf
         if self._handle is None:
-            if robot.time < self._rest_until:
+            if robot.time < self._rest_until - self._moment:
                 due = self._rest_until
             elif not self._set_out():
                 return False

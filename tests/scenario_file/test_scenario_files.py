@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,7 @@ from navstack.core.errors import InputError
 from navstack.maps import map_path, places
 from navstack.record import Record
 from navstack.record.metrics import metrics_of
-from navstack.scenario import Scenario, run_scenario
+from navstack.scenario import Run, Scenario, run_scenario
 from navstack.scenario_file import is_scenario_file, load_scenario, read_scenario
 from navstack.success import SuccessConditions
 from navstack.suites import shipped
@@ -212,3 +213,17 @@ def test_those_that_are_shipped_say_what_they_show() -> None:
     for path in files.values():
         spec = read_scenario(path)
         assert spec.description and spec.parts.settings.name
+
+
+def test_a_rest_ends_whatever_the_rounding_of_its_end(short: Path) -> None:
+    # 1.86 + 0.5 is 2.3600000000000003, which a robot at 118 / 50 s never reaches by whole steps
+    short.write_text(SHORT.replace("goals: [[4.0, 7.4, 0.0]]", "goals: [[9.0, 7.4], [9.0, 7.4]]"))
+    spec = read_scenario(short)
+    for hundredths in range(2, 60, 3):
+        scenario = replace(spec.build(time_limit_s=0.1 + hundredths / 50.0), rest_s=hundredths / 100.0)
+        driven = Run(scenario, record=False)
+        cycles = 0
+        while driven.step():
+            cycles += 1
+            assert cycles < 500
+        assert [outcome.state for outcome in driven.outcomes] == ["PREEMPTED", "PREEMPTED"]
