@@ -250,6 +250,8 @@ def _take_down(recorder: RunRecorder, robot: SimulatedRobot, move_base: MoveBase
         recorder.plan(t, turn.plan.path.poses, turn.plan.path.frame)
     if turn.local_plan is not None:
         recorder.local_plan(t, turn.local_plan)
+    if robot.world.moves:
+        recorder.solids(robot.solids.discs, robot.solids.corners, robot.solids.first)
     recorder.sample(
         t,
         pose=robot.pose,
@@ -320,6 +322,9 @@ class Run:
                 local_frame=odometry_frame(configuration),
                 base_frame=configuration.local_costmap.params.robot_base_frame,
             )
+            solids = self.robot.solids
+            if not self.robot.world.moves and scenario.shapes:
+                self.recorder.solids(solids.discs, solids.corners, solids.first)
         heard = [self.recorder, *listeners] if self.recorder is not None else list(listeners)
         self.move_base = build_move_base(configuration, self.robot, static_map=scenario.map, listeners=heard)
         self.timings: Timings | None = None

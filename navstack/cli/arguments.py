@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,6 +11,7 @@ from navstack.core.errors import InputError, MapError
 
 if TYPE_CHECKING:
     from navstack.core import OccupancyGrid, Pose2D
+    from navstack.sim.shapes import Shape
 
 
 def _numbers(text: str, argument: str, shape: str, counts: tuple[int, ...]) -> list[float]:
@@ -46,12 +48,28 @@ def parse_point(text: str, argument: str) -> tuple[float, float]:
     return x, y
 
 
-def parse_obstacle(text: str) -> tuple[float, float, float]:
-    """`x,y,r` -> a disc (m)."""
-    x, y, r = _numbers(text, "--obstacle", "x,y,r in metres, such as 3.0,1.5,0.2", (3,))
+def parse_obstacle(text: str) -> tuple[tuple[float, float, float], bool]:
+    """`x,y,r` or `x,y,r,low` -> a disc (m), and whether it is low."""
+    head, comma, word = text.rpartition(",")
+    low = bool(comma) and word.strip() == "low"
+    shape = "x,y,r in metres, such as 3.0,1.5,0.2, and ,low behind it for one that only bumpers and low lidars notice"
+    x, y, r = _numbers(head if low else text, "--obstacle", shape, (3,))
     if r <= 0.0:
         raise InputError(f'--obstacle "{text}": the radius must be positive', argument="--obstacle", value=text)
-    return x, y, r
+    return (x, y, r), low
+
+
+def parse_obstacles(
+    texts: Sequence[str],
+) -> tuple[tuple[tuple[float, float, float], ...], tuple[Shape, ...]]:
+    """The discs (m) of all `--obstacle`: those that every lidar sees, and the low ones as shapes."""
+    parsed = [parse_obstacle(text) for text in texts]
+    low_ones = [disc for disc, low in parsed if low]
+    if not low_ones:
+        return tuple(disc for disc, _ in parsed), ()
+    from navstack.sim.shapes import low_disc
+
+    return tuple(disc for disc, low in parsed if not low), tuple(low_disc(*disc) for disc in low_ones)
 
 
 def map_of(name: str) -> tuple[Path, OccupancyGrid]:

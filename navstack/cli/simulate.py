@@ -44,7 +44,10 @@ def simulate(
         None, "--seed", help="Of the noise; the same seed gives the same run. [default: 0, or the scenario's]", min=0
     ),
     obstacle: list[str] = typer.Option(
-        [], "--obstacle", metavar="X,Y,R", help="A round obstacle that is not on the map."
+        [],
+        "--obstacle",
+        metavar="X,Y,R[,low]",
+        help="A round obstacle that is not on the map; low: only bumpers notice it.",
     ),
     time_limit: float | None = typer.Option(
         None, "--time-limit", help="Simulated seconds a goal may take. [default: 600, or the scenario's]", min=0.1
@@ -97,7 +100,7 @@ def _scenario(
     time_limit: float | None,
 ) -> Scenario:
     from navstack import maps
-    from navstack.cli.arguments import map_of, parse_obstacle, parse_pose
+    from navstack.cli.arguments import map_of, parse_obstacles, parse_pose
     from navstack.configuration import load_configuration
     from navstack.core.errors import InputError
     from navstack.scenario import Scenario
@@ -105,7 +108,7 @@ def _scenario(
 
     start_pose = parse_pose(start, "--start") if start is not None else None
     goals = tuple(parse_pose(g, "--goal") for g in goal)
-    obstacles = tuple(parse_obstacle(o) for o in obstacle)
+    obstacles, shapes = parse_obstacles(obstacle)
     file = _scenario_file(map_name)
     if file is not None:
         scenario = read_scenario(file).build(
@@ -117,6 +120,7 @@ def _scenario(
             start=start_pose,
             goals=goals or None,
             obstacles=obstacles,
+            shapes=shapes,
         )
         _note_warnings(scenario)
         return scenario
@@ -138,6 +142,7 @@ def _scenario(
         start=start_pose,
         goals=goals,
         obstacles=obstacles,
+        shapes=shapes,
         seed=seed or 0,
         time_limit_s=600.0 if time_limit is None else time_limit,
         names={"map": path.name, "params": [_short_name(p) for p in params], "overrides": list(overrides)},

@@ -49,7 +49,9 @@ def tour(
     set_: list[str] = typer.Option([], "--set", metavar="KEY=VALUE", help="Override a parameter (repeat)."),
     distro: str | None = typer.Option(None, "--distro", metavar="noetic|indigo", help="Whose scoring scale."),
     seed: int = typer.Option(0, "--seed", help="Of the noise and of the random order.", min=0),
-    obstacle: list[str] = typer.Option([], "--obstacle", metavar="X,Y,R", help="A round obstacle not on the map."),
+    obstacle: list[str] = typer.Option(
+        [], "--obstacle", metavar="X,Y,R[,low]", help="A round obstacle not on the map."
+    ),
     out: Path = typer.Option(
         Path("navstack_tour"), "--out", metavar="DIR", help="Folder of record, log, summary, picture."
     ),
@@ -136,7 +138,7 @@ def _scenario(
     obstacle: list[str],
 ) -> tuple[Scenario, tuple[str, ...]]:
     from navstack import maps
-    from navstack.cli.arguments import map_of, parse_obstacle, parse_pose
+    from navstack.cli.arguments import map_of, parse_obstacles, parse_pose
     from navstack.cli.output import print_note
     from navstack.configuration import load_configuration
     from navstack.core.errors import InputError
@@ -169,12 +171,14 @@ def _scenario(
     for finding in configuration.findings:
         if finding.severity == "warning":
             print_note(f"{finding.location}: {finding.message}")
+    obstacles, shapes = parse_obstacles(obstacle)
     scenario = Scenario(
         map=grid,
         configuration=configuration,
         start=start_pose,
         goals=tuple(read.places[name] for name in names),
-        obstacles=tuple(parse_obstacle(o) for o in obstacle),
+        obstacles=obstacles,
+        shapes=shapes,
         seed=seed,
         time_limit_s=time_limit,
         rest_s=rest,

@@ -20,7 +20,16 @@ from navstack.core import FREE, Bounds, Costmap, Pose2D, Transform2D
 from navstack.core.errors import InputError, OutputError
 from navstack.core.files import ensure_directory, written_whole
 from navstack.plot import canvas, colors
-from navstack.plot.run import area_of_run, draw_ends, draw_map, draw_obstacles, headline, incidents
+from navstack.plot.run import (
+    area_of_run,
+    draw_ends,
+    draw_map,
+    draw_obstacles,
+    headline,
+    incidents,
+    solid_patches,
+    solids_moved,
+)
 from navstack.record import Record
 
 _HOLD_S = 2.0
@@ -85,11 +94,16 @@ class _Film:
             if len(record.costmap_times(name))
         ]
         before = set(map(id, axes.get_children()))
-        obstacles = draw_obstacles(axes, record)
+        obstacles = draw_obstacles(axes, record, moving=False)
         ends = draw_ends(axes, record, self.picture.points_per_m)
         marks = sorted((a for a in axes.get_children() if id(a) not in before), key=lambda a: a.get_zorder())
         for artist in marks:
             artist.set_animated(True)
+        self._moved = [k for k, moved in enumerate(solids_moved(record)) if moved]
+        _, self._movers = solid_patches(record, float(record.times[0]))
+        for patch in self._movers:
+            patch.set_animated(True)
+            axes.add_patch(patch)
         options: dict[str, Any] = {"animated": True}
         empty = np.empty((0, 2))
         self._plan = canvas.draw_line(axes, empty, colors.PLAN, width=1.8, zorder=4, **options)
@@ -106,6 +120,8 @@ class _Film:
             entries.append((self._local, "chosen trajectory"))
         entries.append((self._footprint, "footprint"))
         entries += obstacles
+        if self._movers:
+            entries.append((self._movers[0], "what moves"))
         entries += ends
         self._incident_times = np.array([event.time for event in incidents(record)])
         self._incident_at = np.array([record.pose_at(t)[:2] for t in self._incident_times]).reshape(-1, 2)
@@ -127,6 +143,15 @@ class _Film:
 
     def _local_pose(self, t: float) -> Transform2D:
         return self.record.to_global(self.record.costmap_frame("local"), t)
+
+    def _move(self, t: float) -> None:
+        """Puts what moves where it was at `t` (s)."""
+        discs, polygons = self.record.solids_at(t)
+        for patch, k in zip(self._movers, self._moved, strict=True):
+            if k < len(discs):
+                patch.set_center(discs[k, :2])
+            else:
+                patch.set_xy(polygons[k - len(discs)])
 
     def frame(self, t: float) -> NDArray[np.uint8]:
         """The pixels of the run at time `t` (s)."""
@@ -157,7 +182,8 @@ class _Film:
         surface.restore_region(self._ground)
         for layer in self._layers:
             layer.draw(t, self.picture)
-        for artist in (self._plan, self._trail, self._local):
+        self._move(t)
+        for artist in (*self._movers, self._plan, self._trail, self._local):
             axes.draw_artist(artist)
         self._marks.press(surface)
         for artist in (self._recoveries, self._contacts, self._footprint, self._nose):

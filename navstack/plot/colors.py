@@ -28,6 +28,7 @@ GOAL: Final = VERMILLION
 RECOVERY: Final = PURPLE
 COLLISION: Final = YELLOW
 OBSTACLE: Final = "#6B6B6B"
+MOVING: Final = "#A85C00"
 INK: Final = "#333333"
 FAINT: Final = "#8A8A8A"
 
@@ -106,6 +107,6 @@ def hex_of(rgb: tuple[int, int, int]) -> str:
 
 def exact_colors() -> NDArray[np.uint8]:
     """(n, 3) RGB of everything that carries a meaning, a few dozen: what a palette of 256 must not blur."""
-    drawn = (BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILLION, PURPLE, OBSTACLE, INK, FAINT)
+    drawn = (BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILLION, PURPLE, OBSTACLE, MOVING, INK, FAINT)
     rgb = np.array([[int(c[i : i + 2], 16) for i in (1, 3, 5)] for c in drawn], np.uint8)
     return np.unique(np.concatenate((rgb, cost_colors())), axis=0)

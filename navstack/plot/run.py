@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -126,10 +127,19 @@ def draw_ground(axes: Any, record: Record, area: Bounds, costmap: str | None) ->
     return canvas.cost_legend(last.data[window.slices])
 
 
-def draw_obstacles(axes: Any, record: Record) -> list[tuple[Any, str]]:
-    """Round obstacles of the scenario, which the map does not show."""
+def draw_obstacles(axes: Any, record: Record, *, moving: bool = True) -> list[tuple[Any, str]]:
+    """What stands beside the map; of what moves (unless left out), its way, dotted, and where it was at the end."""
     from matplotlib.patches import Circle
 
+    still, movers = solid_patches(record, float(record.times[-1]) if len(record.times) else 0.0)
+    if still or movers:
+        movers = movers if moving else []
+        for patch in still + movers:
+            axes.add_patch(patch)
+        for way in _solid_ways(record) if moving else ():
+            canvas.draw_line(axes, way, colors.MOVING, width=1.3, zorder=2.9, ls=":")
+        entries: list[tuple[Any, str]] = [(still[0], "obstacle, not on the map")] if still else []
+        return entries + ([(movers[0], "what moves, and its way")] if movers else [])
     handle: Any = None
     for obstacle in record.scenario.get("obstacles") or ():
         try:
@@ -140,6 +150,46 @@ def draw_obstacles(axes: Any, record: Record) -> list[tuple[Any, str]]:
             Circle((x, y), r, facecolor=colors.OBSTACLE, edgecolor="white", hatch="/////", lw=1.0, zorder=3)
         )
     return [(handle, "obstacle, not on the map")] if handle is not None else []
+
+
+def solid_patches(record: Record, t: float) -> tuple[list[Any], list[Any]]:
+    """Recorded discs and polygons as they were at `t` (s): those that never moved, and those that did."""
+    from matplotlib.patches import Circle, Polygon
+
+    discs, polygons = record.solids_at(t)
+    moved = solids_moved(record)
+    still: list[Any] = []
+    moving: list[Any] = []
+    for shape, moves in zip([*discs.tolist(), *polygons], moved, strict=True):
+        style: dict[str, Any] = {"edgecolor": "white", "lw": 1.0, "zorder": 3, "facecolor": colors.OBSTACLE}
+        style |= {"hatch": "....", "facecolor": colors.MOVING} if moves else {"hatch": "/////"}
+        if isinstance(shape, list):
+            x, y, r = shape
+            made: Any = Circle((x, y), r, **style)
+        else:
+            made = Polygon(shape, **style)
+        (moving if moves else still).append(made)
+    return still, moving
+
+
+def solids_moved(record: Record) -> list[bool]:
+    """Which of the recorded discs, then polygons, were not always in one place."""
+    discs, corners = record.arrays.get("solid_discs"), record.arrays.get("solid_corners")
+    if discs is None or corners is None:
+        return []
+    first = record.arrays["solid_first"].tolist()
+    return [bool((discs[:, k] != discs[0, k]).any()) for k in range(discs.shape[1])] + [
+        bool((corners[:, a:b] != corners[0, a:b]).any()) for a, b in itertools.pairwise(first)
+    ]
+
+
+def _solid_ways(record: Record) -> list[NDArray[np.float64]]:
+    """(n, 2) where the middle of each thing that moved went."""
+    discs, corners = record.arrays["solid_discs"], record.arrays["solid_corners"]
+    first = record.arrays["solid_first"].tolist()
+    ways = [discs[:, k, :2] for k in range(discs.shape[1])]
+    ways += [corners[:, a:b].mean(axis=1) for a, b in itertools.pairwise(first)]
+    return [way.astype(np.float64) for way, moved in zip(ways, solids_moved(record), strict=True) if moved]
 
 
 def draw_ends(axes: Any, record: Record, points_per_m: float) -> list[tuple[Any, str]]:

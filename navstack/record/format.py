@@ -59,6 +59,10 @@ Plain arrays:
     map                      (ny, nx) i1    100 occupied, 0 free, -1 unknown, [iy, ix]; absent without a map
     clearances               (n,) f8 m      a row per row of `samples`: from the true outline to the nearest obstacle, inf where
                                             there is none; absent where nobody knew (a real robot)
+    solid_discs              (r, k, 3) f4   x, y, radius, map: what stands or moves beside the map. r is 1 where nothing moves;
+    solid_corners            (r, m, 2) f4   else there is a row per row of `samples`. Corners x, y of p polygons, those of
+    solid_first              (p + 1,) i8    polygon i from solid_first[i] on. All absent where there is nothing but the map
+                                            and the scenario's `obstacles`
     plan_poses               (n, 3) f8      x, y, yaw in the plan's frame
     local_plan_samples       (n, 3) f4      velocities vx, vy, wz, m/s and rad/s
     local_plan_costs         (n, c) f4      raw cost per critic, NaN where it did not score
@@ -260,6 +264,8 @@ def check(meta: dict[str, Any], events: list[dict[str, Any]], arrays: dict[str, 
         clearances.dtype != np.dtype("<f8") or clearances.shape != (len(arrays["samples"]),)
     ):
         raise ValueError("clearances has not one row per sample")
+    if "solid_discs" in arrays:
+        _check_solids(arrays)
     for name in ("plan_poses", "local_plan_samples", "local_plan_poses"):
         if arrays[name].shape[1] != 3:
             raise ValueError(f"{name} has shape {arrays[name].shape}")
@@ -289,6 +295,25 @@ def check(meta: dict[str, Any], events: list[dict[str, Any]], arrays: dict[str, 
         if not (isinstance(event["data"], dict) and isinstance(event["kind"], str) and isinstance(event["text"], str)):
             raise ValueError("an event is not an event")
         float(event["time"])
+
+
+def _check_solids(arrays: dict[str, NDArray[Any]]) -> None:
+    discs, corners, first = (arrays[f"solid_{name}"] for name in ("discs", "corners", "first"))
+    if discs.dtype != np.dtype("<f4") or discs.ndim != 3 or discs.shape[2] != 3:
+        raise ValueError(f"solid_discs is {discs.dtype} of shape {discs.shape}")
+    if corners.dtype != np.dtype("<f4") or corners.ndim != 3 or corners.shape[2] != 2:
+        raise ValueError(f"solid_corners is {corners.dtype} of shape {corners.shape}")
+    if len(discs) != len(corners) or len(discs) not in (1, len(arrays["samples"])):
+        raise ValueError("the solids have neither one row nor one per sample")
+    if (
+        first.dtype != np.dtype("<i8")
+        or first.ndim != 1
+        or not len(first)
+        or first[0] != 0
+        or first[-1] != corners.shape[1]
+        or (np.diff(first) < 0).any()
+    ):
+        raise ValueError("solid_first does not divide solid_corners")
 
 
 def _check_meta(meta: dict[str, Any]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -147,6 +148,24 @@ class Record:
         """(n,) m from the true outline to the nearest obstacle, inf without one; nan where nobody knew."""
         found = self.arrays.get("clearances")
         return np.full(len(self.times), np.nan) if found is None else found
+
+    @property
+    def has_moving_solids(self) -> bool:
+        """True when what stands beside the map was recorded again and again."""
+        discs = self.arrays.get("solid_discs")
+        return discs is not None and len(discs) > 1
+
+    def solids_at(self, t: float) -> tuple[NDArray[np.float32], list[NDArray[np.float32]]]:
+        """What stood beside the map at `t` (s), in the global frame: discs (k, 3) x, y, radius, and polygons (n, 2).
+
+        Nothing where nothing but the scenario's `obstacles` stood there.
+        """
+        discs, corners = self.arrays.get("solid_discs"), self.arrays.get("solid_corners")
+        if discs is None or corners is None:
+            return np.empty((0, 3), np.float32), []
+        row = self.index_at(t) if len(discs) > 1 else 0
+        first = self.arrays["solid_first"]
+        return discs[row], [corners[row, a:b] for a, b in itertools.pairwise(first.tolist())]
 
     @property
     def states(self) -> NDArray[np.str_]:

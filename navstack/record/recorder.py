@@ -78,6 +78,8 @@ class RunRecorder:
         self._samples = array("d")
         self._sample_goal = array("i")
         self._clearances = array("d")
+        self._solids: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = []
+        self._solid_first: NDArray[np.int64] = np.zeros(1, np.int64)
         self._sample_state: list[str] = []
         self._goals: list[tuple[float, ...]] = []
         self._collisions: list[tuple[float, ...]] = []
@@ -121,6 +123,13 @@ class RunRecorder:
         self._samples.extend((t, *pose, *odom.pose, *odom.velocity, *map_to_odom, *command))
         self._sample_goal.append(goal_index)
         self._sample_state.append(state if isinstance(state, str) else str(state))
+
+    def solids(self, discs: NDArray[np.float64], corners: NDArray[np.float64], first: NDArray[np.int64]) -> None:
+        """What stands beside the map (global frame): discs (k, 3) x, y, radius, and the corners (m, 2) of polygons, those of
+        polygon i from `first[i]` to `first[i + 1] - 1`. Once where nothing moves, else with every sample; always as many.
+        """
+        self._solids.append((discs.astype(np.float32), corners.astype(np.float32)))
+        self._solid_first = np.array(first, np.int64)
 
     def plan(self, t: float, poses: NDArray[np.float64], frame: str) -> None:
         """The global planner's plan (n, 3), for the goal accepted last."""
@@ -197,6 +206,10 @@ class RunRecorder:
         clearances = np.array(self._clearances, "<f8")
         if not np.isnan(clearances).all():
             arrays["clearances"] = clearances
+        if self._solids:
+            arrays["solid_discs"] = np.array([discs for discs, _ in self._solids], "<f4")
+            arrays["solid_corners"] = np.array([corners for _, corners in self._solids], "<f4")
+            arrays["solid_first"] = self._solid_first.astype("<i8")
         for name, rows in (("goals", self._goals), ("collisions", self._collisions)):
             columns = np.array(rows, np.float64).reshape(-1, 4)
             arrays[name] = fmt.table(

@@ -38,6 +38,7 @@ from navstack.places import itinerary
 from navstack.scenario import Scenario
 from navstack.scenario_file.models import Settings, Success
 from navstack.scenario_file.reader import Parts, ScenarioReader
+from navstack.sim import Shape
 from navstack.success import SuccessConditions
 
 __all__ = [
@@ -95,11 +96,12 @@ class ScenarioSpec:
         start: Pose2D | None = None,
         goals: Sequence[Pose2D] | None = None,
         obstacles: Sequence[tuple[float, float, float]] = (),
+        shapes: Sequence[Shape] = (),
     ) -> Scenario:
         """The scenario, with whatever is given here in the place of what the file says.
 
         `params` replace the file's `params:`; its `set:` and `sim:` still lie over them, and `overrides` (`NAME=VALUE`)
-        over all. `obstacles` come in addition. `seed` also shuffles a tour of random order.
+        over all. `obstacles` and `shapes` come in addition. `seed` also shuffles a tour of random order.
 
         Raises MapError, ParameterError or InputError.
         """
@@ -131,7 +133,7 @@ class ScenarioSpec:
             start=start or parts.start,
             goals=poses,
             obstacles=tuple(obstacles),
-            shapes=parts.shapes,
+            shapes=(*parts.shapes, *shapes),
             seed=seed,
             time_limit_s=settings.time_limit if time_limit_s is None else time_limit_s,
             rest_s=settings.rest,

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import navstack as nav
 from navstack.core import Pose2D
+from navstack.plot import plot_run
+from navstack.plot.animate import animate_run
+from navstack.plot.run import solid_patches
 from navstack.record import Record
-from navstack.scenario import Scenario, run_scenario
+from navstack.record import format as fmt
+from navstack.scenario import Run, Scenario, run_scenario
 from navstack.sim import DoorMotion, OnTrack, PedestrianMotion, Shape
 
 SHAPES = (
@@ -62,3 +68,58 @@ def test_a_record_with_shapes_and_people_replays_byte_for_byte(tmp_path: Path) -
     assert (record.clearances <= np.array(alone) + 0.005).all()
     assert (record.clearances < np.array(alone) - 0.005).any()
     assert (record.clearances < np.array(alone) - 0.01).any()
+
+
+def test_a_record_knows_where_everything_stood(tmp_path: Path) -> None:
+    run = Run(scenario())
+    for _ in range(12):
+        run.step()
+    assert run.recorder is not None
+    record = Record.load(run.recorder.save(tmp_path)["record"])
+    assert record.has_moving_solids
+    discs, polygons = record.solids_at(float(record.times[-1]))
+    solids = run.robot.solids
+    assert discs == pytest.approx(solids.discs, abs=1e-5)
+    assert len(polygons) == 3
+    for k, polygon in enumerate(polygons):
+        assert polygon == pytest.approx(solids.polygon(k), abs=1e-5)
+    before, _ = record.solids_at(0.0)
+    assert np.hypot(*(discs - before)[0, :2]) > 0.5  # ann has walked
+    # what stands still is kept once
+    still = Run(replace(scenario(), shapes=SHAPES[:1]))
+    still.step()
+    still.step()
+    assert still.recorder is not None
+    kept = still.recorder.record()
+    assert not kept.has_moving_solids
+    assert len(kept.solids_at(0.0)[1]) == 1
+
+
+def test_damaged_solids_are_found() -> None:
+    run = Run(scenario())
+    run.step()
+    run.step()
+    assert run.recorder is not None
+    record = run.recorder.record()
+    fmt.check(record.meta, [], record.arrays)
+    for name, damaged in (
+        ("solid_first", np.array([0, 4, 3, 11], "<i8")),
+        ("solid_discs", np.zeros((2, 1, 2), "<f4")),
+        ("solid_corners", np.zeros((5, 11, 2), "<f4")),
+        ("solid_corners", np.zeros((2, 11, 2), "<f8")),
+    ):
+        with pytest.raises(ValueError, match="solid"):
+            fmt.check(record.meta, [], {**record.arrays, name: damaged})
+
+
+def test_pictures_show_what_stands_and_what_moves(tmp_path: Path) -> None:
+    run = Run(scenario())
+    for _ in range(12):
+        run.step()
+    assert run.recorder is not None
+    record = run.recorder.record()
+    still, moving = solid_patches(record, float(record.times[-1]))
+    assert (len(still), len(moving)) == (1, 3)
+    assert plot_run(record, tmp_path / "run.svg").read_text().count("what moves, and its way") == 1
+    film = animate_run(record, tmp_path / "run.gif", fps=2.0, speed=4.0, dpi=40.0)
+    assert film.stat().st_size > 1000
