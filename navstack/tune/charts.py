@@ -105,7 +105,7 @@ def before_after(
         )
         for marker, color, name in (("o", colors.ORANGE, names[0]), ("D", colors.BLUE, names[1])):
             axes.plot([], [], marker, color=color, label=name, ls="none")
-        figure.legend(loc="outside upper right", ncols=2, fontsize=8)
+        figure.legend(loc="outside lower right", ncols=2, fontsize=8)
         return canvas.save(figure, path, DPI)
 
 
@@ -239,7 +239,7 @@ def sensitivities(steps: Sequence[Step], path: Path) -> Path:
         ):
             axes.plot([], [], "-o", color=color, ms=5, lw=2.0, label=name)
         axes.set_xlabel("difference in the score, with 95 % confidence", fontsize=8)
-        figure.legend(loc="outside upper right", ncols=3, fontsize=8)
+        figure.legend(loc="outside lower right", ncols=3, fontsize=8)
         return canvas.save(figure, path, DPI)
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +39,7 @@ class Change:
     place: str
     """file:line of the user's file; empty for a line that was added."""
     added: bool
-    """It was a default, and got a line of its own."""
+    """It got a line of its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +116,7 @@ def written(
     changes = tuple(_changes(base, target))
     edits = _Edits(base, copies)
     why = edits.apply(changes)
+    changes = tuple(replace(c, place="", added=True) if c.name in edits.inserted else c for c in changes)
     made = Written(copies.files(), copies.params, changes)
     if not why:
         why = _differs(made, environment, target, allow_missing)
@@ -292,6 +293,8 @@ class _Edits:
         self.homes = _homes(base)
         self.added: dict[int, tuple[_Copy, Any, dict[str, Any]]] = {}
         """By mapping: what is to be added to it."""
+        self.inserted: set[str] = set()
+        """Names of the parameters that get a line of their own."""
 
     def apply(self, changes: Sequence[Change]) -> str:
         """Edits; why it cannot be done, or nothing."""
@@ -340,6 +343,7 @@ class _Edits:
         while True:
             for copy, mapping in self._mappings(path):
                 if self._add_to(copy, mapping, below, change.new):
+                    self.inserted.add(change.name)
                     return True
             if not path:
                 return False

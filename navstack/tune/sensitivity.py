@@ -35,7 +35,8 @@ class Step:
         d, c = self.dimension, self.comparison
         unit = f" {d.unit}" if d.unit else ""
         present = value_of(d.present) if d.present is not None else "the default"
-        head = f"{d.name} {self.word} ({present} -> {value_of(self.value)}{unit})"
+        also = "".join(f" and {name}" for name, factor in d.ties if factor == 1.0)
+        head = f"{d.name}{also} {self.word} ({present} -> {value_of(self.value)}{unit})"
         refused = [o for o in c.after if o["outcome"] == "refused"]
         if len(refused) == len(c.after):
             return f"{head}: cannot be used ({str(refused[0]['text']).splitlines()[-1]})"
