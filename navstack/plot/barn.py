@@ -73,7 +73,7 @@ def plot_times(rows: Sequence[Row], path: str | os.PathLike[str], *, title: str,
         axes.set_title(title)
         optimal = [row["optimal_time_s"] for row in rows]
         low, high = min(optimal) - 0.1, max(optimal) + 0.1
-        for factor, score in ((2.0, "0.5"), (4.0, "0.25"), (8.0, "0.125 and less")):
+        for factor, score in ((2.0, "0.5"), (4.0, "0.25"), (8.0, "0.125, the least of a success")):
             axes.plot([low, high], [factor * low, factor * high], color=colors.FAINT, lw=0.8, ls=(0, (4, 2)), zorder=1)
             axes.annotate(
                 f"score {score}",
