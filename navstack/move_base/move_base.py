@@ -42,7 +42,7 @@ from navstack.move_base.make_plan import make_plan
 from navstack.move_base.mission import Mission, check_goal
 from navstack.move_base.params import MoveBaseParams
 from navstack.move_base.plan_schedule import PlanSchedule
-from navstack.move_base.planning import InlinePlanning, PlanAnswer, Planning
+from navstack.move_base.planning import InlinePlanning, PlanAnswer, Planning, PlanRequest
 from navstack.move_base.progress import Progress, ProgressChecker
 from navstack.move_base.recovery_runner import Ended, RecoveryRunner
 from navstack.move_base.schedule import EPSILON_S, Schedule
@@ -660,7 +660,9 @@ class MoveBase:
             return
         costmap = self.global_costmap
         self._planning.request(
-            self.global_planner, costmap.master, start, mission.pose, costmap.footprint, mission.handle.id, now
+            PlanRequest(
+                self.global_planner, costmap.master, start, mission.pose, costmap.footprint, mission.handle.id, now
+            )
         )
         answer = self._planning.poll(now)
         if answer is not None:

@@ -27,6 +27,26 @@ class PlanAnswer(NamedTuple):
     """Why there is no plan."""
 
 
+class PlanRequest(NamedTuple):
+    """A plan that is asked for at `at` (s), for the goal of that id."""
+
+    planner: GlobalPlanner
+    costmap: Costmap
+    start: Pose2D
+    goal: Pose2D
+    footprint: Footprint
+    goal_id: str
+    at: float
+
+    def carry_out(self) -> Plan:
+        """Plans; raises NavError, whatever the planner does."""
+        return guards.make_plan(self.planner, self.costmap, self.start, self.goal, self.footprint)
+
+    def answer(self, plan: Plan | None = None, error: NavError | None = None) -> PlanAnswer:
+        """What came of it."""
+        return PlanAnswer(self.goal_id, self.at, plan, error)
+
+
 class Planning(Protocol):
     """Something that plans, one request at a time."""
 
@@ -40,17 +60,8 @@ class Planning(Protocol):
         """When an answer may be there (s); inf when nobody asked."""
         ...
 
-    def request(
-        self,
-        planner: GlobalPlanner,
-        costmap: Costmap,
-        start: Pose2D,
-        goal: Pose2D,
-        footprint: Footprint,
-        goal_id: str,
-        now: float,
-    ) -> None:
-        """Asks for a plan at `now` (s); not while busy."""
+    def request(self, request: PlanRequest) -> None:
+        """Asks for a plan; not while busy."""
         ...
 
     def poll(self, now: float) -> PlanAnswer | None:
@@ -85,24 +96,15 @@ class InlinePlanning:
         """When the answer arrives (s)."""
         return self._due
 
-    def request(
-        self,
-        planner: GlobalPlanner,
-        costmap: Costmap,
-        start: Pose2D,
-        goal: Pose2D,
-        footprint: Footprint,
-        goal_id: str,
-        now: float,
-    ) -> None:
+    def request(self, request: PlanRequest) -> None:
         """Plans now."""
         try:
-            answer = PlanAnswer(goal_id, now, guards.make_plan(planner, costmap, start, goal, footprint), None)
+            answer = request.answer(request.carry_out())
         except NavError as exc:
-            answer = PlanAnswer(goal_id, now, None, exc)
+            answer = request.answer(error=exc)
         takes = self._planning_time
         self._answer = answer
-        self._due = now + (takes(now) if callable(takes) else takes)
+        self._due = request.at + (takes(request.at) if callable(takes) else takes)
 
     def poll(self, now: float) -> PlanAnswer | None:
         """The answer, once its time has come."""

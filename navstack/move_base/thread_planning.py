@@ -16,11 +16,10 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
-from navstack.core import Costmap, Footprint, Pose2D
 from navstack.core.errors import NavError, PlanningTimeoutError
 from navstack.interfaces import GlobalPlanner
 from navstack.move_base import guards
-from navstack.move_base.planning import PlanAnswer
+from navstack.move_base.planning import PlanAnswer, PlanRequest
 
 MAX_HUNG = 4
 """Threads that are given up before a planner is held to be broken: each keeps a copy of the costmap, and perhaps a core."""
@@ -30,12 +29,7 @@ MAX_HUNG = 4
 class _Job:
     """A request; `answer` may be looked at once `done` is set."""
 
-    costmap: Costmap
-    start: Pose2D
-    goal: Pose2D
-    footprint: Footprint
-    goal_id: str
-    requested_at: float
+    request: PlanRequest
     answer: PlanAnswer | None = None
     seen_at: float | None = None
     """When it was first seen to be worked on, s."""
@@ -85,14 +79,13 @@ class _Worker:
         self.idle.set()
 
     def _plan(self, job: _Job) -> PlanAnswer:
+        request = job.request._replace(planner=self.planner)
         try:
-            plan = guards.make_plan(self.planner, job.costmap, job.start, job.goal, job.footprint)
+            return request.answer(request.carry_out())
         except NavError as exc:
-            return PlanAnswer(job.goal_id, job.requested_at, None, exc)
+            return request.answer(error=exc)
         except BaseException as exc:  # SystemExit, say: it would end the thread, and nobody would ever have an answer
-            error = guards.internal(type(self.planner).__name__, exc)
-            return PlanAnswer(job.goal_id, job.requested_at, None, error)
-        return PlanAnswer(job.goal_id, job.requested_at, plan, None)
+            return request.answer(error=guards.internal(type(self.planner).__name__, exc))
 
 
 class ThreadPlanning:
@@ -128,22 +121,14 @@ class ThreadPlanning:
         job = self._job
         return -math.inf if job is not None and job.done.is_set() else math.inf
 
-    def request(
-        self,
-        planner: GlobalPlanner,
-        costmap: Costmap,
-        start: Pose2D,
-        goal: Pose2D,
-        footprint: Footprint,
-        goal_id: str,
-        now: float,
-    ) -> None:
+    def request(self, request: PlanRequest) -> None:
         """Hands the request to the planner's thread and returns at once; the costmap is copied."""
+        planner = request.planner
         if self._planner is not planner:
             if self._worker is not None:
                 self._worker.submit(None)
             self._planner, self._worker, self.hung = planner, _Worker(planner, self._on_answer), 0
-        self._job = _Job(costmap.copy(), start, goal, footprint, goal_id, now)
+        self._job = _Job(request._replace(costmap=request.costmap.copy()))
         if self._worker is not None:
             self._worker.submit(self._job)
 
@@ -165,7 +150,7 @@ class ThreadPlanning:
         if worker is None:
             much = f"hung {self.hung} times, for longer than {self.hang_timeout_s:g} s each: exchange it"
         error = PlanningTimeoutError(f"the global planner {much}", hung=self.hung, hang_timeout_s=self.hang_timeout_s)
-        return PlanAnswer(job.goal_id, job.requested_at, None, error)
+        return job.request.answer(error=error)
 
     def _replace_hung(self, now: float) -> None:
         """Gives up a thread that hangs; another one takes over, and what waits for it."""
