@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import time
 import uuid
 from typing import Any, Final, Self
 
@@ -12,6 +13,10 @@ from navstack.jobs import Job, JobResult
 from navstack.jobs.job import Work, perform
 from navstack.tune.extras import need
 
+_POLL_S: Final = 0.005
+_LOOK_S: Final = 5.0
+ALONE_S: Final = 60.0
+"""So long a cluster may be without workers."""
 ANSWER_S: Final = 10.0
 """So long a scheduler may take to answer."""
 
@@ -75,7 +80,21 @@ class DaskExecutor:
         self._ended.add(self._client.submit(_perform, self._name, job, key=key, pure=False))
 
     def collect(self) -> JobResult:
-        """Waits for any job to end."""
+        """Waits for any job to end. Raises InputError when the cluster has had no workers for a minute."""
+        alone_since: float | None = None
+        looked = time.monotonic()
+        while not self._ended.has_ready():
+            time.sleep(_POLL_S)
+            now = time.monotonic()
+            if now - looked < _LOOK_S:
+                continue
+            looked = now
+            if self._client.status == "running" and self._client.nthreads():
+                alone_since = None
+            elif alone_since is None:
+                alone_since = now
+            elif now - alone_since > ALONE_S:
+                raise InputError("the Dask cluster has lost its workers; start some, and go on with --resume")
         future = next(self._ended)
         job = self._jobs.pop(future.key)
         if future.status == "finished":

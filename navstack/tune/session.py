@@ -47,6 +47,16 @@ class Tuning:
         return bool(self.candidate)
 
     @property
+    def never(self) -> list[str]:
+        """Training cases in which no candidate ever succeeded, of those that several were driven over."""
+        found: list[str] = []
+        for case, before in zip(self.training.cases, self.training.before, strict=True):
+            driven = [t.outcomes[case.key] for t in self.trials if case.key in t.outcomes]
+            if len(driven) >= 2 and not before["success"] and not any(o["success"] for o in driven):
+                found.append(case.key)
+        return found
+
+    @property
     def verdict(self) -> str:
         """What came of it, in a sentence or two."""
         if not self.found:
@@ -56,7 +66,7 @@ class Tuning:
                     "Nothing better was found: no candidate reached a single goal. Look at a run by `navstack simulate`, "
                     "widen the ranges by --param, or tune on easier scenarios."
                 )
-            return "Nothing better was found than the parameters as they are."
+            return "Nothing better was found than the parameters as they are." + self._never_text()
         shown = self.held_out or self.training
         where = "held-out" if self.held_out is not None else "training"
         score, success, time = (shown.measure("score"), shown.measure("success"), _time(shown))
@@ -75,7 +85,16 @@ class Tuning:
                 " What was gained in training does not show on scenarios that were not trained on: do not trust it "
                 "without more scenarios."
             )
-        return text
+        return text + self._never_text()
+
+    def _never_text(self) -> str:
+        if not self.never:
+            return ""
+        shown = ", ".join(self.never[:5]) + (", .." if len(self.never) > 5 else "")
+        return (
+            f" No candidate ever got through {shown}: look whether it can be done at all (`navstack simulate`), and leave "
+            "it out or widen the ranges."
+        )
 
 
 def _time(comparison: Comparison) -> Any:

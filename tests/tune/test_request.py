@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from navstack.configuration import load_configuration
+from navstack.configuration import Configuration, load_configuration
 from navstack.core.errors import InputError, OutputError
 from navstack.jobs import SerialExecutor
 from navstack.tune.comparison import compare
+from navstack.tune.courses import Case, RunOutcome
 from navstack.tune.request import TuneRequest, run_tuning, run_why
 from navstack.tune.scenarios import read_place, split
 from navstack.tune.sensitivity import sensitivity, steps_of
@@ -68,6 +70,22 @@ def test_nothing_better_is_said_so(tmp_path: Path) -> None:
     tuning = session(tmp_path, course, sim_time=2.0, trials=4)
     assert not tuning.found
     assert "no candidate reached a single goal" in tuning.verdict
+
+
+class OneNever(Bowl):
+    """Its first case cannot be done."""
+
+    def drive(self, case: Case, configuration: Configuration, *, record: bool = False) -> tuple[RunOutcome, None]:
+        outcome = super().drive(case, configuration)[0]
+        if case.name == "case 0":
+            return replace(outcome, success=False, outcome="timeout", score=-1.0), None
+        return outcome, None
+
+
+def test_a_scenario_that_always_fails_is_named(tmp_path: Path) -> None:
+    tuning = session(tmp_path, OneNever(4), sim_time=0.6, trials=6)
+    assert tuning.never == ["case 0 seed 0"]
+    assert "No candidate ever got through case 0 seed 0" in tuning.verdict
 
 
 def test_values_that_make_no_difference_are_set_back(tmp_path: Path) -> None:
