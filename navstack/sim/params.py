@@ -206,13 +206,13 @@ class SimParams(ParamModel):
     velocity_lag: float = param(0.0, "time constant of the base's velocity controller", unit="s", ge=0.0)
     wheel_slip: float = param(
         0.0,
-        "standard deviation of the true motion against that of the wheels, relative, over a metre or a radian",
+        "standard deviation of the true motion against that of the wheels, relative, over a second of driving",
         ge=0.0,
         le=ODOMETRY_LIMIT,
     )
     odometry_noise: float = param(
         0.0,
-        "standard deviation of the odometry against the true motion, relative, over a metre or a radian",
+        "standard deviation of the odometry against that of the wheels, relative, over a second of driving",
         ge=0.0,
         le=ODOMETRY_LIMIT,
     )

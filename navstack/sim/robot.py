@@ -258,7 +258,9 @@ class SimulatedRobot:
         c, s = math.cos(yaw), math.sin(yaw)
         robot = np.array([x, y, c * vx - s * vy, s * vx + c * vy, self._body.radius])
         crowd.step((until - self._step) * self._dt, self.world.squares, self.world.grid, solids, robot)
-        return joined([solids, crowd.solids()])
+        return solids._replace(
+            discs=np.concatenate((solids.discs, crowd.solids().discs)), disc_tops=self._solids.disc_tops
+        )
 
     def _wheels_command(self) -> NDArray[np.float64]:
         """The command in force as the kernel takes it: a car's with a steering angle."""

@@ -78,6 +78,7 @@ class World:
         self._shape_solids = _standing(self._still)
         self._solids = self._standing(_checked_discs(discs))
         self._last: tuple[float, Solids] | None = None
+        self._layout: Solids | None = None
 
     @property
     def leaps(self) -> NDArray[np.uint8]:
@@ -95,13 +96,23 @@ class World:
             return self._solids
         if self._last is not None and self._last[0] == time:
             return self._last[1]
-        parts = [self._solids]
-        for mover in self.movers:
-            discs = mover.discs(time)
-            parts.append(discs_only(discs, np.full(len(discs), math.inf)))
-        if len(self._timed):
-            parts.append(self._timed.at(time))
-        solids = joined(parts)
+        still = self._solids
+        discs = [still.discs, *(mover.discs(time) for mover in self.movers)]
+        timed = self._timed.at(time) if len(self._timed) else None
+        if timed is not None:
+            discs.append(timed.discs)
+        if self._layout is None:
+            # heights, and which corner is whose, are the same at all times
+            parts = [still, *(discs_only(d, np.full(len(d), math.inf)) for d in discs[1 : 1 + len(self.movers)])]
+            solids = joined(parts if timed is None else [*parts, timed])
+            self._layout = solids
+        else:
+            solids = self._layout._replace(discs=np.concatenate(discs))
+            if timed is not None and len(timed.circles):
+                solids = solids._replace(
+                    circles=np.concatenate((still.circles, timed.circles)),
+                    corners=np.concatenate((still.corners, timed.corners)),
+                )
         self._last = time, solids
         return solids
 
@@ -116,7 +127,7 @@ class World:
     def put_discs(self, discs: NDArray[np.float64] | Sequence[Sequence[float]]) -> None:
         """Replaces the round obstacles that stand still, except low ones and shapes: for whoever moves things step by step."""
         self._solids = self._standing(_checked_discs(discs))
-        self._last = None
+        self._last = self._layout = None
 
     def _standing(self, discs: NDArray[np.float64]) -> Solids:
         tops = np.concatenate((np.full(len(self._low), LOW), np.full(len(discs), math.inf)))
