@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 from navstack.configuration import Configuration, CostmapConfiguration, PluginChoice
 from navstack.core import Footprint, FrameTree, Listener, OccupancyGrid, Pose2D, Transform2D
-from navstack.core.errors import InputError, StartOccupiedError, StartOutsideMapError
+from navstack.core.errors import InputError, PlanningError, StartOccupiedError, StartOutsideMapError
 from navstack.costmap import LayeredCostmap, LayerSpec
+from navstack.costmap.occupied import with_layer
 from navstack.costmap.reconfigure import apply_reconfigure, check_reconfigure
 from navstack.interfaces import GlobalPlanner, Plan, Robot
 from navstack.map_io import load_mask
@@ -211,7 +212,10 @@ def plan_on_map(
     costmap = build_costmap("global_costmap", configuration.global_costmap, frames, static_map)
     costmap.update(0.0)
     choice = planner or configuration.global_planner
-    plan = choice.cls(choice.params).make_plan(
-        costmap.master, start, goal, footprint=costmap.footprint, keep_potential=keep_potential
-    )
+    try:
+        plan = choice.cls(choice.params).make_plan(
+            costmap.master, start, goal, footprint=costmap.footprint, keep_potential=keep_potential
+        )
+    except PlanningError as error:
+        raise with_layer(costmap, error) from None
     return PlannedPath(plan, costmap, choice.name)

@@ -14,6 +14,7 @@ from typing import Any
 from navstack.core import Event, Listener, Path, Pose2D, RobotState, Twist2D
 from navstack.core.errors import InputError, InternalError, NavError, PlanningTimeoutError
 from navstack.core.frames import clean_frame
+from navstack.costmap.occupied import with_layer
 from navstack.interfaces import (
     ControlInput,
     CostmapServer,
@@ -676,7 +677,7 @@ class MoveBase:
         if answer.plan is not None and answer.plan.path.frame == self.global_costmap.frame:
             self._found_plan(mission, answer.plan, now)
         elif answer.error is not None:
-            self._failed_plan(mission, answer.error, now)
+            self._failed_plan(mission, with_layer(self.global_costmap, answer.error), now)
 
     def _found_plan(self, mission: Mission, plan: Plan, now: float) -> None:
         mission.tally.plans += 1

@@ -170,7 +170,7 @@ def judged(
         free[:, [0, -1]] = False
     occupied = not free[s[1], s[0]]
     free[s[1], s[0]] = True
-    regions, _ = label(free)
+    regions: Any = label(free)[0]  # pyright: ignore[reportIndexIssue]
     connected = regions[t[1], t[0]] == regions[s[1], s[0]]
     try:
         plan = (planner or subject.planner).make_plan(costmap, start, goal, keep_potential=True)
