@@ -14,7 +14,7 @@ import numpy as np
 from navstack import __version__
 from navstack.configuration import Configuration, load_configuration
 from navstack.core import Listener, OccupancyGrid, Pose2D, angle_between
-from navstack.core.errors import RecordError
+from navstack.core.errors import InternalError, RecordError
 from navstack.move_base import GoalHandle, MoveBase
 from navstack.navigator import build_move_base, odometry_frame, simulated_robot, true_footprint
 from navstack.record import Record, RunRecorder
@@ -25,6 +25,9 @@ from navstack.success import SuccessConditions, Verdict
 
 WARM_UP_S = 1.0
 """Simulated seconds after which every stage of driving has had its turn."""
+
+MAX_STANDSTILLS = 1000
+"""Cycles in a row that may take no simulated time: a few follow one another when goals end and begin."""
 
 Progress = Callable[[float, int], None]
 """Called now and then with the simulated time (s) and the index of the present goal."""
@@ -334,6 +337,7 @@ class Run:
         self.goal_index = -1
         """The goal being driven to, -1 before the first step."""
         self.outcomes: list[GoalOutcome] = []
+        self._standstills = 0
         self.done = False
         """True when every goal has ended."""
         self._handle: GoalHandle | None = None
@@ -352,8 +356,16 @@ class Run:
                 due = self._rest_until
             elif not self._set_out():
                 return False
-        robot.advance_to(min(due, move_base.next_due(robot.time)))
+        before = robot.time
+        robot.advance_to(min(due, move_base.next_due(before)))
         move_base.tick(robot.time)
+        self._standstills = self._standstills + 1 if robot.time == before else 0
+        if self._standstills > MAX_STANDSTILLS:
+            raise InternalError(
+                f"the run does not go on from {robot.time:.3f} s: {MAX_STANDSTILLS} cycles in a row took no time; that is "
+                "a fault of navstack, please report it with the scenario",
+                time=robot.time,
+            )
         clearance = self._meter.note(move_base.state.name)
         if self.recorder is not None:
             _take_down(self.recorder, robot, move_base, self.goal_index, clearance)

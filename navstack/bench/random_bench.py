@@ -38,15 +38,15 @@ def random_tables(results: Sequence[JobResult]) -> list[Table]:
     faults = [(value["number"], fault) for value in values for fault in value["faults"]]
     simulated = sum(float(value["simulated_s"]) for value in values)
     contacts = sum(1 for value in values if value["contacts"])
-    told = f"{simulated / 3600.0:.1f} h simulated, {contacts} with contacts, {len(faults)} faults"
-    tables = [
-        Table(
-            f"{len(values)} random scenarios, {told}",
-            (Column("end", "a goal ended"), Column("times", "times")),
-            [{"end": end, "times": times} for end, times in sorted(ends.items())],
-        )
+    rows: list[dict[str, Any]] = [
+        {"what": "scenarios", "many": len(values)},
+        {"what": "hours simulated", "many": simulated / 3600.0},
+        {"what": "with contacts", "many": contacts},
+        {"what": "with faults", "many": sum(1 for value in values if value["faults"])},
+        *({"what": f"goals that ended {end}" if end.isupper() else end, "many": ends[end]} for end in sorted(ends)),
     ]
+    tables = [Table("random", (Column("what", "random scenarios"), Column("many", "how many")), rows)]
     if faults:
-        rows = [{"number": number, "fault": fault} for number, fault in faults]
+        rows = [{"number": str(number), "fault": fault} for number, fault in faults]
         tables.append(Table("faults", (Column("number", "scenario"), Column("fault", "what")), rows))
     return tables

@@ -11,7 +11,7 @@ import pytest
 
 from navstack.cli.app import run
 from navstack.core import Pose2D
-from navstack.core.errors import InputError
+from navstack.core.errors import InputError, InternalError
 from navstack.maps import map_path, places
 from navstack.record import Record
 from navstack.record.metrics import metrics_of
@@ -227,3 +227,13 @@ def test_a_rest_ends_whatever_the_rounding_of_its_end(short: Path) -> None:
             cycles += 1
             assert cycles < 500
         assert [outcome.state for outcome in driven.outcomes] == ["PREEMPTED", "PREEMPTED"]
+
+
+def test_a_run_whose_time_stands_still_is_told_not_driven_for_ever(short: Path) -> None:
+    driven = Run(load_scenario(short), record=False)
+    for _ in range(5):
+        driven.step()
+    driven.robot.advance_to = lambda time: None  # type: ignore[method-assign,assignment,return-value]
+    with pytest.raises(InternalError, match=r"does not go on from .* took no time; .* please report it"):
+        while driven.step():
+            pass

@@ -1,0 +1,47 @@
+"""`navstack bench random`: tables of what became of random scenarios, resumed, and an exit code for faults."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from navstack.bench.random_bench import RandomTask, random_jobs, random_tables
+from navstack.cli.app import run
+from navstack.jobs import JobResult
+
+
+def value(number: int, outcome: str, faults: list[str]) -> JobResult:
+    told = {"number": number, "outcome": outcome, "simulated_s": 36.0, "contacts": number, "faults": faults}
+    return JobResult(f"random {number}", told)
+
+
+def test_tables_count_ends_and_list_faults() -> None:
+    results = [value(0, "SUCCEEDED ABORTED", []), value(1, "refused START_OCCUPIED", []), value(2, "PREEMPTED", ["oh"])]
+    counts, faults = random_tables(results)
+    assert {row["what"]: row["many"] for row in counts.rows} == {
+        "scenarios": 3,
+        "hours simulated": pytest.approx(0.03),
+        "with contacts": 2,
+        "with faults": 1,
+        "goals that ended ABORTED": 1,
+        "goals that ended PREEMPTED": 1,
+        "goals that ended SUCCEEDED": 1,
+        "refused START_OCCUPIED": 1,
+    }
+    assert faults.rows == [{"number": "2", "fault": "oh"}]
+    assert len(random_tables(results[:2])) == 1
+
+
+def test_the_command_drives_keeps_and_resumes(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    command = ["bench", "random", "2", "--first", "5", "--time-limit", "1", "--processes", "1", "--out", str(tmp_path)]
+    assert run([*command, "--json"]) == 0
+    document = json.loads(capfd.readouterr().out)
+    assert document["count"] == 2 and document["failed"] == []
+    before = (tmp_path / "results.jsonl").read_bytes()
+    assert run([*command, "--resume"]) == 0
+    assert "with faults" in capfd.readouterr().out
+    assert (tmp_path / "results.jsonl").read_bytes() == before
+    job = random_jobs(5, 1)[0]
+    assert RandomTask(1.0)(job.input)["number"] == 5
