@@ -119,7 +119,8 @@ def tune(
     with other parameters, to be compared with. Raises InputError where no case can be driven at all.
     """
     problem = study.problem
-    say(f"driving {len(problem.cases)} training runs with the parameters as they are")
+    if not study.has_baseline:
+        say(f"driving {len(problem.cases)} training runs with the parameters as they are")
     before = study.baseline(executor)
     _check_drivable(before)
     study.run(executor, trials, hear=hear)

@@ -170,6 +170,11 @@ class Study:
         if not resume and self._alone and self._study.get_trials(deepcopy=False):
             raise InputError(f"{place} holds trials already; add --resume to go on, or give another --out or --storage")
 
+    @property
+    def has_baseline(self) -> bool:
+        """True when the user's parameters have been driven."""
+        return _BASELINE in self._study.user_attrs
+
     def baseline(self, executor: Executor) -> dict[str, Outcome]:
         """How the user's parameters do, case by case; driven once in the study's life."""
         told: dict[str, Outcome] | None = self._study.user_attrs.get(_BASELINE)

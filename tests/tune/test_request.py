@@ -16,10 +16,11 @@ from navstack.core.errors import InputError, OutputError
 from navstack.jobs import SerialExecutor
 from navstack.tune.comparison import compare
 from navstack.tune.courses import Case, RunOutcome
+from navstack.tune.report import Circumstances, write_report
 from navstack.tune.request import TuneRequest, run_tuning, run_why
 from navstack.tune.scenarios import read_place, split
 from navstack.tune.sensitivity import sensitivity, steps_of
-from navstack.tune.session import tune
+from navstack.tune.session import Tuning, tune
 from navstack.tune.setup import Asked, prepare
 from navstack.tune.storage import opened
 from navstack.tune.study import Study
@@ -59,8 +60,10 @@ def test_a_slow_robot_is_tuned_and_the_report_says_so(tmp_path: Path) -> None:
         run_tuning(request)
 
 
-def session(tmp_path: Path, course: Bowl, *, sim_time: float, trials: int = 14):
-    p = problem(course, sim_time=sim_time)
+def session(
+    tmp_path: Path, course: Bowl, *, sim_time: float, trials: int = 14, objectives: tuple[str, ...] = ()
+) -> Tuning:
+    p = problem(course, sim_time=sim_time, objectives=objectives)
     with opened(str(tmp_path / "study")) as storage, SerialExecutor(RunWork(p.base, p.course)) as executor:
         return tune(Study(p, storage, seed=1), executor, trials)
 
@@ -115,6 +118,21 @@ def test_barn_worlds_are_a_suite(data_dir: Path) -> None:
     place = read_place(str(data_dir / "barn"))
     assert len(place.names) == 50
     assert place.environment(rough=False) != place.environment(rough=True)
+
+
+def test_several_objectives_are_reported_as_a_front(tmp_path: Path) -> None:
+    tuning = session(tmp_path, Bowl(3), sim_time=0.6, trials=12, objectives=("time", "clearance"))
+    assert tuning.found
+    assert tuning.best is not None
+    assert len(tuning.front) >= 2
+    page = write_report(
+        tmp_path / "out", tuning, Circumstances("Tuning", "turtlebot", "navstack tune", "By hand."), None
+    )
+    text = page.read_text()
+    assert "<h2>Pareto front</h2>" in text
+    for t in tuning.front:
+        assert f"<tr><td>{t.number}</td>" in text
+    assert {f.name for f in page.parent.glob("*.png")} >= {"pareto.png", "importance.png", "slices.png", "trials.png"}
 
 
 # --- why --------------------------------------------------------------------------------------------------------------
