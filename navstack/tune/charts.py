@@ -146,6 +146,9 @@ def slices(tuning: Tuning, path: Path, names: Sequence[str]) -> Path:
                 axes.plot([_x(t.candidate[name]) for t in some], [t.values[0] for t in some], marker, color=color, ms=4)
             if d.log and d.kind != "choice":
                 axes.set_xscale("log")
+                # the style does not read mathematics, which the usual labels of a log scale are written in
+                axes.xaxis.set_major_formatter(lambda v, _: f"{v:g}")
+                axes.xaxis.set_minor_formatter(lambda v, _: "")
             if d.present is not None and not isinstance(d.present, str):
                 axes.axvline(float(d.present), color=colors.ORANGE, lw=1.4, ls=(0, (4, 2)))
             if name in tuning.candidate and not isinstance(tuning.candidate[name], str):
@@ -199,17 +202,35 @@ def pareto(tuning: Tuning, path: Path) -> Path:
             lw=1.0,
             label="no trial beats these in both",
         )
-        for outcomes, name, color, marker in (
-            (tuning.training.before, "before", colors.ORANGE, "s"),
-            (tuning.training.after, "tuned", colors.VERMILLION, "*"),
-        ):
-            if name == "before" or tuning.found:
-                x, y = (o.of(list(outcomes)) for o in two)
-                axes.plot([x], [y], marker, color=color, ms=10, mec="white", mew=0.8, label=name)
+        shown = list(good)
+        if tuning.found:
+            shown.append(tuple(o.of(list(tuning.training.after)) for o in two))
+            axes.plot(
+                *([v] for v in shown[-1]), "*", color=colors.VERMILLION, ms=12, mec="white", mew=0.8, label="tuned"
+            )
+        before = tuple(o.of(list(tuning.training.before)) for o in two)
+        limits = [_limits([p[k] for p in shown]) for k in (0, 1)]
+        # parameters that reach no goal would squeeze everything else into a corner
+        if all(low - 2.0 * (high - low) <= v <= high + 2.0 * (high - low) for v, (low, high) in zip(before, limits)):
+            limits = [_limits([low, high, v]) for v, (low, high) in zip(before, limits)]
+            axes.plot([before[0]], [before[1]], "s", color=colors.ORANGE, ms=9, mec="white", mew=0.8, label="before")
+        else:
+            axes.plot(
+                [], [], "s", color=colors.ORANGE, ms=9, label=f"before: {before[0]:.4g}, {before[1]:.4g}, off the chart"
+            )
+        axes.set_xlim(*limits[0])
+        axes.set_ylim(*limits[1])
         axes.set_xlabel(f"{two[0].meaning}{f' ({two[0].unit})' if two[0].unit else ''}", fontsize=8)
         axes.set_ylabel(f"{two[1].meaning}{f' ({two[1].unit})' if two[1].unit else ''}", fontsize=8)
         axes.legend(fontsize=7, loc="best")
         return canvas.save(figure, path, DPI)
+
+
+def _limits(values: Sequence[float]) -> tuple[float, float]:
+    """From the least to the greatest, with room around."""
+    low, high = min(values, default=0.0), max(values, default=1.0)
+    room = 0.08 * (high - low) or 0.1 * abs(high) or 1.0
+    return low - room, high + room
 
 
 def _beats(a: Sequence[float], b: Sequence[float], objectives: Sequence[Any]) -> bool:
