@@ -50,6 +50,7 @@ FIT_FROM = 1e6
 OWN_PAGES = {"MALLOC_MMAP_THRESHOLD_": "65536", "MALLOC_TRIM_THRESHOLD_": "65536"}
 """What was freed before must not be what is filled now: every array gets pages of its own and gives them back."""
 FREE_BELOW = 253
+UNKNOWN = 255
 
 
 def building(golden: Path, side: int) -> NDArray[np.uint8]:
@@ -80,7 +81,7 @@ def far_apart(data: NDArray[np.uint8]) -> tuple[tuple[int, int], tuple[int, int]
     """The cells of the largest connected part that are nearest to the first and the last corner."""
     from scipy.ndimage import label
 
-    free = data < FREE_BELOW
+    free = (data < FREE_BELOW) | (data == UNKNOWN)  # all planners cross unknown cells by default
     free[0] = free[-1] = False
     free[:, 0] = free[:, -1] = False
     labels: NDArray[np.int32] = np.empty(free.shape, np.int32)
