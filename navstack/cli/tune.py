@@ -208,13 +208,13 @@ def _print(done: Done) -> None:
             out.print(f"  {c.name}: {before} -> {value_of(c.new)}  ({where})", markup=False)
     out.print(tuning.verdict, markup=False)
     if tuning.against is not None:
-        success, score = tuning.against.measure("success"), tuning.against.measure("score")
-        out.print(
-            f"beside the parameters to compare with: score {score.before.value:.3f} against {score.after.value:.3f} tuned "
-            f"(difference {score.difference.interval.text(3)}), success {success.before.value:.0%} against "
-            f"{success.after.value:.0%}",
-            markup=False,
-        )
+        parts: list[str] = []
+        for name, digits in (("score", 3), ("success", 2), ("time", 1)):
+            m = next((m for m in tuning.against.measures if m.name == name), None)
+            if m is not None and m.before.groups:
+                text = f"{name} {m.before.value:.{digits}f} against {m.after.value:.{digits}f} tuned"
+                parts.append(f"{text} (difference {m.difference.interval.text(digits)})")
+        out.print("the parameters to compare with: " + ", ".join(parts), markup=False)
     if done.params:
         out.print("parameters: " + " ".join(f"--params {p}" for p in done.params), markup=False)
     out.print(f"report: {done.report}", markup=False)
