@@ -255,6 +255,7 @@ MEANT: dict[str, set[str]] = {
     "halts": {"FAILED_TO_MAKE_PROGRESS"},
     "swings": {"FAILED_TO_MAKE_PROGRESS"},
     "spins": {"FAILED_TO_MAKE_PROGRESS"},
+    "takes long": {"FAILED_TO_MAKE_PROGRESS"},  # a turn that goes on meanwhile overshoots: it may swing
     "silent": {"SENSOR_DATA_STALE"},
     "silent for a while": {"SENSOR_DATA_STALE"},
     "late now and then": {"SENSOR_DATA_STALE"},
