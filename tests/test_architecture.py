@@ -26,7 +26,7 @@ FLOORS = {
     "move_base": 3,
     "configuration": 4,
     "navigator": 4,
-    "places": 4,
+    "itinerary": 4,
     "effective": 5,
     "record": 5,
     "scenario": 5,
@@ -125,3 +125,11 @@ def test_numba_is_imported_by_the_kernel_wrapper_only() -> None:
         if file.name == "jit.py":
             continue
         assert not [m for m, _ in imports_of(file) if m.split(".")[0] == "numba"], file
+
+
+def test_no_module_hides_a_public_name() -> None:
+    # importing navstack.x sets the attribute x of the package, whatever stood there
+    import navstack
+
+    modules = {path.stem for path in PACKAGE.iterdir() if path.is_dir() or path.suffix == ".py"}
+    assert not modules & set(navstack.__all__)

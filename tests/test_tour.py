@@ -14,8 +14,8 @@ from navstack import scenario as scenarios
 from navstack.cli.app import run as command
 from navstack.core import Pose2D, Twist2D
 from navstack.core.errors import InputError
+from navstack.itinerary import itinerary, read_places
 from navstack.maps import map_names, map_path, places
-from navstack.places import itinerary, read_places
 from navstack.record import Record
 from navstack.scenario import Run, Scenario
 from navstack.tour import drive_tour

@@ -142,7 +142,7 @@ def _scenario(
     from navstack.cli.output import print_note
     from navstack.configuration import load_configuration
     from navstack.core.errors import InputError
-    from navstack.places import itinerary, read_places
+    from navstack.itinerary import itinerary, read_places
     from navstack.scenario import Scenario
 
     file = Path(places)

@@ -30,11 +30,11 @@ from typing import Any
 from navstack.configuration import check_parameters, load_configuration
 from navstack.core import OccupancyGrid, Pose2D
 from navstack.core.errors import MapError, ScenarioError
+from navstack.itinerary import itinerary
 from navstack.map_io import load_map
 from navstack.params.findings import Finding, finding, in_order
 from navstack.params.sources import Source
 from navstack.params.yaml_reader import read_yaml
-from navstack.places import itinerary
 from navstack.scenario import Scenario
 from navstack.scenario_file.models import Settings, Success
 from navstack.scenario_file.reader import Parts, ScenarioReader

@@ -12,6 +12,7 @@ from navstack import maps
 from navstack.core import OccupancyGrid, Pose2D
 from navstack.core.errors import InputError
 from navstack.core.parameters import ParamModel
+from navstack.itinerary import PlacesFile, itinerary, pose_of, read_places
 from navstack.params import packaged_sets
 from navstack.params.accounts import nearest
 from navstack.params.binding import Binder
@@ -20,7 +21,6 @@ from navstack.params.launch import launch_argument
 from navstack.params.sources import Source
 from navstack.params.tree import Space, overlay
 from navstack.params.yaml_reader import DictNode, ListNode, Node, ScalarNode, plain, read_yaml
-from navstack.places import PlacesFile, itinerary, pose_of, read_places
 from navstack.scenario_file.models import MOTIONS, Settings, Success, Tour
 from navstack.sim.shapes import Shape
 
