@@ -3,7 +3,20 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from navstack.core.jit import kernel
+
+
+@kernel
+def begin(counts, never, alive, costs, totals, rejected_by):
+    """An empty table: nobody has said anything; what has no points is no trajectory (`never`)."""
+    for k in range(len(counts)):
+        alive[k] = counts[k] > 0
+        totals[k] = 0.0 if alive[k] else np.nan
+        rejected_by[k] = -1 if alive[k] else never
+        for critic in range(costs.shape[1]):
+            costs[k, critic] = np.nan
 
 
 @kernel

@@ -57,5 +57,7 @@ class RolloutCells:
 
 def shared_cells(context: ScoringContext, rollouts: Rollouts) -> RolloutCells:
     """The cells of `rollouts`: computed for the first critic that asks, used by the others."""
-    cells: RolloutCells = context.shared.setdefault("cells", RolloutCells())
+    cells: RolloutCells | None = context.shared.get("cells")
+    if cells is None:
+        cells = context.shared["cells"] = RolloutCells()
     return cells.compute(rollouts, context.costmap.geometry)

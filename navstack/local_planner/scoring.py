@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from navstack.core.errors import InternalError
 from navstack.interfaces import Critic, Rollouts, ScoringContext
-from navstack.local_planner._scoring_kernels import fold, lowest
+from navstack.local_planner._scoring_kernels import begin, fold, lowest
 
 NEVER = -2
 """`rejected_by` of a sample that is no trajectory: too slow on both counts, or too fast."""
@@ -34,14 +34,12 @@ def score(critics: Sequence[Critic], context: ScoringContext, rollouts: Rollouts
     A critic with scale 0 is skipped. Raises InternalError when a critic breaks its contract.
     """
     k = len(rollouts.counts)
-    alive = rollouts.counts > 0
-    costs = np.full((k, len(critics)), np.nan)
+    alive = np.empty(k, np.bool_)
+    costs = np.empty((k, len(critics)))
     scales = np.empty(len(critics))
-    totals = np.zeros(k)
-    rejected_by = np.full(k, -1, np.int8)
-    never = ~alive
-    totals[never] = np.nan
-    rejected_by[never] = NEVER
+    totals = np.empty(k)
+    rejected_by = np.empty(k, np.int8)
+    begin(rollouts.counts, NEVER, alive, costs, totals, rejected_by)
     for i, critic in enumerate(critics):
         critic.prepare(context)
         scale = scales[i] = critic.scale
