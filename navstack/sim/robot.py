@@ -338,7 +338,9 @@ class SimulatedRobot:
     @property
     def clearance(self) -> float:
         """Distance (m) from the outline to the nearest obstacle now, people included; 0 in contact, inf when alone."""
-        pose = self.pose if math.isnan(self._body.facing) else self.pose._replace(yaw=self._body.facing)
+        x, y, yaw = self._state[body.X : body.YAW + 1].tolist()
+        facing = self._body.facing
+        pose = Pose2D(x, y, yaw if math.isnan(facing) else facing)
         return self.world.clearance(pose, self.footprint, solids=self._solids)
 
     @property
@@ -363,7 +365,11 @@ class SimulatedRobot:
             self.frames.extend(self.map_frame, self.odom_frame, found, stamps)
         if self._imus:
             self._turned(observed, rows)
-        if last < self._scan_due and not self._pressed and not any(row[9] for row in rows):
+        if not self._pressed and not any(row[9] for row in rows):
+            while self._scan_due <= last:
+                step = max(int(self._scan_due), observed + 1)
+                row = rows[step - observed - 1]
+                self._take_scans(step, Pose2D(row[0], row[1], row[2]))
             return
         for step, row in enumerate(rows, observed + 1):
             if step >= self._scan_due:
