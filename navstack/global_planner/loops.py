@@ -20,15 +20,14 @@ def without_loops(points: NDArray[np.float32], nx: int) -> NDArray[np.float32]:
     last[which] = np.arange(len(numbers))  # of a cell that comes twice the later one stays
     last = last[which]
     entered = np.flatnonzero(np.diff(numbers, prepend=-1))
-    if np.array_equal(last[entered], np.append(entered[1:], len(numbers)) - 1):
+    left = np.append(entered[1:], len(numbers)) - 1
+    comes_back = np.flatnonzero(last[entered] != left)
+    if not len(comes_back):
         return points  # every cell is left for good
-    kept: list[int] = []
-    i = 0
-    while i < len(numbers):
-        end = int(last[i])
-        if np.all(numbers[i : end + 1] == numbers[i]):
-            kept.extend(range(i, end + 1))
-        else:
-            kept.extend((i, end))
-        i = end + 1
+    kept = np.ones(len(numbers), np.bool_)
+    onward = 0
+    for i in entered[comes_back].tolist():
+        if i >= onward:  # not within a loop that is out already
+            onward = int(last[i])
+            kept[i + 1 : onward] = False
     return points[kept]
