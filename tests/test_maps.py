@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy.ndimage import label
 
+from navstack.cli.arguments import map_of
 from navstack.core import GridGeometry, OccupancyGrid
 from navstack.core.errors import MapError
 from navstack.map_io import load_map
@@ -141,3 +142,11 @@ def test_nothing_is_known_outside_the_building(name: str) -> None:
     assert not (free[:-1] & unknown[1:]).any()
     assert not (free[:, 1:] & unknown[:, :-1]).any()
     assert not (free[:, :-1] & unknown[:, 1:]).any()
+
+
+def test_a_folder_of_the_same_name_hides_no_packaged_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "office").mkdir()
+    monkeypatch.chdir(tmp_path)
+    path, grid = map_of("office")
+    assert path == map_path("office")
+    assert grid.geometry.nx > 100

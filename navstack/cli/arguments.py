@@ -78,7 +78,8 @@ def map_of(name: str) -> tuple[Path, OccupancyGrid]:
     from navstack.map_io import load_map
 
     path = Path(name)
-    if not path.exists() and path.suffix == "" and path.parent == Path():
+    # a folder is no map: one that is called office must not hide the packaged one
+    if not path.is_file() and path.suffix == "" and path.parent == Path():
         known = maps.map_names()
         if name not in known:
             raise MapError(

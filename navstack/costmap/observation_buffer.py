@@ -17,6 +17,7 @@ from navstack.core import DeferredScan, FrameTree, LaserScan, PointCloud, Sensor
 from navstack.core.errors import FrameError, InputError
 from navstack.core.parameters import ParamModel, param
 from navstack.costmap import _kernels
+from navstack.costmap.silence import Silence
 
 PENDING: Final = 50
 """Messages kept while their transform is awaited (the queue length of obstacle_layer.cpp)."""
@@ -89,10 +90,7 @@ class ObservationBuffer:
         self._is_scan = params.data_type == "LaserScan"
         self._keep_one = params.observation_persistence == 0.0
         self._pending: deque[LaserScan | PointCloud] = deque()
-        self._since: float | None = None
-        self._heard: float | None = None
-        self._newest_arrival: float | None = None
-        self._restarted = False
+        self._silence = Silence()
         self._directions: NDArray[np.float64] | None = None
         self._directions_key = (0, 0.0, 0.0)
         self._project_scan = _kernels.project_scan.compiled()
@@ -136,7 +134,7 @@ class ObservationBuffer:
             self._pending.popleft()
             self.dropped += 1
         self._pending.append(data)
-        self._newest_arrival = data.stamp
+        self._silence.arrived(data.stamp)
         if self.last_stamp is None or data.stamp > self.last_stamp:
             self.last_stamp = data.stamp
         return True
@@ -179,21 +177,11 @@ class ObservationBuffer:
 
     def is_current(self, now: float) -> bool:
         """False when no message came for longer than expected_update_rate (s)."""
-        allowed = self.params.expected_update_rate
-        if allowed == 0.0:
-            return True
-        if self._since is None:
-            self._since = now if self.last_stamp is None or self._restarted else min(self.last_stamp, now)
-        if self._newest_arrival is not None:
-            # a stamp from the future counts as now: a clock that is wrong must not hide that the sensor fell silent
-            heard, self._newest_arrival = min(self._newest_arrival, now), None
-            self._heard = heard if self._heard is None else max(heard, self._heard)
-        newest = self._since if self._heard is None else max(self._heard, self._since)
-        return now - newest <= allowed
+        return self._silence.is_within(self.params.expected_update_rate, now)
 
     def restart(self) -> None:
         """Gives the sensor its full time again (after a reset)."""
-        self._since, self._restarted = None, True
+        self._silence.restart()
 
     def _observation(self, data: LaserScan | PointCloud) -> Observation | None:
         try:

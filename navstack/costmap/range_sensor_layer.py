@@ -17,6 +17,7 @@ from navstack.core.errors import FrameError, InputError
 from navstack.core.parameters import ParamModel, param
 from navstack.costmap import _kernels
 from navstack.costmap.regions import forget_region, shift_cells, window_shift
+from navstack.costmap.silence import Silence
 from navstack.interfaces import Layer, LayerContext, LayerSays
 from navstack.plugins import LAYERS
 
@@ -60,9 +61,7 @@ class RangeSensorLayer(Layer):
         self.costs: NDArray[np.uint8] = np.zeros((1, 1), np.uint8)
         self.geometry = GridGeometry(1, 1, 1.0)
         self._pending: deque[RangeReading] = deque(maxlen=PENDING)
-        self._last_reading: float | None = None
-        self._since: float | None = None
-        self._restarted = False
+        self._silence = Silence()
         self._extra = Bounds()
 
     def match_size(self, geometry: GridGeometry) -> None:
@@ -86,7 +85,7 @@ class RangeSensorLayer(Layer):
                 topic=data.topic,
             )
         self._pending.append(data)
-        self._last_reading = data.stamp if self._last_reading is None else max(self._last_reading, data.stamp)
+        self._silence.arrived(data.stamp)
         return True
 
     def update_bounds(self, robot: Pose2D, now: float, bounds: Bounds) -> Bounds:
@@ -117,18 +116,12 @@ class RangeSensorLayer(Layer):
         cleared, touched = forget_region(marked, self.geometry, region, invert, 0)
         forget_region(self.costs, self.geometry, region, invert, EVEN)
         self._extra = self._extra.union(touched)
-        self._since, self._restarted = None, True
+        self._silence.restart()
         return cleared
 
     def is_current(self, now: float) -> bool:
         """False when no reading came for longer than no_readings_timeout."""
-        allowed = self.params.no_readings_timeout
-        if allowed == 0.0:
-            return True
-        if self._since is None:
-            self._since = now if self._last_reading is None or self._restarted else self._last_reading
-        newest = self._since if self._last_reading is None else max(self._last_reading, self._since)
-        return now - newest <= allowed
+        return self._silence.is_within(self.params.no_readings_timeout, now)
 
     @property
     def clearable(self) -> bool:
