@@ -124,6 +124,7 @@ def _watched(scenario: Scenario) -> Sequence[tuple[Any, str, str]]:
     from navstack.move_base import MoveBase
     from navstack.record import RunRecorder
     from navstack.sim import SimulatedRobot
+    from navstack.sim.lidar import Lidar
     from navstack.sim.world import World
 
     chosen = scenario.configuration
@@ -131,6 +132,7 @@ def _watched(scenario: Scenario) -> Sequence[tuple[Any, str, str]]:
         (Run, "step", "loop"),
         (SimulatedRobot, "advance_to", "simulator"),
         (SimulatedRobot, "scans", "simulator"),
+        (Lidar, "_ranges", "lidar"),  # cast when a costmap reads it, within the costmap's update
         (World, "clearance", "metrics"),
         (MoveBase, "tick", "goal manager"),
         (LayeredCostmap, "observe", "costmaps"),
