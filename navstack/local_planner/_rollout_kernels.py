@@ -89,7 +89,7 @@ def simulate(samples, pose, velocity, acceleration, sim_time, accelerate, counts
     """Trajectories into `poses` (K, T, 3): the poses BEFORE each step, so the first is `pose` and the last is not scored.
 
     With `accelerate` the velocity grows toward the sample at the limits; otherwise it is the sample from the start.
-    `commands` (K, 3): the velocity of the first step.
+    `pose`, `velocity`, `acceleration`: three numbers each. `commands` (K, 3): the velocity of the first step.
     """
     f32 = np.float32
     half_pi = 0.5 * math.pi
@@ -130,3 +130,46 @@ def simulate(samples, pose, velocity, acceleration, sim_time, accelerate, counts
                     x = f32(x + (vx * c + vy * math.cos(left)) * dt)
                     y = f32(y + (vx * s + vy * math.sin(left)) * dt)
             yaw = f32(yaw + vw * dt)
+
+
+@kernel
+def roll_out(
+    samples,
+    x,
+    y,
+    yaw,
+    vx,
+    vy,
+    wz,
+    limits,
+    sim_time,
+    granularity,
+    angular_granularity,
+    accelerate,
+    counts,
+    commands,
+    points,
+):
+    """`count_steps` and `simulate`: the points of a row, at least 1. Nothing is simulated where `points` cannot hold them.
+
+    From the pose x, y, yaw at the velocity vx, vy, wz. `limits` (6,): acc_lim_x, acc_lim_y, acc_lim_theta, min_vel_trans,
+    max_vel_trans, min_vel_theta. The poses (K, T, 3) fill the beginning of `points`, T as returned.
+    """
+    longest = max(
+        1,
+        count_steps(samples, limits[3], limits[4], limits[5], sim_time, granularity, angular_granularity, counts),
+    )
+    number = len(samples)
+    if number * longest * 3 <= len(points):
+        simulate(
+            samples,
+            (x, y, yaw),
+            (vx, vy, wz),
+            (limits[0], limits[1], limits[2]),
+            sim_time,
+            accelerate,
+            counts,
+            commands,
+            points[: number * longest * 3].reshape(number, longest, 3),
+        )
+    return longest

@@ -22,10 +22,11 @@ from navstack.local_planner import critics as _critics
 from navstack.local_planner.critics._scale import RosDistro
 from navstack.local_planner.critics.obstacle import ObstacleCritic, ObstacleParams
 from navstack.local_planner.critics.oscillation import OscillationCritic
+from navstack.local_planner.default_critics import Scorer
 from navstack.local_planner.goal_checker import GoalChecker
 from navstack.local_planner.plan_follower import PlanFollower, at_least_standing
 from navstack.local_planner.rollouts import Simulator, velocity_window
-from navstack.local_planner.scoring import ScoreTable, score
+from navstack.local_planner.scoring import ScoreTable
 from navstack.plugins import CRITICS, LOCAL_PLANNERS
 
 _NO_TOPIC = "navstack publishes no topics; every command carries its table of samples"
@@ -198,6 +199,7 @@ class DWAPlanner(PlanFollower):
             p.angular_sim_granularity,
             accelerate=not p.use_dwa,
         )
+        self._scorer = Scorer(critics)
         self._oscillation = [c for c in critics if isinstance(c, OscillationCritic)]
 
     # --- limits -----------------------------------------------------------------------------------------------------
@@ -291,7 +293,7 @@ class DWAPlanner(PlanFollower):
         state = context.state
         samples = self._simulator.lattice(window)
         rollouts = self._simulator.run(samples, state.pose, state.velocity, self._limits)
-        return samples, rollouts, score(self.critics, context, rollouts)
+        return samples, rollouts, self._scorer.score(context, rollouts)
 
     def _window(self, state: RobotState, plan: NDArray[np.float64]) -> NDArray[np.float64]:
         limits, p = self._limits, self.params

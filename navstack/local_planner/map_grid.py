@@ -22,10 +22,18 @@ class MapGrid:
     queue: NDArray[np.int32]
     wave: NDArray[np.int64]
     costmap: Costmap
-    seeds: int
-    """Cells the wave started from; 0: nothing of the plan lies in the window."""
-    stepped_back: int = 0
-    """Blocked cells of the plan that the goal was moved back over (parity 27)."""
+    start: NDArray[np.int64]
+    """(2,) `seeds` and `stepped_back`."""
+
+    @property
+    def seeds(self) -> int:
+        """Cells the wave started from; 0: nothing of the plan lies in the window."""
+        return int(self.start[0])
+
+    @property
+    def stepped_back(self) -> int:
+        """Blocked cells of the plan that the goal was moved back over (parity 27)."""
+        return int(self.start[1])
 
     def values(self) -> NDArray[np.float64]:
         """(ny, nx) as C++ holds them: distance, nx*ny in an obstacle that was touched, nx*ny + 1 not reached."""
@@ -98,7 +106,7 @@ class GridBuffer:
             # one place more: a cell that needs no visit is written behind the last one
             self._queue = np.empty(size + 1, np.int32)
         wave = np.empty(2, np.int64)
-        seeds, stepped_back = start_wave(
+        start = start_wave(
             costmap.data,
             g.origin_x,
             g.origin_y,
@@ -110,7 +118,7 @@ class GridBuffer:
             self._queue,
             wave,
         )
-        return MapGrid(self._distances, self._queue, wave, costmap, seeds, stepped_back)
+        return MapGrid(self._distances, self._queue, wave, costmap, np.array(start))
 
 
 def shared_path_grid(context: ScoringContext, buffer: GridBuffer) -> MapGrid:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from navstack.core import Pose2D, Twist2D
 from navstack.core.errors import InputError
 from navstack.interfaces import Rollouts, VelocityLimits
-from navstack.local_planner._rollout_kernels import count_steps, sample_velocities, simulate
+from navstack.local_planner._rollout_kernels import roll_out, sample_velocities
 
 MAX_POINTS = 20_000_000
 """More points a cycle than this (about half a gigabyte) is a mistake in the granularities or the limits."""
@@ -30,21 +30,22 @@ def velocity_window(velocity: Twist2D, limits: VelocityLimits, horizon: float) -
 
     A robot faster or slower than its limits allow gets the nearest limit alone.
     """
-    window = np.empty((3, 2))
-    for axis, (value, low, high, acceleration) in enumerate(
+    vx, vy, wz = velocity
+    return np.array(
         (
-            (velocity.vx, limits.min_vel_x, limits.max_vel_x, limits.acc_lim_x),
-            (velocity.vy, limits.min_vel_y, limits.max_vel_y, limits.acc_lim_y),
-            (velocity.wz, -limits.max_vel_theta, limits.max_vel_theta, limits.acc_lim_theta),
+            _reachable(vx, limits.min_vel_x, limits.max_vel_x, limits.acc_lim_x * horizon),
+            _reachable(vy, limits.min_vel_y, limits.max_vel_y, limits.acc_lim_y * horizon),
+            _reachable(wz, -limits.max_vel_theta, limits.max_vel_theta, limits.acc_lim_theta * horizon),
         )
-    ):
-        bottom = max(low, value - acceleration * horizon)
-        top = min(high, value + acceleration * horizon)
-        if bottom > top:
-            # ROS differs: C++ samples between the two, outside the limits (a vy of 0.001 for a robot that cannot strafe)
-            bottom = top = min(max(value, low), high)
-        window[axis] = bottom, top
-    return window
+    )
+
+
+def _reachable(value: float, low: float, high: float, change: float) -> tuple[float, float]:
+    bottom, top = max(low, value - change), min(high, value + change)
+    if bottom > top:
+        # ROS differs: C++ samples between the two, outside the limits (a vy of 0.001 for a robot that cannot strafe)
+        bottom = top = min(max(value, low), high)
+    return bottom, top
 
 
 class Simulator:
@@ -71,6 +72,8 @@ class Simulator:
         self._commands = np.empty((capacity, 3))
         self._counts = np.empty(capacity, np.int64)
         self._points = np.empty(0)
+        self._limits: VelocityLimits | None = None
+        self._limits_array = np.empty(6)
 
     def lattice(self, window: NDArray[np.float64]) -> NDArray[np.float64]:
         """Velocities (K, 3) of the window, in C++'s order; valid until the next call."""
@@ -88,30 +91,52 @@ class Simulator:
             self._counts = np.empty(k, np.int64)
         counts = self._counts[:k]
         commands = self._commands[:k]
-        longest = count_steps(
+        longest = self._roll_out(samples, pose, velocity, limits, counts, commands)
+        size = k * longest * 3
+        if size > len(self._points):
+            check_points(k, longest)
+            self._points = np.empty(size)
+            self._roll_out(samples, pose, velocity, limits, counts, commands)
+        return Rollouts(commands, self._points[:size].reshape(k, longest, 3), counts)
+
+    def _roll_out(
+        self,
+        samples: NDArray[np.float64],
+        pose: Pose2D,
+        velocity: Twist2D,
+        limits: VelocityLimits,
+        counts: NDArray[np.int64],
+        commands: NDArray[np.float64],
+    ) -> int:
+        if limits is not self._limits:
+            self._limits = limits
+            self._limits_array = np.array(
+                (
+                    limits.acc_lim_x,
+                    limits.acc_lim_y,
+                    limits.acc_lim_theta,
+                    limits.min_vel_trans,
+                    limits.max_vel_trans,
+                    limits.min_vel_theta,
+                ),
+                np.float64,
+            )
+        x, y, yaw = pose
+        vx, vy, wz = velocity
+        return roll_out(
             samples,
-            limits.min_vel_trans,
-            limits.max_vel_trans,
-            limits.min_vel_theta,
+            float(x),
+            float(y),
+            float(yaw),
+            float(vx),
+            float(vy),
+            float(wz),
+            self._limits_array,
             self.sim_time,
             self.granularity,
             self.angular_granularity,
-            counts,
-        )
-        longest = max(longest, 1)
-        check_points(k, longest)
-        if self._points.size < k * longest * 3:
-            self._points = np.empty(k * longest * 3)
-        poses = self._points[: k * longest * 3].reshape(k, longest, 3)
-        simulate(
-            samples,
-            np.array(pose),
-            np.array(velocity),
-            np.array((limits.acc_lim_x, limits.acc_lim_y, limits.acc_lim_theta)),
-            self.sim_time,
             self.accelerate,
             counts,
             commands,
-            poses,
+            self._points,
         )
-        return Rollouts(commands, poses, counts)

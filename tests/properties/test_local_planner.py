@@ -12,12 +12,18 @@ from hypothesis import strategies as st
 
 from navstack.core import Costmap, Footprint, GridGeometry, Path, Pose2D, RobotState, Transform2D, Twist2D
 from navstack.core.errors import ControlError, InvalidPathError, NoValidControlError
-from navstack.interfaces import ControlInput, LocalPlan, LocalPlanner, Rollouts
-from navstack.local_planner import DWAPlanner
+from navstack.interfaces import ControlInput, LocalPlan, LocalPlanner, Rollouts, ScoringContext
+from navstack.local_planner import DWAParams, DWAPlanner
 from navstack.local_planner._obstacle_kernels import highest_around
 from navstack.local_planner._outline_kernels import perimeter_cost
 from navstack.local_planner.cells import RolloutCells
+from navstack.local_planner.critics import ObstacleCritic, OscillationCritic
+from navstack.local_planner.critics._grid_critic import GridCritic
+from navstack.local_planner.default_critics import Scorer
+from navstack.local_planner.dwa import make_critics
 from navstack.local_planner.map_grid import GridBuffer
+from navstack.local_planner.rollouts import Simulator, velocity_window
+from navstack.local_planner.scoring import ScoreTable, score
 from navstack.local_planner.verdict import cell_hit
 from navstack.plugins import LOCAL_PLANNERS
 
@@ -247,3 +253,54 @@ def test_mirrored_scenes_have_mirrored_tables(pose: Pose2D, velocity: Twist2D, s
     # a point within float32's precision of a cell's border may fall on either side of it
     different = sum(not np.isclose(left[k], right[k], equal_nan=True) for k in left)
     assert different <= 0.02 * len(left) + 1
+
+
+@SETTINGS
+@given(data=st.data())
+def test_the_seven_critics_at_once_say_what_they_say_one_by_one(data: st.DataObject) -> None:
+    params = DWAParams(
+        ros_distro=data.draw(st.sampled_from(["noetic", "indigo"])),
+        sum_scores=data.draw(st.booleans()),
+        twirling_scale=data.draw(st.sampled_from([0.0, 0.3])),
+        occdist_scale=data.draw(st.sampled_from([0.0, 0.01, 0.5])),
+        forward_point_distance=data.draw(st.sampled_from([0.325, -0.2, 0.0, 3.0])),
+        scaling_speed=data.draw(st.sampled_from([0.0, 0.25, 9.0])),
+    )
+    at_once, one_by_one = make_critics(params), make_critics(params)
+    scorer = Scorer(at_once)
+    for _ in range(3):
+        costmap, footprint = data.draw(costmaps()), data.draw(st.sampled_from(FOOTPRINTS))
+        state = RobotState(data.draw(poses), data.draw(twists))
+        plan = data.draw(plans())
+        if len(plan) == 0 or not np.isfinite(plan).all():
+            plan = np.array([state.pose])
+        if data.draw(st.booleans()):  # in the middle of the costmap, where there is something to tell
+            g = costmap.geometry
+            middle = np.array([g.origin_x + 0.5 * g.width_m, g.origin_y + 0.5 * g.height_m, 0.0])
+            state = RobotState(Pose2D(*middle), state.velocity)
+            plan = plan - plan[0] + middle
+        limits = DWAPlanner(params).limits
+        simulator = Simulator((4, 2, 5), 1.0, 0.05, 0.2, accelerate=data.draw(st.booleans()))
+        samples = simulator.lattice(velocity_window(state.velocity, limits, 0.5))
+        rollouts = simulator.run(samples, state.pose, state.velocity, limits)
+        tables: list[ScoreTable] = []
+        notes: list[Any] = []
+        for number, critics in enumerate((at_once, one_by_one)):
+            context = ScoringContext(state, costmap, footprint, plan, Pose2D(*plan[-1]), limits)
+            tables.append(score(critics, context, rollouts) if number else scorer.score(context, rollouts))
+            notes.append(context.shared.get("notes"))
+            for critic in critics:
+                if isinstance(critic, OscillationCritic):
+                    critic.chosen(state.velocity, state.pose, 0.1)
+        a, b = tables
+        assert a.best == b.best
+        assert notes[0] == notes[1]
+        for name in ("costs", "scales", "totals", "rejected_by"):
+            np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=name)
+        for one, other in zip(at_once, one_by_one, strict=True):
+            assert one.scale == other.scale
+            if isinstance(one, ObstacleCritic) and isinstance(other, ObstacleCritic) and one.scale != 0.0:
+                np.testing.assert_array_equal(one.first_contact, other.first_contact)
+            if isinstance(one, GridCritic) and isinstance(other, GridCritic):
+                assert one.grid is not None and other.grid is not None
+                np.testing.assert_array_equal(one.grid.values(), other.grid.values())

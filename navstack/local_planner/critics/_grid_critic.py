@@ -47,9 +47,11 @@ class GridCritic(Critic):
 
     def prepare(self, context: ScoringContext) -> None:
         """Builds the grid."""
-        self._context = context
-        self._scale = self.weight(context)
-        self.grid = self.build(context)
+        self.take(context, self.weight(context), self.build(context))
+
+    def take(self, context: ScoringContext, scale: float, grid: MapGrid) -> None:
+        """This cycle's weight and grid."""
+        self._context, self._scale, self.grid = context, scale, grid
 
     def score(self, rollouts: Rollouts, alive: NDArray[np.bool_]) -> NDArray[np.float64]:
         """(K,) cells; -4 off the map. From the centre also -2 and -3; at the nose nx*ny and more where no way leads."""

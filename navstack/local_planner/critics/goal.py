@@ -40,11 +40,14 @@ class GoalCritic(GridCritic):
         """Distances to the local goal."""
         # ROS differs: a local goal in an obstacle cell would leave every other cell unreachable, every sample rejected
         # (parity 27); the last free cell of the plan before it takes its place
-        grid = self._buffer.build(context.costmap, context.plan, last_only=True, step_back=True)
+        return self._buffer.build(context.costmap, context.plan, last_only=True, step_back=True)
+
+    def take(self, context: ScoringContext, scale: float, grid: MapGrid) -> None:
+        """Notes where the local goal was moved back."""
+        super().take(context, scale, grid)
         if grid.stepped_back:
             notes: list[str] = context.shared.setdefault("notes", [])
             notes.append(
                 f"the plan's last cell in the local costmap is an obstacle: the local goal was moved back over "
                 f"{grid.stepped_back} cells of the plan"
             )
-        return grid

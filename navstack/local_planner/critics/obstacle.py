@@ -50,11 +50,19 @@ class ObstacleCritic(Critic):
         """`occdist_scale`, times the resolution before 2018."""
         return self._scale
 
+    def weight(self, context: ScoringContext) -> float:
+        """`occdist_scale`, times the resolution before 2018."""
+        p = self.params
+        return obstacle_scale(p.occdist_scale, context.costmap.geometry.resolution, p.ros_distro)
+
+    def take(self, context: ScoringContext, scale: float, first_contact: NDArray[np.int64]) -> None:
+        """What this cycle's scoring found, where it was not done by `score`."""
+        self._context, self._scale, self.first_contact = context, scale, first_contact
+
     def prepare(self, context: ScoringContext) -> None:
         """Takes the costmap and the outline of this cycle."""
         self._context = context
-        p = self.params
-        self._scale = obstacle_scale(p.occdist_scale, context.costmap.geometry.resolution, p.ros_distro)
+        self._scale = self.weight(context)
         if self._rows.shape != context.costmap.data.shape:
             self._rows = np.empty_like(context.costmap.data)
             self._bounds = np.empty((2, *context.costmap.data.shape), np.uint8)
@@ -67,6 +75,7 @@ class ObstacleCritic(Critic):
         k = len(rollouts.counts)
         if len(self._out) != k:
             self._out = np.empty(k)
+        if len(self.first_contact) != k:
             self.first_contact = np.empty(k, np.int64)
         g = context.costmap.geometry
         p = self.params

@@ -77,6 +77,12 @@ class OscillationCritic(Critic):
         self._only = [0, 0, 0]
 
     @property
+    def only(self) -> tuple[int, int, int]:
+        """Per axis (vx, vy, wz) the sign that alone is allowed, 0 for both."""
+        forward, strafe, rot = self._only
+        return forward, strafe, rot
+
+    @property
     def flags(self) -> dict[str, bool]:
         """Which directions alone are allowed, by C++'s names: `rot_pos_only`.."""
         named: dict[str, bool] = {}
