@@ -13,6 +13,13 @@ ENDS: Final = ("SUCCEEDED", "ABORTED", "PREEMPTED", "REJECTED", "RECALLED", "LOS
 """States in which a goal can end."""
 
 
+def not_an_end(state: str) -> str:
+    """Why no goal can be wanted to end in that state; nothing for one that can: one of `ENDS`, or `any`."""
+    if state in (*ENDS, "any"):
+        return ""
+    return f'"{state}" is no state that a goal ends in; write {", ".join(ENDS)} or any'
+
+
 @dataclass(frozen=True, slots=True)
 class Verdict:
     """One condition, and whether it holds."""
@@ -38,21 +45,22 @@ class SuccessConditions:
     max_time_s: float | None = None
     """Simulated seconds for the whole run."""
     min_clearance_m: float | None = None
+    """Least distance (m) between the robot's true outline and an obstacle, at the control cycles."""
     max_length_m: float | None = None
+    """Metres driven, over all goals."""
     max_recoveries: int | None = None
+    """Recovery behaviours run, over all goals."""
 
     def check_goals(self, count: int) -> None:
         """Raises InputError when there is not one state for each of `count` goals, or one that is none."""
-        wanted = (self.goals,) if isinstance(self.goals, str) else self.goals
-        for state in wanted:
-            if state not in (*ENDS, "any"):
-                raise InputError(
-                    f'success: goals: "{state}" is no state that a goal ends in; write {", ".join(ENDS)} or any',
-                    state=state,
-                )
+        for state in (self.goals,) if isinstance(self.goals, str) else self.goals:
+            wrong = not_an_end(state)
+            if wrong:
+                raise InputError(f"success: goals: {wrong}", state=state)
         if not isinstance(self.goals, str) and len(self.goals) != count:
             raise InputError(
-                f"success: goals lists {len(self.goals)} states for {count} goals; give one for each, or one for all",
+                f"success: goals lists {_many(len(self.goals), 'state')} for {_many(count, 'goal')}; give one for each, or "
+                "one for all",
                 states=list(self.goals),
                 goals=count,
             )
@@ -61,16 +69,16 @@ class SuccessConditions:
         """Every condition against a run whose goals, `goals` in all, ended in `states` (those left out are missing)."""
         found = [self._goals(states, goals)]
         for name, limit, value, unit, above in (
-            ("max_contacts", self.max_contacts, metrics.contacts, "contacts", False),
+            ("max_contacts", self.max_contacts, metrics.contacts, "contact", False),
             ("max_time", self.max_time_s, metrics.time_s, "s", False),
             ("min_clearance", self.min_clearance_m, metrics.clearance_min_m, "m", True),
             ("max_length", self.max_length_m, metrics.length_m, "m", False),
-            ("max_recoveries", self.max_recoveries, metrics.recoveries, "recoveries", False),
+            ("max_recoveries", self.max_recoveries, metrics.recoveries, "recovery", False),
         ):
             if limit is not None:
                 holds = value >= limit if above else value <= limit
                 bound = "at least" if above else "at most"
-                found.append(Verdict(name, holds, f"{value:.4g} {unit}, {bound} {limit:g} wanted"))
+                found.append(Verdict(name, holds, f"{_amount(value, limit, unit)}, {bound} {limit:g} wanted"))
         return tuple(found)
 
     def _goals(self, states: Sequence[str], goals: int) -> Verdict:
@@ -97,3 +105,16 @@ class SuccessConditions:
         goals = told.get("goals", "SUCCEEDED")
         rest: dict[str, Any] = {key: value for key, value in told.items() if key != "goals"}
         return cls(goals=goals if isinstance(goals, str) else tuple(goals), **rest)
+
+
+def _many(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"
+
+
+def _amount(value: float, limit: float, unit: str) -> str:
+    """A measured value with its unit, with as many digits as tell it from the limit."""
+    text = next(
+        (f"{value:.{n}g}" for n in range(4, 17) if (float(f"{value:.{n}g}") == limit) == (value == limit)), f"{value!r}"
+    )
+    many = {"contact": "contacts", "recovery": "recoveries"}
+    return f"{text} {unit if value == 1 else many.get(unit, unit)}"

@@ -21,6 +21,7 @@ load it there, which takes about 10 ms; or send the `Scenario` itself (its map's
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -39,6 +40,7 @@ from navstack.scenario import Scenario
 from navstack.scenario_file.models import Settings, Success
 from navstack.scenario_file.reader import Parts, ScenarioReader
 from navstack.sim import Shape
+from navstack.sim.world import OCCUPIED
 from navstack.success import SuccessConditions
 
 __all__ = [
@@ -50,7 +52,11 @@ __all__ = [
     "is_scenario_file",
     "load_scenario",
     "read_scenario",
+    "scenarios_in",
 ]
+
+
+_ENDINGS = (".yaml", ".yml")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,6 +97,7 @@ class ScenarioSpec:
         params: Sequence[Source] | None = None,
         overrides: Sequence[str] = (),
         distro: str | None = None,
+        allow_missing: bool = False,
         seed: int | None = None,
         time_limit_s: float | None = None,
         start: Pose2D | None = None,
@@ -101,7 +108,8 @@ class ScenarioSpec:
         """The scenario, with whatever is given here in the place of what the file says.
 
         `params` replace the file's `params:`; its `set:` and `sim:` still lie over them, and `overrides` (`NAME=VALUE`)
-        over all. `obstacles` and `shapes` come in addition. `seed` also shuffles a tour of random order.
+        over all. `obstacles` (x, y, radius in m) and `shapes` come in addition. `seed` also shuffles a tour of random
+        order. `allow_missing` leaves out layers and plugins that are not here, as the file's own may.
 
         Raises MapError, ParameterError or InputError.
         """
@@ -111,7 +119,10 @@ class ScenarioSpec:
         assert parts.start is not None
         sources = [*(parts.sources if params is None else params), *self.over]
         configuration = load_configuration(
-            sources, overrides=overrides, distro=distro or settings.distro, allow_missing=settings.allow_missing
+            sources,
+            overrides=overrides,
+            distro=distro or settings.distro,
+            allow_missing=allow_missing or settings.allow_missing,
         )
         names, poses = parts.goal_names, parts.goals
         if parts.tour is not None:
@@ -146,12 +157,30 @@ class ScenarioSpec:
 
 def is_scenario_file(path: Path) -> bool:
     """True for a YAML file that says what is driven, and not how a map or a robot is; looks at its top keys only."""
-    if path.suffix not in (".yaml", ".yml") or not path.is_file():
+    if path.suffix not in _ENDINGS or not path.is_file():
         return False
     keys = read_yaml(path).root.items.keys()
     if {"image", "resolution"} & keys:
         return False
     return "map" in keys or len({"start", "goals", "tour", "shapes", "success", "time_limit", "params"} & keys) >= 2
+
+
+def scenarios_in(folder: Path) -> list[ScenarioSpec]:
+    """The scenario files that lie in a folder, in the order of their names; none for a folder without any.
+
+    Other YAML files (maps, places, parameters) are passed over. Raises ScenarioError for a scenario that cannot be used,
+    and for a file that is not YAML, since nobody can tell what it would have been.
+    """
+    found: list[ScenarioSpec] = []
+    for file in sorted(folder.iterdir()):
+        if file.suffix not in _ENDINGS or not file.is_file():
+            continue
+        broken = [f for f in in_order(read_yaml(file).findings) if f.severity == "error"]
+        if broken:
+            raise scenario_error(broken)
+        if is_scenario_file(file):
+            found.append(read_scenario(file))
+    return found
 
 
 def read_scenario(path: str | Path, shown: str | None = None) -> ScenarioSpec:
@@ -231,13 +260,16 @@ def _on_map(reader: ScenarioReader, parts: Parts) -> list[Finding]:
 
 def _where(grid: OccupancyGrid, pose: Pose2D) -> str | None:
     """What is wrong with a place on the map, None when nothing is."""
-    if grid.origin_yaw != 0.0:
-        return None
-    cell = grid.geometry.world_to_cell(pose.x, pose.y)
+    geometry = grid.geometry
+    # a turned map is looked up as it lay before it was turned about its corner
+    c, s = math.cos(grid.origin_yaw), math.sin(grid.origin_yaw)
+    dx, dy = pose.x - geometry.origin_x, pose.y - geometry.origin_y
+    cell = geometry.world_to_cell(geometry.origin_x + c * dx + s * dy, geometry.origin_y + c * dy - s * dx)
     if cell is None:
-        left, right, bottom, top = grid.geometry.extent
-        return f"lies outside the map, which covers x {left:g} .. {right:g}, y {bottom:g} .. {top:g} m"
-    return "lies in a wall of the map" if grid.data[cell[1], cell[0]] >= 100 else None
+        left, right, bottom, top = geometry.extent
+        turned = f", turned by {grid.origin_yaw:g} rad about its first corner" if grid.origin_yaw != 0.0 else ""
+        return f"lies outside the map, which covers x {left:g} .. {right:g}, y {bottom:g} .. {top:g} m{turned}"
+    return "lies in a wall of the map" if grid.data[cell[1], cell[0]] >= OCCUPIED else None
 
 
 def _map(path: Path) -> OccupancyGrid:

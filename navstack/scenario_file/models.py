@@ -8,7 +8,7 @@ from pydantic import field_validator
 
 from navstack.core.parameters import ParamModel, param
 from navstack.sim.shapes import DoorMotion, OnTrack, PedestrianMotion, Still
-from navstack.success import ENDS
+from navstack.success import not_an_end
 
 
 class Settings(ParamModel):
@@ -50,8 +50,9 @@ class Success(ParamModel):
     @classmethod
     def _states(cls, value: str | list[str]) -> str | list[str]:
         for state in [value] if isinstance(value, str) else value:
-            if state not in (*ENDS, "any"):
-                raise ValueError(f'"{state}" is no state that a goal ends in; write {", ".join(ENDS)} or any')
+            wrong = not_an_end(state)
+            if wrong:
+                raise ValueError(wrong)
         return value
 
 

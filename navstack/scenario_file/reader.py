@@ -324,16 +324,13 @@ class ScenarioReader:
             self._goals(self.root.items["goals"][1])
         elif both == ["tour"]:
             self._tour(self.root.items["tour"][1])
-        elif self._named is not None and "goals" not in self.root.items and self._proposed():
+        elif self._named is not None and self._named.goals:
             names = self._named.goals
             parts.goals = tuple(self._named.places[name] for name in names)
             parts.goal_names = names
             parts.goals_at = (self.root.at,) * len(names)
         else:
             self.say("missing", self.root.at, "goals", f"goals are missing; add `goals: [..]`, a list of {_POSE}")
-
-    def _proposed(self) -> bool:
-        return self._named is not None and bool(self._named.goals)
 
     def _goals(self, node: Node) -> None:
         if not isinstance(node, ListNode) or not node.items:
@@ -351,6 +348,8 @@ class ScenarioReader:
             if pose is not None:
                 name = item.value if isinstance(item, ScalarNode) else ""
                 found.append((str(name), pose, item.at))
+        if len(found) < len(node.items):
+            return  # the others would be counted wrongly
         self.parts.goal_names = tuple(name for name, _, _ in found)
         self.parts.goals = tuple(pose for _, pose, _ in found)
         self.parts.goals_at = tuple(at for _, _, at in found)
@@ -368,6 +367,11 @@ class ScenarioReader:
         tour = self._bound(Tour, node, "tour")
         if tour is None:
             return
+        if tour.places == []:
+            at = node.items["places"][1].at
+            message = "the tour lists no places; name some, or leave `places:` out for all of the map's"
+            self.say("wrong-value", at, "tour", message)
+            return
         names = tuple(tour.places or parts.places)
         if not names:
             message = "no places are known here; list them under `places:`, or name a map that has a .places.yaml file"
@@ -375,22 +379,14 @@ class ScenarioReader:
             return
         listed = node.items.get("places")
         nodes = listed[1].items if listed is not None and isinstance(listed[1], ListNode) else []
-        for item in nodes:
-            if self._pose(item, "place") is None:
-                return
+        unknown = [item for item in nodes if self._pose(item, "place") is None]
+        if unknown:
+            return
         parts.tour = tour
         parts.tour_names = names
-        self.follow_tour(parts.settings.seed, node.at)
-
-    def follow_tour(self, seed: int, at: Location | None = None) -> None:
-        """Sets the goals from the tour, in the order that `seed` shuffles them to."""
-        parts = self.parts
-        if parts.tour is None:
-            return
-        names = itinerary(parts.tour_names, parts.tour.order, loops=parts.tour.loops, seed=seed)
-        parts.goal_names = names
-        parts.goals = tuple(parts.places[name] for name in names)
-        parts.goals_at = (at or self.root.at,) * len(names)
+        parts.goal_names = itinerary(names, tour.order, loops=tour.loops, seed=parts.settings.seed)
+        parts.goals = tuple(parts.places[name] for name in parts.goal_names)
+        parts.goals_at = (node.at,) * len(parts.goals)
 
     # --- shapes and success -------------------------------------------------------------------------------------------
 

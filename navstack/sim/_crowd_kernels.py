@@ -69,7 +69,8 @@ def nearest_on_polygon(polygon, x, y):
     j = polygon.shape[0] - 1
     for i in range(polygon.shape[0]):
         ex, ey = polygon[i, 0] - polygon[j, 0], polygon[i, 1] - polygon[j, 1]
-        t = ((x - polygon[j, 0]) * ex + (y - polygon[j, 1]) * ey) / (ex * ex + ey * ey)
+        length2 = ex * ex + ey * ey
+        t = ((x - polygon[j, 0]) * ex + (y - polygon[j, 1]) * ey) / length2 if length2 > 0.0 else 0.0
         t = min(max(t, 0.0), 1.0)
         qx, qy = polygon[j, 0] + t * ex, polygon[j, 1] + t * ey
         away = math.hypot(x - qx, y - qy)

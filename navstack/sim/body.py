@@ -22,7 +22,7 @@ class BodyModel(NamedTuple):
     bias: NDArray[np.float64]
     """(2,) systematic errors of the odometry: relative, and turns (rad) for every metre."""
     keep: float
-    """Share of the velocity error that the lag leaves after a step."""
+    """Share of the velocity error that the lag leaves after a step: exp(-dt / lag), 0 without one."""
     wheelbase: float
     """Of a car (m); 0: not a car."""
     footprint: NDArray[np.float64]

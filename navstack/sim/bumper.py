@@ -35,10 +35,10 @@ class Bumper:
         self._points = _NOTHING
 
     def scan(self, world: World, base: Pose2D, index: int, stamp: float, solids: Solids | None = None) -> PointCloud:
-        """The cloud of a robot at `base` (map frame) at `stamp` (s): a point per pressed zone, none with `index` 0.
+        """The cloud of a robot at `base` (map frame) at `stamp` (s): a point per pressed zone, in the sensor's frame (m).
 
-        `index` says whether the robot is in contact at all, `solids` are the world's obstacles at that time, when the caller
-        knows them already.
+        `index`, which numbers the scans of other sensors, says of a bumper whether the robot is in contact at all: with 0 the
+        cloud is empty. `solids`: the world's obstacles at that time, when the caller knows them already.
         """
         points = _NOTHING
         if index:

@@ -16,9 +16,11 @@ from navstack.sim.solids import Solids, discs_only
 USUAL_SPEED: Final = (1.34, 0.26)
 """Mean and deviation of what pedestrians like to walk (m/s), after Helbing and Molnár."""
 SLOWEST: Final = 0.5
+"""Nobody who is drawn likes to walk slower (m/s)."""
 SWAY: Final = 0.1
 """Deviation of accelerations without a reason (m/s² over a second); they end stand-offs."""
 LONGEST_STEP: Final = 0.05
+"""A longer step of the simulation is cut into equal ones no longer than this (s)."""
 
 
 class Crowd:

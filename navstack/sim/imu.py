@@ -13,7 +13,7 @@ from navstack.core import ImuReading, Transform2D, normalize_angle
 from navstack.sim.params import ImuParams
 
 KEPT: Final = 10_000
-"""Readings that nobody fetches; older ones are forgotten."""
+"""So many readings that nobody has fetched are kept; older ones are forgotten."""
 
 
 class Imu:
@@ -24,6 +24,7 @@ class Imu:
     """
 
     def __init__(self, params: ImuParams, *, seed: int, number: int) -> None:
+        """`number` tells the IMUs of one robot apart: each draws from a stream of its own."""
         self.params = params
         self.mounting = Transform2D(params.x, params.y, params.yaw)
         self._rng = np.random.Generator(np.random.PCG64([seed, (1 << 22) + number]))

@@ -4,13 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, TypeVar
 
 from pydantic import field_validator, model_validator
 
 from navstack.core.parameters import ParamModel, param
 
+S = TypeVar("S", bound=ParamModel)
+
 ODOMETRY_LIMIT = 1.0
+"""No error of the odometry or the wheels is greater than this share of the motion (rad/m: of the turning)."""
+
+
+def _some_range(range_min: float, range_max: float) -> None:
+    if range_min >= range_max:
+        raise ValueError(
+            f"range_min = {range_min:g} leaves nothing to measure below range_max = {range_max:g}; "
+            "give a range_min under range_max"
+        )
 
 
 class LidarParams(ParamModel):
@@ -41,12 +52,8 @@ class LidarParams(ParamModel):
     )
 
     @model_validator(mode="after")
-    def _some_range(self) -> LidarParams:
-        if self.range_min >= self.range_max:
-            raise ValueError(
-                f"range_min = {self.range_min:g} leaves nothing to measure below range_max = {self.range_max:g}; "
-                "give a range_min under range_max"
-            )
+    def _reaches_somewhere(self) -> LidarParams:
+        _some_range(self.range_min, self.range_max)
         return self
 
     @property
@@ -123,12 +130,8 @@ class SonarParams(ParamModel):
     )
 
     @model_validator(mode="after")
-    def _some_range(self) -> SonarParams:
-        if self.range_min >= self.range_max:
-            raise ValueError(
-                f"range_min = {self.range_min:g} leaves nothing to measure below range_max = {self.range_max:g}; "
-                "give a range_min under range_max"
-            )
+    def _reaches_somewhere(self) -> SonarParams:
+        _some_range(self.range_min, self.range_max)
         return self
 
 
@@ -264,13 +267,13 @@ class SimParams(ParamModel):
     def child_models(cls, values: Mapping[str, Any]) -> dict[str, type[ParamModel]]:
         """A `LidarParams` for every name in `lasers`, a `BumperParams` for every one in `bumpers`, and so on."""
         models: dict[str, type[ParamModel]] = {}
-        for key, default, model in (
-            ("imus", [], ImuParams),
-            ("sonars", [], SonarParams),
-            ("bumpers", ["bumper"], BumperParams),
-            ("lasers", ["laser"], LidarParams),
+        for key, model in (
+            ("imus", ImuParams),
+            ("sonars", SonarParams),
+            ("bumpers", BumperParams),
+            ("lasers", LidarParams),
         ):
-            names = values.get(key, default)
+            names = values.get(key, cls.model_fields[key].default)
             if isinstance(names, list):
                 models |= {name: model for name in names if isinstance(name, str)}
         return models
@@ -319,22 +322,22 @@ class SimParams(ParamModel):
         """The parameters of those lidars that have a namespace, by name."""
         return {name: p for name, p in self.sensors.items() if isinstance(p, LidarParams)}
 
+    def _sensor(self, name: str, kind: type[S]) -> S:
+        found = self.sensors.get(name)
+        return found if isinstance(found, kind) else kind()
+
     def lidar(self, name: str) -> LidarParams:
         """The parameters of one lidar; the defaults where it has no namespace."""
-        found = self.sensors.get(name)
-        return found if isinstance(found, LidarParams) else LidarParams()
+        return self._sensor(name, LidarParams)
 
     def bumper(self, name: str) -> BumperParams:
         """The parameters of one bumper; the defaults where it has no namespace."""
-        found = self.sensors.get(name)
-        return found if isinstance(found, BumperParams) else BumperParams()
+        return self._sensor(name, BumperParams)
 
     def sonar(self, name: str) -> SonarParams:
         """The parameters of one sonar; the defaults where it has no namespace."""
-        found = self.sensors.get(name)
-        return found if isinstance(found, SonarParams) else SonarParams()
+        return self._sensor(name, SonarParams)
 
     def imu(self, name: str) -> ImuParams:
         """The parameters of one IMU; the defaults where it has no namespace."""
-        found = self.sensors.get(name)
-        return found if isinstance(found, ImuParams) else ImuParams()
+        return self._sensor(name, ImuParams)

@@ -17,6 +17,8 @@ from navstack.core.parameters import ParamModel, param
 LOW = 0.1
 """Height (m) of what is called low: thresholds, feet of chairs, pallets. A lidar mounted no higher sees it."""
 
+_THICKNESS = 0.05
+
 Point = Annotated[list[float], Field(min_length=2, max_length=2)]
 """[x, y], m."""
 
@@ -84,6 +86,15 @@ class DoorMotion(ParamModel):
         return value
 
     @model_validator(mode="after")
+    def _of_its_style(self) -> DoorMotion:
+        if self.style == "sliding" and (self.hinge is not None or self.angle != 0.5 * math.pi):
+            given = "hinge" if self.hinge is not None else "angle"
+            raise ValueError(f"a sliding door has no {given}; take it away, or make the door hinged")
+        if self.style == "hinged" and self.slide is not None:
+            raise ValueError("a hinged door has no slide; take it away, or write style: sliding")
+        return self
+
+    @model_validator(mode="after")
     def _within_the_period(self) -> DoorMotion:
         late = [span for span in self.open if self.period is not None and span[1] > self.period]
         if late:
@@ -135,7 +146,7 @@ class Shape(ParamModel):
     box: list[float] | None = param(None, "[length, width] of a rectangle, lengthwise along its heading", unit="m")
     polygon: list[Point] | None = param(None, "corners [x, y] of a polygon that does not cross itself", unit="m")
     segment: list[Point] | None = param(None, "the two ends [x, y] of a straight wall or door", unit="m")
-    thickness: float = param(0.05, "of a segment", unit="m", gt=0.0)
+    thickness: float = param(_THICKNESS, "of a segment", unit="m", gt=0.0)
     pose: list[float] = param([0.0, 0.0, 0.0], "[x, y, yaw] of the shape in the map, m and rad; [x, y] will do")
     height: float | None = param(
         None, "a lidar or sonar mounted higher does not see it; none: it is seen from everywhere", unit="m", gt=0.0
@@ -183,6 +194,10 @@ class Shape(ParamModel):
         if len(looks) != 1:
             said = f"it has {' and '.join(looks)}" if looks else "it has none of them"
             raise ValueError(f"a shape is given by one of radius, box, polygon and segment; {said}")
+        if self.segment is None and self.thickness != _THICKNESS:
+            raise ValueError(
+                f"only a segment has a thickness; a {looks[0].replace('radius', 'disc')} has none: take it away"
+            )
         if isinstance(self.motion, PedestrianMotion) and self.radius is None:
             raise ValueError("a pedestrian is a disc; give it a radius (0.25 m is usual)")
         if isinstance(self.motion, DoorMotion):

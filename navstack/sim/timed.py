@@ -89,6 +89,7 @@ class Door:
     def openness(self, time: float) -> float:
         """0 closed .. 1 open at `time` (s)."""
         motion = self._motion
+        # with a period, also what is still closing from the one before
         times = [time] if motion.period is None else [time % motion.period, time % motion.period + motion.period]
         most = 0.0
         for t in times:
@@ -96,8 +97,10 @@ class Door:
                 if motion.moving_time == 0.0:
                     most = max(most, 1.0 if begin <= t < end else 0.0)
                 else:
-                    most = max(most, min((t - begin) / motion.moving_time, 1.0 - (t - end) / motion.moving_time))
-        return min(most, 1.0)
+                    # one that is told to close before it is quite open turns back there
+                    opened = min((min(t, end) - begin) / motion.moving_time, 1.0)
+                    most = max(most, opened - max(t - end, 0.0) / motion.moving_time)
+        return most
 
     def pose(self, time: float) -> tuple[float, float, float]:
         """By what the closed outline is moved at `time` (s): x, y, yaw (m, rad)."""
@@ -125,4 +128,5 @@ def packed(
 def _track(shape: Shape) -> Track:
     assert isinstance(shape.motion, OnTrack)
     motion = shape.motion
+    # a polygon has no radius, and nobody looks at the one that it is given here
     return Track(motion.points, motion.speed, shape.radius or 1.0, motion.closed, motion.begin)

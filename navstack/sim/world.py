@@ -57,7 +57,7 @@ class World:
         but no higher than `LOW`: thresholds, feet of chairs. A lidar above does not see them; a robot runs into them all
         the same. `shapes`: anything else, standing or moving.
 
-        Raises InputError for discs that are not finite or have no radius.
+        Raises InputError for discs that are not finite or have no radius, and for tracks without length.
         """
         self.map = map if map is not None else OccupancyGrid(np.zeros((1, 1), np.int8), GridGeometry(1, 1, 1.0))
         geometry = self.map.geometry
@@ -151,7 +151,7 @@ class World:
         return shape.name if shape is not None else ""
 
     def contains(self, pose: Pose2D) -> bool:
-        """True for a position on the map."""
+        """True for a position on the map, whichever way it is turned; whatever the yaw."""
         geometry = self.map.geometry
         c, s = math.cos(self.map.origin_yaw), math.sin(self.map.origin_yaw)
         dx, dy = pose.x - geometry.origin_x, pose.y - geometry.origin_y
@@ -166,8 +166,10 @@ class World:
     ) -> tuple[str, int, float, float] | None:
         """What the outline at `pose` meets, as `described` says it; None when it is free.
 
-        `solids`: what there is beside the map, when the caller knows better than `solids_at(time)`.
+        `solids`: what there is beside the map, when the caller knows better than `solids_at(time)`. Raises InputError for
+        a pose that is not finite, which would meet nothing.
         """
+        _check_finite(pose)
         solids = self.solids_at(time) if solids is None else solids
         count = len(solids.discs) + len(solids.circles)
         hit = int(
@@ -234,8 +236,9 @@ class World:
     ) -> float:
         """Distance (m) from the position, or from the outline there, to the nearest obstacle at `time` (s); exact.
 
-        0 in contact, inf when there is no obstacle at all. `solids` as of `contact`.
+        0 in contact, inf when there is no obstacle at all. `solids` and InputError as of `contact`.
         """
+        _check_finite(pose)
         outline = _POINT if footprint is None else footprint.vertices.copy()
         x, y, yaw = float(pose.x), float(pose.y), float(pose.yaw)
         solids = self.solids_at(time) if solids is None else solids
@@ -286,11 +289,18 @@ def _tables_of(occupied: NDArray[np.bool_]) -> _Tables:
     return tables
 
 
+def _check_finite(pose: Pose2D) -> None:
+    if not pose.is_finite():
+        raise InputError(f"the pose {tuple(pose)} is not finite", pose=pose)
+
+
 def _checked_discs(discs: NDArray[np.float64] | Sequence[Sequence[float]]) -> NDArray[np.float64]:
     try:
         array = np.array(discs, np.float64).reshape(len(discs), 3)
-    except ValueError as exc:
-        raise InputError("round obstacles are rows x, y, radius (m)", obstacles=list(discs)) from exc
+    except (ValueError, TypeError) as exc:
+        raise InputError(
+            "round obstacles are rows x, y, radius in metres; give each three numbers", obstacles=list(discs)
+        ) from exc
     for x, y, r in array:
         if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(r) and r > 0.0):
             raise InputError(

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import OccupancyGrid, Pose2D
+from navstack.sim.world import OCCUPIED
 
 
 class FreeSpace:
-    """The cells of a map whose centres keep `clearance_m` from every occupied one, by connected region."""
+    """The free cells of a map whose centres keep `clearance_m` from every occupied one, by 8-connected region."""
 
     def __init__(self, grid: OccupancyGrid, clearance_m: float) -> None:
         from scipy import ndimage
@@ -20,7 +21,7 @@ class FreeSpace:
         self._geometry = grid.geometry
         resolution = grid.geometry.resolution
         # from centre to centre; half a cell's diagonal more is surely enough
-        cells: Any = ndimage.distance_transform_edt(grid.data < 100)
+        cells: Any = ndimage.distance_transform_edt(grid.data < OCCUPIED)
         away = cells * resolution - 0.71 * resolution
         free = (away >= clearance_m) & (grid.data == 0)
         found: Any = ndimage.label(free, np.ones((3, 3)))
@@ -47,7 +48,7 @@ class FreeSpace:
     def draw_pair(
         self, rng: np.random.Generator, nearest_m: float, farthest_m: float, *, across: bool = False
     ) -> tuple[Pose2D, Pose2D]:
-        """Two poses so far apart as the crow flies, if 100 attempts find such.
+        """Two poses so far apart as the crow flies; where 100 attempts find none such, those of the last one.
 
         Of the largest region; or `across` regions, of two that the clearance keeps apart, where there are two.
         """

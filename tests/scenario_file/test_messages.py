@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 from navstack.core.errors import ScenarioError
-from navstack.scenario_file import check_scenario, load_scenario, read_scenario
+from navstack.scenario_file import check_scenario, load_scenario, read_scenario, scenarios_in
 
 GOOD = "map: office\nstart: corridor_west\ngoals: [office_2]\n"
 
@@ -42,6 +43,19 @@ CASES = {
     ),
     "misspelt key": (GOOD + "sede: 3\n", '4:1: a scenario has no key "sede"; did you mean seed?'),
     "other word": (GOOD + "obstacles: []\n", '4:1: a scenario has no key "obstacles"; did you mean shapes?'),
+    "a tour of nothing": (
+        "map: office\nstart: corridor_west\ntour: {places: []}\n",
+        "3:16: the tour lists no places; name some, or leave `places:` out for all of the map's",
+    ),
+    "two places of a tour misspelt": (
+        "map: office\nstart: corridor_west\ntour: [office_22, office_2, kitchn]\n",
+        '3:8: place "office_22" is no place; did you mean office_2?',
+        '3:29: place "kitchn" is no place; did you mean kitchen?',
+    ),
+    "one of two goals misspelt": (
+        "map: office\nstart: corridor_west\ngoals: [kitchn, office_2]\nsuccess: {goals: [SUCCEEDED, ABORTED]}\n",
+        '3:9: goal 1 "kitchn" is no place; did you mean kitchen?',
+    ),
     "foreign key": (GOOD + "colour: red\n", f'4:1: a scenario has no key "colour"; there are {KEYS}'),
     "key twice": (
         GOOD + "seed: 1\nseed: 2\n",
@@ -258,3 +272,37 @@ def test_a_goal_that_cannot_be_reached_is_a_warning_unless_it_is_meant(tmp_path:
     )
     file.write_text(text + "success: {goals: ABORTED}\n", encoding="utf-8")
     assert not [f for f in check_scenario(file) if f.severity == "warning"]
+
+
+def test_a_place_on_a_turned_map_is_looked_up_where_it_lies(tmp_path: Path) -> None:
+    image = Image.new("L", (40, 20), 254)
+    image.putpixel((30, 5), 0)  # cell ix 30, iy 14
+    image.save(tmp_path / "turned.png")
+    (tmp_path / "turned.yaml").write_text(
+        "image: turned.png\nresolution: 0.1\norigin: [5.0, 5.0, 1.5707963]\nnegate: 0\noccupied_thresh: 0.65\n"
+        "free_thresh: 0.196\n",
+        encoding="utf-8",
+    )
+    file = tmp_path / "a.yaml"
+
+    def said(x: float, y: float) -> list[str]:
+        file.write_text(f"map: turned.yaml\nstart: [{x}, {y}]\ngoals: [[4.0, 6.0]]\n", encoding="utf-8")
+        return [f.message for f in check_scenario(file) if f.rule == "start"]
+
+    assert said(4.0, 6.0) == []
+    (outside,) = said(6.0, 6.0)  # inside, were the map not turned
+    assert "lies outside the map" in outside and "turned by 1.5708 rad" in outside
+    (wall,) = said(5.0 - 1.45, 5.0 + 3.05)
+    assert "lies in a wall of the map" in wall
+
+
+def test_the_scenarios_of_a_folder(tmp_path: Path) -> None:
+    (tmp_path / "b.yml").write_text(GOOD, encoding="utf-8")
+    (tmp_path / "a.yaml").write_text(GOOD, encoding="utf-8")
+    (tmp_path / "map.yaml").write_text("image: map.png\nresolution: 0.1\n", encoding="utf-8")
+    (tmp_path / "notes.txt").write_text(GOOD, encoding="utf-8")
+    (tmp_path / "folder.yaml").mkdir()
+    assert [spec.name for spec in scenarios_in(tmp_path)] == ["a", "b"]
+    (tmp_path / "c.yaml").write_text(GOOD + "goals: [\n", encoding="utf-8")
+    with pytest.raises(ScenarioError, match=r"c\.yaml:5:1: this is not YAML"):
+        scenarios_in(tmp_path)

@@ -6,6 +6,7 @@ import json
 import pickle
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -170,10 +171,29 @@ def test_conditions_that_do_not_hold_are_said(short: Path) -> None:
     assert said["max_time"].endswith("s, at most 1 wanted")
 
 
+def test_a_verdict_has_the_digits_that_tell_it_from_the_limit(short: Path) -> None:
+    metrics = run_scenario(load_scenario(short), record=False).metrics
+    wanted = SuccessConditions(max_time_s=100.0, max_contacts=0, max_recoveries=3)
+
+    def said(**values: Any) -> list[str]:
+        return [v.text for v in wanted.judge(["SUCCEEDED"], replace(metrics, **values), 1)][1:]
+
+    assert said(contacts=1, time_s=100.004, recoveries=1) == [
+        "1 contact, at most 0 wanted",
+        "100.004 s, at most 100 wanted",
+        "1 recovery, at most 3 wanted",
+    ]
+    assert said(contacts=0, time_s=100.0, recoveries=4) == [
+        "0 contacts, at most 0 wanted",
+        "100 s, at most 100 wanted",
+        "4 recoveries, at most 3 wanted",
+    ]
+
+
 def test_states_must_fit_the_goals_that_are_given(short: Path) -> None:
     short.write_text(SHORT.replace("max_time: 20", "goals: [ABORTED]"))
     scenario = read_scenario(short).build(goals=[Pose2D(4.0, 7.4), Pose2D(5.0, 7.4)])
-    with pytest.raises(InputError, match="lists 1 states for 2 goals"):
+    with pytest.raises(InputError, match="lists 1 state for 2 goals"):
         run_scenario(scenario, record=False)
 
 

@@ -260,6 +260,25 @@ def test_a_start_in_a_wall_is_refused() -> None:
         robot(world=corridor(10, 0.05), start=Pose2D(1.9, 0.0, 0.0))
 
 
+@pytest.mark.parametrize("pose", [Pose2D(math.nan, 0, 0), Pose2D(0, math.inf, 0), Pose2D(0, 0, math.nan)])
+def test_a_world_is_not_asked_about_a_place_that_is_none(pose: Pose2D) -> None:
+    world = World(None, [[1.0, 1.0, 0.2]])
+    footprint = Footprint.from_radius(0.2)
+    for ask in (
+        lambda: world.is_free(footprint, pose),
+        lambda: world.clearance(pose),
+        lambda: world.contact(footprint, pose),
+    ):
+        with pytest.raises(InputError, match="is not finite"):
+            ask()
+
+
+@pytest.mark.parametrize("discs", [[[0.0, 1.0]], [[None, 1.0]], [["a", 1.0, 0.2]]])
+def test_discs_that_are_no_rows_are_refused(discs: list[list[float]]) -> None:
+    with pytest.raises(InputError, match="give each three numbers"):
+        World(None, discs)
+
+
 def test_a_seed_below_zero_is_refused() -> None:
     with pytest.raises(InputError, match="the seed -1 is below 0"):
         robot(seed=-1)

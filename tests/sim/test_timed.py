@@ -54,6 +54,12 @@ def test_a_timetable_repeats() -> None:
     assert once.openness(100.0) == once.openness(0.5) == 0.0
 
 
+def test_a_door_that_is_told_to_close_before_it_is_open_turns_back() -> None:
+    door = Door(Shape(segment=[[0, 0], [1, 0]], motion=DoorMotion(open=[[1, 2]], moving_time=4.0)))
+    told = [door.openness(t) for t in (1.0, 1.5, 2.0, 2.5, 3.0, 4.0)]
+    assert told == pytest.approx([0.0, 0.125, 0.25, 0.125, 0.0, 0.0], abs=1e-12)
+
+
 def test_a_lidar_sees_the_door_where_it_was_at_its_time() -> None:
     door = Shape(
         segment=[[3, -1], [3, 1]],
@@ -136,6 +142,14 @@ def test_clearance_to_what_moves_is_that_of_the_moment() -> None:
             {"segment": [[0, 0], [1, 0]], "motion": {"kind": "door", "open": [[5, 30]], "period": 9}},
             "within the period",
         ),
+        (
+            {"segment": [[0, 0], [1, 0]], "motion": {"kind": "door", "style": "sliding", "hinge": [0, 0]}},
+            "has no hinge; take it away",
+        ),
+        ({"segment": [[0, 0], [1, 0]], "motion": {"kind": "door", "style": "sliding", "angle": 1}}, "has no angle"),
+        ({"segment": [[0, 0], [1, 0]], "motion": {"kind": "door", "slide": [0, 1]}}, "has no slide"),
+        ({"radius": 0.2, "thickness": 0.1}, "a disc has none: take it away"),
+        ({"box": [1, 1], "thickness": 0.1}, "a box has none"),
         ({"box": [1, 1], "motion": {"kind": "pedestrian", "goals": [[1, 1]]}}, "a pedestrian is a disc"),
         ({"radius": 1, "motion": {"kind": "pedestrian", "goals": []}}, "needs a goal"),
     ],
