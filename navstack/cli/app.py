@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import sys
-from typing import Any
+from typing import Any, Final
 
 import typer
 
@@ -55,6 +55,9 @@ def root(
     """Options of the command itself."""
 
 
+_LONG: Final = 200
+
+
 def run(arguments: list[str]) -> int:
     """Runs one command line; the exit code."""
     as_json = "--json" in arguments
@@ -71,6 +74,13 @@ def run(arguments: list[str]) -> int:
         return _report(as_json, 9001, "INVALID_INPUT", exc.format_message(), {}, hint)
     except BrokenPipeError:
         return EXIT_WRONG_INPUT
+    except OSError as exc:
+        # a name that cannot be one, or a folder that nobody may look into: whoever used it did not expect that
+        if exc.filename is None:
+            raise
+        name = str(exc.filename)
+        shown = name if len(name) <= _LONG else f"{name[:_LONG]}.."
+        return _report(as_json, 9001, "INVALID_INPUT", f"cannot use {shown}: {exc.strerror}", {"path": name}, "")
     except Exception as exc:
         from navstack.core.errors import NavError
 

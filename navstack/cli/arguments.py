@@ -75,11 +75,12 @@ def parse_obstacles(
 def map_of(name: str) -> tuple[Path, OccupancyGrid]:
     """A map by file or by the name of a packaged one."""
     from navstack import maps
+    from navstack.core.files import is_file
     from navstack.map_io import load_map
 
     path = Path(name)
     # a folder is no map: one that is called office must not hide the packaged one
-    if not path.is_file() and path.suffix == "" and path.parent == Path():
+    if not is_file(path) and path.suffix == "" and path.parent == Path():
         known = maps.map_names()
         if name not in known:
             raise MapError(

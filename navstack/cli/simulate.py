@@ -154,13 +154,14 @@ def _scenario(
 def _scenario_file(name: str) -> Path | None:
     """The scenario file of that path, or of that name among those that come with navstack; None: it is none."""
     from navstack import maps
+    from navstack.core.files import exists
     from navstack.scenario_file import is_scenario_file
     from navstack.suites import shipped
 
     path = Path(name)
     if is_scenario_file(path):
         return path
-    return None if path.exists() or name in maps.map_names() else shipped().get(name)
+    return None if exists(path) or name in maps.map_names() else shipped().get(name)
 
 
 def _note_warnings(scenario: Scenario) -> None:

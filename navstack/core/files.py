@@ -1,4 +1,4 @@
-"""Writing files whole or not at all."""
+"""Files: whether there is one of that name, and writing them whole or not at all."""
 
 from __future__ import annotations
 
@@ -8,6 +8,22 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from navstack.core.errors import OutputError
+
+
+def is_file(path: Path) -> bool:
+    """`Path.is_file`, but False, not an OSError, for a name that is too long or lies where nobody may look."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
+
+
+def exists(path: Path) -> bool:
+    """`Path.exists`, likewise."""
+    try:
+        return path.exists()
+    except OSError:
+        return False
 
 
 def ensure_directory(path: Path) -> Path:

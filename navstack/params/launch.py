@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 from xml.parsers import expat
 
+from navstack.core.files import exists, is_file
 from navstack.params.findings import Finding, Location, Severity, finding
 from navstack.params.tree import Space, descend, overlay, parts_of, put
 from navstack.params.yaml_reader import MAX_BYTES, DictNode, Node, ScalarNode, parse_value, read_yaml, relocate
@@ -116,7 +117,7 @@ class LaunchReader:
     # --- XML --------------------------------------------------------------------------------------------------------
 
     def _parse(self, path: Path, shown: str) -> Element | None:
-        if path.exists() and not path.is_file():
+        if exists(path) and not path.is_file():
             self.say("error", "cannot-read", Location(shown), f"{shown} is no file; name a launch file")
             return None
         try:
@@ -412,11 +413,11 @@ class LaunchReader:
         if found is None or found[1] != "find":
             path = Path(text)
             path = path if path.is_absolute() else scope.path.parent / path
-            return path if path.is_file() else None
+            return path if is_file(path) else None
         package = found[2].strip()
         rest = parts_of(text[found.end() :])
         for path in _candidates(scope.path, package, rest):
-            if path.is_file():
+            if is_file(path):
                 return path
         return None
 

@@ -10,6 +10,7 @@ from importlib.resources import files as package_files
 from pathlib import Path
 from typing import Any
 
+from navstack.core.files import exists
 from navstack.params.findings import Finding, Location, finding
 from navstack.params.launch import LaunchReader, launch_argument
 from navstack.params.tree import COSTMAPS, Space, descend, overlay, parts_of, put
@@ -116,17 +117,17 @@ def to_node(value: Any, at: Location) -> Node:
 
 def _read_one(out: Sources, text: str) -> None:
     path_text, at, namespace = text.rpartition("@")
-    if not at or Path(text).exists():
+    if not at or exists(Path(text)):
         path_text, namespace = text, ""
     path = Path(path_text)
     if path_text in packaged_sets():
-        if path.exists():
+        if exists(path):
             message = f"{path_text} is the packaged set here, not the folder of that name; write ./{path_text} for that"
             out.say("info", "packaged-set", Location(path_text), message)
         _read_folder(out, packaged_folder(path_text), path_text, namespace)
-    elif path.is_dir():
+    elif exists(path) and path.is_dir():
         _read_folder(out, path, path_text.rstrip("/") or "/", namespace)
-    elif path.exists():
+    elif exists(path):
         _read_file(out, path, path_text, namespace)
     else:
         close = difflib.get_close_matches(path_text, packaged_sets(), n=1)

@@ -19,6 +19,7 @@ import yaml
 from yaml.constructor import SafeConstructor
 from yaml.reader import ReaderError
 
+from navstack.core.files import exists
 from navstack.params.findings import Finding, Location, finding
 
 MAX_BYTES = 1_000_000
@@ -418,7 +419,7 @@ def read_yaml(path: Path, shown: str | None = None) -> YamlFile:
     """Reads a parameter file; everything wrong with it becomes findings. `shown` is its name in messages."""
     name = shown or str(path)
     # a pipe or a device would never end
-    if path.exists() and not path.is_file():
+    if exists(path) and not path.is_file():
         return _unread(name, "cannot-read", "is no file; name a YAML file")
     try:
         # one byte more than allowed tells a file that is too large without reading it all

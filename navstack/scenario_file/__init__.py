@@ -31,6 +31,7 @@ from typing import Any
 from navstack.configuration import check_parameters, load_configuration
 from navstack.core import OccupancyGrid, Pose2D
 from navstack.core.errors import MapError, ScenarioError
+from navstack.core.files import is_file
 from navstack.itinerary import itinerary
 from navstack.map_io import load_map
 from navstack.params.findings import Finding, finding, in_order
@@ -157,7 +158,7 @@ class ScenarioSpec:
 
 def is_scenario_file(path: Path) -> bool:
     """True for a YAML file that says what is driven, and not how a map or a robot is; looks at its top keys only."""
-    if path.suffix not in _ENDINGS or not path.is_file():
+    if path.suffix not in _ENDINGS or not is_file(path):
         return False
     keys = read_yaml(path).root.items.keys()
     if {"image", "resolution"} & keys:

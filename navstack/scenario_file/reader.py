@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 from navstack import maps
 from navstack.core import OccupancyGrid, Pose2D
 from navstack.core.errors import InputError
+from navstack.core.files import exists, is_file
 from navstack.core.parameters import ParamModel
 from navstack.itinerary import PlacesFile, itinerary, pose_of, read_places
 from navstack.params import packaged_sets
@@ -178,7 +179,7 @@ class ScenarioReader:
         if text is None:
             return
         file = self._beside(text)
-        if file.is_file():
+        if is_file(file):
             self.parts.map_file = file
         elif text in maps.map_names():
             self.parts.map_file = maps.map_path(text)
@@ -206,11 +207,11 @@ class ScenarioReader:
         map_file = self.parts.map_file
         if map_file is not None:
             beside = map_file.with_name(f"{map_file.stem}.places.yaml")
-            if beside.is_file():
+            if is_file(beside):
                 self._read_places(beside, self.root.at)
 
     def _read_places(self, file: Path, at: Location) -> None:
-        if not file.is_file():
+        if not is_file(file):
             self.say(
                 "no-source", at, "places", f"there is no file {file}; name one that holds places, or list them here"
             )
@@ -265,9 +266,9 @@ class ScenarioReader:
         file = self._beside(name if marker else text)
         if text in packaged_sets() or launch_argument(text) is not None:
             self.parts.sources.append(text)
-        elif self._beside(text).exists():
+        elif exists(self._beside(text)):
             self.parts.sources.append(str(self._beside(text)))
-        elif marker and file.exists():
+        elif marker and exists(file):
             self.parts.sources.append(f"{file}@{namespace}")
         else:
             close = nearest(text, packaged_sets())

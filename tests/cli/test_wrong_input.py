@@ -232,3 +232,14 @@ def test_wrong_use_of_the_command_line(navstack) -> None:
     assert navstack("plan").code == 2
     outcome = navstack("plan", "--json")
     assert json.loads(outcome.out)["error"]["code"] == 9001
+
+
+@pytest.mark.parametrize(
+    "command",
+    ["simulate {}", "plan {} --start 1,1 --goal 2,2", "simulate --params {}", "check {}", "plot {}", "tour {}"]
+    + ["explain goal {}", "params show {}", "bench barn {} --params turtlebot", "bench compare turtlebot turtlebot {}"],
+)
+def test_a_name_that_no_file_can_have(navstack, command: str) -> None:
+    outcome = navstack(*command.format("a" * 5000).split())
+    assert outcome.code == 2
+    assert "aaaa" in outcome.out + outcome.err

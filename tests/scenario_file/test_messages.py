@@ -250,6 +250,16 @@ def test_a_file_that_is_none(name: str, tmp_path: Path, monkeypatch: pytest.Monk
         read_scenario(name)
 
 
+@pytest.mark.parametrize("key", ["map", "params", "places"])
+def test_a_name_that_no_file_can_have(key: str, tmp_path: Path) -> None:
+    file = tmp_path / "a.yaml"
+    lines = {"map": "office", "start": "corridor_west", "goals": "[office_2]", key: "a" * 5000}
+    file.write_text("".join(f"{k}: {v}\n" for k, v in lines.items()), encoding="utf-8")
+    said = next(f for f in check_scenario(file) if f.key == key)
+    assert said.message.startswith("there")
+    assert said.column == len(key) + 3
+
+
 def test_a_warning_about_parameters_names_the_place_in_the_scenario(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
