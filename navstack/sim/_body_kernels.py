@@ -31,6 +31,8 @@ STATE_SIZE = 23
 SWEEP_STEP = 0.005
 # a contact is left once a point of the footprint is this far from where it was, m
 RELEASE = 0.02
+# driving along what lies over the robot is not driving into it: more than what rounding makes of the distance, m
+TANGENT = 1e-9
 # obstacles further away than this from where they were last chosen are not looked at, m
 HORIZON = 1.0
 
@@ -169,6 +171,16 @@ def find_contact(squares, grid, solids, chosen, count, footprint, radius, x, y, 
 
 
 @kernel
+def gap_to(solids, number, x, y):
+    """Distance (m) from the point to the solid of that number, 0 inside."""
+    discs = solids.discs
+    if number < discs.shape[0]:
+        return max(math.hypot(discs[number, 0] - x, discs[number, 1] - y) - discs[number, 2], 0.0)
+    k = number - discs.shape[0]
+    return polygon_to_point(solids.corners[solids.first[k] : solids.first[k + 1]], x, y)
+
+
+@kernel
 def wrapped(angle):
     """`angle` (rad), at most a circle off, in (-pi, pi]."""
     if angle > math.pi:
@@ -227,24 +239,24 @@ def drive(state, command, steps, dt, model, noise, squares, grid, solids, moving
     chosen = np.empty(solids.discs.shape[0] + solids.circles.shape[0], np.int64)
     count = choose_solids(solids, state[X], state[Y], radius + HORIZON, chosen)
     chosen_x, chosen_y = state[X], state[Y]
+    over, struck = 0, False
     if moving:
-        # what came over the robot is a contact, but does not hold it: it may leave in any direction
+        # what came over the robot stops it; then it may turn, and leave to where it is not: away from each of them
         c, s = math.cos(state[YAW]), math.sin(state[YAW])
         if not math.isnan(facing):
             c, s = math.cos(facing), math.sin(facing)
-        over = -1
+        # chosen: first those that do not lie over the robot, then `over` that do
         rest = 0
         for k in range(count):
-            if solid_contact(solids, chosen[k], footprint, radius, state[X], state[Y], c, s, placed):
-                over = chosen[k]
-            else:
-                chosen[rest] = chosen[k]
+            if not solid_contact(solids, chosen[k], footprint, radius, state[X], state[Y], c, s, placed):
+                chosen[rest], chosen[k] = chosen[k], chosen[rest]
                 rest += 1
-        count = rest
-        if over >= 0 and state[OVERRUN] == 0.0 and state[TOUCHING] == 0.0:
-            contacts[hits, 0], contacts[hits, 1] = 0, -2 - over
+        over, count = count - rest, rest
+        struck = over > 0 and state[OVERRUN] == 0.0
+        if struck and state[TOUCHING] == 0.0:
+            contacts[hits, 0], contacts[hits, 1] = 0, -2 - chosen[rest]
             hits += 1
-        state[OVERRUN] = 1.0 if over >= 0 else 0.0
+        state[OVERRUN] = 1.0 if over > 0 else 0.0
     for step in range(steps):
         accelerate(state, command, model)
         mx, my, mz = dt * state[VX], dt * state[VY], dt * state[WZ]
@@ -260,14 +272,18 @@ def drive(state, command, steps, dt, model, noise, squares, grid, solids, moving
         length = math.hypot(dx, dy)
         moved = length + radius * abs(mz)
         if moved > 0.0:
-            if math.hypot(state[X] + dx - chosen_x, state[Y] + dy - chosen_y) + length > HORIZON:
+            held_down = struck
+            for k in range(count, count + over):
+                now = gap_to(solids, chosen[k], state[X], state[Y])
+                held_down = held_down or gap_to(solids, chosen[k], state[X] + dx, state[Y] + dy) < now - TANGENT
+            if over == 0 and math.hypot(state[X] + dx - chosen_x, state[Y] + dy - chosen_y) + length > HORIZON:
                 count = choose_solids(solids, state[X], state[Y], radius + length + HORIZON, chosen)
                 chosen_x, chosen_y = state[X], state[Y]
             # swept: the outline is tested every SWEEP_STEP of its way
             parts = math.ceil(moved / SWEEP_STEP)
             hit = -1
             free = 0
-            for part in range(1, parts + 1):
+            for part in range(1, 1 if held_down else parts + 1):
                 f = part / parts
                 x, y, yaw = state[X] + f * dx, state[Y] + f * dy, state[YAW] + f * mz
                 if not math.isnan(facing):
@@ -288,12 +304,12 @@ def drive(state, command, steps, dt, model, noise, squares, grid, solids, moving
             state[OX] += f * (c * ox - s * oy)
             state[OY] += f * (s * ox + c * oy)
             state[OYAW] = wrapped(state[OYAW] + g * oz)
-            if hit != -1:
+            if hit != -1 or held_down:
                 for i in range(3 if held else 2):
                     state[VX + i] = 0.0
                     state[LX + i] = 0.0
                     state[GX + i] = 0.0
-                if state[TOUCHING] == 0.0:
+                if hit != -1 and state[TOUCHING] == 0.0:
                     state[TOUCHING] = 1.0
                     state[CX], state[CY], state[CYAW] = state[X], state[Y], state[YAW]
                     contacts[hits, 0], contacts[hits, 1] = step, hit

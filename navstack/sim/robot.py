@@ -74,7 +74,8 @@ class SimulatedRobot:
     Time is counted in whole physics steps; nothing here reads a clock.
 
     A contact stops the robot where it was last free (to within 5 mm), wheels included; a round one (`from_radius`) goes on
-    turning even then. A run is a pure function of the parameters, the world, the start, the seed and the commands.
+    turning even then. What moves over it stops it where it is; then it may turn, and drive where its centre does not come
+    nearer to that. A run is a pure function of the parameters, the world, the start, the seed and the commands.
     """
 
     def __init__(

@@ -9,7 +9,7 @@ import pytest
 
 from navstack.core import Footprint, LaserScan, PointCloud, Pose2D, Twist2D
 from navstack.core.errors import InputError
-from navstack.sim import LidarParams, SimParams, SimulatedRobot, Track, TrackedDiscs, World
+from navstack.sim import DoorMotion, LidarParams, Shape, SimParams, SimulatedRobot, Track, TrackedDiscs, World
 
 CIRCLE = Footprint.from_radius(0.18)
 AHEAD = SimParams(sensors={"laser": LidarParams(x=0.0, beams=1, range_min=0.0)})
@@ -95,6 +95,38 @@ def test_driving_into_a_moving_disc_is_one_contact_too() -> None:
     robot.command(Twist2D(0.5))
     robot.advance_to(3.0)
     assert len(robot.collisions) == 1
+
+
+def test_what_comes_towards_a_driving_robot_stops_it_and_is_not_driven_through() -> None:
+    world = World(None, (), [TrackedDiscs([Track([(2, 0), (-9, 0)], 0.5, 0.3)])])
+    for acceleration in (None, 1.0):
+        robot = SimulatedRobot(SimParams(acc_lim_x=acceleration, lasers=[]), world, CIRCLE, Pose2D(0, 0, 0))
+        robot.command(Twist2D(0.5))
+        held = None
+        while world.discs_at(robot.time)[0, 0] - 0.32 > robot.pose.x:  # until it lies over the robot's middle
+            robot.advance_to(robot.time + 0.02)
+            if robot.collisions:
+                held = held or robot.pose
+                assert robot.pose == held
+                assert robot.state().velocity.speed == 0.0
+        assert len(robot.collisions) == 1
+
+
+def test_what_lies_over_a_robot_lets_it_leave_but_not_through_itself() -> None:
+    door = Shape(
+        segment=[[0.3, 1], [0.3, -1]], motion=DoorMotion(style="sliding", slide=[0, 2], open=[[0, 1]], moving_time=0.0)
+    )
+    box = Footprint(np.array([[0.35, 0.2], [-0.35, 0.2], [-0.35, -0.2], [0.35, -0.2]]))
+    robot = SimulatedRobot(SimParams(lasers=[]), World(None, shapes=[door]), box, Pose2D(-1, 0, 0))
+    robot.command(Twist2D(1.0))
+    robot.advance_to(2.0)
+    (contact,) = robot.collisions
+    assert contact.time == pytest.approx(1.02, abs=0.021)
+    assert robot.pose.x == pytest.approx(0.0, abs=0.021)
+    robot.command(Twist2D(-0.5))
+    robot.advance_to(3.0)
+    assert robot.pose.x == pytest.approx(-0.5, abs=0.021)
+    assert not robot.in_contact
 
 
 def test_a_world_that_moves_is_the_same_however_the_run_is_cut() -> None:
