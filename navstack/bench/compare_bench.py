@@ -14,6 +14,7 @@ from navstack.bench.barn_bench import WORLDS_FILE
 from navstack.bench.table import DIGITS, Column, Table
 from navstack.configuration import Configuration, load_configuration
 from navstack.core.errors import InputError
+from navstack.core.files import exists
 from navstack.jobs import Job, JobResult
 from navstack.scenario import Scenario, run_scenario
 from navstack.scenario_file import ScenarioSpec, is_scenario_file, read_scenario
@@ -78,10 +79,12 @@ def _in_barn(chosen: ParameterSet) -> Configuration:
 
 
 def read_courses(names: Sequence[str], suite: str | None, count: int | None = None) -> list[Course]:
-    """Scenario files, folders of them, folders with BARN worlds, and a packaged suite.
+    """Scenario files, names of shipped ones, folders of files, folders with BARN worlds, and a packaged suite.
 
     Raises InputError, ScenarioError.
     """
+    from navstack import suites
+
     courses: list[Course] = []
     for name in names:
         path = Path(name)
@@ -95,12 +98,12 @@ def read_courses(names: Sequence[str], suite: str | None, count: int | None = No
                 )
             courses += [_course(read_scenario(f.resolve(), str(f))) for f in files]
         else:
-            courses.append(_course(read_scenario(path.resolve(), name)))
+            # as `simulate` does: a file, or one of those that come with navstack
+            file = path if exists(path) else suites.shipped().get(name, path)
+            courses.append(_course(read_scenario(file.resolve(), name)))
     if count is not None and suite is None:
         raise InputError("--count: say with --suite what it counts the scenarios of", argument="--count")
     if suite is not None:
-        from navstack import suites
-
         courses += [_course(spec) for spec in suites.scenarios(suite, count=count)]
     if not courses:
         raise InputError("nothing to drive: give scenario files, or --suite NAME", argument="SCENARIO")
@@ -194,8 +197,12 @@ def pairs_of(task: CompareTask, results: Sequence[JobResult], jobs: Sequence[Job
 
 
 def measures_table(pairs: Sequence[Pair]) -> Table:
-    """A row per measure: both sides, the difference and what it shows."""
-    groups = [p.course for p in pairs]
+    """A row per measure: both sides, the difference and what it shows.
+
+    What counts are scenarios; of a single one its seeds, and then the intervals speak of that scenario alone.
+    """
+    alone = len({p.course for p in pairs}) == 1
+    groups = [p.seed if alone else p.course for p in pairs]
     won = [bool(p.a["success"]) for p in pairs], [bool(p.b["success"]) for p in pairs]
     rows: list[dict[str, Any]] = [
         _measured(
@@ -212,11 +219,12 @@ def measures_table(pairs: Sequence[Pair]) -> Table:
         if not wanted:
             continue
         a, b = [float(p.a[m.key]) for p in wanted], [float(p.b[m.key]) for p in wanted]
-        groups = [p.course for p in wanted]
+        groups = [p.seed if alone else p.course for p in wanted]
         rows.append(
             _measured(m.name, m.digits, m.better, mean(a, groups), mean(b, groups), paired_difference(a, b, groups))
         )
-    return Table("B against A, with 95 % confidence intervals over scenarios", _MEASURES, rows)
+    over = "the seeds of one scenario" if alone else "scenarios"
+    return Table(f"B against A, with 95 % confidence intervals over {over}", _MEASURES, rows)
 
 
 def _finite(value: Any) -> bool:

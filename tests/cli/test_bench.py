@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy import stats
 
-from navstack.bench.compare_bench import Pair, courses_table, measures_table
+from navstack.bench.compare_bench import Pair, courses_table, measures_table, read_courses
 from navstack.bench.speed_bench import read_reference, speed_tables
 from navstack.cli.app import run
 from navstack.jobs import JobResult
@@ -197,9 +198,9 @@ def test_speed(navstack, tmp_path: Path) -> None:
     assert [r["ratio"] for r in rows] == [pytest.approx(50.0 / told["calibration_ms"] / 2.0)] * len(now)
 
 
-def pair(course: str, a: float | None, b: float | None) -> Pair:
+def pair(course: str, a: float | None, b: float | None, seed: int = 0) -> Pair:
     sides = [{"success": t is not None, "time_s": t or 60.0, "recoveries": 0} for t in (a, b)]
-    return Pair(course, 0, *sides)
+    return Pair(course, seed, *sides)
 
 
 def test_what_a_comparison_shows() -> None:
@@ -212,6 +213,31 @@ def test_what_a_comparison_shows() -> None:
     assert rows["success"]["verdict"] == "A is better"
     assert rows["time (s)"]["pairs"] == 5 and rows["time (s)"]["verdict"] == "no difference shown"
     assert [r["b_success"] for r in courses_table(pairs).rows] == [0] * 7 + [1] * 5
+
+
+def test_of_one_scenario_the_seeds_are_what_is_counted() -> None:
+    a, b = [24.0, 24.5, 24.9, 24.1], [57.0, 58.2, 56.1, 57.7]
+    pairs = [pair("one", x, y, seed) for seed, (x, y) in enumerate(zip(a, b, strict=True))]
+    table = measures_table(pairs)
+    time = next(r for r in table.rows if r["measure"] == "time (s)")
+    wanted = stats.ttest_rel(b, a).confidence_interval(0.95)
+    interval = time["difference"].interval
+    assert (interval.low, interval.high) == pytest.approx((wanted.low, wanted.high))
+    assert time["verdict"] == "A is better"
+    assert "seeds of one scenario" in table.title
+    # of two scenarios, they are
+    more = measures_table([*pairs, *(pair("two", x, y, seed) for seed, (x, y) in enumerate(zip(a, a, strict=True)))])
+    assert more.rows[1]["verdict"] == "no difference shown"
+    assert "over scenarios" in more.title
+
+
+def test_scenarios_are_known_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (course,) = read_courses(["narrow_door"], None)
+    assert course.name == "narrow door"
+    write_scenario(Path("narrow_door"))  # a file of one's own comes first
+    (course,) = read_courses(["narrow_door"], None)
+    assert course.name == "trip"
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,9 @@ def compare(
     ),
     b: str = typer.Argument(..., metavar="B", help="The other one."),
     scenario: list[str] = typer.Argument(
-        None, metavar="[SCENARIO..]", help="Scenario files, folders of them, or a folder with BARN worlds."
+        None,
+        metavar="[SCENARIO..]",
+        help="Scenario files or names of shipped ones, folders of files, or a folder with BARN worlds.",
     ),
     suite: str | None = typer.Option(None, "--suite", metavar="NAME", help="A packaged suite of scenarios."),
     count: int | None = typer.Option(None, "--count", metavar="N", min=1, help="How many scenarios of the suite."),
@@ -69,7 +71,9 @@ def compare(
         )
     notes = [f"A: {named['A']}", f"B: {named['B']}"]
     notes.append("each verdict stands for itself: of twenty measures that do not differ, one is shown to by chance")
-    if len(task.courses) < 10:
+    if len(task.courses) == 1:
+        notes.append("there is one scenario: its seeds are what is counted, and other scenarios may differ otherwise")
+    elif len(task.courses) < 10:
         notes.append(
             f"{len(task.courses)} scenarios are few: the intervals are over scenarios, seeds only sharpen them"
         )
