@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -30,7 +30,11 @@ def _numbers(text: str, argument: str, shape: str, counts: tuple[int, ...]) -> l
             )
         values.append(value)
     if len(values) not in counts:
-        raise InputError(f'{argument} "{text}" has {len(values)} numbers; give {shape}', argument=argument, value=text)
+        raise InputError(
+            f'{argument} "{text}" has {len(values)} number{"s" * (len(values) != 1)}; give {shape}',
+            argument=argument,
+            value=text,
+        )
     return values
 
 
@@ -72,8 +76,13 @@ def parse_obstacles(
     return tuple(disc for disc, low in parsed if not low), tuple(low_disc(*disc) for disc in low_ones)
 
 
-def map_of(name: str) -> tuple[Path, OccupancyGrid]:
-    """A map by file or by the name of a packaged one."""
+def map_of(name: str, *, others: Iterable[str] = (), what: str = "") -> tuple[Path, OccupancyGrid]:
+    """A map by file or by the name of a packaged one. Raises MapError.
+
+    `others`: names that would have done as well in its place, `what` they are: told when nothing has this name.
+    """
+    import difflib
+
     from navstack import maps
     from navstack.core.files import is_file
     from navstack.map_io import load_map
@@ -83,8 +92,38 @@ def map_of(name: str) -> tuple[Path, OccupancyGrid]:
     if not is_file(path) and path.suffix == "" and path.parent == Path():
         known = maps.map_names()
         if name not in known:
+            others = sorted(others)
+            close = difflib.get_close_matches(name, [*known, *others], n=1)
             raise MapError(
-                f'there is no file and no packaged map "{name}"; packaged: {", ".join(known)}', map=name, known=known
+                f'there is no file and no packaged map{f" or {what}" if others else ""} "{name}"; '
+                + (f'did you mean "{close[0]}"? ' if close else "")
+                + f"packaged maps: {', '.join(known)}"
+                + (f"; {what}s: {', '.join(others)}" if others else ""),
+                map=name,
+                known=known,
             )
         path = maps.map_path(name)
     return path, load_map(path)
+
+
+def covered(grid: OccupancyGrid) -> str:
+    """What a map covers, as messages write it."""
+    left, right, bottom, top = grid.geometry.extent
+    return f"x {left:g} .. {right:g}, y {bottom:g} .. {top:g} m"
+
+
+def note_off_the_map(grid: OccupancyGrid, start: Pose2D, goals: Sequence[Pose2D]) -> None:
+    """Says which places lie off the map before time is spent on them, and when x and y seem to be swapped.
+
+    A start off the map is an error later on; such a goal is tried all the same, as move_base does.
+    """
+    from navstack.cli.output import print_note
+
+    if grid.origin_yaw != 0.0:
+        return
+    for what, pose in [("start", start), *(("goal", goal) for goal in goals)]:
+        if grid.geometry.world_to_cell(pose.x, pose.y) is None:
+            swapped = grid.geometry.world_to_cell(pose.y, pose.x) is not None
+            hint = f"; are x and y swapped? {pose.y:g},{pose.x:g} lies on it" if swapped else ""
+            if swapped or what == "goal":
+                print_note(f"the {what} {pose.x:g},{pose.y:g} lies outside the map, which covers {covered(grid)}{hint}")

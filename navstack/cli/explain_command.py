@@ -109,7 +109,7 @@ def _print(explained: CommandExplanation, *, everything: bool) -> None:
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("rejected by")
     for sample in shown:
-        vx, vy, wz = (f"{v + 0.0:.3f}" for v in sample.velocity)
+        vx, vy, wz = (_velocity(v) for v in sample.velocity)
         table.add_row(
             str(sample.rank) if sample.rank is not None else "-",
             vx,
@@ -154,3 +154,9 @@ def _why(sample: SampleAccount) -> str:
         if where.get("cell"):
             ahead += f", cell ({where['cell'][0]}, {where['cell'][1]})"
     return f"{sample.rejected_by}: {sample.reason}{ahead}" if sample.reason else sample.rejected_by
+
+
+def _velocity(value: float) -> str:
+    """Without the sign of what rounds to nothing: DWA's samples come within 1e-17 of zero from below."""
+    text = f"{value:.3f}"
+    return "0.000" if text == "-0.000" else text

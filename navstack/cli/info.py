@@ -9,13 +9,14 @@ import typer
 
 
 def collect() -> dict[str, Any]:
-    """Versions, plugins by kind, packaged maps and parameter sets."""
+    """Versions, plugins by kind, packaged maps, parameter sets, scenarios and suites."""
     import platform
     from importlib.metadata import PackageNotFoundError, version
 
     from navstack import __version__, maps
     from navstack.params import parameter_sets
     from navstack.plugins import REGISTRIES
+    from navstack.suites import shipped, suite_names
 
     versions = {"navstack": __version__, "python": platform.python_version()}
     for name in ("numpy", "numba", "scipy", "shapely", "matplotlib", "pydantic", "pillow", "pyyaml", "typer", "rich"):
@@ -34,6 +35,8 @@ def collect() -> dict[str, Any]:
         "plugins": plugins,
         "maps": list(maps.map_names()),
         "parameters": list(parameter_sets()),
+        "scenarios": list(shipped()),
+        "suites": suite_names(),
     }
 
 
@@ -46,7 +49,7 @@ def info(
         help="Only this: the goal manager's state machine as a picture (.png, .svg, .pdf), or as a table (.md).",
     ),
 ) -> None:
-    """Versions, registered plugins with their ROS names, packaged maps and parameter sets."""
+    """Versions, registered plugins with their ROS names, packaged maps, parameter sets and scenarios."""
     from navstack.cli.output import print_json, stdout
 
     if states is not None:
@@ -66,20 +69,16 @@ def info(
 
     out = stdout()
     out.print("  ".join(f"{name} {number}" for name, number in found["versions"].items()))
-    table = Table("plugin", "name", box=SIMPLE_HEAD, pad_edge=False)
+    table = Table("plugin", box=SIMPLE_HEAD, pad_edge=False)
     table.add_column("also known as", overflow="fold")
     for kind, entries in found["plugins"].items():
+        table.add_row(f"[bold]{kind}[/]")
         for i, entry in enumerate(entries):
             foreign = "" if entry["origin"] == "navstack" else f" (from {entry['origin']})"
-            table.add_row(
-                kind if i == 0 else "",
-                entry["name"] + foreign,
-                "\n".join(entry["aliases"]),
-                end_section=i == len(entries) - 1,
-            )
+            table.add_row(f"  {entry['name']}{foreign}", "\n".join(entry["aliases"]), end_section=i == len(entries) - 1)
     out.print(table)
-    out.print("maps:", ", ".join(found["maps"]))
-    out.print("parameter sets:", ", ".join(found["parameters"]))
+    for what in ("maps", "parameters", "scenarios", "suites"):
+        out.print(f"{'parameter sets' if what == 'parameters' else what}: {', '.join(found[what])}", markup=False)
 
 
 def _write_states(file: Path) -> None:

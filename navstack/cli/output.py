@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from navstack.configuration import Configuration
+
 
 @cache
 def stdout() -> Console:
@@ -45,6 +47,13 @@ def print_note(message: str) -> None:
     stderr().print(f"[dim]note:[/] {escape(message)}")
 
 
+def note_warnings(configuration: Configuration) -> None:
+    """What `navstack check` warns of, before the parameters are used."""
+    for finding in configuration.findings:
+        if finding.severity == "warning":
+            print_note(f"{finding.location}: {finding.message}")
+
+
 def print_json(document: Mapping[str, Any]) -> None:
     """One JSON document on stdout; what is not finite becomes null."""
     from navstack.core.errors import jsonable
@@ -58,6 +67,27 @@ def as_json_text(document: Mapping[str, Any]) -> str:
     from navstack.core.errors import jsonable
 
     return json.dumps(jsonable(dict(document)), indent=2, allow_nan=False) + "\n"
+
+
+@contextmanager
+def loading_kernels(*, quiet: bool = False) -> Generator[None]:
+    """Says on stderr what keeps the user waiting: the kernels are loaded or, the first time, compiled.
+
+    Where there is no terminal the status would not show: the long wait is then said in a line, also with `quiet`.
+    """
+    from navstack.core.jit import kernels_are_cached
+    from navstack.global_planner._kernels import wave
+    from navstack.sim._lidar_kernels import sweep
+
+    cached = kernels_are_cached(sweep, wave)
+    what = "loading the kernels" if cached else "compiling the kernels, this first time only: about half a minute"
+    if not cached and (quiet or not stderr().is_terminal):
+        print_note(what)
+    if quiet:
+        yield
+    else:
+        with stderr().status(what):
+            yield
 
 
 @contextmanager

@@ -38,8 +38,8 @@ def plan(
     json_: bool = typer.Option(False, "--json", help="One JSON document on stdout."),
 ) -> None:
     """Plan a path on a map with the costmap and the planner of a robot's YAML."""
-    from navstack.cli.arguments import map_of, parse_pose
-    from navstack.cli.output import print_note
+    from navstack.cli.arguments import map_of, note_off_the_map, parse_pose
+    from navstack.cli.output import note_warnings, print_note
     from navstack.configuration import choose_global_planner, load_configuration
     from navstack.core.errors import InputError
     from navstack.core.files import ensure_directory
@@ -53,10 +53,12 @@ def plan(
         raise InputError(
             f'--compare "{compare}" names no planner; give names such as navfn,astar,theta_star', argument="--compare"
         )
-    configuration = load_configuration(params, overrides=set_)
+    configuration = load_configuration(params, overrides=set_, allow_missing=allow_missing)
     chosen = [choose_global_planner(configuration, n) for n in dict.fromkeys(names)]
     if planner is not None:
         chosen = [choose_global_planner(configuration, planner)]
+    note_warnings(configuration)
+    note_off_the_map(grid, start_pose, [goal_pose])
     query = _Query(configuration, grid, start_pose, goal_pose, path)
     folder = ensure_directory(out) if out is not None else None
     if compare is not None:
@@ -79,17 +81,15 @@ class _Query(NamedTuple):
 
 def _plan(query: _Query, choice: PluginChoice[GlobalPlanner] | None, folder: Path | None, json_: bool) -> None:
     """One planner."""
-    import time
-
-    from navstack.cli.output import as_json_text, print_json, print_note, stdout
+    from navstack.cli.output import as_json_text, loading_kernels, print_json, print_note, stdout
     from navstack.core.files import write_text
     from navstack.navigator import plan_on_map
 
-    began = time.perf_counter()
-    found = plan_on_map(
-        query.configuration, query.grid, query.start, query.goal, planner=choice, keep_potential=folder is not None
-    )
-    document = _document(found, (time.perf_counter() - began) * 1e3)
+    with loading_kernels(quiet=json_):
+        found = plan_on_map(
+            query.configuration, query.grid, query.start, query.goal, planner=choice, keep_potential=folder is not None
+        )
+    document = _document(found, _planning_ms(query, found, choice or query.configuration.global_planner))
     if folder is not None:
         document["files"] = _draw(query, [found], folder)
         write_text(folder / "plan.json", as_json_text(document))
@@ -106,9 +106,8 @@ def _plan(query: _Query, choice: PluginChoice[GlobalPlanner] | None, folder: Pat
 def _compare(query: _Query, choices: list[PluginChoice[GlobalPlanner]], folder: Path | None, json_: bool) -> None:
     """Several planners on the same costmap; those that find no plan say why. Raises the first error when none does."""
     import json
-    import time
 
-    from navstack.cli.output import print_note, stdout
+    from navstack.cli.output import loading_kernels, print_note, stdout
     from navstack.core.errors import PlanningError, jsonable
     from navstack.core.files import write_text
     from navstack.navigator import plan_on_map
@@ -119,18 +118,15 @@ def _compare(query: _Query, choices: list[PluginChoice[GlobalPlanner]], folder: 
     for choice in choices:
         keep = folder is not None and not found
         try:
-            one = plan_on_map(
-                query.configuration, query.grid, query.start, query.goal, planner=choice, keep_potential=keep
-            )
+            with loading_kernels(quiet=json_ or bool(found)):
+                one = plan_on_map(
+                    query.configuration, query.grid, query.start, query.goal, planner=choice, keep_potential=keep
+                )
         except PlanningError as error:
             errors.append(error)
             documents.append({"planner": choice.name, "error": error.as_dict()})
             continue
-        # once more with kernels loaded, by a planner that remembers nothing: what planning alone takes
-        fresh = choice.cls(choice.params)
-        began = time.perf_counter()
-        fresh.make_plan(one.costmap.master, query.start, query.goal, footprint=one.costmap.footprint)
-        documents.append(_document(one, (time.perf_counter() - began) * 1e3))
+        documents.append(_document(one, _planning_ms(query, one, choice)))
         found.append(one)
     if not found:
         raise errors[0]
@@ -147,6 +143,16 @@ def _compare(query: _Query, choices: list[PluginChoice[GlobalPlanner]], folder: 
             print_note(f"{d['planner']}: {note}")
     for what, name in files.items():
         stdout().print(f"{what}: {name}")
+
+
+def _planning_ms(query: _Query, found: PlannedPath, choice: PluginChoice[GlobalPlanner]) -> float:
+    """Once more with kernels loaded, by a planner that remembers nothing: what planning alone takes."""
+    import time
+
+    fresh = choice.cls(choice.params)
+    began = time.perf_counter()
+    fresh.make_plan(found.costmap.master, query.start, query.goal, footprint=found.costmap.footprint)
+    return (time.perf_counter() - began) * 1e3
 
 
 def _draw(query: _Query, found: list[PlannedPath], folder: Path) -> dict[str, str]:
@@ -167,11 +173,15 @@ def _draw(query: _Query, found: list[PlannedPath], folder: Path) -> dict[str, st
 
 
 def _print_table(documents: list[dict[str, Any]], title: str) -> None:
+    from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
     from navstack.cli.output import stdout
 
-    table = Table("planner", "length", "clearance", "cost", "cells expanded", "time", "poses", title=title)
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
+    table.add_column("planner", no_wrap=True)
+    for name in ("length", "clearance", "cost", "cells expanded", "time", "poses"):
+        table.add_column(name, justify="right", no_wrap=True)
     for d in documents:
         if "error" in d:
             table.add_row(d["planner"], "no plan")

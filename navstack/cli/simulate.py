@@ -100,11 +100,13 @@ def _scenario(
     time_limit: float | None,
 ) -> Scenario:
     from navstack import maps
-    from navstack.cli.arguments import map_of, parse_obstacles, parse_pose
+    from navstack.cli.arguments import covered, map_of, note_off_the_map, parse_obstacles, parse_pose
+    from navstack.cli.output import note_warnings
     from navstack.configuration import load_configuration
     from navstack.core.errors import InputError
     from navstack.scenario import Scenario
     from navstack.scenario_file import read_scenario
+    from navstack.suites import shipped
 
     start_pose = parse_pose(start, "--start") if start is not None else None
     goals = tuple(parse_pose(g, "--goal") for g in goal)
@@ -122,21 +124,25 @@ def _scenario(
             obstacles=obstacles,
             shapes=shapes,
         )
-        _note_warnings(scenario)
+        note_warnings(scenario.configuration)
         return scenario
     params = params or ["turtlebot"]
-    path, grid = map_of(map_name)
+    path, grid = map_of(map_name, others=shipped(), what="scenario")
     if start_pose is None or not goals:
         packaged = maps.places(map_name) if map_name in maps.map_names() else None
         if packaged is None:
-            missing = "--start" if start_pose is None else "--goal"
+            missing = [name for name, none in (("--start", start_pose is None), ("--goal", not goals)) if none]
             raise InputError(
-                f"{path.name} says nothing about where to start and go: give {missing} x,y[,yaw]", argument=missing
+                f"{path.name} says nothing about where to start and go: give {' and '.join(f'{m} x,y[,yaw]' for m in missing)} "
+                f"(m, rad); the map covers {covered(grid)}",
+                argument=missing[0],
             )
         start_pose = start_pose or packaged.start
         goals = goals or packaged.goals
     configuration = load_configuration(params, overrides=overrides, distro=distro, allow_missing=allow_missing)
-    scenario = Scenario(
+    note_warnings(configuration)
+    note_off_the_map(grid, start_pose, goals)
+    return Scenario(
         map=grid,
         configuration=configuration,
         start=start_pose,
@@ -147,8 +153,6 @@ def _scenario(
         time_limit_s=600.0 if time_limit is None else time_limit,
         names={"map": path.name, "params": [_short_name(p) for p in params], "overrides": list(overrides)},
     )
-    _note_warnings(scenario)
-    return scenario
 
 
 def _scenario_file(name: str) -> Path | None:
@@ -164,14 +168,6 @@ def _scenario_file(name: str) -> Path | None:
     return None if exists(path) or name in maps.map_names() else shipped().get(name)
 
 
-def _note_warnings(scenario: Scenario) -> None:
-    from navstack.cli.output import print_note
-
-    for finding in scenario.configuration.findings:
-        if finding.severity == "warning":
-            print_note(f"{finding.location}: {finding.message}")
-
-
 def _short_name(source: str) -> str:
     """`.../turtlebot2/param` is known as turtlebot2/param; where it lies on this machine is nobody's business."""
     path = Path(source)
@@ -181,21 +177,11 @@ def _short_name(source: str) -> str:
 def _run(scenario: Scenario, *, quiet: bool, timings: bool) -> RunResult:
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from navstack.cli.output import stderr
-    from navstack.core.jit import kernels_are_cached
-    from navstack.global_planner._kernels import wave
+    from navstack.cli.output import loading_kernels, stderr
     from navstack.scenario import run_scenario, warm_up
-    from navstack.sim._lidar_kernels import sweep
 
-    # said in full when it takes long, so that nobody takes the first run for a hang
-    what = (
-        "loading" if kernels_are_cached(sweep, wave) else "compiling, this first time only and for about half a minute,"
-    )
-    if quiet:
+    with loading_kernels(quiet=quiet):
         warm_up(scenario)
-    else:
-        with stderr().status(f"{what} the kernels"):
-            warm_up(scenario)
 
     # how long the tour will take is not known: the bar counts goals, the text the simulated time
     columns = (
@@ -228,15 +214,13 @@ def _print(result: RunResult, document: dict[str, Any]) -> None:
     table = Table(title="goals", title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
     table.add_column("goal", no_wrap=True)
     table.add_column("state", no_wrap=True)
-    table.add_column("text", max_width=28)
-    for name in ("time", "driven", "left", "recov."):
+    for name in ("time", "driven", "left", "recoveries"):
         table.add_column(name, justify="right", no_wrap=True)
     for goal in result.goals:
         style = STATE_STYLE.get(goal.state, "bold red")
         table.add_row(
             f"{goal.goal.x:g}, {goal.goal.y:g}, {goal.goal.yaw:.2f}",
             f"[{style}]{goal.state}[/]",
-            escape(goal.text),
             f"{goal.time_s:.1f} s",
             f"{goal.path_length_m:.2f} m",
             f"{goal.distance_left_m:.2f} m",
@@ -246,11 +230,12 @@ def _print(result: RunResult, document: dict[str, Any]) -> None:
     for goal in result.goals:
         if not goal.succeeded:
             out.print(
-                f"goal {goal.goal.x:g}, {goal.goal.y:g}: {goal.error_name} ({goal.error_code}): {escape(goal.message)}"
+                f"goal {goal.goal.x:g}, {goal.goal.y:g}: {escape(goal.text)} {goal.error_name} ({goal.error_code}): "
+                f"{escape(goal.message)}"
             )
     for verdict in result.verdicts:
         mark = "[green]held[/]" if verdict.holds else "[bold red]not held[/]"
-        out.print(f"{verdict.condition}: {mark}: {escape(verdict.text)}")
+        out.print(f"condition {verdict.condition} {mark}: {escape(verdict.text)}")
     m = result.metrics
     out.print(
         f"{m.length_m:.1f} m in {m.time_s:.1f} s; clearance {m.clearance_min_m:.2f} m at least, {m.clearance_mean_m:.2f} m on "

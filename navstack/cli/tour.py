@@ -58,7 +58,7 @@ def tour(
     json_: bool = typer.Option(False, "--json", help="One JSON document on stdout."),
 ) -> int:
     """Drive a simulated robot to named places in turn; Ctrl-C stops the robot and keeps the log."""
-    from navstack.cli.output import as_json_text, print_json, stderr
+    from navstack.cli.output import as_json_text, loading_kernels, print_json, stderr
     from navstack.core.files import ensure_directory, write_text
     from navstack.plot import plot_run
     from navstack.scenario import warm_up
@@ -69,7 +69,7 @@ def tour(
         obstacle,
     )  # fmt: skip
     folder = ensure_directory(out)
-    with stderr().status("loading the kernels"):
+    with loading_kernels(quiet=json_):
         warm_up(scenario)
 
     def told(name: str, outcome: GoalOutcome, state: TourState) -> None:

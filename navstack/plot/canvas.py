@@ -41,6 +41,8 @@ _STYLE: dict[str, Any] = {
     "ytick.labelcolor": colors.INK,
     "text.color": colors.INK,
     "text.parse_math": False,  # a map may be called "$1"
+    "axes.formatter.useoffset": False,  # 4500012 m, not 12 and "+4.5e6" in a corner
+    "axes.formatter.limits": (-9, 9),
     "legend.frameon": False,
     "legend.fontsize": 8.5,
     "svg.hashsalt": "navstack",
@@ -143,14 +145,22 @@ class Picture:
         self.axes = self.figure.add_axes(
             (left / size[0], bottom / size[1], inner_w / size[0], inner_h / size[1]), facecolor="#F4F4F4"
         )
-        self.points_per_m = 72.0 * min(inner_w / w, inner_h / h)
-        """How many points (1/72 inch) a metre takes."""
-        self._legend_at = ((left + inner_w + 0.12) / size[0], (bottom + inner_h) / size[1])
         self.axes.set_aspect("equal", adjustable="box", anchor="NW")
         self.axes.set_xlim(area.min_x, area.max_x)
         self.axes.set_ylim(area.min_y, area.max_y)
         self.axes.set_xlabel("x (m)")
         self.axes.set_ylabel("y (m)")
+        # long numbers ("10.25", "-1234.5") would push the label off the picture: it is made wider by as much
+        written = self.axes.yaxis.get_tightbbox(self.canvas.get_renderer())
+        lacking = 0.05 - written.x0 / self.figure.dpi if written is not None else 0.0
+        if lacking > 0.0:
+            left += lacking
+            size = (size[0] + lacking, size[1])
+            self.figure.set_size_inches(*size)
+            self.axes.set_position((left / size[0], bottom / size[1], inner_w / size[0], inner_h / size[1]))
+        self.points_per_m = 72.0 * min(inner_w / w, inner_h / h)
+        """How many points (1/72 inch) a metre takes."""
+        self._legend_at = ((left + inner_w + 0.12) / size[0], (bottom + inner_h) / size[1])
         x = left / size[0]
         y = (bottom + inner_h) / size[1]
         self.subtitle = self.figure.text(x, y + 0.12 / size[1], subtitle, fontsize=8.5, color="#666666", va="baseline")

@@ -56,6 +56,8 @@ _LANES = ("state", "plan", "control", "recovery")
 _ROOM = 0.2
 """The share of the axis that a goal's label and outcome take."""
 _SHOWN_NUMBERS = 8
+_LONGEST_LABEL = 26
+"""Characters that the room beside the panels has."""
 
 
 def plot_goals(
@@ -219,7 +221,8 @@ def _legends(figure: Any, panels: Sequence[Any], tracks: Sequence[GoalTrack], x:
         numbers = [str(n) for n, bar in enumerate(recoveries, 1) if (bar.label, bar.failed) == (name, failed)]
         which = ", ".join(numbers[:_SHOWN_NUMBERS]) + (", .." if len(numbers) > _SHOWN_NUMBERS else "")
         handles.append(Patch(facecolor=colors.VERMILLION if failed else colors.PURPLE, alpha=0.85))
-        labels.append(f"{name}{', failed' if failed else ''}\n{which}")
+        said = f"{name}{', failed' if failed else ''}"
+        labels.append(f"{which} {said}" if len(which) + len(said) <= _LONGEST_LABEL else f"{said}\n{which}")
     beside(panels[2], handles, labels)
 
 

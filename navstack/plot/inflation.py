@@ -72,7 +72,6 @@ def _panel(axes: Any, curve: Curve, color: str, reach: float) -> None:
     axes.set_xlabel("distance to the nearest obstacle cell, centre to centre (m)")
     axes.set_ylabel("cost")
     axes.axhspan(253.0, 268.0, color=colors.hex_of(colors.INSCRIBED_RGB), alpha=0.35, lw=0)
-    axes.axhline(126.0, color=colors.FAINT, lw=0.8, ls=(0, (1, 2)))
     axes.axvspan(0.0, curve.inscribed, color=colors.hex_of(colors.INSCRIBED_RGB), alpha=0.16, lw=0)
     axes.plot(curve.distances, curve.costs, color=color, lw=1.8, label="formula", zorder=4)
     axes.step(
@@ -96,3 +95,4 @@ def _panel(axes: Any, curve: Curve, color: str, reach: float) -> None:
     )
     for at, name, ink, dashes in marks:
         axes.axvline(at, color=ink, lw=1.4, ls=dashes, zorder=2, label=f"{name} {at:.3f} m")
+    axes.axhline(126.0, color=colors.FAINT, lw=0.9, ls=(0, (1, 2)), label="126: high cost from here up")

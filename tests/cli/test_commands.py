@@ -119,3 +119,25 @@ def test_info(capfd: pytest.CaptureFixture[str]) -> None:
 def test_python_minus_m() -> None:
     out = subprocess.run([sys.executable, "-m", "navstack", "--version"], capture_output=True, text=True, check=True)
     assert out.stdout.strip() == f"navstack {__version__}"
+
+
+def test_info_names_all_that_can_be_asked_for(capfd: pytest.CaptureFixture[str]) -> None:
+    assert run(["info", "--json"]) == 0
+    found = json.loads(capfd.readouterr().out)
+    assert (
+        {"office", "maze"} <= set(found["maps"]) and "narrow_door" in found["scenarios"] and "crowd" in found["suites"]
+    )
+    assert run(["info"]) == 0
+    shown = capfd.readouterr().out
+    assert "base_local_planner/TrajectoryPlannerROS" in shown  # whole, on 80 columns too
+    assert "narrow_door" in shown
+
+
+def test_the_long_wait_is_announced_without_a_terminal(
+    in_folder: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("navstack.core.jit.kernels_are_cached", lambda *kernels: False)
+    assert run(["plan", "office", "--start", "0.8,7.45", "--goal", "3,7.45", "--json"]) == 0
+    captured = capfd.readouterr()
+    assert "compiling the kernels, this first time only" in captured.err
+    assert json.loads(captured.out)["planner"] == "navfn"

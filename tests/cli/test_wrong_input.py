@@ -243,3 +243,37 @@ def test_a_name_that_no_file_can_have(navstack, command: str) -> None:
     outcome = navstack(*command.format("a" * 5000).split())
     assert outcome.code == 2
     assert "aaaa" in outcome.out + outcome.err
+
+
+def test_x_and_y_swapped(navstack, tmp_path: Path) -> None:
+    path = write_map(tmp_path)  # 6 x 4 m
+    outcome = navstack("plan", path, "--start", "1,1", "--goal", "3,5")
+    assert outcome.code == 2
+    assert (
+        "the goal 3,5 lies outside the map, which covers x 0 .. 6, y 0 .. 4 m; are x and y swapped? 5,3 lies on it"
+        in (outcome.err)
+    )
+    assert "swapped" not in navstack("plan", path, "--start", "1,1", "--goal", "30,50").err
+
+
+def test_neither_start_nor_goal_says_both_and_what_the_map_covers(navstack, tmp_path: Path) -> None:
+    outcome = navstack("simulate", write_map(tmp_path))
+    assert outcome.code == 2
+    assert "give --start x,y[,yaw] and --goal x,y[,yaw] (m, rad); the map covers x 0 .. 6, y 0 .. 4 m" in outcome.err
+
+
+def test_a_scenario_misspelt_is_guessed(navstack) -> None:
+    outcome = navstack("simulate", "narow_door")
+    assert outcome.code == 2
+    assert 'did you mean "narrow_door"?' in outcome.err
+    # a plan takes no scenario, so it offers none
+    assert "narrow_door" not in navstack("plan", "narow_door", *GOOD_PLAN).err
+
+
+def test_plan_leaves_out_what_is_missing_only_when_told(navstack, tmp_path: Path) -> None:
+    path = write_map(tmp_path)
+    extra = "global_costmap/plugins=[{name: static_layer, type: 'costmap_2d::StaticLayer'}, {name: x, type: 'my::Own'}]"
+    assert navstack("plan", path, *GOOD_PLAN, "--set", extra).code == 2
+    outcome = navstack("plan", path, *GOOD_PLAN, "--set", extra, "--allow-missing")
+    assert outcome.code == 0
+    assert "my::Own" in outcome.err

@@ -25,7 +25,7 @@ from navstack.core import (
 )
 from navstack.core.errors import OutputError
 from navstack.interfaces import Plan
-from navstack.plot import colors, plot_costmap, plot_plan, plot_run
+from navstack.plot import canvas, colors, plot_costmap, plot_plan, plot_run
 from navstack.plot.run import area_of_run, circumstances, headline, incidents
 from navstack.record import Record, RunRecorder
 from tests.record import synthetic
@@ -197,6 +197,20 @@ def test_a_wall_is_seen_on_a_map_of_a_campus(tmp_path):
     image = pixels(plot_run(a_run([(5, 5), (195, 195)], grid=campus), tmp_path / "campus.png"))
     dark = image[200:600, 100:850].sum(axis=2) < 450
     assert dark.any(axis=1).mean() > 0.95
+
+
+@pytest.mark.parametrize("far", [Bounds(9.1, 9.1, 11.1, 11.1), Bounds(-3.0e3, -4.00002e6, -2.98e3, -4.0e6)])
+def test_the_numbers_of_the_axis_are_whole_and_do_not_push_its_name_off(far):
+    with canvas.style():
+        picture = canvas.Picture(far, title="t")
+        renderer = picture.canvas.get_renderer()
+        picture.canvas.draw()
+        written = [label.get_text() for label in picture.axes.get_yticklabels()]
+        offset = picture.axes.yaxis.get_offset_text().get_text()
+        name = picture.axes.yaxis.label.get_window_extent(renderer)
+    assert name.x0 > 0.0
+    assert offset == ""
+    assert len(set(written)) == len(written) > 2
 
 
 def test_an_area_can_be_given(record, tmp_path):
