@@ -39,7 +39,7 @@ def _number(node: Node, what: str) -> float:
     value = node.value if isinstance(node, ScalarNode) else None
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
         written = f'"{node.text or value}"' if isinstance(node, ScalarNode) else "more than one value"
-        raise _wrong(node.at, f"{what} is a finite number, not {written}")
+        raise _wrong(node.at, f"{what} must be a finite number, not {written}")
     return float(value)
 
 
@@ -52,7 +52,7 @@ def _field(node: DictNode, key: str, what: str) -> float:
 def _mapping(node: DictNode, key: str, what: str) -> DictNode:
     inner = node.items[key][1]
     if not isinstance(inner, DictNode):
-        raise _wrong(inner.at, f"{key} of {what} is a mapping; give {_POSE}")
+        raise _wrong(inner.at, f"{key} of {what} must be a mapping; give {_POSE}")
     return inner
 
 
@@ -143,7 +143,7 @@ def read_places(path: Path) -> PlacesFile:
     if "goals" in root.items:
         listing = root.items["goals"][1]
         if not isinstance(listing, ListNode) or not listing.items:
-            raise _wrong(listing.at, "goals is a list of names or poses")
+            raise _wrong(listing.at, "goals must be a list of names or poses, such as [kitchen, [1.0, 2.0, 0.0]]")
         proposed = [named_or_pose(node, f"goal {i}") for i, node in enumerate(listing.items, 1)]
         for i, (name, pose) in enumerate(proposed, 1):
             known = name or next((n for n, p in places.items() if p == pose), None)
@@ -155,7 +155,10 @@ def read_places(path: Path) -> PlacesFile:
 
 
 def itinerary(names: tuple[str, ...], order: Order, *, loops: int = 1, seed: int = 0) -> tuple[str, ...]:
-    """The names in the order in which they are visited. Random: anew in every loop, no place twice in a row."""
+    """The names in the order in which they are visited, `loops` times.
+
+    Random: shuffled by `seed`, anew in every loop; no loop begins where the last one ended, unless there is one place only.
+    """
     if order == "sorted":
         names = tuple(sorted(names))
     if order != "random":

@@ -50,6 +50,10 @@ class BarnOutcome:
     score: float
     turning_s: float
     """Time spent turning in place (under 0.01 m/s)."""
+    jerk_rms_m_s3: float = math.nan
+    """As `RunMetrics` has it; NaN where nobody knows."""
+    recoveries: int = 0
+    """Recovery behaviours run."""
     text: str = ""
     """What the goal's result said, where it ended."""
 
@@ -67,9 +71,9 @@ def barn_configuration(
     noise_m: float | None = None,
     overrides: Sequence[str] = (),
 ) -> Configuration:
-    """The parameters of a robot as published, in the benchmark's simulator; `noise_m` of the lidar's ranges (m).
+    """The parameters of a robot as published, in the benchmark's simulator.
 
-    Raises ParameterError.
+    `noise_m`: standard deviation of the lidar's ranges (m), in the place of the simulator's own. Raises ParameterError.
     """
     simulator = dict(ROUGH_JACKAL if rough else JACKAL)
     if noise_m is not None:
@@ -95,16 +99,18 @@ def barn_scenario(world: BarnWorld, configuration: Configuration, *, seed: int =
 def run_world(
     world: BarnWorld, configuration: Configuration, *, seed: int = 0, record: bool = False
 ) -> tuple[BarnOutcome, RunRecorder | None]:
-    """Drives through `world` once: a pure function of its arguments. The recorder only with `record`."""
+    """Drives through `world` once: a pure function of its arguments. The recorder only with `record`.
+
+    Raises InputError or PlanningError when the robot cannot stand at the start.
+    """
     run = Run(barn_scenario(world, configuration, seed=seed), record=record)
     robot = run.robot
     began: float | None = None
-    clearance, turning, last = math.inf, 0.0, 0.0
+    turning, last = 0.0, 0.0
     ended = "timeout"
     while True:
         stepped = run.step()
         pose, now = robot.pose, robot.time
-        clearance = min(clearance, robot.world.clearance(pose, robot.footprint))
         velocity = robot.state().velocity
         if velocity.speed < 0.01 and abs(velocity.wz) > 0.01:
             turning += now - last
@@ -124,14 +130,17 @@ def run_world(
             ended = run.outcomes[-1].state.lower()
             break
     taken = last - (began or 0.0)
+    driven = run.result(0.0)
     outcome = BarnOutcome(
         world=world.number,
         outcome=ended,
         time_s=taken,
         length_m=robot.distance_travelled,
-        clearance_m=0.0 if ended == "collision" else clearance,
+        clearance_m=0.0 if ended == "collision" else driven.nearest_m,
         score=world.score(taken) if ended == "success" else 0.0,
         turning_s=turning,
+        jerk_rms_m_s3=driven.metrics.jerk_rms_m_s3,
+        recoveries=run.outcomes[-1].recoveries if run.outcomes else run.move_base.feedback.recoveries,
         text=run.outcomes[-1].message if run.outcomes else "",
     )
     if run.recorder is not None and not run.outcomes:

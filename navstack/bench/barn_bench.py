@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
 from navstack.bench.barn import BarnOutcome, BarnWorld, barn_configuration, load_worlds, run_world
-from navstack.bench.files import digest_of_configuration, digest_of_file, short_names
+from navstack.bench.files import digest_of_configuration, digest_of_file, read_table, short_names
 from navstack.bench.table import Column, Table
 from navstack.configuration import Configuration
 from navstack.core.errors import InputError
@@ -23,8 +22,8 @@ from navstack.statistics import (
     rank_correlation,
     share,
 )
+from navstack.suites.barn_worlds import WORLDS_FILE
 
-WORLDS_FILE: Final = "worlds.npz"
 CPP_FILE: Final = "cpp_results.csv"
 CPP: Final = "C++"
 
@@ -129,7 +128,7 @@ class BarnReport:
 
 def barn_report(task: BarnTask, results: Sequence[JobResult], jobs: Sequence[Job]) -> BarnReport:
     """Puts the results of `barn_jobs` together, beside `cpp_results.csv` where the folder holds it."""
-    good = [(BarnOutcome(**r.value), job.input[1]) for r, job in zip(results, jobs, strict=True) if not r.failed]
+    good = [(_outcome_of(r.value), job.input[1]) for r, job in zip(results, jobs, strict=True) if not r.failed]
     outcomes, seeds = [o for o, _ in good], [s for _, s in good]
     numbers = list(dict.fromkeys(o.world for o in outcomes))
     cpp = {w: row for w, row in read_cpp(task.folder / CPP_FILE).items() if w in numbers}
@@ -150,28 +149,28 @@ def barn_report(task: BarnTask, results: Sequence[JobResult], jobs: Sequence[Job
     )
 
 
+def _outcome_of(told: Mapping[str, Any]) -> BarnOutcome:
+    """Back from JSON, which has no infinity: the clearance in a world without cylinders."""
+    outcome = BarnOutcome(**told)
+    return outcome if told["clearance_m"] is not None else replace(outcome, clearance_m=math.inf)
+
+
 def read_cpp(file: Path) -> dict[int, Mapping[str, Any]]:
     """C++'s results by world: outcome, time_s, length_m, clearance_m, score; empty without the file. Raises InputError."""
     if not file.is_file():
         return {}
-    try:
-        with file.open(encoding="utf-8", newline="") as lines:
-            return {
-                int(row["world"]): {
-                    "outcome": row["outcome"],
-                    "time_s": float(row["AT"]),
-                    "length_m": float(row["length"]),
-                    "clearance_m": float(row["clearance"]),
-                    "score": float(row["score"]),
-                }
-                for row in csv.DictReader(lines)
-            }
-    except (KeyError, ValueError, TypeError) as exc:
-        raise InputError(
-            f"{file} is no table of results with world, outcome, AT, length, clearance, score ({exc}); "
-            "mend it or take it away",
-            file=str(file),
-        ) from exc
+    return dict(read_table(file, ("world", "outcome", "AT", "length", "clearance", "score"), _cpp_row))
+
+
+def _cpp_row(row: Mapping[str, str]) -> tuple[int, Mapping[str, Any]]:
+    told = {
+        "outcome": row["outcome"],
+        "time_s": float(row["AT"]),
+        "length_m": float(row["length"]),
+        "clearance_m": float(row["clearance"]),
+        "score": float(row["score"]),
+    }
+    return int(row["world"]), told
 
 
 _WORLD: Final = (
@@ -179,7 +178,7 @@ _WORLD: Final = (
     Column("runs", "runs"),
     Column("success", "success"),
     Column("collision", "contact"),
-    Column("timeout", "other"),
+    Column("other", "other"),
     Column("time_s", "time (s)", 1),
     Column("length_m", "length (m)"),
     Column("clearance_m", "clearance (m)", 3),
@@ -194,7 +193,7 @@ _TOTAL: Final = (
     Column("runs", "runs"),
     Column("success", "success", 3),
     Column("collision", "contact", 3),
-    Column("timeout", "other", 3),
+    Column("other", "other", 3),
     Column("time_s", "time of successes (s)", 1),
     Column("score", "score", 4),
 )
@@ -219,7 +218,7 @@ def _world_row(world: BarnWorld, outcomes: Sequence[BarnOutcome], cpp: Mapping[s
         "runs": len(outcomes),
         "success": len(won),
         "collision": sum(o.outcome == "collision" for o in outcomes),
-        "timeout": sum(o.outcome not in ("success", "collision") for o in outcomes),
+        "other": sum(o.outcome not in ("success", "collision") for o in outcomes),
         "time_s": _mean([o.time_s for o in won]),
         "length_m": _mean([o.length_m for o in won]),
         "clearance_m": min(o.clearance_m for o in outcomes),
@@ -241,7 +240,7 @@ def _total(stack: str, outcomes: Sequence[BarnOutcome]) -> dict[str, Any]:
         "runs": len(outcomes),
         "success": share([o.succeeded for o in outcomes], worlds),
         "collision": share([o.outcome == "collision" for o in outcomes], worlds),
-        "timeout": share([o.outcome not in ("success", "collision") for o in outcomes], worlds),
+        "other": share([o.outcome not in ("success", "collision") for o in outcomes], worlds),
         "time_s": mean([o.time_s for o in won], [o.world for o in won]),
         "score": mean([o.score for o in outcomes], worlds),
     }

@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from navstack.bench.barn import JACKAL, BarnWorld, barn_scenario, load_worlds, run_world
-from navstack.bench.barn_bench import WORLDS_FILE
 from navstack.bench.table import DIGITS, Column, Table
 from navstack.configuration import Configuration, load_configuration
 from navstack.core.errors import InputError
-from navstack.core.files import exists
+from navstack.core.files import exists, is_dir, is_file
 from navstack.jobs import Job, JobResult
 from navstack.scenario import Scenario, run_scenario
-from navstack.scenario_file import ScenarioSpec, is_scenario_file, read_scenario
+from navstack.scenario_file import ScenarioSpec, check_names, read_scenario, scenarios_in
 from navstack.statistics import mean, paired_difference, paired_share_difference, share
+from navstack.suites.barn_worlds import WORLDS_FILE
 
 SIDES: Final = ("A", "B")
 
@@ -62,7 +63,9 @@ class Course:
                 "time_s": outcome.time_s,
                 "length_m": outcome.length_m,
                 "clearance_min_m": outcome.clearance_m,
+                "jerk_rms_m_s3": outcome.jerk_rms_m_s3,
                 "turning_s": outcome.turning_s,
+                "recoveries": outcome.recoveries,
                 "contacts": int(outcome.outcome == "collision"),
             }
         result = run_scenario(self.scenario(chosen, seed), record=False)
@@ -88,15 +91,15 @@ def read_courses(names: Sequence[str], suite: str | None, count: int | None = No
     courses: list[Course] = []
     for name in names:
         path = Path(name)
-        if path.is_dir() and (path / WORLDS_FILE).is_file():
+        if is_file(path / WORLDS_FILE):
             courses += [Course(f"world {w.number}", world=w) for w in load_worlds(path / WORLDS_FILE)]
-        elif path.is_dir():
-            files = [f for f in sorted(path.glob("*.y*ml")) if is_scenario_file(f)]
-            if not files:
+        elif is_dir(path):
+            specs = scenarios_in(path)
+            if not specs:
                 raise InputError(
                     f"{path} holds neither scenario files nor {WORLDS_FILE}", argument="SCENARIO", value=name
                 )
-            courses += [_course(read_scenario(f.resolve(), str(f))) for f in files]
+            courses += [_course(spec) for spec in specs]
         else:
             # as `simulate` does: a file, or one of those that come with navstack
             file = path if exists(path) else suites.shipped().get(name, path)
@@ -107,13 +110,7 @@ def read_courses(names: Sequence[str], suite: str | None, count: int | None = No
         courses += [_course(spec) for spec in suites.scenarios(suite, count=count)]
     if not courses:
         raise InputError("nothing to drive: give scenario files, or --suite NAME", argument="SCENARIO")
-    seen: set[str] = set()
-    for course in courses:
-        if course.name in seen:
-            raise InputError(
-                f'two scenarios are called "{course.name}"; give one of them another `name:`', argument="SCENARIO"
-            )
-        seen.add(course.name)
+    check_names([course.name for course in courses])
     return courses
 
 
@@ -228,7 +225,7 @@ def measures_table(pairs: Sequence[Pair]) -> Table:
 
 
 def _finite(value: Any) -> bool:
-    return isinstance(value, (int, float)) and value == value and abs(value) != float("inf")
+    return isinstance(value, (int, float)) and math.isfinite(value)
 
 
 def _measured(name: str, digits: int, better: int, a: Any, b: Any, difference: Any) -> dict[str, Any]:

@@ -6,10 +6,9 @@ columns, y rows from the top; a diagonal step costs sqrt 2 and needs both orthog
 
 from __future__ import annotations
 
-import csv
 import math
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
@@ -18,6 +17,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from navstack.bench.files import read_table
+from navstack.bench.map_pairs import forget_plans
 from navstack.core import FREE, LETHAL, Costmap, GridGeometry, Pose2D
 from navstack.core.errors import InputError, PlanningError
 from navstack.interfaces import GlobalPlanner
@@ -54,32 +55,20 @@ class Answer:
 
 
 def read_problems(folder: Path) -> list[Problem]:
-    """All problems of a folder; raises InputError when there are none."""
+    """All problems of a folder; raises InputError when it holds no table of them, or one that is wrong somewhere."""
     file = folder / "problems.tsv"
     if not file.is_file():
         raise InputError(f"{folder} holds no problems.tsv: give the folder of the movingai benchmark", path=str(folder))
-    try:
-        with file.open(encoding="utf-8", newline="") as lines:
-            return _problems(lines)
-    except (OSError, KeyError, ValueError, TypeError) as error:
-        raise InputError(
-            f"{file} is no table of problems with family, map, sx, sy, gx, gy, optimal ({error})", file=str(file)
-        ) from error
+    return read_table(file, Problem._fields, _problem, delimiter="\t")
 
 
-def _problems(lines: Iterable[str]) -> list[Problem]:
-    return [
-        Problem(
-            r["family"],
-            r["map"],
-            int(r["sx"]),
-            int(r["sy"]),
-            int(r["gx"]),
-            int(r["gy"]),
-            float(r["optimal"]),
-        )
-        for r in csv.DictReader(lines, delimiter="\t")
-    ]
+def _problem(r: Mapping[str, str]) -> Problem:
+    return Problem(r["family"], r["map"], int(r["sx"]), int(r["sy"]), int(r["gx"]), int(r["gy"]), float(r["optimal"]))
+
+
+def map_file(folder: Path, name: str) -> Path:
+    """Where a folder keeps the map of that name."""
+    return folder / "maps" / f"{name}.map"
 
 
 def read_map(file: Path) -> NDArray[np.bool_]:
@@ -102,7 +91,10 @@ def as_costmap(passable: NDArray[np.bool_]) -> Costmap:
 
 
 def build(name: str, **params: Any) -> GlobalPlanner:
-    """A planner that looks for the shortest path: for those that weigh the costmap's costs, without them."""
+    """A planner that looks for the shortest path: for those that weigh the costmap's costs, without them.
+
+    Raises UnknownPluginError for a name that is none.
+    """
     entry = GLOBAL_PLANNERS.get(name)
     if {"neutral_cost", "cost_factor"} <= set(entry.cls.Params.model_fields) and name in ("astar", "theta_star"):
         params = {"neutral_cost": 1.0, "cost_factor": 0.0, **params}
@@ -132,11 +124,9 @@ def run(folder: Path, planner: GlobalPlanner, problems: Iterable[Problem] | None
     answers: list[Answer] = []
     for problem in wanted:
         if problem.map not in maps:
-            maps[problem.map] = as_costmap(read_map(folder / "maps" / f"{problem.map}.map"))
+            maps[problem.map] = as_costmap(read_map(map_file(folder, problem.map)))
             solve(planner, maps[problem.map], problem)  # allocates, and compiles on a first run: not to be timed
-            forget = getattr(planner, "forget", None)
-            if forget is not None:
-                forget()
+            forget_plans(planner)
         answers.append(solve(planner, maps[problem.map], problem))
     return answers
 

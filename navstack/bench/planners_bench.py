@@ -13,7 +13,8 @@ import numpy as np
 from navstack.bench.map_pairs import costmap_of, reachable_pairs, run_pairs
 from navstack.bench.table import Column, Table
 from navstack.configuration import Configuration, choose_global_planner, load_configuration
-from navstack.core.errors import InputError
+from navstack.core.errors import InputError, MapError
+from navstack.core.files import exists, is_dir
 from navstack.jobs import Job, JobResult
 from navstack.map_io import load_map
 
@@ -64,22 +65,30 @@ class PlannersTask:
         return {**self.__dict__, "_loaded": {}}
 
 
-def map_files(names: Sequence[str]) -> dict[str, Path]:
-    """Maps by name of packaged ones, files, or folders with YAML files somewhere in them; a short name for each.
+def map_files(names: Sequence[str]) -> tuple[dict[str, Path], list[str]]:
+    """Maps by name of packaged ones, files, or folders with YAML files somewhere in them.
 
-    Raises InputError, MapError.
+    Returns a short name for each file, and what is wrong with those in folders that cannot be read, which are left out.
+    Raises MapError for one that was named itself, InputError for a name that is none and a folder without a single map.
     """
     from navstack import maps
 
     files: list[Path] = []
+    wrong: list[str] = []
     for name in names:
         path = Path(name)
-        if path.is_dir():
-            inside = [f for f in sorted(path.rglob("*.yaml")) if _says_image(f)]
+        if is_dir(path):
+            inside = [f for f in sorted(path.rglob("*")) if _is_map(f)]
             if not inside:
                 raise InputError(f"{path} holds no map's YAML (one with `image:`)", argument="MAP", value=name)
-            files += inside
-        elif path.exists() or path.suffix or path.parent != Path():
+            for file in inside:
+                try:
+                    load_map(file)
+                except MapError as error:
+                    wrong.append(error.message)
+                else:
+                    files.append(file)
+        elif exists(path) or path.suffix or path.parent != Path():
             load_map(path)
             files.append(path)
         elif name in maps.map_names():
@@ -90,15 +99,22 @@ def map_files(names: Sequence[str]) -> dict[str, Path]:
                 argument="MAP",
                 value=name,
             )
+    if not files:
+        raise InputError(f"there is no map that can be read: {'; '.join(wrong)}", argument="MAP")
     named: dict[str, Path] = {}
     for file in dict.fromkeys(f.resolve() for f in files):
         short = file.stem if file.stem != "map" else file.parent.name
-        named[short if short not in named else f"{file.parent.name}/{file.stem}"] = file
-    return named
+        longer = "/".join((file.parent.name, file.stem))
+        named[next(n for n in (short, longer, str(file)) if n not in named)] = file
+    return named, wrong
 
 
-def _says_image(file: Path) -> bool:
-    return any(line.startswith("image") for line in file.read_text(encoding="utf-8", errors="replace").splitlines())
+def _is_map(file: Path) -> bool:
+    """True for a YAML file with an `image:`; whether it is in order is another question."""
+    if file.suffix not in (".yaml", ".yml") or not file.is_file():
+        return False
+    text = file.read_text(encoding="utf-8", errors="replace")
+    return any(line.partition(":")[0].rstrip() == "image" for line in text.splitlines())
 
 
 def planners_jobs(files: Mapping[str, Path], planners: Sequence[str]) -> list[Job]:
@@ -107,7 +123,10 @@ def planners_jobs(files: Mapping[str, Path], planners: Sequence[str]) -> list[Jo
 
 
 def planners_tables(files: Mapping[str, Path], results: Sequence[JobResult], jobs: Sequence[Job]) -> list[Table]:
-    """A table with a row per map and planner, and with several maps one with a row per planner."""
+    """A table with a row per map and planner, and with several maps one with a row per planner.
+
+    A map on which the robot finds no two poses to drive between has no row (`maps_without_pairs` names it).
+    """
     names = {str(file): name for name, file in files.items()}
     told: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
     for result, job in zip(results, jobs, strict=True):
@@ -130,6 +149,12 @@ def planners_tables(files: Mapping[str, Path], results: Sequence[JobResult], job
     if len(maps) > 1:
         tables.append(Table("on all maps", _COLUMNS, [_row(p, marked) for p, marked in everywhere.items()]))
     return tables
+
+
+def maps_without_pairs(files: Mapping[str, Path], results: Sequence[JobResult], jobs: Sequence[Job]) -> list[str]:
+    """The maps on which the robot finds no two poses that a plan could join."""
+    empty = {job.input[0] for result, job in zip(results, jobs, strict=True) if not result.failed and not result.value}
+    return [name for name, file in files.items() if str(file) in empty]
 
 
 def _row(planner: str, marked: Sequence[tuple[Mapping[str, Any], bool]]) -> dict[str, Any]:

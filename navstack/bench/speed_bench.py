@@ -56,6 +56,7 @@ class Stages:
 
     def __init__(self) -> None:
         self.calls: dict[str, list[float]] = {}
+        """By stage: the wall time of each call (s), in their order."""
         self._inner = [0.0]
         self._replaced: list[tuple[Any, str, Any]] = []
 
@@ -151,6 +152,7 @@ class SpeedTask:
 
     scenario: Scenario
     repeats: int
+    """Runs of the whole; of a scene 15 times as many calls."""
 
     def __call__(self, name: str) -> dict[str, Any]:
         """Its times, with the calibration of that moment."""

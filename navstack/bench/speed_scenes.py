@@ -3,6 +3,9 @@
 Costmaps: S x S m at 0.05 m around the robot; walls at 0.45 S; twelve discs of radius 0.02 S, number i at
 0.35 S (0.6 + 0.05 i) in direction 0.7 i + 0.2; one scan of 640 beams over a full circle. DWA: 4 x 4 m, walls at 1.9 m, three
 discs, seen within 3 m, inflated 0.5 m at 5 / m; a plan of 42 poses; the turtlebot's limits.
+
+Global planners are not among them: C++ was timed on Willow Garage's map, which does not come with navstack, and on another
+map the same query would be other work. `tools/bench/global_planner.py` compares them where that map is.
 """
 
 from __future__ import annotations

@@ -104,6 +104,7 @@ def _scenario(
     from navstack.cli.output import note_warnings
     from navstack.configuration import load_configuration
     from navstack.core.errors import InputError
+    from navstack.params.sources import short_name
     from navstack.scenario import Scenario
     from navstack.scenario_file import read_scenario
     from navstack.suites import shipped
@@ -117,6 +118,7 @@ def _scenario(
             params=params or None,
             overrides=overrides,
             distro=distro,
+            allow_missing=allow_missing,
             seed=seed,
             time_limit_s=time_limit,
             start=start_pose,
@@ -151,7 +153,7 @@ def _scenario(
         shapes=shapes,
         seed=seed or 0,
         time_limit_s=600.0 if time_limit is None else time_limit,
-        names={"map": path.name, "params": [_short_name(p) for p in params], "overrides": list(overrides)},
+        names={"map": path.name, "params": [short_name(p) for p in params], "overrides": list(overrides)},
     )
 
 
@@ -166,12 +168,6 @@ def _scenario_file(name: str) -> Path | None:
     if is_scenario_file(path):
         return path
     return None if exists(path) or name in maps.map_names() else shipped().get(name)
-
-
-def _short_name(source: str) -> str:
-    """`.../turtlebot2/param` is known as turtlebot2/param; where it lies on this machine is nobody's business."""
-    path = Path(source)
-    return f"{path.parent.name}/{path.name}" if path.name in ("param", "params", "config") else path.name
 
 
 def _run(scenario: Scenario, *, quiet: bool, timings: bool) -> RunResult:
@@ -247,4 +243,4 @@ def _print(result: RunResult, document: dict[str, Any]) -> None:
         f"{result.collisions} collisions; seed {result.seed}"
     )
     for what, name in document["files"].items():
-        out.print(f"{what}: {name}")
+        out.print(f"{what}: {name}", markup=False)

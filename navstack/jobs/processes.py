@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import os
+import pickle
 import signal
 import sys
 import threading
@@ -20,6 +21,7 @@ from navstack.jobs.job import Job, JobResult, Work, perform
 TRIES: Final = 2
 """How often a job is begun whose worker dies."""
 _READY: Final = b"ready"
+_UNPICKLABLE: Final = (pickle.PicklingError, AttributeError, TypeError, ImportError)
 
 
 def usable_cores() -> int:
@@ -116,7 +118,10 @@ class ProcessExecutor:
             self._begun[job.key] = self._begun.get(job.key, 0) + 1
             # it may have died while idle: that is heard of at the next collect
             with contextlib.suppress(BrokenPipeError, ConnectionResetError):
-                idle.pipe.send(job)
+                try:
+                    idle.pipe.send(job)
+                except _UNPICKLABLE as exc:
+                    raise InternalError(f"the job {job.key!r} cannot be sent to another process: {exc}") from exc
 
     def _start(self) -> _Worker:
         ours, theirs = self._context.Pipe()
@@ -124,7 +129,7 @@ class ProcessExecutor:
         process: BaseProcess = self._context.Process(target=_serve, args=(theirs, self._work, here), daemon=True)
         try:
             process.start()
-        except (AttributeError, TypeError, ImportError) as exc:
+        except _UNPICKLABLE as exc:
             ours.close()
             raise InternalError(f"the work cannot be sent to another process: {exc}") from exc
         finally:
@@ -154,7 +159,7 @@ class ProcessExecutor:
         worker.process.join()
         code = worker.process.exitcode or 0
         worker.process.close()
-        how = f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
+        how = f"killed by {_signal_name(-code)}" if code < 0 else f"exit code {code}"
         if not worker.ready:
             raise InternalError(
                 f"the worker processes cannot start ({how}); in a script of your own, call this under "
@@ -171,6 +176,13 @@ class ProcessExecutor:
         if how.endswith("KILL"):
             message += "; when memory runs out, the system kills so: use fewer processes"
         self._finished.append(JobResult(job.key, error={"code": 9099, "name": "WORKER_DIED", "message": message}))
+
+
+def _signal_name(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:  # of those for programs of one's own, only the first and the last have a name
+        return f"signal {number}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,7 +31,7 @@ def run_jobs(
     """Runs `work` on every job's input; the results in the order of the jobs, whoever ran them and whenever.
 
     `processes`: workers, all usable cores unless given; or another `executor` made for the same work, which is closed
-    at the end. `results`: a file that takes each result as it comes, so that a run that was killed goes on with
+    at the end, however it ends. `results`: a file that takes each result as it comes, so that a run that was killed goes on with
     `resume`; `what` (JSON) says what shapes the results beyond the jobs' keys, and a file of something else is refused.
     `progress`: a bar with the time left on stderr. `heard` is called with each result as it comes.
 
@@ -39,12 +39,12 @@ def run_jobs(
     OutputError for a results file that cannot be used; KeyboardInterrupt leaves the file as it is, to be resumed.
     """
     keys = [job.key for job in jobs]
-    doubled = [key for key, many in Counter(keys).items() if many > 1]
-    if doubled:
-        raise InternalError(f"two jobs have the key {doubled[0]!r}")
     with ExitStack() as stack:
         if executor is not None:
             stack.callback(executor.close)
+        doubled = [key for key, many in Counter(keys).items() if many > 1]
+        if doubled:
+            raise InternalError(f"two jobs have the key {doubled[0]!r}")
         file = None
         if results is not None:
             file = stack.enter_context(ResultsFile(results, what or {}, keys, resume=resume))

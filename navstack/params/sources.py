@@ -102,6 +102,18 @@ def read_sources(sources: Iterable[Source], overrides: Sequence[str] = ()) -> So
     return out
 
 
+def split_namespace(text: str) -> tuple[str, str]:
+    """`file@namespace` -> both; a file or folder of just that name wins, and its namespace is empty."""
+    path, at, namespace = text.rpartition("@")
+    return (text, "") if not at or exists(Path(text)) else (path, namespace)
+
+
+def short_name(source: str) -> str:
+    """A source as tables and records name it, wherever it lies: `/home/x/turtlebot2/param` is turtlebot2/param."""
+    path = Path(source)
+    return f"{path.parent.name}/{path.name}" if path.name in ("param", "params", "config") else path.name
+
+
 def _sets() -> str:
     return " or ".join(f'"{n}"' for n in packaged_sets())
 
@@ -116,9 +128,7 @@ def to_node(value: Any, at: Location) -> Node:
 
 
 def _read_one(out: Sources, text: str) -> None:
-    path_text, at, namespace = text.rpartition("@")
-    if not at or exists(Path(text)):
-        path_text, namespace = text, ""
+    path_text, namespace = split_namespace(text)
     path = Path(path_text)
     if path_text in packaged_sets():
         if exists(path):

@@ -10,12 +10,12 @@ from typing import Any
 from navstack.plot import canvas, colors
 
 Row = Mapping[str, Any]
-"""A world: world, optimal_time_s, runs, success, collision, timeout, time_s; of C++, if known, cpp_outcome and cpp_time_s."""
+"""A world: world, optimal_time_s, runs, success, collision, other, time_s; of C++, if known, cpp_outcome and cpp_time_s."""
 
 _ENDS = (
     ("success", "success", colors.BLUE),
     ("collision", "contact", colors.VERMILLION),
-    ("timeout", "timeout or aborted", colors.ORANGE),
+    ("other", "timeout or aborted", colors.ORANGE),
 )
 
 
@@ -115,4 +115,4 @@ def plot_times(rows: Sequence[Row], path: str | os.PathLike[str], *, title: str,
 
 def _cpp_end(row: Row) -> str | None:
     ended = row.get("cpp_outcome")
-    return ended if ended in (None, "success", "collision") else "timeout"
+    return ended if ended in (None, "success", "collision") else "other"

@@ -22,6 +22,7 @@ load it there, which takes about 10 ms; or send the `Scenario` itself (its map's
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -30,7 +31,7 @@ from typing import Any
 
 from navstack.configuration import check_parameters, load_configuration
 from navstack.core import OccupancyGrid, Pose2D
-from navstack.core.errors import MapError, ScenarioError
+from navstack.core.errors import InputError, MapError, ScenarioError
 from navstack.core.files import is_file
 from navstack.itinerary import itinerary
 from navstack.map_io import load_map
@@ -49,6 +50,7 @@ __all__ = [
     "ScenarioSpec",
     "Settings",
     "Success",
+    "check_names",
     "check_scenario",
     "is_scenario_file",
     "load_scenario",
@@ -182,6 +184,13 @@ def scenarios_in(folder: Path) -> list[ScenarioSpec]:
         if is_scenario_file(file):
             found.append(read_scenario(file))
     return found
+
+
+def check_names(names: Sequence[str]) -> None:
+    """Raises InputError where two scenarios have one name: tables and results are by name."""
+    twice = [name for name, many in Counter(names).items() if many > 1]
+    if twice:
+        raise InputError(f'two scenarios are called "{twice[0]}"; give one of them another `name:`', name=twice[0])
 
 
 def read_scenario(path: str | Path, shown: str | None = None) -> ScenarioSpec:

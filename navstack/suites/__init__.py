@@ -26,15 +26,18 @@ from navstack.params.accounts import nearest
 from navstack.scenario_file import Parts, ScenarioSpec, Settings, read_scenario
 from navstack.sim.shapes import PedestrianMotion, Shape
 from navstack.suites import random_maps
-from navstack.suites.barn_worlds import GOAL, JACKAL, START, barn_map, load_worlds
+from navstack.suites.barn_worlds import GOAL, JACKAL, START, WORLDS_FILE, barn_map, load_worlds
 from navstack.suites.free_space import FreeSpace
 
 Split = Literal["train", "held_out", "all"]
 
+_SPLITS: Final[dict[str, tuple[int, int]]] = {"train": (0, 2), "held_out": (1, 2), "all": (0, 1)}
+"""Name -> the first number and the step to the next."""
+
 USUAL_COUNT: Final = 16
 """Scenarios of a suite where nobody says how many: half for training, half held out."""
 _ROOM_M: Final = 0.4
-"""Starts and goals keep this much from walls: a robot of 0.3 m fits, with its padding."""
+"""Starts and goals keep this much from walls: a robot of 0.3 m radius fits, with its padding."""
 
 
 def shipped() -> dict[str, Path]:
@@ -60,11 +63,14 @@ def scenarios(
     - `shipped`: the files that come with navstack.
 
     `count` (16; of `barn` and `shipped`, all there are) is taken from the split: `train` has the even numbers, `held_out`
-    the odd ones. The same arguments give the same scenarios, anywhere. Raises InputError for a name that is none.
+    the odd ones. The same arguments give the same scenarios, anywhere. Raises InputError for a name or a split that is
+    none, ScenarioError for a shipped file that cannot be used.
     """
+    if split not in _SPLITS:
+        raise InputError(f'there is no split "{split}"; there are {", ".join(_SPLITS)}', split=split)
     if count is not None and count < 1:
         raise InputError(f"a suite of {count} scenarios is none; ask for 1 at least", count=count)
-    first, step = {"train": (0, 2), "held_out": (1, 2), "all": (0, 1)}[split]
+    first, step = _SPLITS[split]
     if name == "shipped":
         return [read_scenario(path) for path in list(shipped().values())[first::step][:count]]
     if name == "barn":
@@ -153,9 +159,8 @@ def _crowd(number: int) -> ScenarioSpec:
 def _barn(directory: Path | None) -> list[ScenarioSpec]:
     if directory is None:
         raise InputError(
-            "the suite barn needs the folder of the BARN worlds, with worlds.npz in it", argument="directory"
+            f"the suite barn needs the folder of the BARN worlds, with {WORLDS_FILE} in it", argument="directory"
         )
-    file = directory / "worlds.npz" if directory.is_dir() else directory
     return [
         _spec(
             f"world {world.number}",
@@ -166,7 +171,7 @@ def _barn(directory: Path | None) -> list[ScenarioSpec]:
             over=[{"navstack": {"sim": dict(JACKAL)}}],
             shapes=tuple(Shape(radius=r, pose=[x, y]) for x, y, r in world.discs.tolist()),
         )
-        for world in load_worlds(file)
+        for world in load_worlds(directory / WORLDS_FILE if directory.is_dir() else directory)
     ]
 
 

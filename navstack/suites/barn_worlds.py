@@ -6,6 +6,7 @@ Perille, Truong, Xiao, Stone, "Benchmarking Metric Ground Navigation", SSRR 2020
 from __future__ import annotations
 
 import math
+import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
@@ -20,9 +21,13 @@ from navstack.core.errors import InputError
 
 START: Final = Pose2D(0.0, 0.0, 1.57)
 GOAL: Final = Pose2D(0.0, 10.0, 0.0)
+"""Both in the odometry frame (m, rad). The goal's yaw is as published; BARN does not look at how the robot stands there."""
+WORLDS_FILE: Final = "worlds.npz"
+"""The file of the worlds, where a folder of theirs is given."""
 ORIGIN: Final = (-2.25, 3.0)
 """Where the start lies in the worlds' own coordinates (m)."""
 OPTIMAL_SPEED: Final = 2.0
+"""Of the shortest way in the score (m/s)."""
 
 JACKAL: Final[Mapping[str, Any]] = {
     "physics_frequency": 100.0,
@@ -61,14 +66,15 @@ class BarnWorld:
     discs: NDArray[np.float64]
     """(n, 3) x, y, radius (m)."""
     optimal_length_m: float
+    """Of the shortest way, as published with the world."""
 
     @property
     def optimal_time_s(self) -> float:
-        """What the shortest way takes at 2 m/s."""
+        """What the shortest way takes at `OPTIMAL_SPEED`."""
         return self.optimal_length_m / OPTIMAL_SPEED
 
     def score(self, time_s: float) -> float:
-        """The BARN score of a success after `time_s`."""
+        """The BARN score of a success after `time_s`, 0.0625 to 0.5: OT / clip(AT, 2 OT, 8 OT)."""
         optimal = self.optimal_time_s
         return optimal / min(max(time_s, 2.0 * optimal), 8.0 * optimal)
 
@@ -83,15 +89,25 @@ def barn_map(world: BarnWorld) -> OccupancyGrid:
 
 
 def load_worlds(file: Path) -> list[BarnWorld]:
-    """The worlds of a `worlds.npz`: world, cyl_xy, cyl_offset, cyl_radius, optimal_length_m. Raises InputError."""
+    """The worlds of a `worlds.npz`. Raises InputError.
+
+    Its arrays: `world` (n,) numbers; `cyl_xy` (m, 2) centres of all cylinders in the worlds' own coordinates (m);
+    `cyl_offset` (n + 1,) where those of each world begin; `cyl_radius` (m); `optimal_length_m` (n,).
+    """
     try:
-        with np.load(file) as data:
+        # opened here: of what is no archive, numpy would leave it open
+        with file.open("rb") as opened, np.load(opened) as data:
             numbers, lengths = data["world"].tolist(), data["optimal_length_m"].tolist()
             centres, radius = data["cyl_xy"] - ORIGIN, float(data["cyl_radius"])
             slices = list(pairwise(data["cyl_offset"].tolist()))
-    except (OSError, KeyError, ValueError) as exc:
-        raise InputError(f"{file} is not a file of BARN worlds ({exc})", file=str(file)) from exc
-    return [
-        BarnWorld(number, np.column_stack((centres[a:b], np.full(b - a, radius))), length)
-        for number, length, (a, b) in zip(numbers, lengths, slices, strict=True)
-    ]
+        return [
+            BarnWorld(number, np.column_stack((centres[a:b], np.full(b - a, radius))), length)
+            for number, length, (a, b) in zip(numbers, lengths, slices, strict=True)
+        ]
+    # an array alone, no archive at all, an archive cut short, arrays that do not fit each other
+    except (OSError, EOFError, zipfile.BadZipFile, KeyError, ValueError, TypeError, AttributeError) as exc:
+        raise InputError(
+            f"{file} is not a file of BARN worlds ({exc}); it holds the arrays world, cyl_xy, cyl_offset, cyl_radius and "
+            "optimal_length_m",
+            file=str(file),
+        ) from exc

@@ -43,13 +43,18 @@ class RunOutcome:
     score: float
     """The higher the better; of the course's own rule."""
     time_s: float
+    """Simulated seconds, by the course's own clock: of all goals, or since a BARN robot has moved 0.1 m."""
     length_m: float
+    """Metres driven."""
     clearance_m: float
-    """Least distance between the robot's outline and anything, at the control cycles."""
+    """Least distance between the robot's outline and anything, at the control cycles; 0 where there is nothing at all, so
+    that it is a number."""
     jerk: float
     """Root mean square of the jerk (m/s³): how smooth the run was."""
     recoveries: int
+    """Recovery behaviours run."""
     text: str = ""
+    """Why it was no success; nothing for one."""
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON; rounded to what means something, so that a line is short."""
@@ -188,9 +193,9 @@ class BarnCourse(Course):
             score=o.score,
             time_s=o.time_s,
             length_m=o.length_m,
-            clearance_m=o.clearance_m,
-            jerk=0.0,
-            recoveries=0,
+            clearance_m=o.clearance_m if math.isfinite(o.clearance_m) else 0.0,
+            jerk=o.jerk_rms_m_s3,
+            recoveries=o.recoveries,
             text=o.text,
         )
         return outcome, recorder

@@ -19,6 +19,7 @@ from typing import Any
 
 from navstack.configuration import Configuration
 from navstack.core.errors import InputError
+from navstack.core.files import exists
 from navstack.params.findings import Location
 from navstack.params.yaml_reader import DictNode, ListNode, Node, ScalarNode, plain, read_yaml, scalar
 from navstack.tune.ready_made import SPACES
@@ -99,7 +100,7 @@ def _named(configuration: Configuration, known: Known, space: str) -> Iterator[D
         yield from ready_made_space(configuration, space)
         return
     path = Path(space)
-    if not path.exists():
+    if not exists(path):
         close = difflib.get_close_matches(space, SPACES, n=1)
         hint = f'; did you mean "{close[0]}"?' if close else ""
         raise InputError(

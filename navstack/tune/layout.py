@@ -19,7 +19,7 @@ from navstack.core.errors import NavError, OutputError, ParameterError
 from navstack.core.files import ensure_directory, write_text
 from navstack.effective import Parameter, parameters_of, same_parameters
 from navstack.params import Location, packaged_folder, packaged_sets, read_sources
-from navstack.params.sources import Source
+from navstack.params.sources import Source, split_namespace
 from navstack.tune.extras import need
 from navstack.tune.space import Value, value_of
 
@@ -227,9 +227,7 @@ class _Copies:
         self.movable = True
         """False for sources that would not work elsewhere: launch files, which look around them."""
         for number, source in enumerate(named, 1):
-            text, at, namespace = source.rpartition("@")
-            if not at or Path(source).exists():
-                text, namespace = source, ""
+            text, namespace = split_namespace(source)
             sub = f"{number}/" if len(named) > 1 else ""
             folder = packaged_folder(text) if text in packaged_sets() else Path(text)
             if folder.is_dir():

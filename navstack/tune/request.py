@@ -11,6 +11,7 @@ from typing import Any
 from navstack.core.errors import OutputError
 from navstack.core.files import ensure_directory, write_text
 from navstack.jobs import Executor, ProcessExecutor, SerialExecutor
+from navstack.params.sources import short_name
 from navstack.tune import report
 from navstack.tune.extras import need
 from navstack.tune.layout import Written, written
@@ -112,7 +113,7 @@ def run_tuning(
             request.trials,
             held_out=judged,
             held_out_executor=executor(judge) if judge is not None else None,
-            reference=(executor(RunWork(other, judged or problem.course)), _name(request.against or ""))
+            reference=(executor(RunWork(other, judged or problem.course)), short_name(request.against or ""))
             if other is not None
             else None,
             set_back=request.set_back,
@@ -168,13 +169,8 @@ def _executor(work: RunWork, workers: int | None) -> Executor:
 
 
 def _names(setup: Setup) -> str:
-    return ", ".join(_name(p) for p in setup.asked.params)
-
-
-def _name(source: str) -> str:
-    """Where a source lies on this machine is nobody's business."""
-    path = Path(source)
-    return f"{path.parent.name}/{path.name}" if path.name in ("param", "params", "config") else path.name
+    # where a source lies on this machine is nobody's business
+    return ", ".join(short_name(p) for p in setup.asked.params)
 
 
 def _about(request: TuneRequest, tuning: Tuning) -> report.Circumstances:
@@ -185,7 +181,7 @@ def _about(request: TuneRequest, tuning: Tuning) -> report.Circumstances:
         f"training runs of {setup.place.name}; {held} held-out runs for the proof."
     )
     return report.Circumstances(
-        f"Tuning of {_names(setup)}", _names(setup), request.command, how, _name(request.against or "")
+        f"Tuning of {_names(setup)}", _names(setup), request.command, how, short_name(request.against or "")
     )
 
 

@@ -13,14 +13,14 @@ from typing import Any, cast
 from navstack.bench.barn import JACKAL, ROUGH_JACKAL, BarnWorld, load_worlds
 from navstack.configuration import Configuration
 from navstack.core.errors import InputError
+from navstack.core.files import is_dir, is_file
 from navstack.params.sources import Source
 from navstack.params.yaml_reader import DictNode, plain
 from navstack.scenario import Scenario
-from navstack.scenario_file import ScenarioSpec, is_scenario_file, read_scenario
+from navstack.scenario_file import ScenarioSpec, check_names, read_scenario, scenarios_in
 from navstack.suites import scenarios, suite_names
+from navstack.suites.barn_worlds import WORLDS_FILE
 from navstack.tune.courses import BarnCourse, Course, NamedScenario, ScenarioCourse
-
-WORLDS = "worlds.npz"
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,16 +53,16 @@ def read_place(suite: str, count: int | None = None) -> Place:
     if suite in suite_names() and suite != "barn":
         return _packaged(suite, count)
     path = Path(suite)
-    if path.is_dir() and (path / WORLDS).is_file():
-        path = path / WORLDS
-    if path.suffix == ".npz" and path.is_file():
+    if is_file(path / WORLDS_FILE):
+        path = path / WORLDS_FILE
+    if path.suffix == ".npz" and is_file(path):
         return Place("barn", worlds=tuple(load_worlds(path)))
-    if path.is_dir():
-        files = [read_scenario(f) for f in sorted(path.glob("*.y*ml")) if is_scenario_file(f)]
+    if is_dir(path):
+        files = scenarios_in(path)
         if not files:
-            raise InputError(f"--suite {suite}: the folder holds neither scenario files nor {WORLDS}", suite=suite)
-        return Place(path.name, files=_named(files))
-    if path.is_file():
+            raise InputError(f"--suite {suite}: the folder holds neither scenario files nor {WORLDS_FILE}", suite=suite)
+        return Place(path.resolve().name, files=_named(files))
+    if is_file(path):
         return Place(path.stem, files=(read_scenario(path),))
     return _packaged(suite, count)
 
@@ -70,7 +70,7 @@ def read_place(suite: str, count: int | None = None) -> Place:
 def _packaged(suite: str, count: int | None) -> Place:
     if suite == "barn":
         raise InputError(
-            f"--suite barn: BARN's worlds are not part of navstack; give the folder of their {WORLDS}", suite=suite
+            f"--suite barn: BARN's worlds are not part of navstack; give the folder of their {WORLDS_FILE}", suite=suite
         )
     try:
         files = _named(scenarios(suite, count=count))
@@ -80,12 +80,8 @@ def _packaged(suite: str, count: int | None) -> Place:
 
 
 def _named(files: Sequence[ScenarioSpec]) -> tuple[ScenarioSpec, ...]:
-    seen: dict[str, ScenarioSpec] = {}
-    for file in files:
-        if file.name in seen:
-            raise InputError(f'two scenarios are called "{file.name}"; give one of them another name')
-        seen[file.name] = file
-    return tuple(seen.values())
+    check_names([file.name for file in files])
+    return tuple(files)
 
 
 def split(names: Sequence[str], held_out: float, seed: int, known: Sequence[str] = ()) -> tuple[list[str], list[str]]:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from navstack.bench.barn import BarnWorld, barn_configuration, load_worlds, run_world
+from navstack.bench.barn_bench import BarnTask, barn_jobs, barn_report, read_cpp
+from navstack.bench.files import for_workers
 from navstack.core.errors import InputError
+from navstack.jobs import SerialExecutor, run_jobs
+from navstack.tune.courses import BarnCourse
 
 
 @pytest.fixture(scope="module")
@@ -34,6 +39,7 @@ def test_an_open_field_is_crossed_at_full_speed_and_the_same_every_time(jackal: 
     assert first.length_m == pytest.approx(9.0, abs=0.1)
     assert first.score == pytest.approx(5.0 / first.time_s)
     assert 2.0 < first.clearance_m < 3.0
+    assert first.jerk_rms_m_s3 > 0.0 and first.recoveries == 0
     assert run_world(world, configuration)[0] == first
 
 
@@ -60,9 +66,69 @@ def test_the_score_is_cut_at_both_ends() -> None:
 def test_what_is_no_file_of_worlds(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="BARN"):
         load_worlds(tmp_path / "worlds.npz")
-    np.savez(tmp_path / "worlds.npz", world=np.arange(3))
-    with pytest.raises(InputError, match="BARN"):
-        load_worlds(tmp_path / "worlds.npz")
+    good = {
+        "world": [1],
+        "cyl_xy": np.zeros((2, 2)),
+        "cyl_offset": [0, 2],
+        "cyl_radius": 0.1,
+        "optimal_length_m": [9.0],
+    }
+    np.savez(tmp_path / "good.npz", **good)
+    assert [w.number for w in load_worlds(tmp_path / "good.npz")] == [1]
+    (tmp_path / "empty.npz").touch()
+    (tmp_path / "cut.npz").write_bytes((tmp_path / "good.npz").read_bytes()[:300])
+    (tmp_path / "text.npz").write_text("world,x,y")
+    np.save(tmp_path / "one.npy", np.arange(3))
+    np.savez(tmp_path / "few.npz", world=np.arange(3))
+    np.savez(tmp_path / "uneven.npz", **{**good, "world": [1, 2, 3]})
+    np.savez(tmp_path / "flat.npz", **{**good, "cyl_xy": np.zeros(5)})
+    for name in ("empty.npz", "cut.npz", "text.npz", "one.npy", "few.npz", "uneven.npz", "flat.npz"):
+        with pytest.raises(InputError, match=f"{name} is not a file of BARN worlds"):
+            load_worlds(tmp_path / name)
+
+
+def test_a_world_without_cylinders(jackal: Path, tmp_path: Path) -> None:
+    """Its clearance is infinite, which JSON cannot say."""
+    empty = {"world": [5], "cyl_xy": np.zeros((0, 2)), "cyl_offset": [0, 0], "cyl_radius": 0.1}
+    np.savez(tmp_path / "worlds.npz", **empty, optimal_length_m=[10.0])
+    task = BarnTask(tmp_path, (str(jackal),))
+    jobs = barn_jobs(task, None, 2)
+    report = barn_report(task, run_jobs(task, jobs, executor=SerialExecutor(task)), jobs)
+    assert [o.outcome for o in report.outcomes] == ["success", "success"]
+    assert [o.clearance_m for o in report.outcomes] == [np.inf, np.inf]
+    assert report.worlds.rows[0]["clearance_m"] == np.inf
+    course = BarnCourse(load_worlds(tmp_path / "worlds.npz"), [0])
+    told = course.drive(course.cases[0], task.configuration)[0]
+    assert told.clearance_m == 0.0 and told.jerk > 0.0
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("world,outcome\n", "cpp.csv:1: the table has no column AT; it must have world, outcome, AT"),
+        ("", "cpp.csv:1: the table has no column world"),
+        (
+            "world,outcome,AT,length,clearance,score\n1,success,9,9,1,0.5\n2,success,nine,9,1,0.5\n",
+            "cpp.csv:3: could not convert string to float: 'nine'; a line holds world",
+        ),
+        ("world,outcome,AT,length,clearance,score\n1,success,9\n", "cpp.csv:2: the line ends before its last column"),
+    ],
+)
+def test_a_wrong_table_is_told_with_its_line(text: str, message: str, tmp_path: Path) -> None:
+    (tmp_path / "cpp.csv").write_text(text)
+    with pytest.raises(InputError, match=re.escape(message)):
+        read_cpp(tmp_path / "cpp.csv")
+    assert read_cpp(tmp_path / "absent.csv") == {}
+
+
+def test_a_source_as_workers_take_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "me@home").mkdir()
+    (tmp_path / "me@home" / "a.yaml").touch()
+    assert for_workers("turtlebot") == "turtlebot"
+    assert for_workers("me@home/a.yaml") == str(tmp_path / "me@home" / "a.yaml")
+    assert for_workers("me@home/a.yaml@local_costmap") == f"{tmp_path / 'me@home' / 'a.yaml'}@local_costmap"
+    assert for_workers("me@home") == str(tmp_path / "me@home")
 
 
 def test_one_world_as_published(jackal: Path, data_dir: Path) -> None:

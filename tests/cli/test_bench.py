@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 from scipy import stats
 
 from navstack.bench.compare_bench import Pair, courses_table, measures_table, read_courses
@@ -154,6 +155,43 @@ def test_planners(navstack, tmp_path: Path) -> None:
     assert navstack(*command, "--resume", code=1)["rows"] == told["rows"]
 
 
+def write_map(file: Path, *, wall: bool = False, image: bool = True) -> Path:
+    """Four metres square, or nothing but wall."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(
+        f"image: {file.stem}.png\nresolution: 0.1\norigin: [0.0, 0.0, 0.0]\nnegate: 0\noccupied_thresh: 0.65\n"
+        "free_thresh: 0.196\n"
+    )
+    if image:
+        Image.new("L", (40, 40), 0 if wall else 254).save(file.with_suffix(".png"))
+    return file
+
+
+def test_a_map_in_a_folder_that_cannot_be_read_is_named_and_the_others_are_measured(navstack, tmp_path: Path) -> None:
+    folder = tmp_path / "maps"
+    for name in ("a/x/map.yaml", "b/x/map.yaml", "c/x/map.yml", "d/open.yaml"):
+        write_map(folder / name)
+    write_map(folder / "solid.yaml", wall=True)
+    write_map(folder / "absent.yaml", image=False)
+    (folder / "robot.yaml").write_text("images: 3\nimage_topic: scan\n")
+    (folder / "places.yaml").mkdir()
+    command = ("bench", "planners", folder, "--pairs", 1, "--planner", "astar", "--processes", 1, "--json")
+    told = navstack(*command, code=1)
+    assert [row["map"] for row in told["rows"]] == ["x", "x/map", str(folder / "c" / "x" / "map.yml"), "open"]
+    assert all(row["found"] == 1 for row in told["rows"]) and told["failed"] == []
+    (unreadable,) = told["unreadable"]
+    assert "absent.yaml" in unreadable and "absent.png" in unreadable
+    assert [note.partition(":")[0] for note in told["notes"]] == [
+        "left out, since it cannot be read",
+        "solid has no row",
+    ]
+    (folder / "absent.yaml").unlink()
+    assert navstack(*command)["unreadable"] == []
+    write_map(tmp_path / "none" / "absent.yaml", image=False)
+    assert "there is no map that can be read: " in navstack("bench", "planners", "none", code=2)
+    assert "absent.png" in navstack("bench", "planners", tmp_path / "none" / "absent.yaml", code=2)
+
+
 def write_scenario(file: Path, name: str = "trip", goal: str = "[4.0, 7.45, 0.0]") -> Path:
     """Three metres along the corridor of the packaged office."""
     file.write_text(f"name: {name}\nmap: office\nstart: [1.0, 7.45, 0.0]\ngoals: [{goal}]\ntime_limit: 60\n")
@@ -266,7 +304,8 @@ def test_scenarios_are_known_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyP
         (("planners", "office", "--out", "file/out"), "--out"),
         (("compare", "turtlebot", "turtlebot"), "nothing to drive"),
         (("compare", "turtlebot", "turtlebt", "SCENARIO"), "turtlebot"),
-        (("compare", ",", "turtlebot", "SCENARIO"), "names no parameters"),
+        (("compare", ",", "turtlebot", "SCENARIO"), 'A "," names no parameters'),
+        (("compare", "turtlebot", ",", "SCENARIO"), 'B "," names no parameters'),
         (("compare", "turtlebot", "turtlebot", "absent.yaml"), "absent.yaml"),
         (("compare", "turtlebot", "turtlebot", "SCENARIO", "SCENARIO"), 'two scenarios are called "trip"'),
         (("compare", "turtlebot", "turtlebot", "SCENARIO", "--count", "3"), "--suite"),

@@ -167,6 +167,17 @@ def test_a_folder_that_cannot_be(tmp_path: Path) -> None:
         run_jobs(work.double, NUMBERS, results=tmp_path)
 
 
+class Closing(SerialExecutor):
+    """Says whether it was closed."""
+
+    def __init__(self) -> None:
+        super().__init__(work.double)
+        self.closed = False
+
+    def close(self) -> None:
+        self.closed = True
+
+
 def test_wrong_use() -> None:
     with pytest.raises(InternalError, match="number 0"):
         run_jobs(work.double, [NUMBERS[0], NUMBERS[0]])
@@ -174,6 +185,12 @@ def test_wrong_use() -> None:
         run_jobs(work.double, NUMBERS, processes=0)
     with pytest.raises(InternalError, match="cannot be sent"):
         run_jobs(lambda x: x, NUMBERS, processes=1)
+    with pytest.raises(InternalError, match="the job 'odd' cannot be sent"):
+        run_jobs(work.double, [Job("odd", lambda: 1)], processes=1)
+    closed = Closing()
+    with pytest.raises(InternalError, match="number 0"):
+        run_jobs(work.double, [NUMBERS[0], NUMBERS[0]], executor=closed)
+    assert closed.closed
     with pytest.raises(InternalError, match="submit"):
         ProcessExecutor(work.double, 1).collect()
     assert run_jobs(work.double, [], processes=2) == []

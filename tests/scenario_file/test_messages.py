@@ -83,7 +83,7 @@ CASES = {
     ),
     "pose with a word": (
         GOOD.replace("corridor_west", "[7, east]"),
-        '2:12: y of start is a finite number, not "east"',
+        '2:12: y of start must be a finite number, not "east"',
     ),
     "one pose as goals": (
         GOOD.replace("[office_2]", "[6.2, 12, 1.57]"),

@@ -52,6 +52,8 @@ def test_a_suite_that_is_none() -> None:
         scenarios("ofice")
     with pytest.raises(InputError, match=r"a suite of 0 scenarios is none"):
         scenarios("office", count=0)
+    with pytest.raises(InputError, match=r'there is no split "test"; there are train, held_out, all'):
+        scenarios("office", split="test")  # pyright: ignore[reportArgumentType]
     assert suite_names() == ["barn", "crowd", "narrow", "office", "shipped"]
 
 

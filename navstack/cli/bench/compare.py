@@ -19,7 +19,9 @@ def compare(
         metavar="[SCENARIO..]",
         help="Scenario files or names of shipped ones, folders of files, or a folder with BARN worlds.",
     ),
-    suite: str | None = typer.Option(None, "--suite", metavar="NAME", help="A packaged suite of scenarios."),
+    suite: str | None = typer.Option(
+        None, "--suite", metavar="NAME", help="A packaged suite: office, narrow, crowd or shipped."
+    ),
     count: int | None = typer.Option(None, "--count", metavar="N", min=1, help="How many scenarios of the suite."),
     seeds: int = typer.Option(
         1, "--seeds", metavar="N", min=1, help="Runs per scenario and side, with seeds 0 to N - 1."
@@ -46,7 +48,7 @@ def compare(
     )
     from navstack.bench.files import for_workers, short_names
 
-    sources = {"A": _sources(a), "B": _sources(b)}
+    sources = {"A": _sources(a, "A"), "B": _sources(b, "B")}
     overrides = {"A": (*set_, *set_a), "B": (*set_, *set_b)}
     sets = {side: ParameterSet(tuple(for_workers(s) for s in sources[side]), overrides[side]) for side in sources}
     task = CompareTask(sets, tuple(read_courses(scenario or [], suite, count)))
@@ -90,10 +92,12 @@ def compare(
     )
 
 
-def _sources(text: str) -> list[str]:
+def _sources(text: str, argument: str) -> list[str]:
     from navstack.core.errors import InputError
 
     found = [part.strip() for part in text.split(",") if part.strip()]
     if not found:
-        raise InputError(f'"{text}" names no parameters; give a name, a folder or files', argument="A", value=text)
+        raise InputError(
+            f'{argument} "{text}" names no parameters; give a name, a folder or files', argument=argument, value=text
+        )
     return found

@@ -22,11 +22,17 @@ def movingai(
 ) -> int:
     """Plan N. Sturtevant's grid path finding problems: lengths against the published optima, a table per planner."""
     from navstack.bench.files import digest_of_file
+    from navstack.bench.movingai import map_file
     from navstack.bench.movingai_bench import DEFAULT_PLANNERS, MovingaiTask, movingai_jobs, movingai_tables
 
     task = MovingaiTask(folder.resolve())
     jobs = movingai_jobs(task.folder, list(dict.fromkeys(planner)) or DEFAULT_PLANNERS, list(dict.fromkeys(map_)))
-    what = {"bench": "movingai", "problems": digest_of_file(task.folder / "problems.tsv")}
+    used = list(dict.fromkeys(job.input[1] for job in jobs))
+    what = {
+        "bench": "movingai",
+        "problems": digest_of_file(task.folder / "problems.tsv"),
+        "maps": {name: digest_of_file(map_file(task.folder, name)) for name in used},
+    }
     results = running.run(task, jobs, what, processes=processes, out=out, resume=resume)
     tables = movingai_tables(task.folder, results, jobs)
     document = {**what, "planners": {table.title: table for table in tables}}

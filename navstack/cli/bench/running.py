@@ -86,7 +86,7 @@ def report(
         for table in tables:
             print_table(table)
         for what, file in kept.items():
-            stdout().print(f"{what}: {file}")
+            stdout().print(f"{what}: {file}", markup=False)
     for note in notes:
         print_note(note)
     for result in failed:

@@ -26,7 +26,7 @@ def speed(
         None,
         "--reference",
         metavar="FILE",
-        help="Times to compare with: of the C++ stack, or --json of an earlier state.",
+        help="Times to compare with: those of the C++ stack's costmaps and DWA, or --json of an earlier state.",
     ),
     out: Path | None = running.OUT,
     resume: bool = running.RESUME,
