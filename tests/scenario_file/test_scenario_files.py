@@ -209,7 +209,7 @@ def test_simulate_takes_a_scenario_file(
     assert json.loads(Path("out/summary.json").read_text())["metrics"] == document["metrics"]
     Path("late.yaml").write_text(SHORT.replace("max_time: 20", "max_time: 1"))
     assert run(["simulate", "late.yaml", "--out", "out"]) == 1
-    assert "max_time: not held" in capfd.readouterr().out
+    assert "condition max_time not held: " in capfd.readouterr().out
     Path("wrong.yaml").write_text(SHORT + "sede: 1\n")
     assert run(["simulate", "wrong.yaml"]) == 2
     assert 'wrong.yaml:14:1: a scenario has no key "sede"; did you mean seed?' in capfd.readouterr().err
