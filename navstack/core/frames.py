@@ -68,11 +68,12 @@ class _Edge:
 class _Chain:
     """The edges between two frames, each from its end up to where both meet, and the last answer."""
 
-    __slots__ = ("answer", "changes", "down", "stamp", "tolerance_s", "up")
+    __slots__ = ("answer", "changes", "down", "moving", "stamp", "tolerance_s", "up")
 
     def __init__(self, up: tuple[_Edge, ...], down: tuple[_Edge, ...]) -> None:
         self.up = up
         self.down = down
+        self.moving = tuple(edge for edge in (*up, *down) if not edge.static)
         self.changes = -1
         self.stamp = 0.0
         self.tolerance_s = 0.0
@@ -80,8 +81,10 @@ class _Chain:
 
     def newest(self) -> float:
         """The newest time (s) at which all edges are known; inf when all are static."""
-        stamps = [edge.stamps[-1] for part in (self.up, self.down) for edge in part if not edge.static]
-        return min(stamps, default=math.inf)
+        moving = self.moving
+        if len(moving) == 1:
+            return moving[0].stamps[-1]
+        return min([edge.stamps[-1] for edge in moving], default=math.inf)
 
     def pose(self, stamp: float, tolerance_s: float) -> Transform2D:
         """The source in the target's frame."""

@@ -20,11 +20,26 @@ def window_shift(old: GridGeometry, new: GridGeometry) -> tuple[int, int]:
 
 
 def shift_cells(cells: NDArray[Any], dx: int, dy: int, fill: int) -> None:
-    """Moves a grid by whole cells, in place: cell (x, y) takes the value of (x + dx, y + dy), or `fill` from outside."""
+    """Moves a grid (contiguous) by whole cells, in place: cell (x, y) takes the value of (x + dx, y + dy), or `fill` from outside."""
     ny, nx = cells.shape
-    kept = cells[max(dy, 0) : ny + min(dy, 0), max(dx, 0) : nx + min(dx, 0)].copy()
-    cells.fill(fill)
-    cells[max(-dy, 0) : ny + min(-dy, 0), max(-dx, 0) : nx + min(-dx, 0)] = kept
+    if abs(dx) >= nx or abs(dy) >= ny:
+        cells.fill(fill)
+        return
+    # all rows as one, by so many cells: what comes round the ends of the rows is then overwritten
+    flat = cells.reshape(-1)
+    by = dy * nx + dx
+    if by > 0:
+        flat[:-by] = flat[by:]
+    elif by < 0:
+        flat[-by:] = flat[:by]
+    if dy > 0:
+        cells[ny - dy :] = fill
+    elif dy < 0:
+        cells[:-dy] = fill
+    if dx > 0:
+        cells[:, nx - dx :] = fill
+    elif dx < 0:
+        cells[:, :-dx] = fill
 
 
 def forget_region(

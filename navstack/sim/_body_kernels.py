@@ -13,6 +13,8 @@ import numpy as np
 
 from navstack.core.jit import kernel
 from navstack.sim._polygon_kernels import polygon_contains, polygon_to_point, polygons_meet
+from navstack.sim.body import BodyModel
+from navstack.sim.solids import Solids
 
 # layout of `state`
 X, Y, YAW = 0, 1, 2  # truth, map frame
@@ -224,17 +226,45 @@ def accelerate(state, command, model):
 
 
 @kernel
-def drive(state, command, steps, dt, model, noise, squares, grid, solids, moving, samples, contacts):
+def drive(
+    state,
+    command,
+    steps,
+    dt,
+    limits,
+    jerks,
+    bias,
+    keep,
+    wheelbase,
+    footprint,
+    radius,
+    facing,
+    noise,
+    squares,
+    grid,
+    discs,
+    disc_tops,
+    circles,
+    corners,
+    first,
+    polygon_tops,
+    moving,
+    samples,
+    contacts,
+):
     """Drives `steps` physics steps of `dt` (s) at `command` [vx, vy, wz]; returns the number of new contacts.
 
-    A car's command is [vx, 0, steering angle]. `state` (STATE_SIZE,) is changed. `model`: the robot, as `BodyModel`.
+    A car's command is [vx, 0, steering angle]. `state` (STATE_SIZE,) is changed. `limits` .. `facing`: the robot, as
+    `BodyModel` has it; `discs` .. `polygon_tops`: the world beside the map, as `Solids`. One by one: numba takes longer to
+    find out what a NamedTuple is than to drive ten steps.
     `noise` (steps or 0, 6): relative errors of the true motion vx, vy, wz against the wheels', and of the odometry against
     the wheels'. `moving`: the solids have moved since the last call. `samples` (>= steps, 10) receives true pose, odometry
     pose, velocity after each step, and 1 where the robot is in contact; `contacts` (>= 2 steps, 2) int64 the step and what
     was hit (as `find_contact`).
     """
+    model = BodyModel(limits, jerks, bias, keep, wheelbase, footprint, radius, facing)
+    solids = Solids(discs, disc_tops, circles, corners, first, polygon_tops)
     hits = 0
-    footprint, radius, facing = model.footprint, model.radius, model.facing
     placed = np.empty((footprint.shape[0], 2))
     chosen = np.empty(solids.discs.shape[0] + solids.circles.shape[0], np.int64)
     count = choose_solids(solids, state[X], state[Y], radius + HORIZON, chosen)

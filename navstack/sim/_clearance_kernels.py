@@ -46,8 +46,10 @@ def outline_to_square(outline, left, bottom):
 
 
 @kernel
-def clearance(squares, grid, solids, outline, x, y, yaw):
+def clearance(squares, grid, discs, circles, corners, first, outline, x, y, yaw):
     """Distance (m) from the outline (n, 2) (robot frame, m; n = 1: a point) at a pose in the map, inf if alone.
+
+    `discs` .. `first`: as of `Solids`.
 
     What the circle about the outline already shows to be farther than the best so far is not looked at; `CLOSE` keeps
     rounding out of that, so that the answer is the same to the bit as from looking at everything.
@@ -92,7 +94,6 @@ def clearance(squares, grid, solids, outline, x, y, yaw):
     best *= resolution
     radius *= resolution
     c, s = math.cos(yaw), math.sin(yaw)
-    discs = solids.discs
     for k in range(discs.shape[0]):
         dx, dy = discs[k, 0] - x, discs[k, 1] - y
         away = math.hypot(dx, dy)
@@ -101,12 +102,11 @@ def clearance(squares, grid, solids, outline, x, y, yaw):
         if n > 1:
             away = polygon_to_point(outline, c * dx + s * dy, c * dy - s * dx)
         best = min(best, max(away - discs[k, 2], 0.0))
-    circles = solids.circles
     for k in range(circles.shape[0]):
         if math.hypot(circles[k, 0] - x, circles[k, 1] - y) - circles[k, 2] - radius > best + CLOSE:
             continue
         for i in range(n):
             placed[i, 0] = x + c * outline[i, 0] - s * outline[i, 1]
             placed[i, 1] = y + s * outline[i, 0] + c * outline[i, 1]
-        best = min(best, polygon_to_polygon(placed, solids.corners[solids.first[k] : solids.first[k + 1]]))
+        best = min(best, polygon_to_polygon(placed, corners[first[k] : first[k + 1]]))
     return best

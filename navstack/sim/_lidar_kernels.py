@@ -172,10 +172,30 @@ def see_edge(ranges, beams, ax, ay, bx, by, angle_min, angle_increment):
 
 
 @kernel
-def sweep(leaps, grid, solids, x, y, yaw, height, beams, angle_min, angle_increment, range_min, range_max, noise, kept):
+def sweep(
+    leaps,
+    grid,
+    discs,
+    disc_tops,
+    circles,
+    corners,
+    first,
+    polygon_tops,
+    x,
+    y,
+    yaw,
+    height,
+    beams,
+    angle_min,
+    angle_increment,
+    range_min,
+    range_max,
+    noise,
+    kept,
+):
     """One scan (n,) float32 from the sensor's pose in the map (m, rad), `height` (m) above the ground.
 
-    `grid` = [origin x, origin y, origin yaw, resolution]; `solids` as `Solids`; `beams` (n, 2) unit vectors in
+    `grid` = [origin x, origin y, origin yaw, resolution]; `discs` .. `polygon_tops` as of `Solids`; `beams` (n, 2) unit vectors in
     the sensor's frame, evenly turned; `noise` (n or 0,) is added to the ranges (m); where `kept` (n or 0,) is false the beam
     is lost (NaN). Hits nearer than `range_min` give -inf, beams without a hit up to `range_max` +inf (REP 117).
     """
@@ -196,7 +216,6 @@ def sweep(leaps, grid, solids, x, y, yaw, height, beams, angle_min, angle_increm
 
     # every disc meets the beams between its two tangents only
     c, s = math.cos(yaw), math.sin(yaw)
-    discs, disc_tops = solids.discs, solids.disc_tops
     for k in range(discs.shape[0]):
         if disc_tops[k] < height:
             continue
@@ -212,23 +231,22 @@ def sweep(leaps, grid, solids, x, y, yaw, height, beams, angle_min, angle_increm
         middle = math.atan2(cy, cx)
         half = math.asin(r / math.sqrt(d2))
         for turn in range(-1, 2):
-            first = (middle - half + 2.0 * math.pi * turn - angle_min) / angle_increment
-            last = (middle + half + 2.0 * math.pi * turn - angle_min) / angle_increment
-            if last < 0.0 or first > n - 1:
+            begin = (middle - half + 2.0 * math.pi * turn - angle_min) / angle_increment
+            end = (middle + half + 2.0 * math.pi * turn - angle_min) / angle_increment
+            if end < 0.0 or begin > n - 1:
                 continue
-            for i in range(max(0, math.floor(first)), min(n - 1, math.ceil(last)) + 1):
+            for i in range(max(0, math.floor(begin)), min(n - 1, math.ceil(end)) + 1):
                 b = cx * beams[i, 0] + cy * beams[i, 1]
                 h = r * r - (d2 - b * b)
                 if h >= 0.0 and b > 0.0:
                     ranges[i] = min(ranges[i], b - math.sqrt(h))
 
-    circles, corners = solids.circles, solids.corners
     for k in range(circles.shape[0]):
         wx, wy, r = circles[k, 0] - x, circles[k, 1] - y, circles[k, 2]
         d2 = wx * wx + wy * wy
-        if solids.polygon_tops[k] < height or d2 > (reach + r) * (reach + r):
+        if polygon_tops[k] < height or d2 > (reach + r) * (reach + r):
             continue
-        low, high = solids.first[k], solids.first[k + 1]
+        low, high = first[k], first[k + 1]
         if d2 <= r * r and polygon_contains(corners[low:high], x, y):
             for i in range(n):
                 ranges[i] = 0.0

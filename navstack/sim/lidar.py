@@ -62,7 +62,7 @@ class Lidar:
         ranges = sweep(
             world.leaps,
             world.grid,
-            solids,
+            *solids,
             eye.x,
             eye.y,
             eye.yaw,

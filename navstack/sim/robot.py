@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -37,6 +38,7 @@ from navstack.sim.world import World
 
 _NO_NOISE = np.empty((0, 6))
 _STOP = Twist2D()
+_transform: Callable[[list[float]], Transform2D] = partial(tuple.__new__, Transform2D)  # pyright: ignore[reportAssignmentType]
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +137,7 @@ class SimulatedRobot:
         self._state = np.zeros(body.STATE_SIZE)
         self._state[body.X : body.YAW + 1] = start.x, start.y, normalize_angle(start.yaw)
         self._state[body.OX : body.OYAW + 1] = odometry
+        self._now: list[float] = self._state.tolist()  # what is asked for again and again
         self._samples = np.empty((0, 10))
         self._contacts = np.empty((0, 2), np.int64)
 
@@ -171,6 +174,7 @@ class SimulatedRobot:
         # per bumper: the number of its next cloud while it is pressed, None otherwise
         self._next_cloud: list[int | None] = [None] * len(self._bumpers)
         self._pressed = False
+        self._touched = False  # before or in the steps that were not observed yet
         self._pending: list[_Due] = []
         self._scan_due: float = 0
         self.frames.set(odom_frame, base_frame, Transform2D(*odometry), 0.0)
@@ -232,15 +236,17 @@ class SimulatedRobot:
             self._wheels_command(),
             steps,
             self._dt,
-            self._body,
+            *self._body,
             self._noise(steps) if self._noisy else _NO_NOISE,
             self.world.squares,
             self.world.grid,
-            self._solids,
+            *self._solids,
             self.world.moves,
             samples,
             self._contacts,
         )
+        self._now = self._state.tolist()
+        self._touched = self._touched or hits > 0 or self.in_contact
         for row in range(hits):
             step, hit = int(self._contacts[row, 0]), int(self._contacts[row, 1])
             kind, index, x, y = self.world.described(hit, self._solids)
@@ -255,7 +261,7 @@ class SimulatedRobot:
         crowd = self._crowd
         if crowd is None:
             return solids
-        x, y, yaw, vx, vy = self._state[body.X : body.VY + 1].tolist()
+        x, y, yaw, vx, vy = self._now[body.X : body.VY + 1]
         c, s = math.cos(yaw), math.sin(yaw)
         robot = np.array([x, y, c * vx - s * vy, s * vx + c * vy, self._body.radius])
         crowd.step((until - self._step) * self._dt, self.world.squares, self.world.grid, solids, robot)
@@ -282,9 +288,13 @@ class SimulatedRobot:
 
     def state(self) -> RobotState:
         """Odometry: pose in the odometry frame, velocity of the wheels, at the present step."""
-        x, y, yaw = self._state[body.OX : body.OYAW + 1].tolist()
-        vx, vy, wz = self._state[body.VX : body.WZ + 1].tolist()
-        return RobotState(Pose2D(x, y, yaw), Twist2D(vx, vy, wz), self.time, self.odom_frame)
+        now = self._now
+        return RobotState(
+            Pose2D(now[body.OX], now[body.OY], now[body.OYAW]),
+            Twist2D(now[body.VX], now[body.VY], now[body.WZ]),
+            self.time,
+            self.odom_frame,
+        )
 
     def scans(self) -> Sequence[SensorData]:
         """What the sensors measured since the last call, oldest first, each from where the robot was at its time.
@@ -318,18 +328,18 @@ class SimulatedRobot:
     @property
     def pose(self) -> Pose2D:
         """Where the robot truly is, in the map."""
-        x, y, yaw = self._state[body.X : body.YAW + 1].tolist()
-        return Pose2D(x, y, yaw)
+        now = self._now
+        return Pose2D(now[body.X], now[body.Y], now[body.YAW])
 
     @property
     def distance_travelled(self) -> float:
         """Length of the way truly driven, metres."""
-        return float(self._state[body.DISTANCE])
+        return self._now[body.DISTANCE]
 
     @property
     def steering_angle(self) -> float:
         """Of a car's front wheel, rad; 0 for any other base."""
-        return float(self._state[body.STEER])
+        return self._now[body.STEER]
 
     @property
     def solids(self) -> Solids:
@@ -339,24 +349,25 @@ class SimulatedRobot:
     @property
     def clearance(self) -> float:
         """Distance (m) from the outline to the nearest obstacle now, people included; 0 in contact, inf when alone."""
-        x, y, yaw = self._state[body.X : body.YAW + 1].tolist()
-        facing = self._body.facing
-        pose = Pose2D(x, y, yaw if math.isnan(facing) else facing)
+        pose, facing = self.pose, self._body.facing
+        if not math.isnan(facing):
+            pose = Pose2D(pose.x, pose.y, facing)
         return self.world.clearance(pose, self.footprint, solids=self._solids)
 
     @property
     def in_contact(self) -> bool:
         """True from a contact until it is left."""
-        return bool(self._state[body.TOUCHING] or self._state[body.OVERRUN])
+        return bool(self._now[body.TOUCHING] or self._now[body.OVERRUN])
 
     # --- publishing ---------------------------------------------------------------------------------------------------
 
     def _observe(self, first: int, observed: int) -> None:
         """Publishes the frames and takes the scans of the steps in (observed, now]; `samples` begin after step `first`."""
         frequency, last = self._frequency, self._step
-        rows = self._samples[observed - first : last - first].tolist()
+        samples = self._samples[observed - first : last - first]
+        rows: list[list[float]] = samples.tolist()
         stamps = [step / frequency for step in range(observed + 1, last + 1)]
-        moved = [Transform2D(row[3], row[4], row[5]) for row in rows]
+        moved = list(map(_transform, samples[:, 3:6].tolist()))
         self.frames.extend(self.odom_frame, self.base_frame, moved, stamps)
         if not self._localization.is_static:
             found = [
@@ -366,7 +377,7 @@ class SimulatedRobot:
             self.frames.extend(self.map_frame, self.odom_frame, found, stamps)
         if self._imus:
             self._turned(observed, rows)
-        if not self._pressed and not any(row[9] for row in rows):
+        if not self._pressed and not self._touched:
             while self._scan_due <= last:
                 step = max(int(self._scan_due), observed + 1)
                 row = rows[step - observed - 1]
@@ -377,6 +388,7 @@ class SimulatedRobot:
                 self._take_scans(step, Pose2D(row[0], row[1], row[2]))
             if row[9] != 0.0 or self._pressed:
                 self._feel(step, Pose2D(row[0], row[1], row[2]), row[9] != 0.0)
+        self._touched = self.in_contact
 
     def _turned(self, observed: int, rows: list[list[float]]) -> None:
         """Hands the IMUs the steps after `observed` that are theirs."""

@@ -47,7 +47,7 @@ class Sonar:
             ranges = sweep(
                 world.leaps,
                 world.grid,
-                world.solids_at(stamp) if solids is None else solids,
+                *(world.solids_at(stamp) if solids is None else solids),
                 eye.x,
                 eye.y,
                 eye.yaw,

@@ -242,7 +242,11 @@ class World:
         outline = _POINT if footprint is None else footprint.vertices.copy()
         x, y, yaw = float(pose.x), float(pose.y), float(pose.yaw)
         solids = self.solids_at(time) if solids is None else solids
-        return float(clearance(self.squares, self.grid, solids, outline, x, y, yaw))
+        return float(
+            clearance(
+                self.squares, self.grid, solids.discs, solids.circles, solids.corners, solids.first, outline, x, y, yaw
+            )
+        )
 
 
 def _standing(shapes: Sequence[Shape]) -> Solids:
