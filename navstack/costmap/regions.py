@@ -20,7 +20,7 @@ def window_shift(old: GridGeometry, new: GridGeometry) -> tuple[int, int]:
 
 
 def shift_cells(cells: NDArray[Any], dx: int, dy: int, fill: int) -> None:
-    """Moves a grid (contiguous) by whole cells, in place: cell (x, y) takes the value of (x + dx, y + dy), or `fill` from outside."""
+    """Moves a contiguous grid by whole cells, in place: cell (x, y) takes the value of (x + dx, y + dy), `fill` from outside."""
     ny, nx = cells.shape
     if abs(dx) >= nx or abs(dy) >= ny:
         cells.fill(fill)

@@ -51,6 +51,7 @@ def score_default(
     plan,
     pose_x,
     pose_y,
+    pose_yaw,
     front_ahead,
     alignment_ahead,
     only_x,
@@ -78,7 +79,7 @@ def score_default(
 ):
     """Index of the best trajectory, -1 when all are rejected.
 
-    Three grids, in the order goal front, path, goal: `distances`, `queues` (3, (ny + 2) * (nx + 2) + 1), `waves` (3, 2),
+    Three grids, in the order goal front, path, goal: `distances`, `queues` and `waves`, a row each: see `start_wave`,
     `seeds` (3, 2) what `start_wave` returned. `rows`, `bounds`: see `highest_around`; `cells` (2, K * T) flat, then ringed;
     `boxes` (K, 4): see `point_cells`. `scales` (7,); `table` (K, 7), `totals`, `rejected_by`, `alive` (K,): see `fold`.
     `raw` (K,) is scratch, `first_contact` (K,): see `obstacle_scores`.
@@ -127,7 +128,12 @@ def score_default(
         distance, queue, wave = distances[grid], queues[grid], waves[grid]
         # as the critics ask for them: goal front and goal look at the plan's last cell, alignment and path at all of it
         towards = front if grid == 0 else plan
-        begun = start_wave(costs, origin_x, origin_y, resolution, towards, grid != 1, grid == 2, distance, queue, wave)
+        # trajectories end around the robot, their noses around its nose
+        ahead = front_ahead if grid == 0 else 0.0
+        to_x, to_y = pose_x + ahead * math.cos(pose_yaw), pose_y + ahead * math.sin(pose_yaw)
+        begun = start_wave(
+            costs, origin_x, origin_y, resolution, towards, grid != 1, grid == 2, to_x, to_y, distance, queue, wave
+        )
         seeds[grid, 0], seeds[grid, 1] = begun
         if grid < 2:
             critic = GOAL_FRONT if grid == 0 else ALIGNMENT

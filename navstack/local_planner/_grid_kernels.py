@@ -7,6 +7,11 @@ at the end is FREE_UNREACHED for ever.
 
 The wave goes no farther than somebody looks: trajectories end near the robot, and the wave passes most of the costmap only
 after that. A distance is final when it is set, so a wave that stopped and went on gives the same grid.
+
+From a single cell, which as a rule lies at the window's edge, a wave in all directions would pass most of the costmap on
+its way to the robot. It is steered instead: A* (P. Hart, N. Nilsson, B. Raphael, 1968) towards the cell where trajectories
+are expected to end. The Manhattan distance to it is consistent, so that the distances are those of the wave; and each step
+keeps the length of the way or makes it longer by two, so that two stacks are all the order there is to keep.
 """
 
 from __future__ import annotations
@@ -20,14 +25,32 @@ from navstack.core.jit import kernel
 FREE_UNREACHED = -1
 BLOCKED = -2
 
+WAVE_SIZE = 7
+# of a wave in all directions: where its queue begins and ends
+HEAD, TAIL = 0, 1
+# of a steered one: how many wait on the stack of ways as long as `LENGTH`, and on that of ways longer by two
+SHORT, LONG = 0, 1
+LENGTH = 2
+TOWARDS_X, TOWARDS_Y = 3, 4  # where to, in cells of the ringed grid
+SWAPPED = 5  # 1 when the stack of the longer ways lies first
+STEERED = 6  # 1 for a steered wave
+
+
+def queue_length(cells):
+    """What a wave over so many cells (ring included) needs as its queue.
+
+    A cell waits at most once from each of its neighbours; what need not wait is written where the next one will be.
+    """
+    return 2 * (4 * cells + 1)
+
 
 @kernel
-def start_wave(costs, origin_x, origin_y, resolution, plan, last_only, step_back, distances, queue, wave):
-    """Starts a wave at the plan's cells inside the map, or with `last_only` at the last of them.
+def start_wave(costs, origin_x, origin_y, resolution, plan, last_only, step_back, x, y, distances, queue, wave):
+    """Starts a wave at the plan's cells inside the map, or with `last_only` at the last of them, towards x, y.
 
     `plan` (n, 3) is densified to the resolution; its cells count from the first inside the map until it leaves (unknown
     cells are outside). With `step_back` a last cell that is blocked is replaced by the last one before that is not.
-    `distances`, `queue`: int32, (ny + 2) * (nx + 2) + 1; `wave` (2,) int64: where the queue begins and ends. Returns how many
+    `distances` int32, (ny + 2) * (nx + 2) + 1; `queue` int32, see `queue_length`; `wave` (WAVE_SIZE,) int64. Returns how many
     seeds there were and how many cells were stepped back over; 0 seeds: nothing of the plan is inside.
     """
     ny, nx = costs.shape
@@ -98,18 +121,31 @@ def start_wave(costs, origin_x, origin_y, resolution, plan, last_only, step_back
         if step_back and last_free >= 0:
             cell = last_free
             stepped_back = behind
-        distances[cell] = 0
+        wave[:] = 0
+        wave[STEERED] = 1
+        # the wave begins there, be it an obstacle
+        distances[cell] = FREE_UNREACHED
         queue[0] = cell
-        tail = 1
-    wave[0] = 0
-    wave[1] = tail
+        wave[SHORT] = 1
+        # towards a place off the map, or none at all: to the border
+        fx, fy = (x - origin_x) / resolution, (y - origin_y) / resolution
+        wave[TOWARDS_X] = int(min(max(fx, 0.0), nx - 1.0)) + 1 if fx == fx else 1
+        wave[TOWARDS_Y] = int(min(max(fy, 0.0), ny - 1.0)) + 1 if fy == fy else 1
+        row = cell // width
+        wave[LENGTH] = abs(cell - row * width - wave[TOWARDS_X]) + abs(row - wave[TOWARDS_Y])
+        return 1, stepped_back
+    wave[:] = 0
+    wave[TAIL] = tail
     return tail, stepped_back
 
 
 @kernel
 def run_wave(distances, queue, wave, until, width):
     """Goes on with the wave until the cell `until` is reached, or to its end."""
-    head, tail = wave[0], wave[1]
+    if wave[STEERED]:
+        run_steered(distances, queue, wave, until, width)
+        return
+    head, tail = wave[HEAD], wave[TAIL]
     # without branches: a cell that needs no visit is written where the next one will overwrite it
     while head < tail and distances[until] == FREE_UNREACHED:
         cell = queue[head]
@@ -139,8 +175,61 @@ def run_wave(distances, queue, wave, until, width):
         queue[tail] = near
         distances[near] = step if new else distances[near]
         tail += new
-    wave[0] = head
-    wave[1] = tail
+    wave[HEAD] = head
+    wave[TAIL] = tail
+
+
+@kernel
+def run_steered(distances, queue, wave, until, width):
+    """Goes on with a steered wave until the cell `until` is reached, or to its end."""
+    half = len(queue) // 2
+    base = half if wave[SWAPPED] else 0
+    short, long, length = wave[SHORT], wave[LONG], wave[LENGTH]
+    to_x, to_y = wave[TOWARDS_X], wave[TOWARDS_Y]
+    while distances[until] == FREE_UNREACHED:
+        if short == 0:
+            if long == 0:
+                break
+            base = half - base
+            short, long, length = long, 0, length + 2
+        short -= 1
+        cell = np.uint32(queue[base + short])
+        if distances[cell] != FREE_UNREACHED:
+            continue
+        y = np.int64(cell // np.uint32(width))
+        x = np.int64(cell) - y * width
+        distances[cell] = length - abs(x - to_x) - abs(y - to_y)
+        other = half - base
+
+        near = np.int64(cell) - 1
+        new = distances[near] == FREE_UNREACHED
+        nearer = x > to_x
+        queue[base + short if nearer else other + long] = near
+        short += new & nearer
+        long += new & (not nearer)
+
+        near = np.int64(cell) + 1
+        new = distances[near] == FREE_UNREACHED
+        nearer = x < to_x
+        queue[base + short if nearer else other + long] = near
+        short += new & nearer
+        long += new & (not nearer)
+
+        near = np.int64(cell) - width
+        new = distances[near] == FREE_UNREACHED
+        nearer = y > to_y
+        queue[base + short if nearer else other + long] = near
+        short += new & nearer
+        long += new & (not nearer)
+
+        near = np.int64(cell) + width
+        new = distances[near] == FREE_UNREACHED
+        nearer = y < to_y
+        queue[base + short if nearer else other + long] = near
+        short += new & nearer
+        long += new & (not nearer)
+    wave[SHORT], wave[LONG], wave[LENGTH] = short, long, length
+    wave[SWAPPED] = 1 if base > 0 else 0
 
 
 @kernel

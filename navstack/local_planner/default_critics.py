@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from navstack.interfaces import Critic, Rollouts, ScoringContext
 from navstack.local_planner._default_critics_kernels import score_default
+from navstack.local_planner._grid_kernels import WAVE_SIZE, queue_length
 from navstack.local_planner.critics import (
     AlignmentCritic,
     GoalCritic,
@@ -119,6 +120,7 @@ class DefaultCritics:
             plan,
             pose.x,
             pose.y,
+            pose.yaw,
             front.params.forward_point_distance,
             alignment.params.forward_point_distance,
             only_x,
@@ -167,11 +169,10 @@ class DefaultCritics:
             critic.take(context, float(scale), grid)
 
     def _fit_map(self, ny: int, nx: int) -> None:
-        # one place more than cells: see `GridBuffer`
-        size = (ny + 2) * (nx + 2) + 1
-        self._distances = np.empty((3, size), np.int32)
-        self._queues = np.empty((3, size), np.int32)
-        self._waves = np.empty((3, 2), np.int64)
+        size = (ny + 2) * (nx + 2)
+        self._distances = np.empty((3, size + 1), np.int32)
+        self._queues = np.empty((3, queue_length(size)), np.int32)
+        self._waves = np.empty((3, WAVE_SIZE), np.int64)
         self._starts = np.empty((3, 2), np.int64)
         self._rows = np.empty((ny, nx), np.uint8)
         self._bounds = np.empty((2, ny, nx), np.uint8)

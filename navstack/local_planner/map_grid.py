@@ -7,9 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Costmap
+from navstack.core import Costmap, Pose2D
 from navstack.interfaces import Rollouts, ScoringContext
-from navstack.local_planner._grid_kernels import BLOCKED, centre_scores, nose_scores, run_wave, start_wave
+from navstack.local_planner._grid_kernels import (
+    BLOCKED,
+    WAVE_SIZE,
+    centre_scores,
+    nose_scores,
+    queue_length,
+    run_wave,
+    start_wave,
+)
 from navstack.local_planner.cells import RolloutCells
 
 
@@ -96,16 +104,24 @@ class GridBuffer:
         self._queue = np.empty(0, np.int32)
 
     def build(
-        self, costmap: Costmap, plan: NDArray[np.float64], *, last_only: bool, step_back: bool = False
+        self,
+        costmap: Costmap,
+        plan: NDArray[np.float64],
+        near: Pose2D,
+        *,
+        last_only: bool,
+        step_back: bool = False,
     ) -> MapGrid:
-        """The grid of distances to `plan` (n, 3), or to its last cell inside the window."""
+        """The grid of distances to `plan` (n, 3), or to its last cell inside the window.
+
+        `near`: about where it will be looked up, which is where it is computed first.
+        """
         g = costmap.geometry
         size = (g.nx + 2) * (g.ny + 2)
         if len(self._distances) != size + 1:
             self._distances = np.empty(size + 1, np.int32)
-            # one place more: a cell that needs no visit is written behind the last one
-            self._queue = np.empty(size + 1, np.int32)
-        wave = np.empty(2, np.int64)
+            self._queue = np.empty(queue_length(size), np.int32)
+        wave = np.empty(WAVE_SIZE, np.int64)
         start = start_wave(
             costmap.data,
             g.origin_x,
@@ -114,6 +130,8 @@ class GridBuffer:
             plan,
             last_only,
             step_back,
+            near.x,
+            near.y,
             self._distances,
             self._queue,
             wave,
@@ -125,5 +143,7 @@ def shared_path_grid(context: ScoringContext, buffer: GridBuffer) -> MapGrid:
     """The grid of distances to the plan: built by the first critic that asks, used by the others."""
     grid = context.shared.get("path_grid")
     if grid is None:
-        grid = context.shared["path_grid"] = buffer.build(context.costmap, context.plan, last_only=False)
+        grid = context.shared["path_grid"] = buffer.build(
+            context.costmap, context.plan, context.state.pose, last_only=False
+        )
     return grid

@@ -50,7 +50,7 @@ class RolloutPath(GridCritic):
             self._scratch[0],
             self._scratch[1],
         )
-        return self._buffer.build(costmap, context.plan, last_only=False)
+        return self._buffer.build(costmap, context.plan, context.state.pose, last_only=False)
 
 
 class RolloutGoal(GoalCritic):

@@ -195,9 +195,9 @@ def sweep(
 ):
     """One scan (n,) float32 from the sensor's pose in the map (m, rad), `height` (m) above the ground.
 
-    `grid` = [origin x, origin y, origin yaw, resolution]; `discs` .. `polygon_tops` as of `Solids`; `beams` (n, 2) unit vectors in
-    the sensor's frame, evenly turned; `noise` (n or 0,) is added to the ranges (m); where `kept` (n or 0,) is false the beam
-    is lost (NaN). Hits nearer than `range_min` give -inf, beams without a hit up to `range_max` +inf (REP 117).
+    `grid` = [origin x, origin y, origin yaw, resolution]; `discs` .. `polygon_tops` as of `Solids`; `beams` (n, 2) unit
+    vectors in the sensor's frame, evenly turned; `noise` (n or 0,) is added to the ranges (m); where `kept` (n or 0,) is
+    false the beam is lost (NaN). Hits nearer than `range_min` give -inf, beams without a hit up to `range_max` +inf (REP 117).
     """
     n = beams.shape[0]
     ranges = np.empty(n)

@@ -184,9 +184,16 @@ def test_no_outline_costs_more_than_the_bound(
 
 
 @SETTINGS
-@given(costmap=costmaps(), line=plans(), last_only=st.booleans(), seed=st.integers(0, 2**32 - 1), nose=st.booleans())
+@given(
+    costmap=costmaps(),
+    line=plans(),
+    robot=poses,
+    last_only=st.booleans(),
+    seed=st.integers(0, 2**32 - 1),
+    nose=st.booleans(),
+)
 def test_a_wave_that_stops_and_goes_on_gives_the_same_scores(
-    costmap: Costmap, line: np.ndarray[Any, Any], last_only: bool, seed: int, nose: bool
+    costmap: Costmap, line: np.ndarray[Any, Any], robot: Pose2D, last_only: bool, seed: int, nose: bool
 ) -> None:
     """Grids are computed as far as critics look: against the whole grid, with C++'s values, looked up point by point."""
     line = line[np.isfinite(line).all(axis=1)]
@@ -199,7 +206,7 @@ def test_a_wave_that_stops_and_goes_on_gives_the_same_scores(
     points[:, :, 1] += g.origin_y
     rollouts = Rollouts(np.zeros((12, 3)), points, rng.integers(1, 5, 12))
     alive = np.ones(12, np.bool_)
-    grid = GridBuffer().build(costmap, line, last_only=last_only)
+    grid = GridBuffer().build(costmap, line, robot, last_only=last_only)
     cells = RolloutCells().compute(rollouts, g)
     ahead = 0.05 if nose else 0.0
 
@@ -223,6 +230,19 @@ def test_a_wave_that_stops_and_goes_on_gives_the_same_scores(
                 break
         assert lazy[k] == expected
     np.testing.assert_array_equal(lazy, scored())
+
+
+@SETTINGS
+@given(costmap=costmaps(), robot=poses, at=st.tuples(st.floats(0.0, 1.0), st.floats(0.0, 1.0)))
+def test_a_wave_steered_towards_the_robot_has_the_distances_of_one_in_all_directions(
+    costmap: Costmap, robot: Pose2D, at: tuple[float, float]
+) -> None:
+    g = costmap.geometry
+    end = np.array([[g.origin_x + at[0] * g.width_m * 0.999, g.origin_y + at[1] * g.height_m * 0.999, 0.0]])
+    steered = GridBuffer().build(costmap, end, robot, last_only=True)
+    everywhere = GridBuffer().build(costmap, end, robot, last_only=False)
+    assert steered.seeds == everywhere.seeds
+    np.testing.assert_array_equal(steered.values(), everywhere.values())
 
 
 @SETTINGS

@@ -40,7 +40,7 @@ class GoalCritic(GridCritic):
         """Distances to the local goal."""
         # ROS differs: a local goal in an obstacle cell would leave every other cell unreachable, every sample rejected
         # (parity 27); the last free cell of the plan before it takes its place
-        return self._buffer.build(context.costmap, context.plan, last_only=True, step_back=True)
+        return self._buffer.build(context.costmap, context.plan, context.state.pose, last_only=True, step_back=True)
 
     def take(self, context: ScoringContext, scale: float, grid: MapGrid) -> None:
         """Notes where the local goal was moved back."""

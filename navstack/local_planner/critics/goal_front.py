@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
+from navstack.core import Pose2D
 from navstack.core.parameters import ParamModel, param
 from navstack.interfaces import ScoringContext
 from navstack.local_planner.critics._grid_critic import NOSE_CODES, GridCritic
@@ -49,4 +50,5 @@ class GoalFrontCritic(GridCritic):
         bearing = math.atan2(plan[-1, 1] - pose.y, plan[-1, 0] - pose.x)
         plan[-1, 0] += ahead * math.cos(bearing)
         plan[-1, 1] += ahead * math.sin(bearing)
-        return self._buffer.build(context.costmap, plan, last_only=True)
+        nose = Pose2D(pose.x + ahead * math.cos(pose.yaw), pose.y + ahead * math.sin(pose.yaw))
+        return self._buffer.build(context.costmap, plan, nose, last_only=True)
