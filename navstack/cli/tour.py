@@ -153,7 +153,10 @@ def _scenario(
     beside = file.with_name(file.name.removesuffix(".places.yaml") + ".yaml")
     if map_name is None:
         if beside == file or not beside.exists():
-            raise InputError(f"which map are the places of {file.name} in? Give it after the file", argument="MAP.yaml")
+            raise InputError(
+                f"which map are the places of {file.name} in? Give it after the file: navstack tour {places} MAP.yaml",
+                argument="MAP.yaml",
+            )
         map_name = str(beside)
     path, grid = map_of(map_name)
     unknown = [name for name in chosen if name not in read.places]

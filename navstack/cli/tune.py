@@ -225,7 +225,8 @@ def _why(setup: Setup, out: Path, workers: int | None, command: str, json_: bool
     from navstack.tune.request import run_why
 
     if not json_:
-        print_note(f"{len(setup.space)} parameters, each halved and doubled over {len(setup.course().cases)} runs")
+        count, runs = len(setup.space), len(setup.course().cases)
+        print_note(f"{count} parameter{'s' * (count != 1)}, each halved and doubled over {runs} run{'s' * (runs != 1)}")
     with frames_bar(quiet=json_) as hear:
         steps, page = run_why(setup, out, workers=workers, command=command, hear=hear)
     if json_:

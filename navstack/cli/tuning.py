@@ -34,7 +34,9 @@ COUNT: int | None = typer.Option(
 )
 SEEDS: int = typer.Option(1, "--seeds", help="Runs per scenario, each with another seed of the noise.", min=1)
 SEED: int = typer.Option(0, "--seed", help="Of the search; the same seed gives the same trials on one worker.", min=0)
-WORKERS: int | None = typer.Option(None, "--workers", help="Processes; as many as cores if not given.", min=1)
+WORKERS: int | None = typer.Option(
+    None, "--workers", "--processes", metavar="N", help="How many runs at once; all cores unless given.", min=1
+)
 RESUME: bool = typer.Option(False, "--resume", help="Go on with what an earlier call left.")
 ROUGH: bool = typer.Option(False, "--rough", help="BARN worlds with noise, lag and slip.")
 JSON: bool = typer.Option(False, "--json", help="One JSON document on stdout.")

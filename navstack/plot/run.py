@@ -139,7 +139,7 @@ def draw_obstacles(axes: Any, record: Record, *, moving: bool = True) -> list[tu
         for way in _solid_ways(record) if moving else ():
             canvas.draw_line(axes, way, colors.MOVING, width=1.3, zorder=2.9, ls=":")
         entries: list[tuple[Any, str]] = [(still[0], "obstacle, not on the map")] if still else []
-        return entries + ([(movers[0], "what moves, and its way")] if movers else [])
+        return entries + ([(movers[0], "what moves (at the end), its way")] if movers else [])
     handle: Any = None
     for obstacle in record.scenario.get("obstacles") or ():
         try:

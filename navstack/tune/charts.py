@@ -62,6 +62,7 @@ def history(tuning: Tuning, path: Path) -> Path:
                 [t.number for t in whole], best, where="post", color=colors.VERMILLION, lw=1.6, label="best so far"
             )
         axes.set_xlabel("trial")
+        axes.xaxis.get_major_locator().set_params(integer=True)
         axes.set_ylabel(f"{objective.name}{f' ({objective.unit})' if objective.unit else ''} in training")
         axes.legend(loc="best", fontsize=8)
         return canvas.save(figure, path, DPI)

@@ -57,7 +57,8 @@ class Step:
                 low, high = sorted((abs(i.low), abs(i.high)))
                 parts.append(f"{abs(i.value):.2f} {m.unit} {word} [{low:.2f}, {high:.2f}]")
         if not parts:
-            parts.append("runs differ, but no effect is shown")
+            shown = "no effect on success, time or clearance" if score.difference.shown else "no effect"
+            parts.append(f"runs differ, but {shown} is shown")
         return f"{head}: {', '.join(parts)}; score {score.difference.interval.text(3)}"
 
     def as_dict(self) -> dict[str, Any]:

@@ -120,6 +120,6 @@ def test_pictures_show_what_stands_and_what_moves(tmp_path: Path) -> None:
     record = run.recorder.record()
     still, moving = solid_patches(record, float(record.times[-1]))
     assert (len(still), len(moving)) == (1, 3)
-    assert plot_run(record, tmp_path / "run.svg").read_text().count("what moves, and its way") == 1
+    assert plot_run(record, tmp_path / "run.svg").read_text().count("what moves (at the end), its way") == 1
     film = animate_run(record, tmp_path / "run.gif", fps=2.0, speed=4.0, dpi=40.0)
     assert film.stat().st_size > 1000
