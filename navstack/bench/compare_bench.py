@@ -102,7 +102,9 @@ def read_courses(names: Sequence[str], suite: str | None, count: int | None = No
             courses += [_course(spec) for spec in specs]
         else:
             # as `simulate` does: a file, or one of those that come with navstack
-            file = path if exists(path) else suites.shipped().get(name, path)
+            file = path if exists(path) else suites.shipped().get(name)
+            if file is None:
+                raise InputError(_unknown(name, list(suites.shipped())), argument="SCENARIO", value=name)
             courses.append(_course(read_scenario(file.resolve(), name)))
     if count is not None and suite is None:
         raise InputError("--count: say with --suite what it counts the scenarios of", argument="--count")
@@ -112,6 +114,14 @@ def read_courses(names: Sequence[str], suite: str | None, count: int | None = No
         raise InputError("nothing to drive: give scenario files, or --suite NAME", argument="SCENARIO")
     check_names([course.name for course in courses])
     return courses
+
+
+def _unknown(name: str, shipped: list[str]) -> str:
+    import difflib
+
+    close = difflib.get_close_matches(name, shipped, n=1)
+    hint = f'; did you mean "{close[0]}"?' if close else f"; shipped: {', '.join(shipped)}"
+    return f'there is no scenario file and no shipped scenario "{name}"{hint}'
 
 
 def _course(spec: ScenarioSpec) -> Course:

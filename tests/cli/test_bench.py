@@ -328,3 +328,11 @@ def test_wrong_input(navstack, fields: Path, tmp_path: Path, arguments: tuple[st
     assert re.search(match.replace("the problems.tsv", ".*problems.tsv"), message), message
     document = navstack("bench", *words, "--json", code=2)
     assert document["error"]["message"]
+
+
+@pytest.mark.parametrize(("name", "hint"), [("narow_door", 'did you mean "narrow_door"?'), ("zzz", "shipped: ")])
+def test_a_scenario_that_is_none(name: str, hint: str, capfd: pytest.CaptureFixture[str]) -> None:
+    assert run(["bench", "compare", "turtlebot", "turtlebot", name]) == 2
+    err = capfd.readouterr().err
+    assert f'no scenario file and no shipped scenario "{name}"' in err
+    assert hint in err

@@ -165,6 +165,10 @@ def test_why_writes_a_page(tmp_path: Path) -> None:
     steps, page = run_why(setup, tmp_path / "out", workers=1)
     assert steps[0].word == "halved"
     assert "longer" in steps[0].sentence
+    # words and picture agree: where an interval of the score excludes nothing, no step is said to be without effect
+    for step in steps:
+        shown = step.comparison.measure("score").difference.shown
+        assert not (shown and "but no effect is shown" in step.sentence)
     assert steps[0].sentence.split(":")[0] in page.read_text().replace("&gt;", ">")
     assert (tmp_path / "out" / "why.png").is_file()
 
