@@ -274,12 +274,17 @@ class _Meter:
         self._robot = robot
         self._rows = array("d")
         self._states: list[str] = []
+        self._last = robot.pose
+        self.length = 0.0
+        """From each cycle's pose to the next, m: what slip makes the body jitter between them is no way."""
 
     def note(self, state: str) -> float:
         """The cycle that has just been; its clearance (m)."""
         robot = self._robot
-        clearance = robot.clearance
-        self._rows.extend((robot.time, *robot.pose, clearance))
+        clearance, pose = robot.clearance, robot.pose
+        self.length += pose.distance_to(self._last)
+        self._last = pose
+        self._rows.extend((robot.time, *pose, clearance))
         self._states.append(state)
         return clearance
 
@@ -442,7 +447,7 @@ class Run:
             return False
         self.goal_index += 1
         goal = self.scenario.goals[self.goal_index]
-        self._begun, self._driven = self.robot.time, self.robot.distance_travelled
+        self._begun, self._driven = self.robot.time, self._meter.length
         self._handle = self.move_base.send_goal(goal)
         if self.recorder is not None:
             self.recorder.goal(self._begun, goal)
@@ -458,7 +463,7 @@ class Run:
             error_name=result.error_name,
             message=result.message,
             time_s=robot.time - self._begun,
-            path_length_m=robot.distance_travelled - self._driven,
+            path_length_m=self._meter.length - self._driven,
             distance_left_m=robot.pose.distance_to(goal),
             yaw_left_rad=abs(angle_between(robot.pose.yaw, goal.yaw)),
             recoveries=result.recoveries,

@@ -35,7 +35,7 @@ class RunMetrics:
     time_s: float
     """From the start to the end of the last goal."""
     length_m: float
-    """Length of the way driven, over all goals."""
+    """Length of the way driven, over all goals: from each cycle's position to the next."""
     clearance_min_m: float
     """Least distance between the true footprint and an obstacle, at the control cycles; 0 after a contact, inf without
     obstacles, nan where nobody knew."""

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from navstack.cli.app import run
@@ -139,6 +140,15 @@ def test_a_scenario_and_its_spec_go_to_other_processes(short: Path) -> None:
     assert there.build().described() == spec.build().described()
     scenario = pickle.loads(pickle.dumps(spec.build()))
     assert scenario.described() == spec.build().described()
+
+
+def test_the_length_is_that_of_the_record_s_columns_whatever_the_slip(short: Path) -> None:
+    result = run_scenario(load_scenario(short, overrides=["navstack/sim/wheel_slip=0.2"]))
+    assert result.recorder is not None
+    samples = result.recorder.record().samples
+    way = np.hypot(np.diff(samples["x"]), np.diff(samples["y"])).sum()
+    assert result.metrics.length_m == pytest.approx(way, rel=1e-9)
+    assert sum(goal.path_length_m for goal in result.goals) == pytest.approx(way, rel=1e-9)
 
 
 def test_the_record_holds_all_of_it_and_its_metrics(short: Path, tmp_path: Path) -> None:
