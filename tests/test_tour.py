@@ -63,7 +63,7 @@ def test_start_and_goals_by_name(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "where", "what"),
     [
-        ("places: {a: [1, x]}", "1:17", 'y of "a" is a finite number'),
+        ("places: {a: [1, x]}", "1:17", 'y of "a" must be a finite number'),
         ("places:\n  a: [1]\n", "2:6", "has 1 number"),
         ("places:\n  a: {x: 1, yaw: 2}\n", "2:6", "has no y"),
         ("places:\n  a: {x: 1, y: .inf}\n", "2:16", "finite"),
@@ -75,7 +75,7 @@ def test_start_and_goals_by_name(tmp_path: Path) -> None:
         ("a: {x: 1, y: 1, orientation: {z: 1}}\n", "1:30", "has no w"),
         ("places: {a: [1, 2]}\nstart: b\n", "2:8", '"b" is no place'),
         ("places: {a: [1, 2]}\ngoals: [a, c]\n", "2:12", '"c" is no place'),
-        ("places: {a: [1, 2]}\ngoals: []\n", "2:8", "goals is a list"),
+        ("places: {a: [1, 2]}\ngoals: []\n", "2:8", "goals must be a list"),
         ("places: {a: [1, 2]}\ngaols: [a]\n", "2:1", '"gaols"'),
         ("places: {a: [1, 2]}\nlocations: {a: [1, 2]}\n", "2:1", "both"),
         ("places: {}\n", "1:9", "no places"),
