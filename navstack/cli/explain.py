@@ -107,9 +107,9 @@ def passages(
 ) -> None:
     """Which doors and corridors a robot passes, which only at high cost, which not at all."""
     from navstack.cli.arguments import map_of
-    from navstack.cli.output import as_json_text, print_json, print_note
+    from navstack.cli.output import print_json, print_note
     from navstack.configuration import load_configuration
-    from navstack.core.files import ensure_directory, write_text
+    from navstack.core.files import ensure_directory, write_json
     from navstack.explain import find_passages
 
     name = _which(costmap)
@@ -126,7 +126,7 @@ def passages(
         picture, text = folder / "passages.png", folder / "passages.json"
         _draw_passages(report, picture, path.stem)
         document["files"] = {"picture": str(picture), "passages": str(text)}
-        write_text(text, as_json_text(document))
+        write_json(text, document)
     if report.unknown_border > MOSTLY and not unknown:
         print_note(
             f"{100.0 * report.unknown_border:.0f} % of what borders on free space in {path.name} is unknown, not occupied: "
@@ -217,9 +217,9 @@ def inflation(
 ) -> None:
     """Cost against distance to the nearest obstacle, for both costmaps of a parameter set."""
     from navstack.cli.arguments import map_of
-    from navstack.cli.output import as_json_text, print_json
+    from navstack.cli.output import print_json
     from navstack.configuration import load_configuration
-    from navstack.core.files import ensure_directory, write_text
+    from navstack.core.files import ensure_directory, write_json
     from navstack.explain import inflation_curves
 
     resolution = map_of(map_)[1].geometry.resolution if map_ is not None else None
@@ -231,7 +231,7 @@ def inflation(
         picture, text = folder / "inflation.png", folder / "inflation.json"
         _draw_inflation(curves, picture, [Path(p).name for p in params])
         document["files"] = {"picture": str(picture), "curves": str(text)}
-        write_text(text, as_json_text(document))
+        write_json(text, document)
     if json_:
         print_json(document)
         return

@@ -62,13 +62,6 @@ def print_json(document: Mapping[str, Any]) -> None:
     sys.stdout.write("\n")
 
 
-def as_json_text(document: Mapping[str, Any]) -> str:
-    """The same document for a file, indented."""
-    from navstack.core.errors import jsonable
-
-    return json.dumps(jsonable(dict(document)), indent=2, allow_nan=False) + "\n"
-
-
 @contextmanager
 def loading_kernels(*, quiet: bool = False) -> Generator[None]:
     """Says on stderr what keeps the user waiting: the kernels are loaded or, the first time, compiled.
@@ -91,10 +84,10 @@ def loading_kernels(*, quiet: bool = False) -> Generator[None]:
 
 
 @contextmanager
-def frames_bar(*, quiet: bool) -> Generator[Callable[[int, int], None]]:
-    """A progress bar on stderr for something that says how much of it is done: `progress(done, total)`."""
+def counting_bar(what: str, *, quiet: bool) -> Generator[Callable[[int, int], None]]:
+    """A progress bar on stderr, headed `what`, for something that says how much of it is done: `progress(done, total)`."""
     from rich.progress import Progress
 
     with Progress(console=stderr(), transient=True, disable=quiet or not stderr().is_terminal) as bar:
-        task = bar.add_task("drawing", total=None)
+        task = bar.add_task(what, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)

@@ -81,8 +81,8 @@ class _Query(NamedTuple):
 
 def _plan(query: _Query, choice: PluginChoice[GlobalPlanner] | None, folder: Path | None, json_: bool) -> None:
     """One planner."""
-    from navstack.cli.output import as_json_text, loading_kernels, print_json, print_note, stdout
-    from navstack.core.files import write_text
+    from navstack.cli.output import loading_kernels, print_json, print_note, stdout
+    from navstack.core.files import write_json
     from navstack.navigator import plan_on_map
 
     with loading_kernels(quiet=json_):
@@ -92,7 +92,7 @@ def _plan(query: _Query, choice: PluginChoice[GlobalPlanner] | None, folder: Pat
     document = _document(found, _planning_ms(query, found, choice or query.configuration.global_planner))
     if folder is not None:
         document["files"] = _draw(query, [found], folder)
-        write_text(folder / "plan.json", as_json_text(document))
+        write_json(folder / "plan.json", document)
     if json_:
         print_json(document)
         return
@@ -109,7 +109,7 @@ def _compare(query: _Query, choices: list[PluginChoice[GlobalPlanner]], folder: 
 
     from navstack.cli.output import loading_kernels, print_note, stdout
     from navstack.core.errors import PlanningError, jsonable
-    from navstack.core.files import write_text
+    from navstack.core.files import write_json
     from navstack.navigator import plan_on_map
 
     found: list[PlannedPath] = []
@@ -133,7 +133,7 @@ def _compare(query: _Query, choices: list[PluginChoice[GlobalPlanner]], folder: 
     files: dict[str, str] = {}
     if folder is not None:
         files = _draw(query, found, folder)
-        write_text(folder / "plan.json", json.dumps(jsonable(documents), indent=2, allow_nan=False) + "\n")
+        write_json(folder / "plan.json", documents)
     if json_:
         typer.echo(json.dumps(jsonable(documents), allow_nan=False))
         return

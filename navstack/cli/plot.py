@@ -20,7 +20,7 @@ def plot(
     json_: bool = typer.Option(False, "--json", help="One JSON document on stdout."),
 ) -> None:
     """Map, costmaps, planned and driven path, footprints and goals of a recorded run."""
-    from navstack.cli.output import frames_bar, print_json, stdout
+    from navstack.cli.output import counting_bar, print_json, stdout
     from navstack.plot import animate_run, plot_run
     from navstack.record import Record
 
@@ -31,7 +31,7 @@ def plot(
     files = {"picture": str(picture)}
     if animate or animation is not None:
         movie = animation or picture.with_suffix(".gif")
-        with frames_bar(quiet=json_) as progress:
+        with counting_bar("drawing", quiet=json_) as progress:
             animate_run(record, movie, speed=speed, progress=progress)
         files["animation"] = str(movie)
     if json_:

@@ -66,8 +66,8 @@ def simulate(
     Exit code 0: the run met its success conditions (unless the scenario says otherwise, every goal SUCCEEDED and nothing was
     touched).
     """
-    from navstack.cli.output import as_json_text, print_json
-    from navstack.core.files import ensure_directory, write_text
+    from navstack.cli.output import print_json
+    from navstack.core.files import ensure_directory, write_json
     from navstack.plot import plot_run
 
     scenario = _scenario(map_, start, goal, params, set_, distro, allow_missing, seed, obstacle, time_limit)
@@ -79,7 +79,7 @@ def simulate(
     plot_run(result.recorder.record(), picture)
     files |= {"picture": str(picture), "summary": str(folder / "summary.json")}
     document = {**result.as_dict(), "files": files}
-    write_text(folder / "summary.json", as_json_text(document))
+    write_json(folder / "summary.json", document)
     if json_:
         print_json(document)
     else:

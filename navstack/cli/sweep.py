@@ -37,29 +37,17 @@ def sweep(
     ),
     json_: bool = options.JSON,
 ) -> int:
-    """Drive a grid or a sample of parameter values over scenarios: a line of JSON per run."""
-    from navstack.cli.output import as_json_text, print_json, print_note
-    from navstack.core.files import ensure_directory, write_text
+    """Drive a grid or a sample of parameter values over scenarios: a line of JSON per run.
+
+    Exit code 1: some of the runs gave no result.
+    """
+    from navstack.cli.output import print_json, print_note
+    from navstack.core.files import ensure_directory, write_json
     from navstack.tune.sampling import candidates
-    from navstack.tune.setup import Asked, prepare
     from navstack.tune.sweep import Sweep, run_sweep, summary_of
 
-    setup = prepare(
-        Asked(
-            tuple(params),
-            suite,
-            space,
-            tuple(param),
-            tuple(keep),
-            tuple(set_),
-            distro,
-            allow_missing,
-            tuple(scenario),
-            count,
-            seeds,
-            seed,
-            rough,
-        )
+    setup = options.prepared(
+        params, suite, space, param, keep, set_, distro, allow_missing, scenario, count, seeds, seed, rough
     )
     chosen = candidates(setup.space, method, samples=samples, points=points, seed=seed)
     course = setup.course()
@@ -77,12 +65,15 @@ def sweep(
     )
     files = {"runs": str(folder / "runs.jsonl"), "summary": str(folder / "summary.json")}
     document = {**summary_of(runs, len(course.cases)), "files": files}
-    write_text(folder / "summary.json", as_json_text(document))
+    write_json(folder / "summary.json", document)
     if json_:
         print_json(document)
     else:
         _print(document)
-    return 0
+    failed = [run.result for run in runs if run.result.error is not None]
+    for result in failed:
+        print_note(f"{result.key} gave no result: {(result.error or {}).get('message', 'no reason given')}")
+    return 1 if failed else 0
 
 
 def _print(document: dict[str, Any]) -> None:

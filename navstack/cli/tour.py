@@ -58,8 +58,8 @@ def tour(
     json_: bool = typer.Option(False, "--json", help="One JSON document on stdout."),
 ) -> int:
     """Drive a simulated robot to named places in turn; Ctrl-C stops the robot and keeps the log."""
-    from navstack.cli.output import as_json_text, loading_kernels, print_json, stderr
-    from navstack.core.files import ensure_directory, write_text
+    from navstack.cli.output import loading_kernels, print_json, stderr
+    from navstack.core.files import ensure_directory, write_json
     from navstack.plot import plot_run
     from navstack.scenario import warm_up
     from navstack.tour import drive_tour
@@ -93,7 +93,7 @@ def tour(
     plot_run(recorder.record(), folder / "run.png")
     files |= {"picture": str(folder / "run.png"), "summary": str(folder / "summary.json")}
     document = {**result.as_dict(), "files": files}
-    write_text(folder / "summary.json", as_json_text(document))
+    write_json(folder / "summary.json", document)
     if json_:
         print_json(document)
     else:

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from navstack.tune.setup import Setup
     from navstack.tune.study import Trial
 
-LINES_APART_S = 60.0
-
 
 def tune(
     params: list[str] = options.PARAMS,
@@ -76,26 +74,11 @@ def tune(
     """Search for better parameters and prove them on scenarios that the search has not seen."""
     from navstack.cli.output import print_json, print_note
     from navstack.tune.extras import need
-    from navstack.tune.setup import Asked, prepare
 
     need("optuna", "tuning")
     need("ruamel.yaml", "writing tuned parameters")
-    setup = prepare(
-        Asked(
-            tuple(params),
-            suite,
-            space,
-            tuple(param),
-            tuple(keep),
-            tuple(set_),
-            distro,
-            allow_missing,
-            tuple(scenario),
-            count,
-            seeds,
-            seed,
-            rough,
-        )
+    setup = options.prepared(
+        params, suite, space, param, keep, set_, distro, allow_missing, scenario, count, seeds, seed, rough
     )
     command = shlex.join(["navstack", *sys.argv[1:]])
     if why:
@@ -105,17 +88,17 @@ def tune(
     request = TuneRequest(
         setup,
         out,
-        trials,
-        tuple(objective),
-        min_success,
-        sampler,
-        held_out,
-        against,
-        storage,
-        resume,
-        set_back,
-        workers,
-        command,
+        trials=trials,
+        objectives=tuple(objective),
+        min_success=min_success,
+        sampler=sampler,
+        held_out=held_out,
+        against=against,
+        storage=storage,
+        resume=resume,
+        set_back=set_back,
+        workers=workers,
+        command=command,
     )
     if not json_:
         _announce(setup)
@@ -142,37 +125,20 @@ def _announce(setup: Setup) -> None:
 
 @contextmanager
 def _progress(trials: int, *, quiet: bool) -> Generator[Callable[[Trial, int], None]]:
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-
     from navstack.cli.output import print_note, stderr
+    from navstack.jobs.progress import LINES_APART_S, time_left_bar
 
-    columns = (
-        TextColumn("trials"),
-        MofNCompleteColumn(),
-        BarColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-        TextColumn("{task.fields[best]}"),
-    )
-    with Progress(*columns, console=stderr(), transient=True, disable=quiet or not stderr().is_terminal) as shown:
-        task = shown.add_task("", total=trials, best="")
+    on_terminal = stderr().is_terminal
+    with time_left_bar(trials, what="trials", shown=on_terminal and not quiet) as move:
         full = 0
         said = time.monotonic()
 
         def hear(trial: Trial, ended: int) -> None:
             nonlocal full, said
             full += trial.complete
-            shown.update(task, completed=ended, best=f"last {trial.values[0]:.3f}, {full} driven in full")
+            move(ended, f"last {trial.values[0]:.3f}, {full} driven in full")
             # no terminal: a line now and then
-            if not quiet and not stderr().is_terminal and time.monotonic() - said >= LINES_APART_S:
+            if not quiet and not on_terminal and time.monotonic() - said >= LINES_APART_S:
                 said = time.monotonic()
                 print_note(f"{ended} of {trials} trials, {full} driven in full")
 
@@ -221,13 +187,13 @@ def _print(done: Done) -> None:
 
 
 def _why(setup: Setup, out: Path, workers: int | None, command: str, json_: bool) -> int:
-    from navstack.cli.output import frames_bar, print_json, print_note, stdout
+    from navstack.cli.output import counting_bar, print_json, print_note, stdout
     from navstack.tune.request import run_why
 
     if not json_:
         count, runs = len(setup.space), len(setup.course().cases)
         print_note(f"{count} parameter{'s' * (count != 1)}, each halved and doubled over {runs} run{'s' * (runs != 1)}")
-    with frames_bar(quiet=json_) as hear:
+    with counting_bar("driving", quiet=json_) as hear:
         steps, page = run_why(setup, out, workers=workers, command=command, hear=hear)
     if json_:
         print_json({"steps": [s.as_dict() for s in steps], "files": {"report": str(page)}})

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
-from navstack.core.errors import OutputError
+from navstack.core.errors import OutputError, jsonable
 
 
 def is_file(path: Path) -> bool:
@@ -61,6 +63,11 @@ def written_whole(path: Path) -> Generator[Path]:
         raise OutputError(f"cannot write {path}: {exc.strerror or exc}", path=str(path)) from exc
     finally:
         beside.unlink(missing_ok=True)
+
+
+def write_json(path: Path, document: Any) -> None:
+    """Writes a document as indented JSON, whole or not at all; what is not finite becomes null."""
+    write_text(path, json.dumps(jsonable(document), indent=2, allow_nan=False) + "\n")
 
 
 def write_text(path: Path, text: str) -> None:

@@ -6,10 +6,12 @@ import sys
 import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
+from typing import Final
 
 from navstack.jobs.job import JobResult
 
-_LINES_APART_S = 60.0
+LINES_APART_S: Final = 60.0
+"""Where there is no terminal, a line says this often (s) how far it is."""
 
 
 @contextmanager
@@ -18,14 +20,28 @@ def progress_of(total: int, done: int, *, quiet: bool) -> Generator[Callable[[Jo
     if quiet:
         yield lambda result: None
     elif sys.stderr.isatty():
-        with _bar(total, done) as told:
+        with time_left_bar(total, done) as move:
+            failed = 0
+
+            def told(result: JobResult) -> None:
+                nonlocal done, failed
+                done += 1
+                failed += result.failed
+                move(done, f"{failed} failed" if failed else "")
+
             yield told
     else:
         yield _lines(total, done)
 
 
 @contextmanager
-def _bar(total: int, done: int) -> Generator[Callable[[JobResult], None]]:
+def time_left_bar(
+    total: int, done: int = 0, *, what: str = "", shown: bool = True
+) -> Generator[Callable[[int, str], None]]:
+    """A bar on stderr with the time taken and left, headed `what`; nothing where it is not `shown`.
+
+    Gives what is to be called with how many of `total` are done by now and a remark to stand behind the bar.
+    """
     from rich.console import Console
     from rich.progress import (
         BarColumn,
@@ -37,23 +53,20 @@ def _bar(total: int, done: int) -> Generator[Callable[[JobResult], None]]:
     )
 
     columns = (
+        *((TextColumn(what),) if what else ()),
         MofNCompleteColumn(),
         BarColumn(),
         TimeElapsedColumn(),
         TextColumn("left"),
         TimeRemainingColumn(elapsed_when_finished=False),
-        TextColumn("{task.fields[failed]}"),
+        TextColumn("{task.fields[remark]}"),
     )
-    with Progress(*columns, console=Console(stderr=True), transient=True, speed_estimate_period=600.0) as bar:
-        task = bar.add_task("", total=total, completed=done, failed="")
-        failed = 0
-
-        def told(result: JobResult) -> None:
-            nonlocal failed
-            failed += result.failed
-            bar.update(task, advance=1, failed=f"{failed} failed" if failed else "")
-
-        yield told
+    bar = Progress(
+        *columns, console=Console(stderr=True), transient=True, speed_estimate_period=600.0, disable=not shown
+    )
+    with bar:
+        task = bar.add_task("", total=total, completed=done, remark="")
+        yield lambda now_done, remark: bar.update(task, completed=now_done, remark=remark)
 
 
 def _lines(total: int, done: int) -> Callable[[JobResult], None]:
@@ -64,7 +77,7 @@ def _lines(total: int, done: int) -> Callable[[JobResult], None]:
         nonlocal said, now_done
         now_done += 1
         now = time.monotonic()
-        if now - said >= _LINES_APART_S:
+        if now - said >= LINES_APART_S:
             said = now
             left = (now - began) / (now_done - done) * (total - now_done)
             print(f"{now_done} of {total} done, {left / 60.0:.1f} min left", file=sys.stderr, flush=True)

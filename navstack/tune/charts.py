@@ -9,7 +9,7 @@ from typing import Any
 
 from navstack.plot import canvas, colors
 from navstack.tune.comparison import Comparison
-from navstack.tune.objectives import OBJECTIVES, success_rate
+from navstack.tune.objectives import NOTHING, OBJECTIVES, success_rate
 from navstack.tune.sensitivity import Step
 from navstack.tune.session import Tuning
 
@@ -33,10 +33,16 @@ def history(tuning: Tuning, path: Path) -> Path:
     objective = tuning.problem.objectives[0]
     with canvas.style():
         figure, axes = _figure(8.0, 3.8, title="Trials")
-        whole = [t for t in tuning.trials if t.complete]
-        cut = [t for t in tuning.trials if not t.complete]
+        # one in which nothing succeeded would squeeze everything else into a line
+        told = [t for t in tuning.trials if t.values[0] < NOTHING]
+        left_out = len(tuning.trials) - len(told)
+        whole = [t for t in told if t.complete]
+        cut = [t for t in told if not t.complete]
         before = objective.of(list(tuning.training.before))
-        axes.axhline(before, color=colors.INK, lw=1.2, ls=(0, (4, 2)), label="parameters as they were")
+        if before < NOTHING:
+            axes.axhline(before, color=colors.INK, lw=1.2, ls=(0, (4, 2)), label="parameters as they were")
+        else:
+            axes.plot([], [], color=colors.INK, lw=1.2, ls=(0, (4, 2)), label="parameters as they were: no success")
         if cut:
             axes.plot(
                 [t.number for t in cut],
@@ -61,7 +67,7 @@ def history(tuning: Tuning, path: Path) -> Path:
             axes.step(
                 [t.number for t in whole], best, where="post", color=colors.VERMILLION, lw=1.6, label="best so far"
             )
-        axes.set_xlabel("trial")
+        axes.set_xlabel("trial" + (f" ({left_out} without a single success left out)" if left_out else ""))
         axes.xaxis.get_major_locator().set_params(integer=True)
         axes.set_ylabel(f"{objective.name}{f' ({objective.unit})' if objective.unit else ''} in training")
         axes.legend(loc="best", fontsize=8)
@@ -143,7 +149,7 @@ def slices(tuning: Tuning, path: Path, names: Sequence[str]) -> Path:
             d = dimensions[name]
             axes = figure.add_subplot(rows, columns, i + 1)
             for complete, color, marker in ((False, colors.FAINT, "x"), (True, colors.BLUE, "o")):
-                some = [t for t in tuning.trials if t.complete is complete]
+                some = [t for t in tuning.trials if t.complete is complete and t.values[0] < NOTHING]
                 axes.plot([_x(t.candidate[name]) for t in some], [t.values[0] for t in some], marker, color=color, ms=4)
             if d.log and d.kind != "choice":
                 axes.set_xscale("log")
@@ -252,7 +258,7 @@ def sensitivities(steps: Sequence[Step], path: Path) -> Path:
             if math.isfinite(i.low):
                 axes.plot([i.low, i.high], [y, y], color=color, lw=2.0)
             axes.plot([i.value], [y], "o", color=color, ms=5)
-        axes.set_yticks(range(len(shown)), [f"{s.dimension.name} {s.word}" for s in shown], fontsize=7)
+        axes.set_yticks(range(len(shown)), [f"{s.dimension.name} {s.what}" for s in shown], fontsize=7)
         axes.set_ylim(len(shown) - 0.4, -0.6)
         for color, name in (
             (colors.BLUE, "better"),

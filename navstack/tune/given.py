@@ -1,16 +1,15 @@
 """A search space as users write it: `--param NAME=LOW:HIGH[:log]`, or a YAML file.
 
 DWAPlannerROS:
-sim_time: [0.5, 4.0]                        # from, to
-occdist_scale: {low: 0.001, high: 1, log: true}
-use_dwa: {choices: [true, false]}
-vx_samples:                                 # the model's own range
+  sim_time: [0.5, 4.0]                  # from, to
+  occdist_scale: {low: 0.001, high: 1, log: true}
+  use_dwa: {choices: [true, false]}
+  vx_samples:                           # the model's own range
 "*_costmap/inflation_layer/inflation_radius": [0.25, 1.0]   # all of them together
 """
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -20,6 +19,7 @@ from typing import Any
 from navstack.configuration import Configuration
 from navstack.core.errors import InputError
 from navstack.core.files import exists
+from navstack.params.accounts import nearest
 from navstack.params.findings import Location
 from navstack.params.yaml_reader import DictNode, ListNode, Node, ScalarNode, plain, read_yaml, scalar
 from navstack.tune.ready_made import SPACES
@@ -48,7 +48,7 @@ def search_space(
 ) -> SearchSpace:
     """The space that `space` names or holds, with `params` added or replaced and `keep` left as they are.
 
-    `space`: one of `ready_made.SPACES`, or a YAML file; `auto` unless given when there are no `params`. Raises InputError.
+    `space`: one of `ready_made.SPACES`, or a YAML file; `auto` when neither it nor `params` are given. Raises InputError.
     """
     known = Known(configuration)
     found: dict[str, Dimension] = {}
@@ -67,14 +67,27 @@ def search_space(
         found[dimension.name] = dimension
     for pattern in keep:
         for parameter in known.find(pattern, f'--keep "{pattern}"'):
-            for name in [n for n in found if n == parameter.name]:
-                del found[name]
+            left = [_without(d, parameter.name) for d in found.values()]
+            found = {d.name: d for d in left if d is not None}
     if not found:
         raise InputError(
             "there is nothing to search: no ready-made ranges for the planners in use; give some by --param " + _SHAPE
         )
     _once(list(found.values()))
     return SearchSpace(tuple(found.values()))
+
+
+def _without(dimension: Dimension, kept: str) -> Dimension | None:
+    """What is left of a dimension when one of its parameters is left alone; None: nothing.
+
+    Parameters of one name (both costmaps' inflation radius) go on without it; what only follows another one (`max_vel_trans`
+    the speed ahead) stays with the one it follows.
+    """
+    if kept != dimension.name:
+        return replace(dimension, ties=tuple(tie for tie in dimension.ties if tie[0] != kept))
+    last = kept.rpartition("/")[2]
+    others = [tie for tie in dimension.ties if tie[0].rpartition("/")[2] == last]
+    return replace(dimension, name=others[0][0], ties=tuple(others[1:])) if others else None
 
 
 def _with_ties(dimension: Dimension, old: Dimension) -> Dimension:
@@ -101,8 +114,8 @@ def _named(configuration: Configuration, known: Known, space: str) -> Iterator[D
         return
     path = Path(space)
     if not exists(path):
-        close = difflib.get_close_matches(space, SPACES, n=1)
-        hint = f'; did you mean "{close[0]}"?' if close else ""
+        close = nearest(space, SPACES)
+        hint = f'; did you mean "{close}"?' if close else ""
         raise InputError(
             f'--space "{space}": there is no such file, and the ready-made ones are {", ".join(SPACES)}{hint}',
             space=space,

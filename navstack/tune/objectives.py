@@ -14,6 +14,8 @@ Outcomes = Sequence[Mapping[str, Any]]
 
 FAILED_TIMES: Final = 3.0
 """A run that failed counts in the mean time as so many times the slowest that succeeded."""
+NOTHING: Final = 1e7
+"""Mean time (s) and jerk (m/s³) where no run succeeded: worse than whatever did."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,10 +53,10 @@ def _successes(outcomes: Outcomes, key: str) -> list[float]:
 
 
 def mean_time(outcomes: Outcomes) -> float:
-    """Mean time; a failure counts three times the slowest success. 1000 s where nothing succeeded."""
+    """Mean time (s); a failure counts three times the slowest success. `NOTHING` where no run succeeded."""
     times = _successes(outcomes, "time_s")
     if not times:
-        return 1000.0
+        return NOTHING
     failed = len(outcomes) - len(times)
     return (math.fsum(times) + failed * FAILED_TIMES * max(times)) / len(outcomes)
 
@@ -65,7 +67,7 @@ def _mean_clearance(outcomes: Outcomes) -> float:
 
 def _mean_jerk(outcomes: Outcomes) -> float:
     values = _successes(outcomes, "jerk")
-    return math.fsum(values) / len(values) if values else 1000.0
+    return math.fsum(values) / len(values) if values else NOTHING
 
 
 OBJECTIVES: Final[Mapping[str, Objective]] = {

@@ -266,7 +266,7 @@ def _why_document(steps: Sequence[Step], about: Circumstances, picture: Path) ->
         for name, digits in (("score", 3), ("success", 2), ("time", 1)):
             m = next((m for m in step.comparison.measures if m.name == name), None)
             cells.append(f"<td class=n>{_e(m.difference.interval.text(digits)) if m else '-'}</td>")
-        yield f"<tr><td>{_e(step.dimension.name)}</td><td>{_e(step.word)} to {_e(value_of(step.value))}</td>{''.join(cells)}</tr>"
+        yield f"<tr><td>{_e(step.dimension.name)}</td><td>{_e(step.what)}</td>{''.join(cells)}</tr>"
     yield f"</table><p class=dim>{_e(OBJECTIVES['score'].meaning)}.</p></body></html>"
 
 

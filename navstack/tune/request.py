@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from navstack.core.errors import OutputError
-from navstack.core.files import ensure_directory, write_text
+from navstack.core.files import ensure_directory, write_json
 from navstack.jobs import Executor, ProcessExecutor, SerialExecutor
 from navstack.params.sources import short_name
 from navstack.tune import report
@@ -136,7 +136,7 @@ def run_tuning(
     mended = report.draw_mended(tuning, work, judge, folder) if tuning.found else []
     page = report.write_report(folder, tuning, _about(request, tuning), made, mended)
     done = Done(tuning, made, params, page, folder)
-    _write_summary(folder / "tune.json", done.as_dict())
+    write_json(folder / "tune.json", done.as_dict())
     return done
 
 
@@ -159,7 +159,7 @@ def run_why(
     how = f"{len(steps)} changes, each over the same {len(course.cases)} runs of {setup.place.name}, one parameter at a time."
     about = report.Circumstances(f"What matters in {_names(setup)}", _names(setup), command, how)
     page = report.write_why(folder, steps, about)
-    _write_summary(folder / "why.json", {"steps": [s.as_dict() for s in steps], "files": {"report": str(page)}})
+    write_json(folder / "why.json", {"steps": [s.as_dict() for s in steps], "files": {"report": str(page)}})
     return steps, page
 
 
@@ -183,11 +183,3 @@ def _about(request: TuneRequest, tuning: Tuning) -> report.Circumstances:
     return report.Circumstances(
         f"Tuning of {_names(setup)}", _names(setup), request.command, how, short_name(request.against or "")
     )
-
-
-def _write_summary(path: Path, document: dict[str, Any]) -> None:
-    import json
-
-    from navstack.core.errors import jsonable
-
-    write_text(path, json.dumps(jsonable(document), indent=2, allow_nan=False) + "\n")

@@ -11,7 +11,7 @@ from navstack.tune.comparison import Comparison, compare
 from navstack.tune.courses import Case
 from navstack.tune.space import Dimension, SearchSpace, Value, value_of
 from navstack.tune.study import Outcome
-from navstack.tune.work import run_job
+from navstack.tune.work import outcome_of, run_job
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,13 +21,18 @@ class Step:
     dimension: Dimension
     value: Value
     word: str
-    """halved, doubled, or what was done where that is not possible."""
+    """halved, doubled, or what was done where that is not possible: raised, raised more, set."""
     comparison: Comparison
 
     @property
     def effect(self) -> float:
         """The difference in the score."""
         return self.comparison.measure("score").difference.interval.value
+
+    @property
+    def what(self) -> str:
+        """`doubled to 2.0`."""
+        return f"{self.word} to {value_of(self.value)}"
 
     @property
     def sentence(self) -> str:
@@ -79,9 +84,13 @@ def _same(a: Mapping[str, Any], b: Mapping[str, Any]) -> bool:
 
 
 def steps_of(d: Dimension) -> list[tuple[str, Value]]:
-    """What is tried of a dimension: (word, value). Half and twice the present value, as far as the model allows."""
+    """What is tried of a dimension: (word, value).
+
+    Half and twice the present value, whatever the range; of one that is 0 or unknown, a quarter of the range and its upper
+    end; of a choice, all the others.
+    """
     if d.kind == "choice":
-        return [("set to", v) for v in d.choices if v != d.present]
+        return [("set", v) for v in d.choices if v != d.present]
     present = float(d.present) if d.present is not None and not isinstance(d.present, str) else 0.0
     if present == 0.0:
         return [("raised", d.at(0.25)), ("raised more", d.at(1.0))]
@@ -104,8 +113,9 @@ def sensitivity(
 ) -> list[Step]:
     """Every dimension of the space, changed alone, over every case; the greatest effect on the score first.
 
-    Halving and doubling leave the search's ranges where they must, and never what the model allows: a value that it refuses
-    is a step whose runs were all refused.
+    Halving and doubling may leave the search's ranges, and what the model allows: a value that it refuses is a step whose
+    runs were all refused. `hear` is called with the runs that are done and how many there are. Raises InternalError for a
+    run that could not be driven.
     """
     plan: list[tuple[Dimension, str, Value]] = [(d, word, value) for d in space for word, value in steps_of(d)]
     inputs: dict[str, tuple[int, Case]] = {}
@@ -113,7 +123,7 @@ def sensitivity(
 
     def add(number: int, overrides: tuple[str, ...]) -> None:
         for case in cases:
-            job = run_job(f"step {number}", overrides, case)
+            job = run_job("present" if number < 0 else f"step {number}", overrides, case)
             inputs[job.key] = (number, case)
             jobs.append(job)
 
@@ -126,18 +136,7 @@ def sensitivity(
     for done in range(1, len(jobs) + 1):
         result = executor.collect()
         number, case = inputs[result.key]
-        failed = {
-            "success": False,
-            "outcome": "error",
-            "score": 0.0,
-            "time_s": 0.0,
-            "length_m": 0.0,
-            "clearance_m": 0.0,
-        }
-        told = (
-            result.value if result.error is None else {**failed, "jerk": 0.0, "text": result.error.get("message", "")}
-        )
-        found.setdefault(number, {})[case.key] = told
+        found.setdefault(number, {})[case.key] = outcome_of(result)
         hear(done, len(jobs))
     made = [
         Step(d, value, word, compare(cases, found[-1], found[number])) for number, (d, word, value) in enumerate(plan)

@@ -20,7 +20,7 @@ from typing import Any, Final
 
 from navstack import __version__
 from navstack.configuration import Configuration
-from navstack.core.errors import InputError, InternalError
+from navstack.core.errors import InputError
 from navstack.effective import parameters_of
 from navstack.jobs import Executor
 from navstack.tune.courses import Case, Course
@@ -28,7 +28,7 @@ from navstack.tune.extras import need
 from navstack.tune.objectives import Objective, dominates, success_rate
 from navstack.tune.space import SearchSpace, Value
 from navstack.tune.storage import HEARTBEAT_S
-from navstack.tune.work import run_job
+from navstack.tune.work import outcome_of, run_job
 
 SAMPLERS: Final = ("tpe", "cmaes", "random")
 STUDY: Final = "navstack"
@@ -36,7 +36,6 @@ _WHAT, _BASELINE = "navstack_what", "navstack_baseline"
 _RUNS, _ORIGIN = "runs", "origin"
 
 Outcome = dict[str, Any]
-Hear = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +109,7 @@ class Study:
         if sampler == "cmaes" and len(problem.objectives) > 1:
             raise InputError("CMA-ES has one objective only; choose --sampler tpe, or one --objective")
         self._storage = storage
+        self._beaten = 0.0
         try:
             self._study: Any = self._optuna.create_study(
                 storage=storage,
@@ -247,12 +247,7 @@ class Study:
                 return
             result = executor.collect()
             at = active.pop(result.key)
-            if result.error is not None:
-                raise InternalError(
-                    f"a run of trial {at.trial.number} could not be driven: {result.error.get('message', 'no reason given')}",
-                    **{k: v for k, v in result.error.items() if k != "message"},
-                )
-            at.outcomes.append(result.value)
+            at.outcomes.append(outcome_of(result))
             self._beat(active, at)
             if self._go_on(at):
                 active[self._submit(executor, at)] = at
@@ -368,8 +363,6 @@ class Study:
         for a in (*active.values(), at):
             self._storage.record_heartbeat(a.trial._trial_id)
 
-    _beaten = 0.0
-
     # --- Optuna -------------------------------------------------------------------------------------------------------
 
     def _sampler(self, place: int) -> Any:
@@ -427,9 +420,7 @@ def evaluate(
             under_way += 1
         result = executor.collect()
         under_way -= 1
-        if result.error is not None:
-            raise InternalError(f"a run could not be driven: {result.error.get('message', 'no reason given')}")
-        found[keys[result.key]] = result.value
+        found[keys[result.key]] = outcome_of(result)
         if waiting and hopeless(list(found.values())):
             waiting.clear()
     return {case.key: found[case.key] for case in cases if case.key in found}

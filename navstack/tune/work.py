@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from navstack.configuration import Configuration, load_configuration
-from navstack.core.errors import ParameterError
-from navstack.jobs import Job
+from navstack.core.errors import InternalError, ParameterError
+from navstack.jobs import Job, JobResult
 from navstack.record import RunRecorder
 from navstack.tune.courses import Case, Course, RunOutcome
 
@@ -66,6 +66,15 @@ class RunWork:
     def __call__(self, given: RunInput) -> dict[str, Any]:
         """How the run ended, as JSON."""
         return self.drive(given)[0].as_dict()
+
+
+def outcome_of(result: JobResult) -> dict[str, Any]:
+    """How a run ended, as `RunWork` told it. Raises InternalError where it told nothing: no run is allowed to raise."""
+    if result.error is None:
+        return result.value
+    told = {key: value for key, value in result.error.items() if key != "message"}
+    reason = result.error.get("message", "no reason given")
+    raise InternalError(f"{result.key}: this run could not be driven: {reason}", **told)
 
 
 def run_job(candidate_key: str, overrides: tuple[str, ...], case: Case) -> Job:

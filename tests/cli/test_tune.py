@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from navstack.cli.app import run
+from navstack.jobs import SerialExecutor
 from tests.tune.room import make_room
 
 
@@ -34,6 +35,21 @@ def test_sweep_prints_a_ranking_and_writes_lines(tmp_path: Path, capsys: pytest.
     assert run(["sweep", *options, "--workers", "1", "--out", str(tmp_path / "out")]) == 2  # not overwritten
     assert run(["sweep", *options, "--workers", "1", "--out", str(tmp_path / "out"), "--resume"]) == 0
     assert "max_vel_trans 0.5" in capsys.readouterr().out
+
+
+def test_a_sweep_whose_runs_give_no_result_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fall(*_: object, **__: object) -> None:
+        raise ZeroDivisionError("by hand")
+
+    monkeypatch.setattr("navstack.tune.courses.ScenarioCourse.drive", fall)
+    monkeypatch.setattr("navstack.tune.sweep.ProcessExecutor", lambda work, workers: SerialExecutor(work))
+    options = ["--suite", str(make_room(tmp_path)), "--param", "sim_time=1:2", "--samples", "1"]
+    assert run(["sweep", *options, "--out", str(tmp_path / "out"), "--json"]) == 1
+    captured = capsys.readouterr()
+    assert json.loads(captured.out)["ranking"][0]["errors"] == 2
+    assert "gave no result: ZeroDivisionError: by hand" in captured.err
 
 
 @pytest.mark.parametrize("command", ["tune", "sweep"])

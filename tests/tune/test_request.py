@@ -12,18 +12,21 @@ import pytest
 from PIL import Image
 
 from navstack.configuration import Configuration, load_configuration
-from navstack.core.errors import InputError, OutputError
+from navstack.core.errors import InputError, InternalError, OutputError
 from navstack.jobs import SerialExecutor
 from navstack.tune.comparison import compare
 from navstack.tune.courses import Case, RunOutcome
+from navstack.tune.given import search_space
+from navstack.tune.objectives import chosen
 from navstack.tune.report import Circumstances, write_report
 from navstack.tune.request import TuneRequest, run_tuning, run_why
 from navstack.tune.scenarios import read_place, split
 from navstack.tune.sensitivity import sensitivity, steps_of
 from navstack.tune.session import Tuning, tune
 from navstack.tune.setup import Asked, prepare
+from navstack.tune.space import SearchSpace
 from navstack.tune.storage import opened
-from navstack.tune.study import Study
+from navstack.tune.study import Study, evaluate
 from navstack.tune.work import RunWork
 from tests.tune.bowl import Bowl, problem, space
 from tests.tune.room import make_room
@@ -153,6 +156,44 @@ def test_what_changes_if_one_is_doubled() -> None:
     assert "nothing changes at all in 4 runs" in by_name["vx_samples", "halved"].sentence
 
 
+def test_a_run_that_raises_is_not_taken_for_a_bad_one() -> None:
+    class Broken(Bowl):
+        def drive(self, case: Case, configuration: Configuration, *, record: bool = False) -> tuple[RunOutcome, None]:
+            raise ZeroDivisionError("by hand")
+
+    p = problem(Broken(2), sim_time=1.0)
+    for ask in (
+        lambda executor: sensitivity(p.space, executor, p.cases),
+        lambda executor: evaluate(executor, "present", (), p.cases),
+    ):
+        with (
+            SerialExecutor(RunWork(p.base, p.course)) as executor,
+            pytest.raises(
+                InternalError, match=r"present, case 0 seed 0: this run could not be driven: ZeroDivisionError"
+            ),
+        ):
+            ask(executor)
+
+
+def test_a_choice_is_set_to_each_of_the_others() -> None:
+    base = load_configuration(["turtlebot"])
+    (dimension,) = search_space(base, params=["DWAPlannerROS/use_dwa"])
+    ((word, value),) = steps_of(dimension)
+    assert (word, value) == ("set", False)
+    with SerialExecutor(RunWork(base, Bowl(2))) as executor:
+        (step,) = sensitivity(SearchSpace((dimension,)), executor, Bowl(2).cases)
+    assert step.what == "set to false"
+    assert step.sentence.startswith("DWAPlannerROS/use_dwa set (true -> false)")
+
+
+def test_nothing_is_worse_than_few_slow_successes() -> None:
+    slow = [{"success": True, "time_s": 500.0, "jerk": 2.0}, *[{"success": False, "time_s": 9.0, "jerk": 0.0}] * 9]
+    (time,) = chosen(["time"])
+    (smooth,) = chosen(["smoothness"])
+    for objective in (time, smooth):
+        assert objective.better(objective.of(slow), objective.of(slow[1:]))
+
+
 def test_steps_stay_what_the_parameter_is() -> None:
     base = load_configuration(["turtlebot"], overrides=["DWAPlannerROS/vx_samples=3", "DWAPlannerROS/sim_time=1.0"])
     by_name = {d.name: d for d in space(base)}
@@ -176,8 +217,6 @@ def test_why_writes_a_page(tmp_path: Path) -> None:
 def test_comparison_of_equal_runs_shows_no_difference() -> None:
     p = problem(sim_time=2.0)
     with SerialExecutor(RunWork(p.base, p.course)) as executor:
-        from navstack.tune.study import evaluate
-
         runs = evaluate(executor, "a", (), p.cases)
     made = compare(p.cases, runs, runs)
     assert made.measure("score").verdict == "no difference shown"

@@ -61,6 +61,22 @@ def test_given_range_replaces_the_ready_made_one_and_keeps_its_ties(turtlebot: C
     assert "DWAPlannerROS/vx_samples" not in by_name
 
 
+def test_what_is_kept_is_left_alone_wherever_it_stands(turtlebot: Configuration) -> None:
+    both = (f"global_costmap/{INFLATION}", f"local_costmap/{INFLATION}")
+
+    def searched(*keep: str) -> set[str]:
+        return {n for d in search_space(turtlebot, space="auto", keep=keep) for n in d.names}
+
+    everything = searched()
+    assert set(both) <= everything
+    for kept in both:  # the two go together, and each can be left out
+        assert searched(kept) == everything - {kept}
+    assert searched(f"*/{INFLATION}") == everything - set(both)
+    speeds = {"DWAPlannerROS/max_vel_x", "DWAPlannerROS/max_vel_trans"}
+    assert searched("max_vel_trans") == everything - {"DWAPlannerROS/max_vel_trans"}
+    assert searched("max_vel_x") == everything - speeds  # what only follows it stays with it
+
+
 def test_space_file(turtlebot: Configuration, tmp_path: Path) -> None:
     file = tmp_path / "space.yaml"
     file.write_text(

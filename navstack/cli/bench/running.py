@@ -66,8 +66,8 @@ def report(
 ) -> int:
     """Prints the tables or the document, writes both into `out`; the exit code."""
     from navstack.bench.table import as_json
-    from navstack.cli.output import as_json_text, print_json, print_note, stdout
-    from navstack.core.files import ensure_directory, write_text
+    from navstack.cli.output import print_json, print_note, stdout
+    from navstack.core.files import ensure_directory, write_json, write_text
 
     told = {k: as_json(v) for k, v in document.items()}
     told["failed"] = [{"job": r.key, "error": r.error} for r in failed]
@@ -79,7 +79,7 @@ def report(
         ensure_directory(out)
         text = "\n".join([*(t.markdown() for t in tables), *(f"{note}\n" for note in notes)])
         write_text(kept["tables"], text)
-        write_text(kept["document"], as_json_text(told))
+        write_json(kept["document"], told)
     if json_:
         print_json(told)
     else:
