@@ -33,8 +33,8 @@ class Path:
         """Sum of the distances between successive positions, in metres."""
         if len(self.poses) < 2:
             return 0.0
-        step = np.diff(self.poses[:, :2], axis=0)
-        return float(np.hypot(step[:, 0], step[:, 1]).sum())
+        x, y = self.poses[:, 0], self.poses[:, 1]
+        return float(np.hypot(x[1:] - x[:-1], y[1:] - y[:-1]).sum())
 
     def transformed(self, transform: Transform2D, frame: str) -> Path:
         """The same path in `frame`, given the pose of this path's frame in it."""

@@ -223,7 +223,7 @@ class ObstacleLayer(Layer):
 
     def is_current(self, now: float) -> bool:
         """False when a source with an expected_update_rate is silent for longer."""
-        return all(b.is_current(now) for b in self.buffers)
+        return all(buffer.is_current(now) for buffer in self.buffers)
 
     @property
     def clearable(self) -> bool:

@@ -58,6 +58,7 @@ class VoxelLayer(ObstacleLayer):
         self._word = np.dtype(np.uint16 if self.levels <= LEVELS // 2 else np.uint32)
         super().__init__(params, context)
         self.columns: NDArray[Any] = np.zeros((1, 1), self._word)
+        self._numbers_of: tuple[Any, Any] = None, None
         # the parameter speaks of a column of 16
         self.unknown_threshold = int(params.unknown_threshold) + LEVELS - self.levels
 
@@ -97,7 +98,12 @@ class VoxelLayer(ObstacleLayer):
 
     def _grid(self) -> NDArray[np.float64]:
         g, p = self.geometry, self.params
-        return np.array([g.origin_x, g.origin_y, p.origin_z, g.resolution, p.z_resolution, p.max_obstacle_height])
+        if self._numbers_of[0] is not g or self._numbers_of[1] is not p:
+            self._numbers_of = g, p
+            self._numbers = np.array(
+                [g.origin_x, g.origin_y, p.origin_z, g.resolution, p.z_resolution, p.max_obstacle_height]
+            )
+        return self._numbers
 
     def _details(self, ix: int, iy: int) -> dict[str, Any]:
         return {"column": self.column_at(ix, iy)}

@@ -70,8 +70,8 @@ class Wavefront:
     @property
     def rectangle(self) -> tuple[int, int, int, int]:
         """(x0, y0, x1, y1): the cells whose potential means something."""
-        s = self._state
-        return int(s[kernels.X0]), int(s[kernels.Y0]), int(s[kernels.X1]), int(s[kernels.Y1])
+        s: list[int] = self._state.tolist()
+        return s[kernels.X0], s[kernels.Y0], s[kernels.X1], s[kernels.Y1]
 
     @property
     def expanded(self) -> int:

@@ -36,6 +36,11 @@ class Scorer:
             return self._default.score(context, rollouts)
         return score(self._critics, context, rollouts)
 
+    def tell(self) -> None:
+        """Leaves with each critic what it saw in the last cycle, where nobody has asked for it yet."""
+        if self._default is not None:
+            self._default.tell()
+
 
 class DefaultCritics:
     """The seven, with memory that is kept from cycle to cycle."""
@@ -58,6 +63,9 @@ class DefaultCritics:
         self._goal = goal
         self._twirling = twirling
         self._cells = np.empty((2, 0), np.int32)
+        self._resolution = 0.0
+        self._scales = np.zeros(7)
+        self._untold: tuple[ScoringContext, NDArray[np.float64]] | None = None
         self._fit_map(0, 0)
         self._fit_samples(0)
 
@@ -90,17 +98,10 @@ class DefaultCritics:
         if self._cells.shape[1] < k * t:
             self._cells = np.empty((2, k * t), np.int32)
         obstacle, front, alignment = self._obstacle, self._goal_front, self._alignment
-        scales = np.array(
-            (
-                self._oscillation.scale,
-                obstacle.weight(context),
-                front.weight(context),
-                alignment.weight(context),
-                self._path.weight(context),
-                self._goal.weight(context),
-                self._twirling.scale,
-            )
-        )
+        if self._resolution != g.resolution:
+            self._fit_resolution(context)
+        scales = self._scales.copy()
+        scales[3] = alignment.weight(context)
         costs = np.empty((k, 7))
         totals = np.empty(k)
         rejected_by = np.empty(k, np.int8)
@@ -146,18 +147,20 @@ class DefaultCritics:
             rejected_by,
             NEVER,
         )
-        self._tell(context, scales)
+        self._untold = context, scales
+        if self._starts[2, 1]:  # the local goal was moved back, which the critic notes
+            self.tell()
         return ScoreTable(costs, scales, totals, rejected_by, best)
 
-    def _tell(self, context: ScoringContext, scales: NDArray[np.float64]) -> None:
-        """Leaves with each critic what it would have kept itself."""
-        costmap = context.costmap
-        if self._grids is None or self._grids[0].costmap is not costmap:
-            front, path, goal = (
-                MapGrid(self._distances[i], self._queues[i], self._waves[i], costmap, self._starts[i]) for i in range(3)
-            )
-            self._grids = front, path, goal
-        front, path, goal = self._grids
+    def tell(self) -> None:
+        """As of `Scorer`."""
+        if self._untold is None:
+            return
+        (context, scales), self._untold = self._untold, None
+        front, path, goal = (
+            MapGrid(self._distances[i], self._queues[i], self._waves[i], context.costmap, self._starts[i])
+            for i in range(3)
+        )
         context.shared["path_grid"] = path
         self._obstacle.take(context, float(scales[1]), self._first_contact)
         for critic, scale, grid in (
@@ -168,6 +171,21 @@ class DefaultCritics:
         ):
             critic.take(context, float(scale), grid)
 
+    def _fit_resolution(self, context: ScoringContext) -> None:
+        """All weights; that of alignment alone changes from cycle to cycle."""
+        self._resolution = context.costmap.geometry.resolution
+        self._scales = np.array(
+            (
+                self._oscillation.scale,
+                self._obstacle.weight(context),
+                self._goal_front.weight(context),
+                self._alignment.weight(context),
+                self._path.weight(context),
+                self._goal.weight(context),
+                self._twirling.scale,
+            )
+        )
+
     def _fit_map(self, ny: int, nx: int) -> None:
         size = (ny + 2) * (nx + 2)
         self._distances = np.empty((3, size + 1), np.int32)
@@ -176,7 +194,6 @@ class DefaultCritics:
         self._starts = np.empty((3, 2), np.int64)
         self._rows = np.empty((ny, nx), np.uint8)
         self._bounds = np.empty((2, ny, nx), np.uint8)
-        self._grids: tuple[MapGrid, MapGrid, MapGrid] | None = None
         self._shape = ny, nx
 
     def _fit_samples(self, k: int) -> None:

@@ -235,6 +235,7 @@ class DWAPlanner(PlanFollower):
 
     def command_checked(self) -> None:
         """As in C++, so does a command at the goal."""
+        self._scorer.tell()
         self._reset_oscillation()
 
     def _reset_oscillation(self) -> None:
@@ -271,7 +272,9 @@ class DWAPlanner(PlanFollower):
             context = self.context(state, costmap, footprint, plan, goal)
             samples, rollouts, table = self._scored(window, context)
         command = Twist2D()
-        if table.best >= 0:
+        if table.best < 0:
+            self._scorer.tell()
+        else:
             command = Twist2D(*rollouts.samples[table.best].tolist())
             for critic in self._oscillation:
                 critic.chosen(command, state.pose, self._limits.min_vel_trans)
@@ -284,6 +287,7 @@ class DWAPlanner(PlanFollower):
 
     def explain_last(self) -> dict[str, Any]:
         """As for every follower, with the flags of `oscillation`."""
+        self._scorer.tell()
         flags = self._oscillation[0].flags if self._oscillation else {}
         return {**super().explain_last(), "oscillation": flags}
 

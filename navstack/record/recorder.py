@@ -28,6 +28,7 @@ from navstack.core.errors import jsonable
 from navstack.core.files import ensure_directory, written_whole
 from navstack.interfaces import LocalPlan
 from navstack.record import format as fmt
+from navstack.record._grid_kernels import take_over
 from navstack.record.log import render_log
 from navstack.record.reader import Record
 
@@ -329,7 +330,7 @@ class _LocalPlanRow:
         self.notes = plan.notes
         self.trajectory = _EMPTY3 if plan.trajectory is None else plan.trajectory.astype(np.float32)
         self.tried = 0 if plan.samples is None else len(plan.samples)
-        self.rejected = 0 if plan.rejected_by is None else int(np.count_nonzero(plan.rejected_by != -1))
+        self.rejected = 0 if plan.rejected_by is None else len(plan.rejected_by) - plan.rejected_by.tolist().count(-1)
         self.critics = plan.critics
         self.scales = None if plan.scales is None else plan.scales.astype(np.float32)
         if plan.samples is None or not keep_table:
@@ -371,32 +372,14 @@ class _CostmapLog:
             self._last = data.copy()
             self._geometry = geometry
         else:
-            box = self._changed(data, geometry.window if window is None else window)
-            if not box.is_empty:
-                self._last[box.slices] = data[box.slices]
+            inside = geometry.window if window is None else window
+            box = Window(*take_over(data, self._last, *inside))
         g = geometry
         self._rows.append((t, g.nx, g.ny, g.resolution, g.origin_x, g.origin_y, *box, self._size))
         if not box.is_empty:
             cells = data[box.slices].tobytes()
             self.cells.append(cells)
             self._size += len(cells)
-
-    def _changed(self, data: NDArray[np.uint8], window: Window) -> Window:
-        """The smallest box inside `window` that holds every cell that differs from the update before."""
-        assert self._last is not None
-        if window.is_empty:
-            return Window(0, 0, 0, 0)
-        differs = data[window.slices] != self._last[window.slices]
-        rows = np.flatnonzero(differs.any(axis=1))
-        if not len(rows):
-            return Window(0, 0, 0, 0)
-        columns = np.flatnonzero(differs.any(axis=0))
-        return Window(
-            window.x0 + int(columns[0]),
-            window.y0 + int(rows[0]),
-            window.x0 + int(columns[-1]) + 1,
-            window.y0 + int(rows[-1]) + 1,
-        )
 
     def table(self) -> NDArray[np.void]:
         """The rows as a structured array."""

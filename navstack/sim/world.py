@@ -74,6 +74,9 @@ class World:
         self.people = [shape for shape in shapes if isinstance(shape.motion, PedestrianMotion)]
         self._low = _checked_discs(low_discs)
         self._timed = TimedShapes(shapes)
+        self._is_timed = bool(self.movers) or len(self._timed) > 0
+        self.moves = self._is_timed or bool(self.people)
+        """True when not everything stays where it is."""
         self._still = [shape for shape in shapes if isinstance(shape.motion, Still)]
         self._shape_solids = _standing(self._still)
         self._solids = self._standing(_checked_discs(discs))
@@ -85,14 +88,9 @@ class World:
         """(8, ny, nx): free rectangles for rays (`free_rectangles`), made when the first ray is cast."""
         return self._tables.leaps
 
-    @property
-    def moves(self) -> bool:
-        """True when not everything stays where it is."""
-        return bool(self.movers or self.people or len(self._timed))
-
     def solids_at(self, time: float) -> Solids:
         """All discs and polygons at `time` (s), but for people: low discs, others that stand, movers, shapes on tracks."""
-        if not self.movers and not len(self._timed):
+        if not self._is_timed:
             return self._solids
         if self._last is not None and self._last[0] == time:
             return self._last[1]

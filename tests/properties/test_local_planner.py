@@ -308,6 +308,7 @@ def test_the_seven_critics_at_once_say_what_they_say_one_by_one(data: st.DataObj
         for number, critics in enumerate((at_once, one_by_one)):
             context = ScoringContext(state, costmap, footprint, plan, Pose2D(*plan[-1]), limits)
             tables.append(score(critics, context, rollouts) if number else scorer.score(context, rollouts))
+            scorer.tell()
             notes.append(context.shared.get("notes"))
             for critic in critics:
                 if isinstance(critic, OscillationCritic):
