@@ -7,8 +7,12 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
+import typer.main
+
+from navstack.cli.app import app
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -49,3 +53,43 @@ def test_python_runs_as_it_stands(index: int, tmp_path: Path) -> None:
     )
     assert out.returncode == 0, out.stderr
     assert "SUCCEEDED" in out.stdout
+
+
+COMMANDS = (ROOT / "docs" / "COMMANDS.md").read_text(encoding="utf-8")
+
+
+def _command(words: list[str]) -> Any:
+    """The command that a line of the documents calls: `bench barn DIR ..` -> barn's."""
+    found: Any = typer.main.get_command(app)
+    for word in words:
+        known = getattr(found, "commands", {})
+        if word not in known:
+            break
+        found = known[word]
+    return found
+
+
+@pytest.mark.parametrize("line", re.findall(r"^navstack (.+?)(?: {2,}#.*)?$", README + COMMANDS, re.MULTILINE))
+def test_the_documents_name_no_option_that_is_not_there(line: str) -> None:
+    command = _command(line.split())
+    there = {option for parameter in command.params for option in parameter.opts}
+    assert set(re.findall(r"--[a-z-]+", line)) <= there, command.name
+
+
+def test_the_command_line_page_has_every_command() -> None:
+    def leaves(command: Any, path: str) -> set[str]:
+        under = getattr(command, "commands", None)
+        return {path} if under is None else {leaf for n, c in under.items() for leaf in leaves(c, f"{path} {n}")}
+
+    for path in leaves(typer.main.get_command(app), "navstack"):
+        assert re.search(rf"^{path} ", COMMANDS, re.MULTILINE), path
+
+
+@pytest.mark.parametrize("page", sorted({"README.md", *(f"docs/{p.name}" for p in (ROOT / "docs").glob("*.md"))}))
+def test_files_that_the_documents_name_are_there(page: str) -> None:
+    text = (ROOT / page).read_text(encoding="utf-8")
+    beside = (ROOT / page).parent
+    for name in re.findall(r"\]\((?!https?:)([^)#]+)\)", text):
+        assert (beside / name).is_file(), name
+    for name in re.findall(r"`((?:docs|navstack|tests|tools|examples)/[\w./-]+)`", text):
+        assert (ROOT / name).exists(), name

@@ -127,3 +127,16 @@ def note_off_the_map(grid: OccupancyGrid, start: Pose2D, goals: Sequence[Pose2D]
             hint = f"; are x and y swapped? {pose.y:g},{pose.x:g} lies on it" if swapped else ""
             if swapped or what == "goal":
                 print_note(f"the {what} {pose.x:g},{pose.y:g} lies outside the map, which covers {covered(grid)}{hint}")
+
+
+def scenario_file(name: str) -> Path | None:
+    """The scenario file of that path, or of that name among those that come with navstack; None: it is none."""
+    from navstack import maps
+    from navstack.core.files import exists
+    from navstack.scenario_file import is_scenario_file
+    from navstack.suites import shipped
+
+    path = Path(name)
+    if is_scenario_file(path):
+        return path
+    return None if exists(path) or name in maps.map_names() else shipped().get(name)

@@ -100,7 +100,7 @@ def _scenario(
     time_limit: float | None,
 ) -> Scenario:
     from navstack import maps
-    from navstack.cli.arguments import covered, map_of, note_off_the_map, parse_obstacles, parse_pose
+    from navstack.cli.arguments import covered, map_of, note_off_the_map, parse_obstacles, parse_pose, scenario_file
     from navstack.cli.output import note_warnings
     from navstack.configuration import load_configuration
     from navstack.core.errors import InputError
@@ -112,7 +112,7 @@ def _scenario(
     start_pose = parse_pose(start, "--start") if start is not None else None
     goals = tuple(parse_pose(g, "--goal") for g in goal)
     obstacles, shapes = parse_obstacles(obstacle)
-    file = _scenario_file(map_name)
+    file = scenario_file(map_name)
     if file is not None:
         scenario = read_scenario(file).build(
             params=params or None,
@@ -155,19 +155,6 @@ def _scenario(
         time_limit_s=600.0 if time_limit is None else time_limit,
         names={"map": path.name, "params": [short_name(p) for p in params], "overrides": list(overrides)},
     )
-
-
-def _scenario_file(name: str) -> Path | None:
-    """The scenario file of that path, or of that name among those that come with navstack; None: it is none."""
-    from navstack import maps
-    from navstack.core.files import exists
-    from navstack.scenario_file import is_scenario_file
-    from navstack.suites import shipped
-
-    path = Path(name)
-    if is_scenario_file(path):
-        return path
-    return None if exists(path) or name in maps.map_names() else shipped().get(name)
 
 
 def _run(scenario: Scenario, *, quiet: bool, timings: bool) -> RunResult:

@@ -13,7 +13,7 @@ def speed(
     map_: str = typer.Argument(
         "office",
         metavar="[SCENARIO.yaml | MAP]",
-        help="What is driven: a scenario file, or a packaged map with places.",
+        help="What is driven: a scenario file, the name of one that is shipped, or a packaged map with places.",
     ),
     params: list[str] = typer.Option(
         [], "--params", metavar="NAME|DIR|FILE", help=f"{running.PARAMS_HELP} [default: turtlebot, or the scenario's]"
@@ -39,18 +39,20 @@ def speed(
     from navstack import maps
     from navstack.bench.files import digest_of_configuration, for_workers, short_names
     from navstack.bench.speed_bench import SpeedTask, read_reference, speed_jobs, speed_tables
-    from navstack.cli.arguments import map_of
+    from navstack.cli.arguments import map_of, scenario_file
     from navstack.configuration import load_configuration
     from navstack.core.errors import InputError
     from navstack.scenario import Scenario
-    from navstack.scenario_file import is_scenario_file, read_scenario
+    from navstack.scenario_file import read_scenario
+    from navstack.suites import shipped
 
     known = read_reference(reference) if reference is not None else None
     sources = [for_workers(p) for p in params]
-    if is_scenario_file(Path(map_)):
-        scenario = read_scenario(map_).build(params=sources or None, overrides=set_)
+    file = scenario_file(map_)
+    if file is not None:
+        scenario = read_scenario(file).build(params=sources or None, overrides=set_)
     else:
-        _, grid = map_of(map_)
+        _, grid = map_of(map_, others=shipped(), what="scenario")
         if map_ not in maps.map_names():
             raise InputError(
                 f"{map_} says nothing about where to start and go: give a scenario file, or a packaged map: "
