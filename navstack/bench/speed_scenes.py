@@ -62,12 +62,19 @@ def scan(walls: float, discs: Sequence[Disc], stamp: float = 0.0) -> LaserScan:
     )
 
 
-def _room(size: float) -> list[Disc]:
+def room(size: float) -> list[Disc]:
+    """The twelve discs of a costmap's scene of `size` (m)."""
     reaches = [(0.35 * size * (0.6 + 0.05 * i), 0.7 * i + 0.2) for i in range(12)]
     return [(reach * math.cos(angle), reach * math.sin(angle), 0.02 * size) for reach, angle in reaches]
 
 
-def _costmap(size: float, reach: float, *, voxel: bool, inflate: bool) -> LayeredCostmap:
+def rolling_costmap(
+    size: float, reach: float, *, voxel: bool = False, inflate: bool = False, frames: FrameTree | None = None
+) -> LayeredCostmap:
+    """The local costmap of the scenes: `size` x `size` m at 0.05 m, marked and cleared within `reach` m by the topic `scan`.
+
+    `frames` know odom, base_link and the lidar's frame `laser`; without them the robot stands at the origin.
+    """
     source = ObservationSourceParams(
         data_type="LaserScan", marking=True, clearing=True, obstacle_range=reach, raytrace_range=reach
     )
@@ -80,9 +87,8 @@ def _costmap(size: float, reach: float, *, voxel: bool, inflate: bool) -> Layere
     if inflate:
         params = InflationLayerParams(inflation_radius=0.5, cost_scaling_factor=5.0)
         layers.append(LayerSpec("inflation_layer", InflationLayer, params))
-    frames = FrameTree()
-    frames.set_static("base_link", "laser", Transform2D())
-    frames.set("odom", "base_link", Transform2D(), 0.0)
+    if frames is None:
+        frames = frames_at_origin()
     return LayeredCostmap(
         "local_costmap",
         CostmapParams(global_frame="odom", rolling_window=True, width=size, height=size, resolution=0.05),
@@ -92,10 +98,18 @@ def _costmap(size: float, reach: float, *, voxel: bool, inflate: bool) -> Layere
     )
 
 
+def frames_at_origin() -> FrameTree:
+    """Odom, base_link and the lidar's `laser`, all in one place at time 0."""
+    frames = FrameTree()
+    frames.set_static("base_link", "laser", Transform2D())
+    frames.set("odom", "base_link", Transform2D(), 0.0)
+    return frames
+
+
 def costmap_stage(size: float, reach: float, *, voxel: bool = False, whole: bool = False) -> Stage:
     """A scan arrives: cleared and marked; with `whole`, the costmap rolls along and is inflated, too."""
-    costmap = _costmap(size, reach, voxel=voxel, inflate=whole)
-    seen = [scan(0.45 * size, _room(size)) for _ in range(5)]
+    costmap = rolling_costmap(size, reach, voxel=voxel, inflate=whole)
+    seen = [scan(0.45 * size, room(size)) for _ in range(5)]
     layer = costmap.layer("obstacle_layer")
     costmap.update_at(Pose2D(0.0, 0.0), 0.0)
 
@@ -111,7 +125,7 @@ def costmap_stage(size: float, reach: float, *, voxel: bool = False, whole: bool
 
 def dwa_stage(vx_samples: int, vth_samples: int, sim_time: float) -> Stage:
     """A cycle of DWA: the plan is set, samples are rolled out and scored, one is chosen."""
-    costmap = _costmap(4.0, 3.0, voxel=False, inflate=True)
+    costmap = rolling_costmap(4.0, 3.0, inflate=True)
     costmap.observe(scan(1.9, [(0.9, 0.6, 0.15), (0.8, -0.7, 0.15), (-0.9, 0.8, 0.2)]))
     costmap.update_at(Pose2D(0.0, 0.0), 0.0)
     planner = DWAPlanner(

@@ -17,35 +17,15 @@ import statistics
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from navstack.core import (
-    Costmap,
-    Footprint,
-    FrameTree,
-    GridGeometry,
-    LaserScan,
-    Pose2D,
-    Transform2D,
-)
-from navstack.costmap import (
-    CostmapParams,
-    InflationLayer,
-    InflationLayerParams,
-    LayeredCostmap,
-    LayerSpec,
-    ObservationSourceParams,
-    ObstacleLayer,
-    ObstacleLayerParams,
-    VoxelLayer,
-    VoxelLayerParams,
-)
+from navstack.bench.speed_scenes import costmap_stage, frames_at_origin, rolling_costmap
+from navstack.core import Costmap, Footprint, FrameTree, GridGeometry, LaserScan, Pose2D, Transform2D
+from navstack.costmap import InflationLayer, InflationLayerParams
 from navstack.interfaces import LayerContext
 
 ROOT = Path(__file__).resolve().parents[2]
-BEAMS = 640
 TARGETS = {
     "inflate_willow_010": 2.0,
     "inflate_willow_005": 4.0,
@@ -57,70 +37,6 @@ TARGETS = {
     "voxel_update_4m": 1.5,
     "voxel_costmap_update_10m": 1.5,
 }
-
-
-def room_scan(size: float, x: float = 0.0, y: float = 0.0) -> np.ndarray:
-    """Ranges (640,) float32 of an exact sweep of the room with twelve discs, from (x, y)."""
-    angles = -math.pi + np.arange(BEAMS) * (2.0 * math.pi / BEAMS)
-    c, s = np.cos(angles), np.sin(angles)
-    half = 0.45 * size
-    with np.errstate(divide="ignore"):
-        ranges = np.minimum(
-            np.where(c > 0, (half - x) / c, (-half - x) / c), np.where(s > 0, (half - y) / s, (-half - y) / s)
-        )
-    for i in range(12):
-        reach = 0.35 * size * (0.6 + 0.05 * i)
-        dx, dy = reach * math.cos(0.7 * i + 0.2) - x, reach * math.sin(0.7 * i + 0.2) - y
-        along = c * dx + s * dy
-        inside = (0.02 * size) ** 2 - (dx * dx + dy * dy - along * along)
-        hit = (inside > 0) & (along > 0)
-        ranges[hit] = np.minimum(ranges[hit], along[hit] - np.sqrt(inside[hit]))
-    return np.ascontiguousarray(ranges, np.float32)
-
-
-def scan_of(size: float, stamp: float) -> LaserScan:
-    return LaserScan(
-        room_scan(size),
-        -math.pi,
-        2.0 * math.pi / BEAMS,
-        0.1,
-        30.0,
-        stamp=stamp,
-        frame="laser",
-        topic="scan",
-        height=0.3,
-    )
-
-
-def rolling_costmap(size: float, reach: float, *, voxel: bool, inflate: bool) -> tuple[LayeredCostmap, FrameTree]:
-    """The local costmap of the scenes."""
-    source = ObservationSourceParams(
-        data_type="LaserScan", marking=True, clearing=True, obstacle_range=reach, raytrace_range=reach
-    )
-    common: dict[str, Any] = {"observation_sources": "scan", "sources": {"scan": source}, "track_unknown_space": voxel}
-    obstacle = (
-        LayerSpec("obstacle_layer", VoxelLayer, VoxelLayerParams(z_voxels=2, z_resolution=0.2, **common))
-        if voxel
-        else LayerSpec("obstacle_layer", ObstacleLayer, ObstacleLayerParams(**common))
-    )
-    layers = [obstacle]
-    if inflate:
-        layers.append(
-            LayerSpec(
-                "inflation_layer", InflationLayer, InflationLayerParams(inflation_radius=0.5, cost_scaling_factor=5.0)
-            )
-        )
-    frames = FrameTree()
-    frames.set_static("base_link", "laser", Transform2D())
-    frames.set("odom", "base_link", Transform2D(), 0.0)
-    costmap = LayeredCostmap(
-        "local_costmap",
-        CostmapParams(global_frame="odom", rolling_window=True, width=size, height=size, resolution=0.05),
-        layers,
-        footprint=Footprint.from_radius(0.18),
-        frames=frames,
-    )
-    return costmap, frames
 
 
 def median_ms(work: Callable[[int], object], runs: int, prepare: Callable[[int], object] | None = None) -> float:
@@ -135,24 +51,6 @@ def median_ms(work: Callable[[int], object], runs: int, prepare: Callable[[int],
         times.append(time.perf_counter() - start)
     gc.enable()
     return statistics.median(times[5:]) * 1e3
-
-
-def bench_obstacle(size: float, reach: float, runs: int, *, voxel: bool, whole: bool) -> float:
-    """One update: a scan arrives, rays, marks; the whole costmap with inflation when asked."""
-    costmap, _ = rolling_costmap(size, reach, voxel=voxel, inflate=whole)
-    scans = [scan_of(size, 0.0) for _ in range(5)]
-    layer = costmap.layer("obstacle_layer")
-    costmap.update_at(Pose2D(0.0, 0.0), 0.0)
-    nothing = costmap.bounds.__class__()
-
-    def update(i: int) -> None:
-        costmap.observe(scans[i % 5])
-        if whole:
-            costmap.update_at(Pose2D(0.06 * (i % 5), 0.0), 0.0)
-        else:
-            layer.update_bounds(Pose2D(0.0, 0.0), 0.0, nothing)
-
-    return median_ms(update, runs)
 
 
 def bench_inflation(static: np.ndarray, resolution: float, runs: int) -> float:
@@ -172,7 +70,7 @@ def bench_inflation(static: np.ndarray, resolution: float, runs: int) -> float:
 
 def bench_overhead(runs: int) -> float:
     """One update of a tiny costmap with all layers and a scan of one beam: what Python itself costs."""
-    costmap, _ = rolling_costmap(0.5, 0.2, voxel=False, inflate=True)
+    costmap = rolling_costmap(0.5, 0.2, inflate=True)
     scan = LaserScan(np.full(1, 0.15, np.float32), 0.0, 0.0, 0.1, 30.0, 0.0, "laser")
     costmap.update_at(Pose2D(0.0, 0.0), 0.0)
 
@@ -186,7 +84,8 @@ def bench_overhead(runs: int) -> float:
 def soak(updates: int) -> None:
     """Random updates of a rolling costmap: the origin stays on its lattice, memory does not grow."""
     rng = np.random.default_rng(5)
-    costmap, frames = rolling_costmap(4.0, 3.0, voxel=False, inflate=True)
+    frames = frames_at_origin()
+    costmap = rolling_costmap(4.0, 3.0, inflate=True, frames=frames)
     x = y = yaw = 0.0
     started = 0
     for i in range(updates):
@@ -232,12 +131,12 @@ def main() -> None:
         ("inflate_willow_010", lambda: bench_inflation(willow, 0.1, runs)),
         ("inflate_willow_005", lambda: bench_inflation(willow.repeat(2, 0).repeat(2, 1), 0.05, runs)),
         ("inflate_willow_0025", lambda: bench_inflation(willow.repeat(4, 0).repeat(4, 1), 0.025, max(15, runs // 3))),
-        ("obstacle_update_4m", lambda: bench_obstacle(4.0, 3.0, 10 * runs, voxel=False, whole=False)),
-        ("obstacle_update_10m", lambda: bench_obstacle(10.0, 10.0, 10 * runs, voxel=False, whole=False)),
-        ("costmap_update_4m", lambda: bench_obstacle(4.0, 3.0, 5 * runs, voxel=False, whole=True)),
-        ("costmap_update_10m", lambda: bench_obstacle(10.0, 10.0, 5 * runs, voxel=False, whole=True)),
-        ("voxel_update_4m", lambda: bench_obstacle(4.0, 3.0, 5 * runs, voxel=True, whole=False)),
-        ("voxel_costmap_update_10m", lambda: bench_obstacle(10.0, 10.0, 5 * runs, voxel=True, whole=True)),
+        ("obstacle_update_4m", lambda: median_ms(costmap_stage(4.0, 3.0), 10 * runs)),
+        ("obstacle_update_10m", lambda: median_ms(costmap_stage(10.0, 10.0), 10 * runs)),
+        ("costmap_update_4m", lambda: median_ms(costmap_stage(4.0, 3.0, whole=True), 5 * runs)),
+        ("costmap_update_10m", lambda: median_ms(costmap_stage(10.0, 10.0, whole=True), 5 * runs)),
+        ("voxel_update_4m", lambda: median_ms(costmap_stage(4.0, 3.0, voxel=True), 5 * runs)),
+        ("voxel_costmap_update_10m", lambda: median_ms(costmap_stage(10.0, 10.0, voxel=True, whole=True), 5 * runs)),
     ]
     print(f"{'case':28s} {'ours ms':>9s} {'x C++':>7s} {'target':>7s} {'calibration ms':>15s}")
     for name, measure in cases:
