@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -101,12 +102,15 @@ def map_files(names: Sequence[str]) -> tuple[dict[str, Path], list[str]]:
             )
     if not files:
         raise InputError(f"there is no map that can be read: {'; '.join(wrong)}", argument="MAP")
-    named: dict[str, Path] = {}
-    for file in dict.fromkeys(f.resolve() for f in files):
-        short = file.stem if file.stem != "map" else file.parent.name
-        longer = "/".join((file.parent.name, file.stem))
-        named[next(n for n in (short, longer, str(file)) if n not in named)] = file
-    return named, wrong
+    choices = {file: _names(file) for file in dict.fromkeys(f.resolve() for f in files)}
+    taken = Counter(name for names in choices.values() for name in names)
+    return {next(n for n in names if taken[n] == 1): file for file, names in choices.items()}, wrong
+
+
+def _names(file: Path) -> list[str]:
+    """What a map may be called in a table, the shortest first; its path is its own in any case."""
+    short = file.stem if file.stem != "map" else file.parent.name
+    return [short, f"{file.parent.name}/{file.stem}", str(file)]
 
 
 def _is_map(file: Path) -> bool:

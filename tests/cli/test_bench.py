@@ -169,7 +169,7 @@ def write_map(file: Path, *, wall: bool = False, image: bool = True) -> Path:
 
 def test_a_map_in_a_folder_that_cannot_be_read_is_named_and_the_others_are_measured(navstack, tmp_path: Path) -> None:
     folder = tmp_path / "maps"
-    for name in ("a/x/map.yaml", "b/x/map.yaml", "c/x/map.yml", "d/open.yaml"):
+    for name in ("a/x/map.yaml", "b/x/m.yaml", "c/x/m.yml", "d/open.yaml"):
         write_map(folder / name)
     write_map(folder / "solid.yaml", wall=True)
     write_map(folder / "absent.yaml", image=False)
@@ -177,7 +177,8 @@ def test_a_map_in_a_folder_that_cannot_be_read_is_named_and_the_others_are_measu
     (folder / "places.yaml").mkdir()
     command = ("bench", "planners", folder, "--pairs", 1, "--planner", "astar", "--processes", 1, "--json")
     told = navstack(*command, code=1)
-    assert [row["map"] for row in told["rows"]] == ["x", "x/map", str(folder / "c" / "x" / "map.yml"), "open"]
+    # a name that several could have is none's
+    assert [row["map"] for row in told["rows"]] == ["x", str(folder / "b/x/m.yaml"), str(folder / "c/x/m.yml"), "open"]
     assert all(row["found"] == 1 for row in told["rows"]) and told["failed"] == []
     (unreadable,) = told["unreadable"]
     assert "absent.yaml" in unreadable and "absent.png" in unreadable
