@@ -281,12 +281,15 @@ def _add_inner_folder(out: Sources, roles: dict[str, list[tuple[Path, str]]], be
             roles.setdefault(role, []).append((path, f"{shown}/{below[0].name}/{path.name}"))
 
 
+_CHOOSE = "name the files one by one in the place of the folder, of these the one that is meant"
+
+
 def _read_role(out: Sources, role: str, files: list[tuple[Path, str]], shown: str, namespace: str) -> None:
     if not files:
         return
     if role in (_COMMON, _LOCAL, _GLOBAL) and len(files) > 1:
         names = ", ".join(name for _, name in files)
-        message = f"several files play the part of {role}: {names}; name the files one by one in the place of the folder, of these the one that is meant"
+        message = f"several files play the part of {role}: {names}; {_CHOOSE}"
         out.say("error", "ambiguous", Location(shown), message)
         return
     contents: list[DictNode] = []
@@ -314,7 +317,7 @@ def _one_choice(out: Sources, files: list[tuple[Path, str]], contents: list[Dict
             shared = [k for k in contents[j].items if k in first.items]
             if shared:
                 both = f"{files[i][1]} and {files[j][1]} both set {shared[0]}"
-                message = f"{both}; name the files one by one in the place of the folder, of these the one that is meant"
+                message = f"{both}; {_CHOOSE}"
                 out.say("error", "ambiguous", Location(shown), message)
                 return False
     return True
