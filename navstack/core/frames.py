@@ -116,7 +116,7 @@ class FrameTree:
     def set_static(self, parent: str, child: str, transform: Transform2D) -> None:
         """`transform` = pose of `child` in `parent`, true at any time."""
         edge = self._edge(clean_frame(parent), clean_frame(child), static=True)
-        self._changes += 1
+        self._reshaped()  # answers that never change do so now
         edge.stamps[:] = [0.0]
         edge.transforms[:] = [transform]
 

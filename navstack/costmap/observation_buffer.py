@@ -115,11 +115,12 @@ class ObservationBuffer:
         self.params = params
         self._height = math.nan
 
-    def offer(self, data: SensorData) -> bool:
-        """Takes the message when its topic and type are this source's. Raises InputError for one that cannot be used."""
-        topic = data.topic
-        if topic != self.topic and topic.removeprefix("/") != self.topic:
-            return False
+    def listens_to(self, topic: str) -> bool:
+        """True for this source's topic, with or without a slash in front."""
+        return topic == self.topic or topic.removeprefix("/") == self.topic
+
+    def take(self, data: SensorData) -> bool:
+        """Takes a message of this source's topic when its type is this source's too; InputError for one that is no use."""
         if isinstance(data, LaserScan):
             if not self._is_scan:
                 return False

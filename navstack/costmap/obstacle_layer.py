@@ -85,6 +85,7 @@ class ObstacleLayer(Layer):
         """(ny, nx) what this layer says: 0, 254, 255 = says nothing."""
         self.geometry = GridGeometry(1, 1, 1.0)
         self.log = MarkLog(self._serial_bits())
+        self._listening: dict[str, list[ObservationBuffer]] = {}
         self.unseen: list[str] = []
         """Sources whose sensor was off the map in the last update."""
         self._box = np.zeros(4)
@@ -136,9 +137,13 @@ class ObstacleLayer(Layer):
 
     def observe(self, data: SensorData) -> bool:
         """True when a source of this layer listens to that topic."""
+        topic = data.topic
+        listening = self._listening.get(topic)
+        if listening is None:
+            listening = self._listening[topic] = [buffer for buffer in self.buffers if buffer.listens_to(topic)]
         taken = False
-        for buffer in self.buffers:
-            taken = buffer.offer(data) or taken
+        for buffer in listening:
+            taken = buffer.take(data) or taken
         return taken
 
     def update_bounds(self, robot: Pose2D, now: float, bounds: Bounds) -> Bounds:

@@ -108,9 +108,11 @@ def enter_map(nx, ny, x, y, dx, dy):
 
 
 @kernel
-def cast_ray(leaps, x, y, dx, dy, reach):
-    """Distance (cells) from (x, y) (cells) along the unit vector (dx, dy) to the first occupied cell; inf beyond `reach`."""
-    _, ny, nx = leaps.shape
+def cast_ray(leaps, ny, nx, x, y, dx, dy, reach):
+    """Distance (cells) from (x, y) (cells) along the unit vector (dx, dy) to the first occupied cell; inf beyond `reach`.
+
+    `leaps`: the table flat, for a map of `ny` times `nx` cells.
+    """
     t = 0.0
     ix, iy = 0, 0
     if 0.0 <= x < nx and 0.0 <= y < ny:
@@ -122,11 +124,12 @@ def cast_ray(leaps, x, y, dx, dy, reach):
     right, up = dx >= 0.0, dy >= 0.0
     along_x = abs(dx) >= abs(dy)
     octant = (0 if right else 2) + (0 if up else 4) + (0 if along_x else 1)
+    first = octant * ny * nx
     longer_x, longer_y = (2, 0) if along_x else (0, 2)
     per_x = 1.0 / dx if dx != 0.0 else math.inf
     per_y = 1.0 / dy if dy != 0.0 else math.inf
     while True:
-        leap = int(leaps[octant, iy, ix])
+        leap = np.int64(leaps[np.uint64(first + iy * nx + ix)])
         if leap == 0:
             return t
         w = (leap & 127) << (longer_x if leap > 127 else 0)
@@ -205,6 +208,8 @@ def sweep(
     for i in range(noise.shape[0]):
         reach = max(reach, range_max - noise[i])  # a hit just beyond may be measured within
     resolution = grid[3]
+    _, ny, nx = leaps.shape
+    flat = leaps.ravel()
     c, s = math.cos(grid[2]), math.sin(grid[2])
     px = (c * (x - grid[0]) + s * (y - grid[1])) / resolution
     py = (c * (y - grid[1]) - s * (x - grid[0])) / resolution
@@ -212,7 +217,7 @@ def sweep(
     for i in range(n):
         dx = c * beams[i, 0] - s * beams[i, 1]
         dy = s * beams[i, 0] + c * beams[i, 1]
-        ranges[i] = resolution * cast_ray(leaps, px, py, dx, dy, reach / resolution)
+        ranges[i] = resolution * cast_ray(flat, ny, nx, px, py, dx, dy, reach / resolution)
 
     # every disc meets the beams between its two tangents only
     c, s = math.cos(yaw), math.sin(yaw)

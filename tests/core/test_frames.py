@@ -88,3 +88,12 @@ def test_late_transforms_are_sorted_in() -> None:
     frames = tree()
     frames.set("odom", "base", Transform2D(9.0, 0.0, 0.5), 0.5)
     assert frames.lookup("odom", "base", 0.25).x == pytest.approx(4.5)
+
+
+def test_a_static_transform_that_is_set_anew_counts_from_then_on() -> None:
+    frames = FrameTree()
+    frames.set_static("map", "odom", Transform2D(1.0, 0.0, 0.0))
+    frames.set_static("odom", "base", Transform2D(0.0, 2.0, 0.0))
+    assert frames.lookup("map", "base") == frames.lookup("map", "base", 5.0) == Transform2D(1.0, 2.0, 0.0)
+    frames.set_static("map", "odom", Transform2D(3.0, 0.0, 0.0))
+    assert frames.lookup("map", "base") == frames.lookup("map", "base", 5.0) == Transform2D(3.0, 2.0, 0.0)

@@ -320,7 +320,7 @@ def test_old_marks_never_claim_a_new_time() -> None:
     assert costmap.explain_cell(1.0, 0.0).stamp == 0.0
     nothing = cloud([], stamp=0.0)
     for _ in range(9000):
-        layer.buffers[0].offer(nothing)
+        layer.buffers[0].take(nothing)
         layer._sign(layer.buffers[0])
     told = costmap.explain_cell(1.0, 0.0)
     assert (told.cost, told.source, told.stamp) == (254, None, None)
