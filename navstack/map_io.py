@@ -28,6 +28,9 @@ IMAGE_SUFFIXES: Final = frozenset({".pgm", ".png", ".bmp", ".jpg", ".jpeg", ".gi
 MAX_CELLS: Final = 80_000_000
 """Largest image that is taken: 80 million cells, 447 m square at 5 cm. Beyond, a map is a mistake or an attack."""
 
+MAX_BYTES: Final = 100_000
+"""Largest YAML that is taken."""
+
 _EXAMPLES: Final = {
     "image": "image: map.pgm",
     "resolution": "resolution: 0.05",
@@ -176,7 +179,13 @@ def _read_yaml(path: Path) -> _Yaml:
             file=str(path),
         )
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        with path.open("rb") as stream:
+            data = stream.read(MAX_BYTES + 1)
+        if len(data) > MAX_BYTES:
+            raise MapError(
+                f"{path} is larger than {MAX_BYTES // 1000} kB: a map is given by a YAML of a few lines", file=str(path)
+            )
+        text = data.decode("utf-8-sig")
     except FileNotFoundError:
         close = sorted(p.name for p in path.parent.glob("*.yaml"))[:5] if path.parent.is_dir() else []
         hint = f"; the folder has {', '.join(close)}" if close else "; check the path"

@@ -81,6 +81,11 @@ def run(arguments: list[str]) -> int:
         name = str(exc.filename)
         shown = name if len(name) <= _LONG else f"{name[:_LONG]}.."
         return _report(as_json, 9001, "INVALID_INPUT", f"cannot use {shown}: {exc.strerror}", {"path": name}, "")
+    except MemoryError as exc:
+        why = str(exc) or "this takes more than there is"
+        return _report(
+            as_json, 9001, "INVALID_INPUT", f"out of memory: {why}; a smaller map, costmap or sample count?", {}, ""
+        )
     except Exception as exc:
         from navstack.core.errors import NavError
 

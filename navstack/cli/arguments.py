@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from navstack.core.errors import InputError, MapError
 
 if TYPE_CHECKING:
     from navstack.core import OccupancyGrid, Pose2D
     from navstack.sim.shapes import Shape
+
+_MAP_KEY: Final = re.compile(
+    rb"""^\W*(image|resolution|origin|negate|occupied_thresh|free_thresh)["']?[ \t]*:""", re.MULTILINE
+)
+_LOOKED_AT: Final = 1_000_000
+"""Bytes of a file that tell what it is."""
 
 
 def _numbers(text: str, argument: str, shape: str, counts: tuple[int, ...]) -> list[float]:
@@ -130,13 +137,25 @@ def note_off_the_map(grid: OccupancyGrid, start: Pose2D, goals: Sequence[Pose2D]
 
 
 def scenario_file(name: str) -> Path | None:
-    """The scenario file of that path, or of that name among those that come with navstack; None: it is none."""
+    """The scenario file of that path, or of that name among those that come with navstack; None: it is none.
+
+    A YAML file with no word of a map in it is one, however broken: whoever reads scenarios knows what to say about it.
+    """
     from navstack import maps
-    from navstack.core.files import exists
+    from navstack.core.files import exists, is_file
     from navstack.scenario_file import is_scenario_file
     from navstack.suites import shipped
 
     path = Path(name)
-    if is_scenario_file(path):
+    if is_scenario_file(path) or (path.suffix in (".yaml", ".yml") and is_file(path) and not _speaks_of_a_map(path)):
         return path
     return None if exists(path) or name in maps.map_names() else shipped().get(name)
+
+
+def _speaks_of_a_map(path: Path) -> bool:
+    """True for a file that has a key of map_server's YAML at the beginning of a line; it need not be YAML."""
+    try:
+        with path.open("rb") as stream:
+            return _MAP_KEY.search(stream.read(_LOOKED_AT)) is not None
+    except OSError:
+        return True  # whoever reads maps says why it cannot be read

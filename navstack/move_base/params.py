@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Final
+
+from pydantic import field_validator
 
 from navstack.core.parameters import ParamModel, PluginSpec, param
 
+SLOWEST_HZ: Final = 0.001
+"""Slowest control: a goal ends in a control cycle, so that a slower one would never end."""
 AGGRESSIVE_RESET_RADII = 4.0
 """The side of the square that the built-in aggressive_reset keeps, in circumscribed radii."""
 
@@ -85,6 +89,16 @@ class MoveBaseParams(ParamModel):
         ge=0.0,
         ros_differs="ROS takes the constant local_costmap/circumscribed_radius (0.46) whatever the footprint",
     )
+
+    @field_validator("controller_frequency")
+    @classmethod
+    def _ends(cls, value: float) -> float:
+        if value < SLOWEST_HZ:
+            raise ValueError(
+                f"controller_frequency = {value:g} Hz is a cycle in {1.0 / value:.3g} s, and a goal ends in none before; "
+                f"give {SLOWEST_HZ:g} Hz or more"
+            )
+        return value
 
 
 def builtin_recoveries(params: MoveBaseParams, circumscribed_radius: float) -> list[tuple[PluginSpec, dict[str, Any]]]:

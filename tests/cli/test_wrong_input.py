@@ -277,3 +277,38 @@ def test_plan_leaves_out_what_is_missing_only_when_told(navstack, tmp_path: Path
     outcome = navstack("plan", path, *GOOD_PLAN, "--set", extra, "--allow-missing")
     assert outcome.code == 0
     assert "my::Own" in outcome.err
+
+
+@pytest.mark.parametrize(
+    ("text", "match"),
+    [
+        ("map: office\nstart: [0.8, 7.45\ngoals: [[2, 7.45]]\n", "3:6: this is not YAML"),
+        ("map: office\n\tstart: [0.8, 7.45]\n", "2:1: a tab stands here"),
+        ("start: [0.8, 7.45]\ngaols: [[2, 7.45]]\n", 'a.yaml:2:1: a scenario has no key "gaols"; did you mean goals?'),
+        ("", "a.yaml:1:1: map is missing"),
+        ("map: office\nstart: [0.8, 7.45]\ngoals: [" + "[2, 7.45]," * 120_000 + "]\n", "larger than 1 MB"),
+    ],
+)
+def test_a_broken_scenario_is_told_as_a_scenario(navstack, text: str, match: str) -> None:
+    Path("a.yaml").write_text(text)
+    outcome = navstack("simulate", "a.yaml", "--out", "out")
+    assert outcome.code == 2
+    assert match in outcome.err
+    assert not Path("out").exists()
+
+
+def test_a_map_s_yaml_of_any_size_is_none(navstack) -> None:
+    Path("map.yaml").write_text("image: map.png\norigin: [" + "[2, 7.45]," * 120_000 + "]\n")
+    outcome = navstack("plan", "map.yaml", *GOOD_PLAN)
+    assert outcome.code == 2
+    assert "larger than 100 kB" in outcome.err
+
+
+def test_more_samples_than_memory_holds(navstack, monkeypatch: pytest.MonkeyPatch) -> None:
+    def allocate(*_: object, **__: object) -> None:
+        raise MemoryError("Unable to allocate 671. GiB")
+
+    monkeypatch.setattr("navstack.scenario.warm_up", allocate)
+    outcome = navstack("simulate", "--out", "out")
+    assert outcome.code == 2
+    assert "out of memory: Unable to allocate 671. GiB" in outcome.err

@@ -211,6 +211,10 @@ CASES = {
         GOOD + "sim: {wheel_slip: -1}\n",
         "4:19: wheel_slip = -1 is out of range; it must be at least 0 and at most 1",
     ),
+    "a control cycle in thirty years": (
+        GOOD + "set: {controller_frequency: 1e-9}\n",
+        "4:29: controller_frequency = 1e-09 Hz is a cycle in 1e+09 s, and a goal ends in none before; give 0.001 Hz or more",
+    ),
     "parameter of a wrong type": (
         GOOD + "set: {controller_frequency: fast}\n",
         '4:29: controller_frequency = "fast" is text; write a number (Hz); ROS would ignore it and use 20',
