@@ -83,7 +83,7 @@ def simulate(
     if json_:
         print_json(document)
     else:
-        _print(result, document)
+        _print(result, document, scenario.time_limit_s)
     return 0 if result.succeeded else 1
 
 
@@ -186,7 +186,7 @@ def _run(scenario: Scenario, *, quiet: bool, timings: bool) -> RunResult:
         return run_scenario(scenario, timings=timings, progress=progress)
 
 
-def _print(result: RunResult, document: dict[str, Any]) -> None:
+def _print(result: RunResult, document: dict[str, Any], limit_s: float) -> None:
     from rich.box import SIMPLE_HEAD
     from rich.markup import escape
     from rich.table import Table
@@ -212,9 +212,12 @@ def _print(result: RunResult, document: dict[str, Any]) -> None:
     out.print(table)
     for goal in result.goals:
         if not goal.succeeded:
+            said = f"{goal.text} " if goal.text else ""
+            over = goal.state == "PREEMPTED" and goal.time_s >= limit_s
+            why = f"; its time limit of {limit_s:g} s was over" if over else ""
             out.print(
-                f"goal {goal.goal.x:g}, {goal.goal.y:g}: {escape(goal.text)} {goal.error_name} ({goal.error_code}): "
-                f"{escape(goal.message)}"
+                f"goal {goal.goal.x:g}, {goal.goal.y:g}: {escape(said)}{goal.error_name} ({goal.error_code}): "
+                f"{escape(goal.message)}{why}"
             )
     for verdict in result.verdicts:
         mark = "[green]held[/]" if verdict.holds else "[bold red]not held[/]"

@@ -53,7 +53,10 @@ def sweep(
     course = setup.course()
     folder = ensure_directory(out)
     if not json_:
-        print_note(f"{len(chosen)} candidates, each over {len(course.cases)} runs of {setup.place.name}")
+        count, runs = len(chosen), len(course.cases)
+        print_note(
+            f"{count} candidate{'s' * (count != 1)}, each over {runs} run{'s' * (runs != 1)} of {setup.place.name}"
+        )
     what = {**setup.what(), "method": method, "seed": seed}
     runs = run_sweep(
         Sweep(setup.base, setup.space, chosen, course, what),

@@ -141,3 +141,10 @@ def test_the_long_wait_is_announced_without_a_terminal(
     captured = capfd.readouterr()
     assert "compiling the kernels, this first time only" in captured.err
     assert json.loads(captured.out)["planner"] == "navfn"
+
+
+def test_a_time_limit_that_is_over_is_said(in_folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert run(["simulate", "--goal", "6.2,12", "--time-limit", "1", "--out", "out"]) == 1
+    out = capfd.readouterr().out
+    assert "goal 6.2, 12: CANCELED (9011): the goal was cancelled after" in out
+    assert "; its time limit of 1 s was over" in out
