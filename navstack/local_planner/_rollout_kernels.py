@@ -115,6 +115,8 @@ def simulate(samples, pose, velocity, acceleration, sim_time, accelerate, counts
             poses[k, i, 0] = x
             poses[k, i, 1] = y
             poses[k, i, 2] = yaw
+            if i + 1 == n:
+                break  # where the last step leads is not scored
             if accelerate:
                 vx = toward(vx, tx, f32(acceleration[0]), dt)
                 vy = toward(vy, ty, f32(acceleration[1]), dt)
