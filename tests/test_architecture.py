@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -133,3 +134,10 @@ def test_no_module_hides_a_public_name() -> None:
 
     modules = {path.stem for path in PACKAGE.iterdir() if path.is_dir() or path.suffix == ".py"}
     assert not modules & set(navstack.__all__)
+
+
+def test_contributing_tells_the_floors() -> None:
+    text = (PACKAGE.parent / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    told = text[text.index("floors): ") :].split(".\n")[0].split(" < ")
+    floors = [set(re.findall(r"`(\w+)`", floor)) for floor in told]
+    assert floors == [{room for room, at in FLOORS.items() if at == floor} for floor in range(len(told))]
