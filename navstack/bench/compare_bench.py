@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,11 +9,13 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from navstack.bench.barn import JACKAL, BarnWorld, barn_scenario, load_worlds, run_world
+from navstack.bench.files import digest_of_scenario
 from navstack.bench.table import DIGITS, Column, Table
 from navstack.configuration import Configuration, load_configuration
 from navstack.core.errors import InputError
 from navstack.core.files import exists, is_dir, is_file
 from navstack.jobs import Job, JobResult
+from navstack.params.accounts import nearest
 from navstack.scenario import Scenario, run_scenario
 from navstack.scenario_file import ScenarioSpec, check_names, read_scenario, scenarios_in
 from navstack.statistics import mean, paired_difference, paired_share_difference, share
@@ -48,9 +48,7 @@ class Course:
 
     def digest(self, chosen: ParameterSet) -> str:
         """Changes with whatever shapes the runs of a set on it."""
-        scenario = self.scenario(chosen, 0)
-        told = json.dumps(scenario.described(), sort_keys=True, default=str)
-        return hashlib.sha256(told.encode() + scenario.map.data.tobytes()).hexdigest()[:16]
+        return digest_of_scenario(self.scenario(chosen, 0))
 
     def drive(self, chosen: ParameterSet, seed: int) -> dict[str, Any]:
         """Drives once; what the comparison looks at."""
@@ -108,6 +106,11 @@ def read_courses(names: Sequence[str], suite: str | None, count: int | None = No
             courses.append(_course(read_scenario(file.resolve(), name)))
     if count is not None and suite is None:
         raise InputError("--count: say with --suite what it counts the scenarios of", argument="--count")
+    if suite == "barn":
+        raise InputError(
+            f"--suite barn: BARN's worlds are not part of navstack; give the folder of their {WORLDS_FILE} as a SCENARIO",
+            argument="--suite",
+        )
     if suite is not None:
         courses += [_course(spec) for spec in suites.scenarios(suite, count=count)]
     if not courses:
@@ -117,10 +120,8 @@ def read_courses(names: Sequence[str], suite: str | None, count: int | None = No
 
 
 def _unknown(name: str, shipped: list[str]) -> str:
-    import difflib
-
-    close = difflib.get_close_matches(name, shipped, n=1)
-    hint = f'; did you mean "{close[0]}"?' if close else f"; shipped: {', '.join(shipped)}"
+    close = nearest(name, shipped)
+    hint = f'; did you mean "{close}"?' if close else f"; shipped: {', '.join(shipped)}"
     return f'there is no scenario file and no shipped scenario "{name}"{hint}'
 
 

@@ -6,29 +6,50 @@ import csv
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import astuple
 from pathlib import Path
 from typing import Any, TypeVar
 
 from navstack.configuration import Configuration
+from navstack.core import OccupancyGrid
 from navstack.core.errors import InputError
 from navstack.core.files import exists
 from navstack.params.sources import short_name, split_namespace
+from navstack.scenario import Scenario
 
 T = TypeVar("T")
 
 
+def _digest(*parts: bytes) -> str:
+    """Sixteen hexadecimal digits that change with the content."""
+    return hashlib.sha256(b"".join(parts)).hexdigest()[:16]
+
+
 def digest_of_file(file: Path) -> str:
-    """Sixteen hexadecimal digits that change with the content. Raises InputError."""
+    """Changes with the file's content. Raises InputError."""
     try:
-        return hashlib.sha256(file.read_bytes()).hexdigest()[:16]
+        return _digest(file.read_bytes())
     except OSError as exc:
         raise InputError(f"cannot read {file}: {exc.strerror or exc}", file=str(file)) from exc
 
 
 def digest_of_configuration(configuration: Configuration) -> str:
-    """The same of all parameters as they were loaded."""
-    tree: Any = configuration.tree.as_dict()
-    return hashlib.sha256(json.dumps(tree, sort_keys=True, default=str).encode()).hexdigest()[:16]
+    """Changes with any parameter as it was loaded."""
+    return _digest(_as_bytes(configuration.tree.as_dict()))
+
+
+def digest_of_map(grid: OccupancyGrid) -> str:
+    """Changes with the map's cells, and with where they lie."""
+    return _digest(_as_bytes([*astuple(grid.geometry), grid.origin_yaw]), grid.data.tobytes())
+
+
+def digest_of_scenario(scenario: Scenario) -> str:
+    """Changes with whatever shapes a run of the scenario: its parameters and its map too."""
+    return _digest(_as_bytes(scenario.described()), digest_of_map(scenario.map).encode())
+
+
+def _as_bytes(told: Any) -> bytes:
+    return json.dumps(told, sort_keys=True, default=str).encode()
 
 
 def short_names(sources: Sequence[str]) -> list[str]:

@@ -41,7 +41,9 @@ class Table:
 
     def markdown(self) -> str:
         """The table as GitHub shows it, its title in bold above it."""
-        cells = [[c.head for c in self.columns], *self.texts()]
+        # a bar or a line end within a cell would make another one of it
+        texts = ([text.replace("|", "\\|").replace("\n", " ") for text in row] for row in self.texts())
+        cells = [[c.head for c in self.columns], *texts]
         widths = [max(len(row[i]) for row in cells) for i in range(len(self.columns))]
         right = [self.is_numeric(i) for i in range(len(self.columns))]
         lines = [

@@ -116,6 +116,10 @@ class ScenarioSpec:
 
         Raises MapError, ParameterError or InputError.
         """
+        if goals is not None and not goals:
+            raise InputError("a scenario needs a goal: give one at least, or none to keep its own (`goals=None`)")
+        if time_limit_s is not None and not time_limit_s > 0.0:
+            raise InputError(f"the time limit must be above 0 s, not {time_limit_s:g}", time_limit_s=time_limit_s)
         parts = self.parts
         settings = parts.settings
         seed = settings.seed if seed is None else seed

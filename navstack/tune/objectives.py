@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from navstack.core.errors import InputError
+from navstack.params.accounts import nearest
 
 Outcomes = Sequence[Mapping[str, Any]]
 """Runs as `RunOutcome.as_dict` tells them."""
@@ -86,8 +87,10 @@ def chosen(names: Sequence[str]) -> tuple[Objective, ...]:
     """The objectives of these names; `score` alone for none. Raises InputError."""
     for name in names:
         if name not in OBJECTIVES:
+            close = nearest(name, OBJECTIVES)
+            hint = f"did you mean {close}?" if close else f"choose {', '.join(OBJECTIVES)}"
             raise InputError(
-                f'--objective "{name}": there is no such objective; choose {", ".join(OBJECTIVES)}',
+                f'--objective "{name}": there is no such objective; {hint}',
                 argument="--objective",
                 value=name,
             )

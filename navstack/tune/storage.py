@@ -35,7 +35,12 @@ def opened(storage: str) -> Generator[Any]:
         yield _database(optuna, storage)
         return
     path = Path(storage)
-    ensure_directory(path.parent)
+    try:
+        ensure_directory(path.parent)
+    except OutputError as exc:
+        raise OutputError(
+            exc.message.replace("the output folder", "the study's folder").replace("--out", "--storage"), **exc.data
+        ) from exc
     _check_writable(path)
     with _locked(path):
         _mend(path)

@@ -18,6 +18,7 @@ from scipy import stats
 
 from navstack.bench.compare_bench import Pair, courses_table, measures_table, read_courses
 from navstack.bench.speed_bench import read_reference, speed_tables
+from navstack.bench.table import Column, Table
 from navstack.cli.app import run
 from navstack.jobs import JobResult
 
@@ -187,7 +188,12 @@ def test_a_map_in_a_folder_that_cannot_be_read_is_named_and_the_others_are_measu
         "solid has no row",
     ]
     (folder / "absent.yaml").unlink()
-    assert navstack(*command)["unreadable"] == []
+    assert navstack(*command, "--out", "out")["unreadable"] == []
+    Image.new("L", (40, 40), 253).save(folder / "d" / "open.png")
+    assert navstack(*command, "--out", "out", "--resume")["unreadable"] == []  # the same cells, by another grey
+    Image.new("L", (40, 41), 254).save(folder / "d" / "open.png")
+    told = navstack(*command, "--out", "out", "--resume", code=2)
+    assert "maps.open was " in told["error"]["message"]
     write_map(tmp_path / "none" / "absent.yaml", image=False)
     assert "there is no map that can be read: " in navstack("bench", "planners", "none", code=2)
     assert "absent.png" in navstack("bench", "planners", tmp_path / "none" / "absent.yaml", code=2)
@@ -235,6 +241,11 @@ def test_speed(navstack, tmp_path: Path) -> None:
     then = read_reference(tmp_path / "then.json")
     rows = speed_tables(results, then)[-1].rows
     assert [r["ratio"] for r in rows] == [pytest.approx(50.0 / told["calibration_ms"] / 2.0)] * len(now)
+
+
+def test_a_bar_in_a_name_stays_in_its_cell() -> None:
+    table = Table("t", (Column("name", "name"), Column("n", "n")), [{"name": "a|b\nc", "n": 1}])
+    assert table.markdown().splitlines()[-1] == "| a\\|b c | 1 |"
 
 
 def pair(course: str, a: float | None, b: float | None, seed: int = 0) -> Pair:
@@ -311,6 +322,7 @@ def test_scenarios_are_known_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyP
         (("compare", "turtlebot", "turtlebot", "SCENARIO", "SCENARIO"), 'two scenarios are called "trip"'),
         (("compare", "turtlebot", "turtlebot", "SCENARIO", "--count", "3"), "--suite"),
         (("compare", "turtlebot", "turtlebot", "--suite", "ofice"), "office"),
+        (("compare", "turtlebot", "turtlebot", "--suite", "barn"), "give the folder of their worlds.npz as a SCENARIO"),
         (("speed", "offic"), "office"),
         (("speed", "office", "--repeats", "0"), "--repeats"),
         (("speed", "office", "--reference", "absent.json"), "cannot read absent.json"),

@@ -200,6 +200,12 @@ def test_a_verdict_has_the_digits_that_tell_it_from_the_limit(short: Path) -> No
     ]
 
 
+@pytest.mark.parametrize("wrong", [{"goals": []}, {"time_limit_s": 0.0}, {"time_limit_s": float("nan")}])
+def test_what_cannot_be_driven_is_refused_before_it_is_built(short: Path, wrong: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match=r"needs a goal|must be above 0 s"):
+        read_scenario(short).build(**wrong)
+
+
 def test_states_must_fit_the_goals_that_are_given(short: Path) -> None:
     short.write_text(SHORT.replace("max_time: 20", "goals: [ABORTED]"))
     scenario = read_scenario(short).build(goals=[Pose2D(4.0, 7.4), Pose2D(5.0, 7.4)])

@@ -36,7 +36,7 @@ def planners(
     map, when a planner misses a pair, or when a path meets a blocked cell: 0 says that every map was planned on, everywhere
     and safely. A map that is named itself and cannot be read ends the bench before it begins (2).
     """
-    from navstack.bench.files import digest_of_configuration, digest_of_file, for_workers, short_names
+    from navstack.bench.files import digest_of_configuration, digest_of_map, for_workers, short_names
     from navstack.bench.map_pairs import SEARCHING
     from navstack.bench.planners_bench import (
         PlannersTask,
@@ -46,6 +46,7 @@ def planners(
         planners_tables,
     )
     from navstack.configuration import choose_global_planner
+    from navstack.map_io import load_map
 
     files, unreadable = map_files(map_)
     task = PlannersTask(tuple(for_workers(p) for p in params), tuple(set_), pairs, seed)
@@ -58,7 +59,7 @@ def planners(
         "parameters": digest_of_configuration(task.configuration),
         "pairs": pairs,
         "seed": seed,
-        "maps": {name: digest_of_file(file) for name, file in files.items()},
+        "maps": {name: digest_of_map(load_map(file)) for name, file in files.items()},
     }
     results = running.run(task, jobs, what, processes=processes, out=out, resume=resume)
     tables = planners_tables(files, results, jobs)

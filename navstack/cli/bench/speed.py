@@ -37,7 +37,7 @@ def speed(
     Beside each figure stands the calibration: the time of a fixed piece of work at that moment. Ratios are made with it.
     """
     from navstack import maps
-    from navstack.bench.files import digest_of_configuration, for_workers, short_names
+    from navstack.bench.files import digest_of_scenario, for_workers, short_names
     from navstack.bench.speed_bench import SpeedTask, read_reference, speed_jobs, speed_tables
     from navstack.cli.arguments import map_of, scenario_file
     from navstack.configuration import load_configuration
@@ -67,7 +67,7 @@ def speed(
         "drives": Path(map_).name,
         "params": short_names(params),
         "set": list(set_),
-        "parameters": digest_of_configuration(scenario.configuration),
+        "scenario": digest_of_scenario(scenario),
         "repeats": repeats,
     }
     jobs = speed_jobs()
