@@ -155,9 +155,12 @@ def test_storages_that_cannot_be(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     with pytest.raises(InputError, match=said), opened(storage):
         pass
     assert Path("notes.txt").read_text() == "not a journal\n"
-    with pytest.raises(
-        OutputError, match=r"cannot make the study's folder notes.txt/deeper: .*; choose another with --storage"
-    ), opened("notes.txt/deeper/study.journal"):
+    with (
+        pytest.raises(
+            OutputError, match=r"cannot make the study's folder notes.txt/deeper: .*; choose another with --storage"
+        ),
+        opened("notes.txt/deeper/study.journal"),
+    ):
         pass
 
 
