@@ -119,9 +119,9 @@ class DefaultCritics:
             p.max_scaling_factor,
             p.sum_scores,
             plan,
-            pose.x,
-            pose.y,
-            pose.yaw,
+            float(pose.x),  # whole numbers would have the kernel compiled once more
+            float(pose.y),
+            float(pose.yaw),
             front.params.forward_point_distance,
             alignment.params.forward_point_distance,
             only_x,
