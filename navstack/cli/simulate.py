@@ -114,7 +114,8 @@ def _scenario(
     obstacles, shapes = parse_obstacles(obstacle)
     file = scenario_file(map_name)
     if file is not None:
-        scenario = read_scenario(file).build(
+        spec = read_scenario(file)
+        scenario = spec.build(
             params=params or None,
             overrides=overrides,
             distro=distro,
@@ -127,6 +128,7 @@ def _scenario(
             shapes=shapes,
         )
         note_warnings(scenario.configuration)
+        spec.check_start(scenario)
         return scenario
     params = params or ["turtlebot"]
     path, grid = map_of(map_name, others=shipped(), what="scenario")

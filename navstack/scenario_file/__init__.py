@@ -29,7 +29,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from navstack.configuration import check_parameters, load_configuration
+from navstack.configuration import Configuration, check_parameters, load_configuration
 from navstack.core import OccupancyGrid, Pose2D
 from navstack.core.errors import InputError, MapError, ScenarioError
 from navstack.core.files import is_file
@@ -41,6 +41,7 @@ from navstack.params.yaml_reader import read_yaml
 from navstack.scenario import Scenario
 from navstack.scenario_file.models import Settings, Success
 from navstack.scenario_file.reader import Parts, ScenarioReader
+from navstack.scenario_file.start import touched_at_start
 from navstack.sim import Shape
 from navstack.sim.world import OCCUPIED
 from navstack.success import SuccessConditions
@@ -161,6 +162,14 @@ class ScenarioSpec:
             names=told,
         )
 
+    def check_start(self, scenario: Scenario) -> None:
+        """Raises ScenarioError, which names the file's line, when that robot cannot stand at the file's start."""
+        parts = self.parts
+        if scenario.start == parts.start:
+            wrong = _start_on_map(parts, scenario.map) or _at_start(parts, scenario.map, scenario.configuration)
+            if wrong:
+                raise scenario_error(wrong)
+
 
 def is_scenario_file(path: Path) -> bool:
     """True for a YAML file that says what is driven, and not how a map or a robot is; looks at its top keys only."""
@@ -235,6 +244,14 @@ def check_scenario(
         )
     if parts.map_file is not None and reader.readable:
         findings += _on_map(reader, parts)
+        if not any(f.severity == "error" for f in findings):
+            configuration = load_configuration(
+                [*parts.sources, *parts.over],
+                overrides=overrides,
+                distro=distro or parts.settings.distro,
+                allow_missing=allow_missing or parts.settings.allow_missing,
+            )
+            findings += _at_start(parts, _map(parts.map_file), configuration)
     return in_order(findings)
 
 
@@ -253,12 +270,7 @@ def _on_map(reader: ScenarioReader, parts: Parts) -> list[Finding]:
         grid = _map(parts.map_file)
     except MapError as exc:
         return [finding("error", "map", at, "map", exc.message)]
-    said: list[Finding] = []
-    if parts.start is not None:
-        where = _where(grid, parts.start)
-        if where is not None:
-            message = f"the start ({parts.start.x:g}, {parts.start.y:g}) {where}; move it"
-            said.append(finding("error", "start", parts.start_at, "start", message))
+    said = _start_on_map(parts, grid)
     expected = parts.success.goals
     for i, (goal, there) in enumerate(zip(parts.goals, parts.goals_at)):
         wanted = expected if isinstance(expected, str) else expected[i] if i < len(expected) else "any"
@@ -270,6 +282,29 @@ def _on_map(reader: ScenarioReader, parts: Parts) -> list[Finding]:
             )
             said.append(finding("warning", "goal", there, "goals", message))
     return said
+
+
+def _start_on_map(parts: Parts, grid: OccupancyGrid) -> list[Finding]:
+    """The error of a start outside the map or in a wall."""
+    where = None if parts.start is None else _where(grid, parts.start)
+    if parts.start is None or where is None:
+        return []
+    message = f"the start ({parts.start.x:g}, {parts.start.y:g}) {where}; move it"
+    return [finding("error", "start", parts.start_at, "start", message)]
+
+
+def _at_start(parts: Parts, grid: OccupancyGrid, configuration: Configuration) -> list[Finding]:
+    """The error of a start where the robot's outline touches something."""
+    if parts.start is None:
+        return []
+    touched = touched_at_start(configuration.local_costmap.true_footprint, parts.start, grid, parts.shapes)
+    if touched is None:
+        return []
+    x, y, yaw = parts.start
+    message = (
+        f"the robot does not fit at the start ({x:g}, {y:g}, {yaw:g}): its outline touches {touched}; move the start"
+    )
+    return [finding("error", "start", parts.start_at, "start", message)]
 
 
 def _where(grid: OccupancyGrid, pose: Pose2D) -> str | None:

@@ -286,6 +286,7 @@ def test_plan_leaves_out_what_is_missing_only_when_told(navstack, tmp_path: Path
         ("map: office\n\tstart: [0.8, 7.45]\n", "2:1: a tab stands here"),
         ("start: [0.8, 7.45]\ngaols: [[2, 7.45]]\n", 'a.yaml:2:1: a scenario has no key "gaols"; did you mean goals?'),
         ("", "a.yaml:1:1: map is missing"),
+        ("map: office\nstart: [0.16, 7.45]\ngoals: [[2, 7.45]]\n", "a.yaml:2:8: the robot does not fit at the start"),
         ("map: office\nstart: [0.8, 7.45]\ngoals: [" + "[2, 7.45]," * 120_000 + "]\n", "larger than 1 MB"),
     ],
 )

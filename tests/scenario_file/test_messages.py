@@ -203,6 +203,17 @@ CASES = {
         GOOD.replace("corridor_west", "[-0.05, 3.0]"),
         "2:8: the start (-0.05, 3) lies in a wall of the map; move it",
     ),
+    "start at a wall": (
+        GOOD.replace("corridor_west", "[0.16, 7.45]"),
+        (
+            "2:8: the robot does not fit at the start (0.16, 7.45, 0): its outline touches a wall of the map at "
+            "(-0.02, 7.33); move the start"
+        ),
+    ),
+    "start at a shape": (
+        GOOD + "shapes:\n  - {name: cart, box: [0.5, 0.5], pose: [1.2, 7.6, 0.7]}\n",
+        '2:8: the robot does not fit at the start (0.8, 7.45, 0): its outline touches shape 1 "cart"; move the start',
+    ),
     "start outside": (
         GOOD.replace("corridor_west", "[-40, 9]"),
         "2:8: the start (-40, 9) lies outside the map, which covers x -0.5 .. 23.5, y -0.5 .. 15.5 m; move it",
