@@ -74,8 +74,9 @@ def info(
     for kind, entries in found["plugins"].items():
         table.add_row(f"[bold]{kind}[/]")
         for i, entry in enumerate(entries):
-            foreign = "" if entry["origin"] == "navstack" else f" (from {entry['origin']})"
-            table.add_row(f"  {entry['name']}{foreign}", "\n".join(entry["aliases"]), end_section=i == len(entries) - 1)
+            foreign = [] if entry["origin"] == "navstack" else [f"(from {entry['origin']})"]
+            names = "\n".join([*entry["aliases"], *foreign])
+            table.add_row(f"  {entry['name']}", names, end_section=i == len(entries) - 1)
     out.print(table)
     for what in ("maps", "parameters", "scenarios", "suites"):
         out.print(f"{'parameter sets' if what == 'parameters' else what}: {', '.join(found[what])}", markup=False)

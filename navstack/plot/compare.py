@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -34,7 +35,7 @@ def plot_pairs(
         top = 1.08 * max(known, default=1.0)
         edge = 1.04 * top
         axes.plot([0.0, top], [0.0, top], color=colors.FAINT, lw=0.9, ls=(0, (4, 2)), label="as long with both")
-        axes.axhspan(top, 1.08 * top, color=colors.FAINT, alpha=0.15, lw=0)
+        axes.axhspan(top, 1.08 * top, color=colors.FAINT, alpha=0.15, lw=0, label="did not succeed")
         axes.axvspan(top, 1.08 * top, color=colors.FAINT, alpha=0.15, lw=0)
         for label, marker, color, mine in (
             ("both succeed", "o", colors.BLUE, [(a, b) for a, b in pairs if a is not None and b is not None]),
@@ -47,8 +48,14 @@ def plot_pairs(
                 axes.plot(xs, ys, marker, color=color, ms=5.5, ls="none", label=f"{label} ({len(mine)})")
         axes.set_xlim(0.0, 1.08 * top)
         axes.set_ylim(0.0, 1.08 * top)
-        axes.set_aspect("equal")
-        axes.set_xlabel(f"time with A, {names[0]} (s)")
-        axes.set_ylabel(f"time with B, {names[1]} (s)")
+        axes.set_aspect("equal", anchor="W")
+        axes.set_xlabel(_wrapped(f"time with A, {names[0]} (s)"))
+        axes.set_ylabel(_wrapped(f"time with B, {names[1]} (s)"))
         axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0)
         return canvas.save(figure, out, dpi)
+
+
+def _wrapped(label: str) -> str:
+    """A label with a long list of overrides in a few lines, the middle left out when it is very long."""
+    lines = textwrap.wrap(label, 58, break_long_words=True)
+    return "\n".join(lines if len(lines) <= 3 else [*lines[:2], f".. {lines[-1]}"])

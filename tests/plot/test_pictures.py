@@ -26,6 +26,7 @@ from navstack.core import (
 from navstack.core.errors import OutputError
 from navstack.interfaces import Plan
 from navstack.plot import canvas, colors, plot_costmap, plot_plan, plot_run
+from navstack.plot.compare import plot_pairs
 from navstack.plot.run import area_of_run, circumstances, headline, incidents
 from navstack.record import Record, RunRecorder
 from tests.record import synthetic
@@ -412,3 +413,16 @@ def test_a_saved_run_looks_as_it_did_in_memory(tmp_path):
     recorder.save(tmp_path)
     a = plot_run(recorder.record(), tmp_path / "a.png").read_bytes()
     assert plot_run(Record.load(tmp_path), tmp_path / "b.png").read_bytes() == a
+
+
+@pytest.mark.parametrize("name", ["turtlebot", "turtlebot " + "DWAPlannerROS/path_distance_bias=32.0 " * 9])
+def test_pairs_with_names_of_any_length(name, tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(canvas, "save", lambda figure, path, dpi: drawn.append(figure) or path)
+    plot_pairs([(10.0, 12.0), (9.0, None), (None, None)], tmp_path / "c.png", title="t", names=(name, name))
+    (figure,) = drawn
+    figure.canvas.draw()
+    for axis in (figure.axes[0].xaxis, figure.axes[0].yaxis):
+        box = axis.label.get_window_extent()
+        assert box.x0 >= 0.0 and box.y0 >= 0.0
+        assert box.x1 <= figure.bbox.x1 and box.y1 <= figure.bbox.y1
