@@ -72,17 +72,16 @@ def _plugin(kind: str, entry: PluginEntry[Any], where: str, said: set[type[Param
     return text
 
 
-def _section(title: str, where: str, model: type[ParamModel]) -> str:
-    lines = [f"## {title}", "", f"Namespace: {where}.", ""]
+def table_of(model: type[ParamModel]) -> list[str]:
+    """A model's fields as the lines of a table: name, default, unit, range, meaning. A field that is a model is left out."""
     fields = {
         n: i
         for n, i in model.model_fields.items()
         if n != model.CHILD_FIELD and n not in model.FROM_NAVSTACK and nested_model(i) is None
     }
-    if fields:
-        lines += ["| name | default | unit | range | meaning |", "|---|---|---|---|---|"]
-    else:
-        lines.append("No parameters.")
+    if not fields:
+        return ["No parameters."]
+    lines = ["| name | default | unit | range | meaning |", "|---|---|---|---|---|"]
     for name, info in fields.items():
         extra = info.json_schema_extra if isinstance(info.json_schema_extra, dict) else {}
         meaning = f"{info.description or ''}"
@@ -91,6 +90,11 @@ def _section(title: str, where: str, model: type[ParamModel]) -> str:
             meaning += f"<br>**ROS differs:** {extra['ros_differs']}"
         cells = (f"`{name}`", _default(info), str(extra.get("unit") or ""), range_of(info), meaning)
         lines.append("| " + " | ".join(c.replace("|", "\\|") for c in cells) + " |")
+    return lines
+
+
+def _section(title: str, where: str, model: type[ParamModel]) -> str:
+    lines = [f"## {title}", "", f"Namespace: {where}.", "", *table_of(model)]
     if model.RENAMED:
         lines += ["", "Former names: " + ", ".join(f"`{old}` → `{new}`" for old, new in model.RENAMED.items()) + "."]
     if model.NO_EFFECT:

@@ -70,7 +70,7 @@ class DoorMotion(ParamModel):
         unit="m",
     )
     open: list[Annotated[list[float], Field(min_length=2, max_length=2)]] = param(
-        [], "[from, to]: it begins to open at the first time and to close at the second", unit="s"
+        [], "list of [from, to]: it begins to open at the first time and to close at the second", unit="s"
     )
     period: float | None = param(None, "the timetable is repeated after so long; none: never", unit="s", gt=0.0)
     moving_time: float = param(2.0, "how long it takes to open or to close", unit="s", ge=0.0)
@@ -146,7 +146,7 @@ class Shape(ParamModel):
     box: list[float] | None = param(None, "[length, width] of a rectangle, lengthwise along its heading", unit="m")
     polygon: list[Point] | None = param(None, "corners [x, y] of a polygon that does not cross itself", unit="m")
     segment: list[Point] | None = param(None, "the two ends [x, y] of a straight wall or door", unit="m")
-    thickness: float = param(_THICKNESS, "of a segment", unit="m", gt=0.0)
+    thickness: float = param(_THICKNESS, "of a segment, which alone has one", unit="m", gt=0.0)
     pose: list[float] = param([0.0, 0.0, 0.0], "[x, y, yaw] of the shape in the map, m and rad; [x, y] will do")
     height: float | None = param(
         None, "a lidar or sonar mounted higher does not see it; none: it is seen from everywhere", unit="m", gt=0.0
