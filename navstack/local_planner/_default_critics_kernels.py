@@ -5,12 +5,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from navstack.core.jit import kernel
 from navstack.local_planner._cell_kernels import point_cells
 from navstack.local_planner._grid_kernels import centre_scores, nose_scores, start_wave
-from navstack.local_planner._obstacle_kernels import highest_around, largest_scale, obstacle_scores
+from navstack.local_planner._obstacle_kernels import bounded_obstacle_scores
 from navstack.local_planner._scoring_kernels import begin, fold, lowest
 
 OSCILLATION, OBSTACLE, GOAL_FRONT, ALIGNMENT, PATH, GOAL, TWIRLING = range(7)
@@ -96,26 +94,26 @@ def score_default(
         fold(raw, scales[OSCILLATION], OSCILLATION, alive, table, totals, rejected_by)
 
     if scales[OBSTACLE] != 0.0:
-        scaling = np.array((scaling_speed, max_speed, max_scaling))
-        if x0 < x1:
-            largest = largest_scale(samples, alive, scaling)
-            reach = circumscribed / resolution + 1e-6
-            farthest = float(nx + ny)
-            highest_around(costs, x0, y0, x1, y1, min(reach, farthest), rows, bounds[0])
-            if largest > 1.0:
-                highest_around(costs, x0, y0, x1, y1, min(largest * reach, farthest), rows, bounds[1])
-        obstacle_scores(
+        bounded_obstacle_scores(
             costs,
             origin_x,
             origin_y,
             resolution,
             vertices,
+            circumscribed,
             samples,
             poses,
             counts,
             alive,
-            scaling,
+            scaling_speed,
+            max_speed,
+            max_scaling,
             sum_scores,
+            x0,
+            y0,
+            x1,
+            y1,
+            rows,
             bounds,
             flat,
             raw,

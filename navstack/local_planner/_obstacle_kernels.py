@@ -155,3 +155,62 @@ def obstacle_scores(
             out[k] = ILLEGAL
         else:
             out[k] = total if sum_scores else np.float64(highest)
+
+
+@kernel
+def bounded_obstacle_scores(
+    costs,
+    origin_x,
+    origin_y,
+    resolution,
+    vertices,
+    circumscribed,
+    commands,
+    poses,
+    counts,
+    alive,
+    scaling_speed,
+    max_speed,
+    max_scaling,
+    sum_scores,
+    x0,
+    y0,
+    x1,
+    y1,
+    rows,
+    bounds,
+    cells,
+    out,
+    where,
+):
+    """`obstacle_scores` with the `bounds` it needs: for the cells x0 <= ix < x1, y0 <= iy < y1 that hold all points.
+
+    `circumscribed` (m): the outline's radius. `rows` (ny, nx) is scratch.
+    """
+    ny, nx = costs.shape
+    scaling = np.array((scaling_speed, max_speed, max_scaling))
+    # two upper bounds: for the outline as it is, and for the one that has grown most
+    if x0 < x1:
+        reach = circumscribed / resolution + 1e-6
+        farthest = float(nx + ny)
+        largest = largest_scale(commands, alive, scaling)
+        highest_around(costs, x0, y0, x1, y1, min(reach, farthest), rows, bounds[0])
+        if largest > 1.0:
+            highest_around(costs, x0, y0, x1, y1, min(largest * reach, farthest), rows, bounds[1])
+    obstacle_scores(
+        costs,
+        origin_x,
+        origin_y,
+        resolution,
+        vertices,
+        commands,
+        poses,
+        counts,
+        alive,
+        scaling,
+        sum_scores,
+        bounds,
+        cells,
+        out,
+        where,
+    )

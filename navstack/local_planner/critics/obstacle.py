@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from navstack.core.parameters import ParamModel, param
 from navstack.interfaces import Critic, Rollouts, ScoringContext
-from navstack.local_planner._obstacle_kernels import highest_around, largest_scale, obstacle_scores
+from navstack.local_planner._obstacle_kernels import bounded_obstacle_scores
 from navstack.local_planner.cells import shared_cells
 from navstack.local_planner.critics._scale import RosDistro, obstacle_scale
 from navstack.plugins import CRITICS
@@ -79,30 +79,25 @@ class ObstacleCritic(Critic):
             self.first_contact = np.empty(k, np.int64)
         g = context.costmap.geometry
         p = self.params
-        costs, outline = context.costmap.data, context.footprint
+        outline = context.footprint
         cells = shared_cells(context, rollouts)
-        scaling = np.array((p.scaling_speed, context.limits.max_vel_trans, p.max_scaling_factor))
-        x0, y0, x1, y1 = cells.box
-        largest = largest_scale(rollouts.samples, alive, scaling)
-        # two upper bounds: for the outline as it is, and for the one that has grown most
-        if x0 < x1:
-            reach = outline.circumscribed_radius / g.resolution + 1e-6
-            farthest = float(g.nx + g.ny)
-            highest_around(costs, x0, y0, x1, y1, min(reach, farthest), self._rows, self._bounds[0])
-            if largest > 1.0:
-                highest_around(costs, x0, y0, x1, y1, min(largest * reach, farthest), self._rows, self._bounds[1])
-        obstacle_scores(
-            costs,
+        bounded_obstacle_scores(
+            context.costmap.data,
             g.origin_x,
             g.origin_y,
             g.resolution,
             outline.vertices,
+            outline.circumscribed_radius,
             rollouts.samples,
             rollouts.poses,
             rollouts.counts,
             alive,
-            scaling,
+            p.scaling_speed,
+            context.limits.max_vel_trans,
+            p.max_scaling_factor,
             p.sum_scores,
+            *cells.box,
+            self._rows,
             self._bounds,
             cells.flat,
             self._out,
