@@ -174,7 +174,7 @@ class _Film:
         v = record.velocities[i]
         goal = int(record.goal_indices[i])
         self._clock.set_text(
-            f"{t - float(record.times[0]):6.1f} s    {record.states[i]}"
+            f"{t - float(record.times[0]):.1f} s    {record.states[i]}"
             + (f"    goal {goal + 1}" if goal >= 0 else "")
             + f"    {np.hypot(v[0], v[1]):.2f} m/s  {v[2]:+.2f} rad/s"
         )
