@@ -210,12 +210,15 @@ def half_done(results: Path, inputs: list[Path]) -> bool:
 
 
 SCRIPT = """
+import signal
 import sys
 from pathlib import Path
 from navstack.jobs import Job, run_jobs
 from tests.jobs import work
 
 if __name__ == "__main__":
+    # whatever runs the tests: a shell's background jobs ignore it, and so would their children
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     files = sys.argv[2:]
     jobs = [Job(str(i), file) for i, file in enumerate(files)]
     run_jobs(work.wait_for, jobs, processes=2, results=Path(sys.argv[1]), resume=True)
