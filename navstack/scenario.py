@@ -6,14 +6,14 @@ import math
 import time
 from array import array
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
 
 from navstack import __version__
 from navstack.configuration import Configuration, load_configuration
-from navstack.core import Listener, OccupancyGrid, Pose2D, angle_between
+from navstack.core import Listener, OccupancyGrid, Pose2D, angle_between, normalize_angle
 from navstack.core.errors import InternalError, RecordError
 from navstack.move_base import GoalHandle, MoveBase
 from navstack.navigator import build_move_base, odometry_frame, simulated_robot, true_footprint
@@ -24,7 +24,7 @@ from navstack.sim import Shape, SimulatedRobot, World
 from navstack.success import SuccessConditions, Verdict
 
 WARM_UP_S = 1.0
-"""Simulated seconds after which every stage of driving has had its turn."""
+"""Simulated seconds after which every stage of driving, or of arriving, has had its turn."""
 
 MAX_STANDSTILLS = 1000
 """Cycles in a row that may take no simulated time: a few follow one another when goals end and begin."""
@@ -471,13 +471,16 @@ class Run:
 
 
 def warm_up(scenario: Scenario) -> None:
-    """Drives the first moments of a run and forgets them, so that its kernels are compiled and loaded.
+    """Drives the first moments of a run, and an arrival, and forgets them, so that the kernels are compiled and loaded.
 
     The run itself is not touched: it starts anew. Raises what `run_scenario` raises.
     """
-    run = Run(scenario, record=False)
-    while run.robot.time < WARM_UP_S and run.step():
-        pass
+    turned = scenario.start._replace(yaw=normalize_angle(scenario.start.yaw + 1.0))
+    arriving = replace(scenario, goals=(turned,), success=SuccessConditions())
+    for part in (scenario, arriving):
+        run = Run(part)
+        while run.robot.time < WARM_UP_S and run.step():
+            pass
 
 
 def run_scenario(
