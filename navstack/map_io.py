@@ -189,6 +189,8 @@ def _read_yaml(path: Path) -> _Yaml:
     except FileNotFoundError:
         close = sorted(p.name for p in path.parent.glob("*.yaml"))[:5] if path.parent.is_dir() else []
         hint = f"; the folder has {', '.join(close)}" if close else "; check the path"
+        if path.suffix == "" and path.parent == Path():
+            hint += f'; the file of a packaged map is given by navstack.map_path("{path}")'
         raise MapError(f"there is no map {path}{hint}", file=str(path)) from None
     except IsADirectoryError:
         inside = sorted(p.name for p in path.glob("*.yaml"))[:5]

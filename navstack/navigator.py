@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from navstack.configuration import Configuration, CostmapConfiguration, PluginChoice
 from navstack.core import Footprint, FrameTree, Listener, OccupancyGrid, Pose2D, Transform2D
 from navstack.core.errors import InputError, PlanningError, StartOccupiedError, StartOutsideMapError
+from navstack.core.poses import require_pose
 from navstack.costmap import LayeredCostmap, LayerSpec
 from navstack.costmap.occupied import with_layer
 from navstack.costmap.reconfigure import apply_reconfigure, check_reconfigure
@@ -122,7 +123,7 @@ def simulated_robot(
         world, static_map = static_map, static_map.map
     else:
         world = World(static_map, obstacles, low_discs=low_obstacles, shapes=shapes)
-    if not start.is_finite():
+    if not require_pose(start, "start").is_finite():
         raise InputError(f"the start {tuple(start)} is not finite; give x,y,yaw in metres and radians", pose=start)
     if not world.contains(start):
         left, right, bottom, top = static_map.geometry.extent
@@ -197,7 +198,7 @@ def plan_on_map(
     Poses in the map's frame. Raises a PlanningError with code and data when there is none.
     """
     for what, pose in (("start", start), ("goal", goal)):
-        if not pose.is_finite():
+        if not require_pose(pose, what).is_finite():
             raise InputError(f"the {what} {tuple(pose)} is not finite; give x,y,yaw in metres and radians", pose=pose)
     if static_map.geometry.world_to_cell(start.x, start.y) is None and static_map.origin_yaw == 0.0:
         left, right, bottom, top = static_map.geometry.extent

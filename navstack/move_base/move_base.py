@@ -14,6 +14,7 @@ from typing import Any
 from navstack.core import Event, Listener, Path, Pose2D, RobotState, Twist2D
 from navstack.core.errors import InputError, InternalError, NavError, PlanningTimeoutError
 from navstack.core.frames import clean_frame
+from navstack.core.poses import require_pose
 from navstack.costmap.occupied import with_layer
 from navstack.interfaces import (
     ControlInput,
@@ -244,7 +245,9 @@ class MoveBase:
         With `orientation` (x, y, z, w) the heading is that quaternion's. `stamp` (s) is the time of the last tick unless
         given; goals stamped before the one at hand are RECALLED. What is wrong with a goal shows in the handle, which
         reaches a terminal state in any case. `time_limit_s` counts from acceptance; `goal_time_limit_s` when None.
+        Raises InputError for what is no Pose2D.
         """
+        pose = require_pose(pose, "goal")
         self._goal_count += 1
         if orientation is not None:
             yaw = yaw_of(orientation) if all(math.isfinite(c) for c in orientation) else math.nan
