@@ -257,10 +257,10 @@ def drive(
     A car's command is [vx, 0, steering angle]. `state` (STATE_SIZE,) is changed. `limits` .. `facing`: the robot, as
     `BodyModel` has it; `discs` .. `polygon_tops`: the world beside the map, as `Solids`. One by one: numba takes longer to
     find out what a NamedTuple is than to drive ten steps.
-    `noise` (steps or 0, 6): relative errors of the true motion vx, vy, wz against the wheels', and of the odometry against
-    the wheels'. `moving`: the solids have moved since the last call. `samples` (>= steps, 10) receives true pose, odometry
-    pose, velocity after each step, and 1 where the robot is in contact; `contacts` (>= 2 steps, 2) int64 the step and what
-    was hit (as `find_contact`).
+    `noise` (steps or 0, 8): relative errors of the true motion vx, vy, wz against the wheels', and of the odometry against
+    the wheels'; then what both headings gain for every root of a metre (rad). `moving`: the solids have moved since the last
+    call. `samples` (>= steps, 10) receives true pose, odometry pose, velocity after each step, and 1 where the robot is in
+    contact; `contacts` (>= 2 steps, 2) int64 the step and what was hit (as `find_contact`).
     """
     model = BodyModel(limits, jerks, bias, keep, wheelbase, footprint, radius, facing)
     solids = Solids(discs, disc_tops, circles, corners, first, polygon_tops)
@@ -292,8 +292,11 @@ def drive(
         mx, my, mz = dt * state[VX], dt * state[VY], dt * state[WZ]
         ox, oy, oz = mx, my, mz
         if noise.shape[0] > 0:
+            root = math.sqrt(math.hypot(mx, my))
             mx, my, mz = mx * (1.0 + noise[step, 0]), my * (1.0 + noise[step, 1]), mz * (1.0 + noise[step, 2])
             ox, oy, oz = ox * (1.0 + noise[step, 3]), oy * (1.0 + noise[step, 4]), oz * (1.0 + noise[step, 5])
+            mz += root * noise[step, 6]
+            oz += root * noise[step, 7]
         if model.bias[0] != 0.0 or model.bias[1] != 0.0:
             oz += model.bias[1] * ox
             ox, oy = ox * (1.0 + model.bias[0]), oy * (1.0 + model.bias[0])

@@ -39,6 +39,8 @@ class Localization:
         drifts = (
             params.wheel_slip > 0.0
             or params.odometry_noise > 0.0
+            or params.wheel_slip_turn > 0.0
+            or params.odometry_noise_turn > 0.0
             or params.odometry_scale != 0.0
             or params.odometry_turn != 0.0
         )

@@ -219,6 +219,21 @@ class SimParams(ParamModel):
         ge=0.0,
         le=ODOMETRY_LIMIT,
     )
+    wheel_slip_turn: float = param(
+        0.0,
+        "standard deviation of the heading that slip adds over a metre of driving, straight ahead too; over n metres √n "
+        "times as much",
+        unit="rad/√m",
+        ge=0.0,
+        le=ODOMETRY_LIMIT,
+    )
+    odometry_noise_turn: float = param(
+        0.0,
+        "the same of the odometry's heading against that of the wheels",
+        unit="rad/√m",
+        ge=0.0,
+        le=ODOMETRY_LIMIT,
+    )
     odometry_scale: float = param(
         0.0,
         "systematic error of the odometry, relative: 0.01 says 1.01 m for every metre, as worn wheels do",

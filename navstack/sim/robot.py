@@ -36,7 +36,7 @@ from navstack.sim.solids import Solids, joined
 from navstack.sim.sonar import Sonar
 from navstack.sim.world import World
 
-_NO_NOISE = np.empty((0, 6))
+_NO_NOISE = np.empty((0, 8))
 _STOP = Twist2D()
 _transform: Callable[[list[float]], Transform2D] = partial(tuple.__new__, Transform2D)  # pyright: ignore[reportAssignmentType]
 
@@ -129,7 +129,9 @@ class SimulatedRobot:
         # (step from which it holds, command), oldest first; the first one is in force
         self._commands: deque[tuple[int, Twist2D]] = deque([(0, _STOP)])
         self._steering = 0.0
-        self._noisy = params.wheel_slip > 0.0 or params.odometry_noise > 0.0
+        self._turning_noise = params.wheel_slip_turn > 0.0 or params.odometry_noise_turn > 0.0
+        self._noisy = params.wheel_slip > 0.0 or params.odometry_noise > 0.0 or self._turning_noise
+        self._turning_rng = np.random.Generator(np.random.PCG64([seed, 1 << 24]))
         self._rng = np.random.Generator(np.random.PCG64([seed, 0]))
 
         offset = Transform2D(params.map_to_odom[0], params.map_to_odom[1], normalize_angle(params.map_to_odom[2]))
@@ -278,10 +280,16 @@ class SimulatedRobot:
         return np.array(twist)
 
     def _noise(self, steps: int) -> NDArray[np.float64]:
-        """Relative errors per step: variances add up to the parameter's square over the steps of a second."""
-        noise = self._rng.standard_normal((steps, 6)) * math.sqrt(self._frequency)
-        noise[:, :3] *= self.params.wheel_slip
-        noise[:, 3:] *= self.params.odometry_noise
+        """Errors per step, (steps, 8): relative ones, whose variances add up to the parameter's square over the steps of a
+        second; and of the headings, for every root of a metre.
+        """
+        noise = np.zeros((steps, 8))
+        relative = self._rng.standard_normal((steps, 6)) * math.sqrt(self._frequency)
+        noise[:, :3] = relative[:, :3] * self.params.wheel_slip
+        noise[:, 3:6] = relative[:, 3:] * self.params.odometry_noise
+        if self._turning_noise:
+            turning = self.params.wheel_slip_turn, self.params.odometry_noise_turn
+            noise[:, 6:] = self._turning_rng.standard_normal((steps, 2)) * turning
         return noise
 
     # --- what the robot knows -----------------------------------------------------------------------------------------

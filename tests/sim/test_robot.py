@@ -162,6 +162,27 @@ def test_energy_of_the_odometry_noise() -> None:
     assert abs(np.mean(errors)) < 4 * 0.2 / math.sqrt(300)
 
 
+@pytest.mark.parametrize("frequency", [20.0, 100.0])
+def test_the_heading_wanders_with_the_root_of_the_way(frequency: float) -> None:
+    """0.05 rad for a metre: after 4 m the heading has a deviation of 0.1 rad, the lateral error one of 0.05 sqrt(4^3 / 3) m."""
+    true: list[tuple[float, float]] = []
+    told: list[tuple[float, float]] = []
+    for seed in range(300):
+        it = robot(
+            SimParams(physics_frequency=frequency, wheel_slip_turn=0.05, odometry_noise_turn=0.025, lasers=[]),
+            seed=seed,
+        )
+        it.command(Twist2D(0.8))
+        it.advance_to(5.0)
+        true.append((it.pose.yaw, it.pose.y))
+        told.append((it.state().pose.yaw, it.state().pose.y))
+    lateral = 0.05 * math.sqrt(4.0**3 / 3.0)
+    assert np.std(true, axis=0) == pytest.approx([0.1, lateral], rel=0.15)
+    assert np.std(told, axis=0) == pytest.approx([0.05, lateral / 2.0], rel=0.15)
+    assert (np.abs(np.mean(true, axis=0)) < 4.0 * np.array([0.1, lateral]) / math.sqrt(300)).all()
+    assert abs(np.corrcoef(np.array(true)[:, 0], np.array(told)[:, 0])[0, 1]) < 0.25
+
+
 def test_scans_are_taken_where_the_robot_was_at_their_times() -> None:
     world = World(None, [[5.0, 0.0, 1.0]])
     it = robot(world=world)
