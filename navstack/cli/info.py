@@ -83,12 +83,20 @@ def info(
 
 
 def _write_states(file: Path) -> None:
+    from navstack.core.errors import OutputError
+    from navstack.plot.canvas import FORMATS
+
     if file.suffix == ".md":
         from navstack.core.files import write_text
         from navstack.move_base.state_machine import document_markdown
 
         write_text(file, document_markdown())
     else:
+        if file.suffix.lower() not in FORMATS:
+            raise OutputError(
+                f"cannot write {file.name}: its ending must be one of {', '.join(FORMATS)} for a picture, .md for a table",
+                path=str(file),
+            )
         from navstack.plot.states import plot_states
 
         plot_states(file)

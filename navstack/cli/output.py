@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from navstack.configuration import Configuration
+    from navstack.scenario import GoalOutcome
 
 
 @cache
@@ -52,6 +53,13 @@ def note_warnings(configuration: Configuration) -> None:
     for finding in configuration.findings:
         if finding.severity == "warning":
             print_note(f"{finding.location}: {finding.message}")
+
+
+def reason_of(goal: GoalOutcome, limit_s: float) -> str:
+    """Why a goal did not succeed, for people; `limit_s`: the time (s) after which the scenario cancels a goal."""
+    over = goal.state == "PREEMPTED" and goal.time_s >= limit_s
+    limit = f"; its time limit of {limit_s:g} s was over" if over else ""
+    return f"{goal.error_name} ({goal.error_code}): {goal.message}{limit}"
 
 
 def print_json(document: Mapping[str, Any]) -> None:

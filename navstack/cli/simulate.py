@@ -193,7 +193,7 @@ def _print(result: RunResult, document: dict[str, Any], limit_s: float) -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    from navstack.cli.output import stdout
+    from navstack.cli.output import reason_of, stdout
 
     out = stdout()
     table = Table(title="goals", title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
@@ -215,12 +215,7 @@ def _print(result: RunResult, document: dict[str, Any], limit_s: float) -> None:
     for goal in result.goals:
         if not goal.succeeded:
             said = f"{goal.text} " if goal.text else ""
-            over = goal.state == "PREEMPTED" and goal.time_s >= limit_s
-            why = f"; its time limit of {limit_s:g} s was over" if over else ""
-            out.print(
-                f"goal {goal.goal.x:g}, {goal.goal.y:g}: {escape(said)}{goal.error_name} ({goal.error_code}): "
-                f"{escape(goal.message)}{why}"
-            )
+            out.print(f"goal {goal.goal.x:g}, {goal.goal.y:g}: {escape(said + reason_of(goal, limit_s))}")
     for verdict in result.verdicts:
         mark = "[green]held[/]" if verdict.holds else "[bold red]not held[/]"
         out.print(f"condition {verdict.condition} {mark}: {escape(verdict.text)}")

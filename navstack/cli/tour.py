@@ -58,7 +58,7 @@ def tour(
     json_: bool = typer.Option(False, "--json", help="One JSON document on stdout."),
 ) -> int:
     """Drive a simulated robot to named places in turn; Ctrl-C stops the robot and keeps the log."""
-    from navstack.cli.output import loading_kernels, print_json, stderr
+    from navstack.cli.output import loading_kernels, print_json, reason_of, stderr
     from navstack.core.files import ensure_directory, write_json
     from navstack.plot import plot_run
     from navstack.scenario import warm_up
@@ -74,7 +74,7 @@ def tour(
 
     def told(name: str, outcome: GoalOutcome, state: TourState) -> None:
         if not json_:
-            why = "" if outcome.succeeded else f" {outcome.error_name}: {outcome.message}"
+            why = "" if outcome.succeeded else f", {reason_of(outcome, scenario.time_limit_s)}"
             stderr().print(f"{name}: {outcome.state} after {outcome.time_s:.1f} s{why}; {state}", markup=False)
 
     shown = -1.0
@@ -97,7 +97,7 @@ def tour(
     if json_:
         print_json(document)
     else:
-        _print(result, files)
+        _print(result, files, scenario.time_limit_s)
     if result.interrupted:
         return EXIT_INTERRUPTED
     return 0 if result.succeeded else 1
@@ -196,37 +196,39 @@ def _scenario(
     return scenario, names
 
 
-def _print(result: TourResult, files: dict[str, str]) -> None:
+def _print(result: TourResult, files: dict[str, str], limit_s: float) -> None:
     from rich.box import SIMPLE_HEAD
     from rich.markup import escape
     from rich.table import Table
 
-    from navstack.cli.output import stdout
+    from navstack.cli.output import reason_of, stdout
 
     out = stdout()
     table = Table(title="tour", title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
-    for name in ("place", "state", "reason"):
-        table.add_column(name, max_width=40)
-    for name in ("time", "driven", "recov."):
+    for name in ("place", "state"):
+        table.add_column(name, no_wrap=True)
+    for name in ("time", "driven", "recoveries"):
         table.add_column(name, justify="right", no_wrap=True)
     for name, goal in zip(result.names, result.run.goals):
         style = "green" if goal.succeeded else "bold red"
         table.add_row(
             escape(name),
             f"[{style}]{goal.state}[/]",
-            "" if goal.succeeded else escape(f"{goal.error_name}: {goal.message}"),
             f"{goal.time_s:.1f} s",
             f"{goal.path_length_m:.2f} m",
             str(goal.recoveries),
         )
     out.print(table)
+    for name, goal in zip(result.names, result.run.goals):
+        if not goal.succeeded:
+            out.print(escape(f"{name}: {reason_of(goal, limit_s)}"))
     rate = result.state.success_rate
     said = "no goal has ended" if rate is None else f"success rate {100.0 * rate:.0f} %"
     left = len(result.names) - len(result.run.goals)
     out.print(
         f"{said} ({result.state.succeeded} of {result.state.done}), {result.state.running_s:.1f} s, "
         f"{result.state.distance_m:.2f} m driven, {result.run.collisions} collisions"
-        + (f"; {left} goals left out" if left else "")
+        + (f"; {left} goal{'s' * (left != 1)} left out" if left else "")
         + ("; interrupted" if result.interrupted else "")
     )
     for what, name in files.items():

@@ -148,3 +148,14 @@ def test_a_time_limit_that_is_over_is_said(in_folder: Path, capfd: pytest.Captur
     out = capfd.readouterr().out
     assert "goal 6.2, 12: CANCELED (9011): the goal was cancelled after" in out
     assert "; its time limit of 1 s was over" in out
+    Path("places.yaml").write_text("places: {desk: [6.2, 12.0, 1.57]}\n")
+    assert run(["tour", "places.yaml", "office", "--start", "0.8,7.45", "--time-limit", "1", "--out", "out"]) == 1
+    captured = capfd.readouterr()
+    for said in (captured.err, captured.out):
+        assert "CANCELED (9011): the goal was cancelled after" in said and "; its time limit of 1 s was over" in said
+
+
+def test_states_are_a_picture_or_a_table(in_folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert run(["info", "--states", "states.doc"]) == 2
+    assert "one of .png, .svg, .pdf for a picture, .md for a table" in capfd.readouterr().err
+    assert not Path("states.doc").exists()
