@@ -12,7 +12,8 @@ SEVERITY_STYLE = {"error": "bold red", "warning": "yellow", "info": "cyan"}
 
 def check(
     params: list[str] = typer.Argument(
-        ..., help="A packaged set, a folder, or files in the order of loading; or one scenario file."
+        ...,
+        help="A packaged set, a folder, or files in the order of loading; or one scenario file, or the name of a shipped one.",
     ),
     set_: list[str] = typer.Option([], "--set", metavar="KEY=VALUE", help="Override a parameter."),
     distro: str | None = typer.Option(None, "--distro", help="noetic or indigo: which scoring scale is meant."),
@@ -25,10 +26,11 @@ def check(
     """Load parameters, or a scenario file with its parameters, and say everything that can be said about them."""
     from navstack.cli.output import print_json, stdout
     from navstack.configuration import check_parameters
-    from navstack.scenario_file import check_scenario, is_scenario_file
+    from navstack.scenario_file import check_scenario
 
-    if len(params) == 1 and is_scenario_file(Path(params[0])):
-        findings = check_scenario(params[0], overrides=set_, distro=distro, allow_missing=allow_missing)
+    file = _scenario(params[0]) if len(params) == 1 else None
+    if file is not None:
+        findings = check_scenario(file, overrides=set_, distro=distro, allow_missing=allow_missing)
     else:
         findings = check_parameters(params, overrides=set_, distro=distro, allow_missing=allow_missing)
     if strict:
@@ -51,3 +53,19 @@ def check(
     counts = ((errors, "error"), (warnings, "warning"), (len(findings) - errors - warnings, "note"))
     out.print(", ".join(f"{n} {what}{'' if n == 1 else 's'}" for n, what in counts))
     return 2 if errors else 0
+
+
+def _scenario(name: str) -> Path | None:
+    """The scenario file of that path, or of that name among the shipped ones where nothing else has it; None: no scenario."""
+    from navstack.core.files import exists
+    from navstack.params.sources import packaged_sets
+    from navstack.scenario_file import is_scenario_file
+
+    path = Path(name)
+    if is_scenario_file(path):
+        return path
+    if exists(path) or name in packaged_sets():
+        return None
+    from navstack.suites import shipped
+
+    return shipped().get(name)

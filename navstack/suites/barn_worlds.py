@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from navstack.core import GridGeometry, OccupancyGrid, Pose2D
 from navstack.core.errors import InputError
+from navstack.core.files import is_file
 
 START: Final = Pose2D(0.0, 0.0, 1.57)
 GOAL: Final = Pose2D(0.0, 10.0, 0.0)
@@ -94,6 +95,8 @@ def load_worlds(file: Path) -> list[BarnWorld]:
     Its arrays: `world` (n,) numbers; `cyl_xy` (m, 2) centres of all cylinders in the worlds' own coordinates (m);
     `cyl_offset` (n + 1,) where those of each world begin; `cyl_radius` (m); `optimal_length_m` (n,).
     """
+    if not is_file(file):
+        raise InputError(f"there is no {file}: give the folder that holds BARN's worlds.npz", file=str(file))
     try:
         # opened here: of what is no archive, numpy would leave it open
         with file.open("rb") as opened, np.load(opened) as data:

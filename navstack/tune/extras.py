@@ -17,7 +17,8 @@ def need(module: str, purpose: str) -> Any:
     except ImportError as exc:
         package = _PACKAGES.get(module, module.partition(".")[0])
         raise InputError(
-            f"{purpose} needs {package}, which is not installed; install it: pip install 'navstack[tune]'",
+            f"{purpose} needs {package}, which is not installed; install the extra `tune`: pip install '.[tune]' in a clone of "
+            "navstack",
             module=module,
             install="navstack[tune]",
         ) from exc

@@ -293,7 +293,7 @@ def test_scenarios_are_known_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyP
 @pytest.mark.parametrize(
     ("arguments", "match"),
     [
-        (("barn", "absent", "--params", "turtlebot"), "absent/worlds.npz is not a file of BARN worlds"),
+        (("barn", "absent", "--params", "turtlebot"), "there is no .*absent/worlds.npz: give the folder"),
         (("barn", "FIELDS"), "--params"),
         (("barn", "FIELDS", "--params", "turtlebt"), "turtlebot"),
         (("barn", "FIELDS", "--params", "turtlebot", "--worlds", "4"), "there is no world 4 in .*; there are 3, 8, 9"),

@@ -144,4 +144,4 @@ def test_without_the_extra(
     suite = make_room(tmp_path)
     assert run([command[0], "--suite", str(suite), "--out", str(tmp_path / "out"), *command[1:], "--json"]) == 2
     message = json.loads(capsys.readouterr().out)["error"]["message"]
-    assert f"needs {package}, which is not installed; install it: pip install 'navstack[tune]'" in message
+    assert f"needs {package}, which is not installed; install the extra `tune`: pip install '.[tune]'" in message
