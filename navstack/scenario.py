@@ -239,7 +239,7 @@ class RunResult:
         }
 
 
-def _take_down(recorder: RunRecorder, robot: SimulatedRobot, move_base: MoveBase, goal: int, clearance: float) -> None:
+def _take_down(recorder: RunRecorder, robot: SimulatedRobot, move_base: MoveBase, goal: int) -> None:
     """Puts what the last tick did into the record."""
     turn = move_base.turn
     t = turn.time
@@ -263,41 +263,64 @@ def _take_down(recorder: RunRecorder, robot: SimulatedRobot, move_base: MoveBase
         command=move_base.command,
         state=move_base.state.name,
         goal_index=goal,
-        clearance=clearance,
     )
 
 
 class _Meter:
-    """Notes what the metrics are made from, a control cycle at a time."""
+    """Notes what the metrics are made from, a control cycle at a time.
+
+    Clearances are measured when they are asked for, or when something has moved: many at once take less time.
+    """
 
     def __init__(self, robot: SimulatedRobot) -> None:
         self._robot = robot
         self._rows = array("d")
         self._states: list[str] = []
+        self._clearances = array("d")
+        self._solids = robot.solids
+        """What stood there in the cycles whose clearance is not measured yet."""
         self._last = robot.pose
         self.length = 0.0
         """From each cycle's pose to the next, m: what slip makes the body jitter between them is no way."""
 
-    def note(self, state: str) -> float:
-        """The cycle that has just been; its clearance (m)."""
+    def note(self, state: str) -> None:
+        """The cycle that has just been."""
         robot = self._robot
-        clearance, pose = robot.clearance, robot.pose
+        if robot.solids is not self._solids:
+            self._measure()
+            self._solids = robot.solids
+        pose = robot.pose
         self.length += pose.distance_to(self._last)
         self._last = pose
-        self._rows.extend((robot.time, *pose, clearance))
+        self._rows.extend((robot.time, *pose))
         self._states.append(state)
-        return clearance
+
+    def clearances(self) -> array[float]:
+        """Of all cycles so far (m)."""
+        self._measure()
+        return self._clearances
 
     def nearest(self) -> float:
         """The least clearance of all cycles so far, m."""
-        return min(self._rows[4::5], default=math.inf)
+        return min(self.clearances(), default=math.inf)
 
     def metrics(self, results: Sequence[Mapping[str, Any]]) -> RunMetrics:
         """Of the cycles so far."""
-        rows = np.array(self._rows, np.float64).reshape(-1, 5)
+        rows = np.array(self._rows, np.float64).reshape(-1, 4)
         return compute_metrics(
-            rows[:, 0], rows[:, 1:4], self._states, rows[:, 4], results=results, contacts=len(self._robot.collisions)
+            rows[:, 0],
+            rows[:, 1:4],
+            self._states,
+            np.array(self.clearances(), np.float64),
+            results=results,
+            contacts=len(self._robot.collisions),
         )
+
+    def _measure(self) -> None:
+        first = len(self._clearances)
+        if first < len(self._states):
+            poses = np.array(self._rows[4 * first :], np.float64).reshape(-1, 4)[:, 1:].copy()
+            self._clearances.extend(self._robot.clearances(poses, self._solids).tolist())
 
 
 class Run:
@@ -330,6 +353,7 @@ class Run:
                 local_frame=odometry_frame(configuration),
                 base_frame=configuration.local_costmap.params.robot_base_frame,
             )
+            self.recorder.ask_clearances(self._meter.clearances)
             solids = self.robot.solids
             if not self.robot.world.moves and scenario.shapes:
                 self.recorder.solids(solids.discs, solids.corners, solids.first)
@@ -371,9 +395,9 @@ class Run:
                 "a fault of navstack, please report it with the scenario",
                 time=robot.time,
             )
-        clearance = self._meter.note(move_base.state.name)
+        self._meter.note(move_base.state.name)
         if self.recorder is not None:
-            _take_down(self.recorder, robot, move_base, self.goal_index, clearance)
+            _take_down(self.recorder, robot, move_base, self.goal_index)
         if self._handle is not None and robot.time - self._begun > self.scenario.time_limit_s:
             move_base.cancel_goal(self._handle)
         return True

@@ -21,7 +21,10 @@ class Event:
 
 
 class Listener(Protocol):
-    """Whoever wants to know: a record, a progress bar, a test."""
+    """Whoever wants to know: a record, a progress bar, a test.
+
+    One with an attribute `hears_feedback` that is False is not sent the feedback of every control cycle on its account.
+    """
 
     def on_event(self, event: Event) -> None:
         """Called once per event, in order of time."""

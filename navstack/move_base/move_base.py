@@ -523,7 +523,8 @@ class MoveBase:
             if progress is Progress.MOVED:
                 mission.rounds = 0
                 self._apply(NavEvent.MOVED, now)
-        if self.listeners:
+        # most runs have nobody who listens to it
+        if any(getattr(listener, "hears_feedback", True) for listener in self.listeners):
             self._emit(now, "feedback", "", {"pose": list(pose)})
         if self._followed:
             self._follow_up(now)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -79,6 +79,7 @@ class RunRecorder:
         self._samples = array("d")
         self._sample_goal = array("i")
         self._clearances = array("d")
+        self._clearance_source: Callable[[], Sequence[float]] | None = None
         self._solids: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = []
         self._solid_first: NDArray[np.int64] = np.zeros(1, np.int64)
         self._sample_state: list[str] = []
@@ -91,6 +92,9 @@ class RunRecorder:
         self._scan_sources: dict[tuple[str, str], int] = {}
 
     # --- while the run goes on ----------------------------------------------------------------------------------------
+
+    hears_feedback = False
+    """`Listener` may say so: the samples say the same."""
 
     def on_event(self, event: Event) -> None:
         """Takes down an event of the goal manager; feedback is left out, the samples say the same."""
@@ -124,6 +128,12 @@ class RunRecorder:
         self._samples.extend((t, *pose, *odom.pose, *odom.velocity, *map_to_odom, *command))
         self._sample_goal.append(goal_index)
         self._sample_state.append(state if isinstance(state, str) else str(state))
+
+    def ask_clearances(self, source: Callable[[], Sequence[float]]) -> None:
+        """`source` gives the clearances (m) of all samples so far, in place of those noted with them: asked at the end, and
+        whenever the run so far is read.
+        """
+        self._clearance_source = source
 
     def solids(self, discs: NDArray[np.float64], corners: NDArray[np.float64], first: NDArray[np.int64]) -> None:
         """What stands beside the map (global frame): discs (k, 3) x, y, radius, and the corners (m, 2) of polygons, those of
@@ -170,6 +180,8 @@ class RunRecorder:
     def finish(self, results: Sequence[Mapping[str, Any]], collisions: Sequence[Contact] | None = None) -> None:
         """How each goal ended, one JSON-able object per goal (no wall-clock times); `collisions` replace those noted."""
         self._results = [jsonable(dict(result)) for result in results]
+        self._take_clearances()
+        self._clearance_source = None  # and all that it holds on to
         if collisions is not None:
             self._collisions = [(contact.time, *contact.pose) for contact in collisions]
 
@@ -196,6 +208,7 @@ class RunRecorder:
         return files
 
     def _members(self) -> tuple[dict[str, Any], list[dict[str, Any]], dict[str, NDArray[Any]]]:
+        self._take_clearances()
         critics = self._critics()
         arrays: dict[str, NDArray[Any]] = {}
         if self._map is not None:
@@ -236,6 +249,10 @@ class RunRecorder:
             "scan_sources": [list(source) for source in self._scan_sources],
         }
         return meta, self._events, arrays
+
+    def _take_clearances(self) -> None:
+        if self._clearance_source is not None:
+            self._clearances = array("d", self._clearance_source())
 
     def _critics(self) -> tuple[str, ...]:
         names: dict[str, None] = {}

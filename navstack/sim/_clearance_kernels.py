@@ -110,3 +110,11 @@ def clearance(squares, grid, discs, circles, corners, first, outline, x, y, yaw)
             placed[i, 1] = y + s * outline[i, 0] + c * outline[i, 1]
         best = min(best, polygon_to_polygon(placed, corners[first[k] : first[k + 1]]))
     return best
+
+
+@kernel
+def clearances(squares, grid, discs, circles, corners, first, outline, poses, out):
+    """Into `out` (n,) the `clearance` at each of the `poses` (n, 3)."""
+    for i in range(len(poses)):
+        x, y, yaw = poses[i, 0], poses[i, 1], poses[i, 2]
+        out[i] = clearance(squares, grid, discs, circles, corners, first, outline, x, y, yaw)

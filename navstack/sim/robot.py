@@ -357,10 +357,15 @@ class SimulatedRobot:
     @property
     def clearance(self) -> float:
         """Distance (m) from the outline to the nearest obstacle now, people included; 0 in contact, inf when alone."""
-        pose, facing = self.pose, self._body.facing
+        return float(self.clearances(np.array([self.pose]), self._solids)[0])
+
+    def clearances(self, poses: NDArray[np.float64], solids: Solids) -> NDArray[np.float64]:
+        """(n,) `clearance` as it was at each of the `poses` (n, 3) (map) among `solids`."""
+        facing = self._body.facing
         if not math.isnan(facing):
-            pose = Pose2D(pose.x, pose.y, facing)
-        return self.world.clearance(pose, self.footprint, solids=self._solids)
+            poses = poses.copy()
+            poses[:, 2] = facing
+        return self.world.clearances(poses, self.footprint, solids)
 
     @property
     def in_contact(self) -> bool:

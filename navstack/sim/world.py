@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from navstack.core import Footprint, GridGeometry, OccupancyGrid, Pose2D
 from navstack.core.errors import InputError
 from navstack.sim import _body_kernels as body
-from navstack.sim._clearance_kernels import clearance
+from navstack.sim._clearance_kernels import clearances
 from navstack.sim._lidar_kernels import free_rectangles, free_squares
 from navstack.sim._shape_kernels import place_polygons
 from navstack.sim.crowd import Crowd
@@ -237,14 +237,27 @@ class World:
         0 in contact, inf when there is no obstacle at all. `solids` and InputError as of `contact`.
         """
         _check_finite(pose)
-        outline = _POINT if footprint is None else footprint.vertices.copy()
-        x, y, yaw = float(pose.x), float(pose.y), float(pose.yaw)
         solids = self.solids_at(time) if solids is None else solids
-        return float(
-            clearance(
-                self.squares, self.grid, solids.discs, solids.circles, solids.corners, solids.first, outline, x, y, yaw
-            )
+        return float(self.clearances(np.array([pose], np.float64), footprint, solids)[0])
+
+    def clearances(
+        self, poses: NDArray[np.float64], footprint: Footprint | None, solids: Solids
+    ) -> NDArray[np.float64]:
+        """(n,) the same of n poses (n, 3), all finite, among `solids`."""
+        outline = _POINT if footprint is None else footprint.vertices.copy()
+        out = np.empty(len(poses))
+        clearances(
+            self.squares,
+            self.grid,
+            solids.discs,
+            solids.circles,
+            solids.corners,
+            solids.first,
+            outline,
+            poses,
+            out,
         )
+        return out
 
 
 def _standing(shapes: Sequence[Shape]) -> Solids:
