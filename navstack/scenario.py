@@ -505,6 +505,7 @@ def warm_up(scenario: Scenario) -> None:
         run = Run(part)
         while run.robot.time < WARM_UP_S and run.step():
             pass
+        run.metrics()
 
 
 def run_scenario(
