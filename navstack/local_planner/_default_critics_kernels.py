@@ -8,7 +8,7 @@ import math
 from navstack.core.jit import kernel
 from navstack.local_planner._cell_kernels import point_cells
 from navstack.local_planner._grid_kernels import centre_scores, nose_scores, start_wave
-from navstack.local_planner._obstacle_kernels import bounded_obstacle_scores
+from navstack.local_planner._obstacle_kernels import obstacle_scores
 from navstack.local_planner._scoring_kernels import begin, fold, lowest
 
 OSCILLATION, OBSTACLE, GOAL_FRONT, ALIGNMENT, PATH, GOAL, TWIRLING = range(7)
@@ -78,7 +78,7 @@ def score_default(
     """Index of the best trajectory, -1 when all are rejected.
 
     Three grids, in the order goal front, path, goal: `distances`, `queues` and `waves`, a row each: see `start_wave`,
-    `seeds` (3, 2) what `start_wave` returned. `rows`, `bounds`: see `highest_around`; `cells` (2, K * T) flat, then ringed;
+    `seeds` (3, 2) what `start_wave` returned. `rows`, `bounds`: see `obstacle_scores`; `cells` (2, K * T) flat, then ringed;
     `boxes` (K, 4): see `point_cells`. `scales` (7,); `table` (K, 7), `totals`, `rejected_by`, `alive` (K,): see `fold`.
     `raw` (K,) is scratch, `first_contact` (K,): see `obstacle_scores`.
     """
@@ -94,7 +94,7 @@ def score_default(
         fold(raw, scales[OSCILLATION], OSCILLATION, alive, table, totals, rejected_by)
 
     if scales[OBSTACLE] != 0.0:
-        bounded_obstacle_scores(
+        obstacle_scores(
             costs,
             origin_x,
             origin_y,

@@ -71,12 +71,12 @@ def footprint_scale(command, scaling_speed, max_speed, max_scaling):
 
 
 @kernel
-def largest_scale(commands, alive, scaling):
-    """The scale of the largest outline; `scaling` = scaling_speed, max_speed, max_scaling."""
+def largest_scale(commands, alive, scaling_speed, max_speed, max_scaling):
+    """The scale of the largest outline."""
     largest = 1.0
     for k in range(len(alive)):
         if alive[k]:
-            largest = max(largest, footprint_scale(commands[k], scaling[0], scaling[1], scaling[2]))
+            largest = max(largest, footprint_scale(commands[k], scaling_speed, max_speed, max_scaling))
     return largest
 
 
@@ -87,12 +87,20 @@ def obstacle_scores(
     origin_y,
     resolution,
     vertices,
+    circumscribed,
     commands,
     poses,
     counts,
     alive,
-    scaling,
+    scaling_speed,
+    max_speed,
+    max_scaling,
     sum_scores,
+    x0,
+    y0,
+    x1,
+    y1,
+    rows,
     bounds,
     cells,
     out,
@@ -100,10 +108,19 @@ def obstacle_scores(
 ):
     """ObstacleCostFunction: per trajectory the highest (or summed) cost of max(outline, centre), -6 where it collides.
 
-    `scaling` = scaling_speed, max_speed, max_scaling. `bounds` (2, ny, nx): what no outline around a cell can exceed, for
-    the outline as it is and for the largest; `cells` (K, T): each point's flat cell, -1 off the map. `where` (K,): index of
-    the first point that collides, -1 without. The outline is walked only where the costs around can change the result.
+    `circumscribed` (m): the outline's radius; it grows from `scaling_speed` to `max_speed` (m/s) by `max_scaling`. All points
+    on the map lie in the cells x0 <= ix < x1, y0 <= iy < y1; `cells` (K, T): each point's flat cell, -1 off the map. `where`
+    (K,): index of the first point that collides, -1 without. `rows` (ny, nx) and `bounds` (2, ny, nx) are scratch: what no
+    outline around a cell can exceed. The outline is walked only where the costs around can change the result.
     """
+    # two upper bounds: for the outline as it is, and for the one that has grown most
+    if x0 < x1:
+        reach = circumscribed / resolution + 1e-6
+        farthest = float(costs.shape[0] + costs.shape[1])
+        largest = largest_scale(commands, alive, scaling_speed, max_speed, max_scaling)
+        highest_around(costs, x0, y0, x1, y1, min(reach, farthest), rows, bounds[0])
+        if largest > 1.0:
+            highest_around(costs, x0, y0, x1, y1, min(largest * reach, farthest), rows, bounds[1])
     flat = costs.ravel()
     number = len(vertices)
     corners = np.empty((2, number))
@@ -116,7 +133,7 @@ def obstacle_scores(
         if not alive[k]:
             continue
         n = counts[k]
-        scale = footprint_scale(commands[k], scaling[0], scaling[1], scaling[2])
+        scale = footprint_scale(commands[k], scaling_speed, max_speed, max_scaling)
         for j in range(number):
             corners[0, j] = scale * vertices[j, 0]
             corners[1, j] = scale * vertices[j, 1]
@@ -155,62 +172,3 @@ def obstacle_scores(
             out[k] = ILLEGAL
         else:
             out[k] = total if sum_scores else np.float64(highest)
-
-
-@kernel
-def bounded_obstacle_scores(
-    costs,
-    origin_x,
-    origin_y,
-    resolution,
-    vertices,
-    circumscribed,
-    commands,
-    poses,
-    counts,
-    alive,
-    scaling_speed,
-    max_speed,
-    max_scaling,
-    sum_scores,
-    x0,
-    y0,
-    x1,
-    y1,
-    rows,
-    bounds,
-    cells,
-    out,
-    where,
-):
-    """`obstacle_scores` with the `bounds` it needs: for the cells x0 <= ix < x1, y0 <= iy < y1 that hold all points.
-
-    `circumscribed` (m): the outline's radius. `rows` (ny, nx) is scratch.
-    """
-    ny, nx = costs.shape
-    scaling = np.array((scaling_speed, max_speed, max_scaling))
-    # two upper bounds: for the outline as it is, and for the one that has grown most
-    if x0 < x1:
-        reach = circumscribed / resolution + 1e-6
-        farthest = float(nx + ny)
-        largest = largest_scale(commands, alive, scaling)
-        highest_around(costs, x0, y0, x1, y1, min(reach, farthest), rows, bounds[0])
-        if largest > 1.0:
-            highest_around(costs, x0, y0, x1, y1, min(largest * reach, farthest), rows, bounds[1])
-    obstacle_scores(
-        costs,
-        origin_x,
-        origin_y,
-        resolution,
-        vertices,
-        commands,
-        poses,
-        counts,
-        alive,
-        scaling,
-        sum_scores,
-        bounds,
-        cells,
-        out,
-        where,
-    )

@@ -360,7 +360,7 @@ class SimulatedRobot:
         return float(self.clearances(np.array([self.pose]), self._solids)[0])
 
     def clearances(self, poses: NDArray[np.float64], solids: Solids) -> NDArray[np.float64]:
-        """(n,) `clearance` as it was at each of the `poses` (n, 3) (map) among `solids`."""
+        """(n,) m: `clearance` as it was at each of the `poses` (n, 3) (m, rad, map frame) among `solids`."""
         facing = self._body.facing
         if not math.isnan(facing):
             poses = poses.copy()

@@ -243,7 +243,7 @@ class World:
     def clearances(
         self, poses: NDArray[np.float64], footprint: Footprint | None, solids: Solids
     ) -> NDArray[np.float64]:
-        """(n,) the same of n poses (n, 3), all finite, among `solids`."""
+        """(n,) m: `clearance` at each of the poses (n, 3) (m, rad, map frame), all finite, among `solids`."""
         outline = _POINT if footprint is None else footprint.vertices.copy()
         out = np.empty(len(poses))
         clearances(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from navstack.core.parameters import ParamModel, param
 from navstack.interfaces import Critic, Rollouts, ScoringContext
-from navstack.local_planner._obstacle_kernels import bounded_obstacle_scores
+from navstack.local_planner._obstacle_kernels import obstacle_scores
 from navstack.local_planner.cells import shared_cells
 from navstack.local_planner.critics._scale import RosDistro, obstacle_scale
 from navstack.plugins import CRITICS
@@ -81,7 +81,7 @@ class ObstacleCritic(Critic):
         p = self.params
         outline = context.footprint
         cells = shared_cells(context, rollouts)
-        bounded_obstacle_scores(
+        obstacle_scores(
             context.costmap.data,
             g.origin_x,
             g.origin_y,
