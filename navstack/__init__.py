@@ -6,7 +6,7 @@ Everything a script needs is here; it is imported when it is first used.
 
     grid = nav.load_map(nav.map_path("office"))
     robot_yaml = nav.load_configuration(["turtlebot"])
-    start, goal = nav.places("office").start, nav.places("office").goals[0]
+    start, goal = nav.load_places("office").start, nav.load_places("office").goals[0]
     print(nav.plan_on_map(robot_yaml, grid, start, goal).plan.path.length)
 
     robot = nav.simulated_robot(robot_yaml, grid, start)
@@ -43,21 +43,21 @@ _WHERE = {
         "Twist2D",
     ),
     "navstack.core.errors": ("NavError",),
-    "navstack.configuration": ("Configuration", "check_parameters", "load_configuration"),
+    "navstack.parameters.configuration": ("Configuration", "check_parameters", "load_configuration"),
     "navstack.costmap": ("LayeredCostmap",),
-    "navstack.map_io": ("load_map", "save_map"),
-    "navstack.maps": ("map_names", "map_path", "places"),
+    "navstack.map_io": ("load_map", "map_names", "map_path", "save_map"),
+    "navstack.places": ("load_places",),
     "navstack.move_base": ("GoalHandle", "GoalStatus", "MoveBase"),
-    "navstack.navigator": ("build_costmap", "build_move_base", "plan_on_map", "simulated_robot"),
+    "navstack.bringup": ("build_costmap", "build_move_base", "plan_on_map", "simulated_robot"),
     "navstack.plugins": ("CRITICS", "GLOBAL_PLANNERS", "LAYERS", "LOCAL_PLANNERS", "RECOVERY_BEHAVIORS"),
     "navstack.record": ("Record",),
-    "navstack.scenario": ("RunResult", "Scenario", "run_scenario"),
+    "navstack.scenario.run": ("RunResult", "Scenario", "run_scenario"),
     "navstack.sim": ("SimulatedRobot", "World"),
 }
 _MODULE_OF = {name: module for module, names in _WHERE.items() for name in names}
 
 if TYPE_CHECKING:
-    from navstack.configuration import Configuration, check_parameters, load_configuration
+    from navstack.bringup import build_costmap, build_move_base, plan_on_map, simulated_robot
     from navstack.core import (
         Costmap,
         Event,
@@ -76,13 +76,13 @@ if TYPE_CHECKING:
     )
     from navstack.core.errors import NavError
     from navstack.costmap import LayeredCostmap
-    from navstack.map_io import load_map, save_map
-    from navstack.maps import map_names, map_path, places
+    from navstack.map_io import load_map, map_names, map_path, save_map
     from navstack.move_base import GoalHandle, GoalStatus, MoveBase
-    from navstack.navigator import build_costmap, build_move_base, plan_on_map, simulated_robot
+    from navstack.parameters.configuration import Configuration, check_parameters, load_configuration
+    from navstack.places import load_places
     from navstack.plugins import CRITICS, GLOBAL_PLANNERS, LAYERS, LOCAL_PLANNERS, RECOVERY_BEHAVIORS
     from navstack.record import Record
-    from navstack.scenario import RunResult, Scenario, run_scenario
+    from navstack.scenario.run import RunResult, Scenario, run_scenario
     from navstack.sim import SimulatedRobot, World
 
 __all__ = [
@@ -122,9 +122,9 @@ __all__ = [
     "check_parameters",
     "load_configuration",
     "load_map",
+    "load_places",
     "map_names",
     "map_path",
-    "places",
     "plan_on_map",
     "run_scenario",
     "save_map",

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
-from navstack.configuration import Configuration
+from navstack.bringup import build_move_base, simulated_robot
 from navstack.core import Costmap, Listener, OccupancyGrid, Path, Pose2D, Twist2D
 from navstack.core.errors import InputError, InternalError, NavError
 from navstack.interfaces import RecoveryBehavior, RecoveryStatus
 from navstack.move_base import GoalHandle, GoalStatus, MoveBase
 from navstack.move_base.errors import GoalCanceledError, StaleSensorsError
-from navstack.navigator import build_move_base, simulated_robot
+from navstack.parameters.configuration import Configuration
 from navstack.recovery import (
     BackUp,
     BackUpParams,

@@ -17,6 +17,7 @@ import yaml
 from numpy.typing import NDArray
 
 from navstack.core import GridGeometry, OccupancyGrid
+from navstack.core.data_files import data_folder
 from navstack.core.errors import MapError
 from navstack.core.files import ensure_directory, write_text, written_whole
 
@@ -31,6 +32,7 @@ MAX_CELLS: Final = 80_000_000
 MAX_BYTES: Final = 100_000
 """Largest YAML that is taken."""
 
+_PLACES: Final = ".places.yaml"
 _EXAMPLES: Final = {
     "image": "image: map.pgm",
     "resolution": "resolution: 0.05",
@@ -341,3 +343,22 @@ def _occupancy(
     if mode == "scale" and alpha is not None:
         data[(alpha == 0) & (data != 0) & (data != 100)] = -1
     return np.ascontiguousarray(data[::-1])
+
+
+def map_names() -> list[str]:
+    """Names of the packaged maps, sorted."""
+    found = (entry.name for entry in data_folder("maps").iterdir())
+    return sorted(name.removesuffix(_PLACES) for name in found if name.endswith(_PLACES))
+
+
+def map_path(name: str) -> Path:
+    """The YAML file of a packaged map; raises MapError with the names there are."""
+    return packaged_map_file(name, ".yaml")
+
+
+def packaged_map_file(name: str, ending: str) -> Path:
+    """A file of a packaged map: `.yaml`, `.png` or `.places.yaml`; raises MapError with the names there are."""
+    known = map_names()
+    if name not in known:
+        raise MapError(f'there is no packaged map "{name}"; there are: {", ".join(known)}', map=name, known=known)
+    return data_folder("maps") / f"{name}{ending}"

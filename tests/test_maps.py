@@ -17,8 +17,8 @@ from scipy.ndimage import label
 from navstack.cli.arguments import map_of
 from navstack.core import GridGeometry, OccupancyGrid
 from navstack.core.errors import MapError
-from navstack.map_io import load_map
-from navstack.maps import map_names, map_path, places
+from navstack.map_io import load_map, map_names, map_path
+from navstack.places import load_places
 from navstack.sim import World
 
 NAMES = ["maze", "office", "warehouse"]
@@ -80,7 +80,7 @@ def test_users_read_the_same_map(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_every_place_has_room(name: str) -> None:
     world = World(read(name))
-    found = places(name)
+    found = load_places(name)
     for place, pose in found.places.items():
         assert world.contains(pose), place
         assert world.clearance(pose) >= 0.35, place
@@ -107,7 +107,7 @@ def test_all_places_are_connected(name: str) -> None:
     grid = read(name)
     labels = components(grid, ROBOT_RADIUS)
     found = set()
-    for place, pose in places(name).places.items():
+    for place, pose in load_places(name).places.items():
         cell = grid.geometry.world_to_cell(pose.x, pose.y)
         assert cell is not None
         assert labels[cell[1], cell[0]] > 0, place
@@ -117,7 +117,7 @@ def test_all_places_are_connected(name: str) -> None:
 
 def test_each_goal_of_the_office_lies_behind_a_door_of_0_9_m() -> None:
     """A robot that needs more than such a door has cannot leave the corridor; one that needs just that can."""
-    grid, found = read("office"), places("office")
+    grid, found = read("office"), load_places("office")
 
     def reached(radius: float) -> list[bool]:
         labels = components(grid, radius - 0.05)  # `components` is too strict by up to 0.036 m

@@ -20,7 +20,7 @@ def office() -> tuple[nav.Configuration, nav.OccupancyGrid]:
 
 def test_poses_that_are_tuples(office: tuple[nav.Configuration, nav.OccupancyGrid]) -> None:
     params, grid = office
-    start = nav.places("office").start
+    start = nav.load_places("office").start
     robot = nav.simulated_robot(params, grid, start)
     move_base = nav.build_move_base(params, robot, static_map=grid)
     wrong: list[tuple[str, Callable[[], object]]] = [

@@ -8,7 +8,7 @@ import sys
 SCRIPT = """
 import navstack as nav
 from numba.core.dispatcher import Dispatcher
-from navstack.scenario import Scenario, run_scenario, warm_up
+from navstack.scenario.run import Scenario, run_scenario, warm_up
 
 loaded = []
 compile = Dispatcher.compile
@@ -18,7 +18,7 @@ def noted(self, signature):
     return compile(self, signature)
 
 Dispatcher.compile = noted
-here = nav.places("office")
+here = nav.load_places("office")
 scenario = Scenario(nav.load_map(nav.map_path("office")), nav.load_configuration(["turtlebot"]), here.start, here.goals[:1])
 warm_up(scenario)
 assert len(loaded) > 20, loaded

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Draws the packaged maps: `python tools/draw_maps.py [FOLDER]` (by default `navstack/maps`).
+"""Draws the packaged maps: `python tools/draw_maps.py [FOLDER]` (by default `maps`).
 
 Each map is a plan made of shapely polygons: floor, solids (walls and whatever stands around), places. A cell is occupied
 when its centre lies in a solid, free when it lies on the floor, unknown elsewhere. The same plan gives the same pixels
@@ -364,7 +364,7 @@ def draw(folder: Path, plans: Sequence[Plan]) -> list[Path]:
 
 
 if __name__ == "__main__":
-    target = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).resolve().parents[1] / "navstack" / "maps"
+    target = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).resolve().parents[1] / "maps"
     target.mkdir(parents=True, exist_ok=True)
     for file in draw(target, [make() for make in PLANS]):
         print(file)

@@ -22,14 +22,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 from navstack.bench.barn import barn_configuration, barn_scenario
-from navstack.configuration import load_configuration
 from navstack.core import Pose2D
 from navstack.map_io import load_map
+from navstack.parameters.configuration import load_configuration
 from navstack.record.recorder import RunRecorder
-from navstack.scenario import Scenario, run_scenario
-from navstack.scenario_file import read_scenario
-from navstack.suites import scenarios, shipped
-from navstack.suites.barn_worlds import load_worlds
+from navstack.scenario.file.spec import read_scenario
+from navstack.scenario.run import Scenario, run_scenario
+from navstack.scenario.suites.barn_worlds import load_worlds
+from navstack.scenario.suites.catalogue import scenarios, shipped
 
 DATA = Path(os.environ.get("NAVSTACK_DATA") or Path(__file__).resolve().parents[2] / "shared" / "data")
 
@@ -61,7 +61,9 @@ RUNS: dict[str, Callable[[], Scenario]] = {
     "willow": _willow,
     "barn": _barn,
     "crowd": lambda: scenarios("crowd", count=3)[2].build(),
-    "trajectory_rollout": lambda: _shipped("warehouse_aisle", "base_local_planner=base_local_planner/TrajectoryPlannerROS"),
+    "trajectory_rollout": lambda: _shipped(
+        "warehouse_aisle", "base_local_planner=base_local_planner/TrajectoryPlannerROS"
+    ),
     "voxels": lambda: _shipped("moving_discs"),
 }
 

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from navstack.configuration import Configuration, load_configuration
+from navstack.parameters.configuration import Configuration, load_configuration
 from navstack.record import RunRecorder
-from navstack.scenario import Run, Scenario
-from navstack.suites.barn_worlds import GOAL, JACKAL, ROUGH_JACKAL, START, BarnWorld, barn_map, load_worlds
+from navstack.scenario.run import Run, Scenario
+from navstack.scenario.suites.barn_worlds import GOAL, JACKAL, ROUGH_JACKAL, START, BarnWorld, barn_map, load_worlds
 
 __all__ = [
     "JACKAL",

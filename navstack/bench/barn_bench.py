@@ -11,9 +11,10 @@ from typing import Any, Final
 from navstack.bench.barn import BarnOutcome, BarnWorld, barn_configuration, load_worlds, run_world
 from navstack.bench.files import digest_of_configuration, digest_of_file, read_table, short_names
 from navstack.bench.table import Column, Table
-from navstack.configuration import Configuration
 from navstack.core.errors import InputError
 from navstack.jobs import Job, JobResult
+from navstack.parameters.configuration import Configuration
+from navstack.scenario.suites.barn_worlds import WORLDS_FILE
 from navstack.statistics import (
     Difference,
     mean,
@@ -22,7 +23,6 @@ from navstack.statistics import (
     rank_correlation,
     share,
 )
-from navstack.suites.barn_worlds import WORLDS_FILE
 
 CPP_FILE: Final = "cpp_results.csv"
 CPP: Final = "C++"

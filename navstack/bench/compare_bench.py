@@ -11,15 +11,15 @@ from typing import Any, Final, NamedTuple
 from navstack.bench.barn import JACKAL, BarnWorld, barn_scenario, load_worlds, run_world
 from navstack.bench.files import digest_of_scenario
 from navstack.bench.table import DIGITS, Column, Table
-from navstack.configuration import Configuration, load_configuration
 from navstack.core.errors import InputError
 from navstack.core.files import exists, is_dir, is_file
 from navstack.jobs import Job, JobResult
-from navstack.params.accounts import nearest
-from navstack.scenario import Scenario, run_scenario
-from navstack.scenario_file import ScenarioSpec, check_names, read_scenario, scenarios_in
+from navstack.parameters.configuration import Configuration, load_configuration
+from navstack.parameters.unused import nearest
+from navstack.scenario.file.spec import ScenarioSpec, check_names, read_scenario, scenarios_in
+from navstack.scenario.run import Scenario, run_scenario
+from navstack.scenario.suites.barn_worlds import WORLDS_FILE
 from navstack.statistics import mean, paired_difference, paired_share_difference, share
-from navstack.suites.barn_worlds import WORLDS_FILE
 
 SIDES: Final = ("A", "B")
 
@@ -84,7 +84,7 @@ def read_courses(names: Sequence[str], suite: str | None, count: int | None = No
 
     Raises InputError, ScenarioError.
     """
-    from navstack import suites
+    from navstack.scenario.suites.catalogue import scenarios, shipped
 
     courses: list[Course] = []
     for name in names:
@@ -100,9 +100,9 @@ def read_courses(names: Sequence[str], suite: str | None, count: int | None = No
             courses += [_course(spec) for spec in specs]
         else:
             # as `simulate` does: a file, or one of those that come with navstack
-            file = path if exists(path) else suites.shipped().get(name)
+            file = path if exists(path) else shipped().get(name)
             if file is None:
-                raise InputError(_unknown(name, list(suites.shipped())), argument="SCENARIO", value=name)
+                raise InputError(_unknown(name, list(shipped())), argument="SCENARIO", value=name)
             courses.append(_course(read_scenario(file.resolve(), name)))
     if count is not None and suite is None:
         raise InputError("--count: say with --suite what it counts the scenarios of", argument="--count")
@@ -112,7 +112,7 @@ def read_courses(names: Sequence[str], suite: str | None, count: int | None = No
             argument="--suite",
         )
     if suite is not None:
-        courses += [_course(spec) for spec in suites.scenarios(suite, count=count)]
+        courses += [_course(spec) for spec in scenarios(suite, count=count)]
     if not courses:
         raise InputError("nothing to drive: give scenario files, or --suite NAME", argument="SCENARIO")
     check_names([course.name for course in courses])

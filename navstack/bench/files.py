@@ -10,12 +10,12 @@ from dataclasses import astuple
 from pathlib import Path
 from typing import Any, TypeVar
 
-from navstack.configuration import Configuration
 from navstack.core import OccupancyGrid
 from navstack.core.errors import InputError
 from navstack.core.files import exists
-from navstack.params.sources import short_name, split_namespace
-from navstack.scenario import Scenario
+from navstack.parameters.configuration import Configuration
+from navstack.parameters.sources import short_name, split_namespace
+from navstack.scenario.run import Scenario
 
 T = TypeVar("T")
 

@@ -13,11 +13,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.configuration import Configuration
+from navstack.bringup import build_costmap
 from navstack.core import INSCRIBED, LETHAL, Costmap, Footprint, FrameTree, OccupancyGrid, Pose2D, Transform2D
 from navstack.core.errors import PlanningError
 from navstack.interfaces import GlobalPlanner, Plan
-from navstack.navigator import build_costmap
+from navstack.parameters.configuration import Configuration
 
 SEARCHING: Final = ("navfn", "global_planner", "astar", "theta_star")
 """Built-in planners that find every reachable goal; carrot_planner goes straight and may stop short."""

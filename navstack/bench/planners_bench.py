@@ -13,11 +13,11 @@ import numpy as np
 
 from navstack.bench.map_pairs import costmap_of, reachable_pairs, run_pairs
 from navstack.bench.table import Column, Table
-from navstack.configuration import Configuration, choose_global_planner, load_configuration
 from navstack.core.errors import InputError, MapError
 from navstack.core.files import exists, is_dir
 from navstack.jobs import Job, JobResult
 from navstack.map_io import load_map
+from navstack.parameters.configuration import Configuration, choose_global_planner, load_configuration
 
 ALL_MAPS: Final = "all"
 
@@ -72,7 +72,7 @@ def map_files(names: Sequence[str]) -> tuple[dict[str, Path], list[str]]:
     Returns a short name for each file, and what is wrong with those in folders that cannot be read, which are left out.
     Raises MapError for one that was named itself, InputError for a name that is none and a folder without a single map.
     """
-    from navstack import maps
+    from navstack.map_io import map_names, map_path
 
     files: list[Path] = []
     wrong: list[str] = []
@@ -92,11 +92,11 @@ def map_files(names: Sequence[str]) -> tuple[dict[str, Path], list[str]]:
         elif exists(path) or path.suffix or path.parent != Path():
             load_map(path)
             files.append(path)
-        elif name in maps.map_names():
-            files.append(maps.map_path(name))
+        elif name in map_names():
+            files.append(map_path(name))
         else:
             raise InputError(
-                f'there is no file and no packaged map "{name}"; packaged: {", ".join(maps.map_names())}',
+                f'there is no file and no packaged map "{name}"; packaged: {", ".join(map_names())}',
                 argument="MAP",
                 value=name,
             )

@@ -24,7 +24,7 @@ from navstack.bench._calibration_kernels import flood, relax
 from navstack.bench.table import Column, Table
 from navstack.core.errors import InputError
 from navstack.jobs import Job, JobResult
-from navstack.scenario import Run, Scenario, run_scenario
+from navstack.scenario.run import Run, Scenario, run_scenario
 
 CALIBRATION_RUNS: Final = 7
 WHOLE, WHERE = "whole run", "stages of a run"

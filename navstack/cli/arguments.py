@@ -90,14 +90,13 @@ def map_of(name: str, *, others: Iterable[str] = (), what: str = "") -> tuple[Pa
     """
     import difflib
 
-    from navstack import maps
     from navstack.core.files import is_file
-    from navstack.map_io import load_map
+    from navstack.map_io import load_map, map_names, map_path
 
     path = Path(name)
     # a folder is no map: one that is called office must not hide the packaged one
     if not is_file(path) and path.suffix == "" and path.parent == Path():
-        known = maps.map_names()
+        known = map_names()
         if name not in known:
             others = sorted(others)
             close = difflib.get_close_matches(name, [*known, *others], n=1)
@@ -109,7 +108,7 @@ def map_of(name: str, *, others: Iterable[str] = (), what: str = "") -> tuple[Pa
                 map=name,
                 known=known,
             )
-        path = maps.map_path(name)
+        path = map_path(name)
     return path, load_map(path)
 
 
@@ -141,15 +140,15 @@ def scenario_file(name: str) -> Path | None:
 
     A YAML file with no word of a map in it is one, however broken: whoever reads scenarios knows what to say about it.
     """
-    from navstack import maps
     from navstack.core.files import exists, is_file
-    from navstack.scenario_file import is_scenario_file
-    from navstack.suites import shipped
+    from navstack.map_io import map_names
+    from navstack.scenario.file.spec import is_scenario_file
+    from navstack.scenario.suites.catalogue import shipped
 
     path = Path(name)
     if is_scenario_file(path) or (path.suffix in (".yaml", ".yml") and is_file(path) and not _speaks_of_a_map(path)):
         return path
-    return None if exists(path) or name in maps.map_names() else shipped().get(name)
+    return None if exists(path) or name in map_names() else shipped().get(name)
 
 
 def _speaks_of_a_map(path: Path) -> bool:

@@ -25,8 +25,8 @@ def check(
 ) -> int:
     """Load parameters, or a scenario file with its parameters, and say everything that can be said about them."""
     from navstack.cli.output import print_json, stdout
-    from navstack.configuration import check_parameters
-    from navstack.scenario_file import check_scenario
+    from navstack.parameters.configuration import check_parameters
+    from navstack.scenario.file.spec import check_scenario
 
     file = _scenario(params[0]) if len(params) == 1 else None
     if file is not None:
@@ -58,14 +58,14 @@ def check(
 def _scenario(name: str) -> Path | None:
     """The scenario file of that path, or of that name among the shipped ones where nothing else has it; None: no scenario."""
     from navstack.core.files import exists
-    from navstack.params.sources import packaged_sets
-    from navstack.scenario_file import is_scenario_file
+    from navstack.parameters.sources import packaged_sets
+    from navstack.scenario.file.spec import is_scenario_file
 
     path = Path(name)
     if is_scenario_file(path):
         return path
     if exists(path) or name in packaged_sets():
         return None
-    from navstack.suites import shipped
+    from navstack.scenario.suites.catalogue import shipped
 
     return shipped().get(name)

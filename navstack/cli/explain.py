@@ -108,9 +108,9 @@ def passages(
     """Which doors and corridors a robot passes, which only at high cost, which not at all."""
     from navstack.cli.arguments import map_of
     from navstack.cli.output import print_json, print_note
-    from navstack.configuration import load_configuration
     from navstack.core.files import ensure_directory, write_json
     from navstack.explain import find_passages
+    from navstack.parameters.configuration import load_configuration
 
     name = _which(costmap)
     path, grid = map_of(map_)
@@ -218,9 +218,9 @@ def inflation(
     """Cost against distance to the nearest obstacle, for both costmaps of a parameter set."""
     from navstack.cli.arguments import map_of
     from navstack.cli.output import print_json
-    from navstack.configuration import load_configuration
     from navstack.core.files import ensure_directory, write_json
     from navstack.explain import inflation_curves
+    from navstack.parameters.configuration import load_configuration
 
     resolution = map_of(map_)[1].geometry.resolution if map_ is not None else None
     configuration = load_configuration(params, overrides=set_)

@@ -13,10 +13,11 @@ def collect() -> dict[str, Any]:
     import platform
     from importlib.metadata import PackageNotFoundError, version
 
-    from navstack import __version__, maps
-    from navstack.params import parameter_sets
+    from navstack import __version__
+    from navstack.map_io import map_names
+    from navstack.parameters import parameter_sets
     from navstack.plugins import REGISTRIES
-    from navstack.suites import shipped, suite_names
+    from navstack.scenario.suites.catalogue import shipped, suite_names
 
     versions = {"navstack": __version__, "python": platform.python_version()}
     for name in ("numpy", "numba", "scipy", "shapely", "matplotlib", "pydantic", "pillow", "pyyaml", "typer", "rich"):
@@ -33,7 +34,7 @@ def collect() -> dict[str, Any]:
     return {
         "versions": versions,
         "plugins": plugins,
-        "maps": list(maps.map_names()),
+        "maps": list(map_names()),
         "parameters": list(parameter_sets()),
         "scenarios": list(shipped()),
         "suites": suite_names(),

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from navstack.configuration import Configuration
-    from navstack.scenario import GoalOutcome
+    from navstack.parameters.configuration import Configuration
+    from navstack.scenario.run import GoalOutcome
 
 
 @cache

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 if TYPE_CHECKING:
-    from navstack.effective import Parameter
+    from navstack.parameters.report import Parameter
 
 app = typer.Typer(
     no_args_is_help=True, rich_markup_mode="markdown", help="What parameters come to, and what may be written in them."
@@ -33,8 +33,8 @@ def show(
 ) -> None:
     """Every parameter of every component in use, each with the place it was written: YAML that loads back to the same."""
     from navstack.cli.output import print_json
-    from navstack.configuration import load_configuration
-    from navstack.effective import as_dict, as_yaml, parameters_of
+    from navstack.parameters.configuration import load_configuration
+    from navstack.parameters.report import as_dict, as_yaml, parameters_of
 
     configuration = load_configuration(params, overrides=set_, distro=distro, allow_missing=allow_missing)
     found = parameters_of(configuration)
@@ -54,8 +54,8 @@ def diff(
 ) -> None:
     """Where two configurations differ, in what they come to: defaults, former names and layouts do not count."""
     from navstack.cli.output import print_json, stdout
-    from navstack.configuration import load_configuration
-    from navstack.effective import as_dict, parameters_of
+    from navstack.parameters.configuration import load_configuration
+    from navstack.parameters.report import as_dict, parameters_of
 
     one, other = (
         {p.name: p for p in parameters_of(load_configuration([s], allow_missing=allow_missing))}
@@ -84,7 +84,7 @@ def _differ(a: Parameter | None, b: Parameter | None) -> bool:
 
 
 def _value(p: Parameter) -> str:
-    from navstack.effective.document import value_text
+    from navstack.parameters.report.document import value_text
 
     text = "not given" if p.value is None else value_text(p.value)
     return f"{text} {p.unit}" if p.unit and p.value is not None else text
@@ -101,7 +101,7 @@ def schema(
     import json
 
     from navstack.core.errors import InputError
-    from navstack.effective import json_schema
+    from navstack.parameters.report import json_schema
 
     document = json_schema()
     if namespace is not None:
@@ -120,7 +120,7 @@ def schema(
 @app.command("reference")
 def reference(out: Path | None = typer.Option(None, "--out", metavar="FILE", help="Write it there.")) -> None:
     """Every parameter there is, as Markdown: default, unit, range, meaning, what ROS does otherwise."""
-    from navstack.effective import reference as text
+    from navstack.parameters.report import reference as text
 
     _write(text(), out)
 
@@ -137,7 +137,7 @@ def migrate(
     from navstack.cli.output import print_note, stdout
     from navstack.core.errors import OutputError
     from navstack.core.files import ensure_directory, write_text
-    from navstack.effective import migrate as made
+    from navstack.parameters.report import migrate as made
 
     migration = made(params, overrides=set_, distro=distro, allow_missing=allow_missing)
     if out.is_dir() and any(out.iterdir()):

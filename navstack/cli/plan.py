@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import typer
 
 if TYPE_CHECKING:
-    from navstack.configuration import Configuration, PluginChoice
+    from navstack.bringup import PlannedPath
     from navstack.core import OccupancyGrid, Pose2D
     from navstack.interfaces import GlobalPlanner
-    from navstack.navigator import PlannedPath
+    from navstack.parameters.configuration import Configuration, PluginChoice
 
 
 def plan(
@@ -40,9 +40,9 @@ def plan(
     """Plan a path on a map with the costmap and the planner of a robot's YAML."""
     from navstack.cli.arguments import map_of, note_off_the_map, parse_pose
     from navstack.cli.output import note_warnings, print_note
-    from navstack.configuration import choose_global_planner, load_configuration
     from navstack.core.errors import InputError
     from navstack.core.files import ensure_directory
+    from navstack.parameters.configuration import choose_global_planner, load_configuration
 
     start_pose, goal_pose = parse_pose(start, "--start"), parse_pose(goal, "--goal")
     path, grid = map_of(map_)
@@ -81,9 +81,9 @@ class _Query(NamedTuple):
 
 def _plan(query: _Query, choice: PluginChoice[GlobalPlanner] | None, folder: Path | None, json_: bool) -> None:
     """One planner."""
+    from navstack.bringup import plan_on_map
     from navstack.cli.output import loading_kernels, print_json, print_note, stdout
     from navstack.core.files import write_json
-    from navstack.navigator import plan_on_map
 
     with loading_kernels(quiet=json_):
         found = plan_on_map(
@@ -107,10 +107,10 @@ def _compare(query: _Query, choices: list[PluginChoice[GlobalPlanner]], folder: 
     """Several planners on the same costmap; those that find no plan say why. Raises the first error when none does."""
     import json
 
+    from navstack.bringup import plan_on_map
     from navstack.cli.output import loading_kernels, print_note, stdout
     from navstack.core.errors import PlanningError, jsonable
     from navstack.core.files import write_json
-    from navstack.navigator import plan_on_map
 
     found: list[PlannedPath] = []
     errors: list[PlanningError] = []

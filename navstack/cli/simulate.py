@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 if TYPE_CHECKING:
-    from navstack.scenario import RunResult, Scenario
+    from navstack.scenario.run import RunResult, Scenario
 
 STATE_STYLE = {"SUCCEEDED": "green", "PREEMPTED": "yellow"}
 
@@ -99,15 +99,16 @@ def _scenario(
     obstacle: list[str],
     time_limit: float | None,
 ) -> Scenario:
-    from navstack import maps
     from navstack.cli.arguments import covered, map_of, note_off_the_map, parse_obstacles, parse_pose, scenario_file
     from navstack.cli.output import note_warnings
-    from navstack.configuration import load_configuration
     from navstack.core.errors import InputError
-    from navstack.params.sources import short_name
-    from navstack.scenario import Scenario
-    from navstack.scenario_file import read_scenario
-    from navstack.suites import shipped
+    from navstack.map_io import map_names
+    from navstack.parameters.configuration import load_configuration
+    from navstack.parameters.sources import short_name
+    from navstack.places import load_places
+    from navstack.scenario.file.spec import read_scenario
+    from navstack.scenario.run import Scenario
+    from navstack.scenario.suites.catalogue import shipped
 
     start_pose = parse_pose(start, "--start") if start is not None else None
     goals = tuple(parse_pose(g, "--goal") for g in goal)
@@ -133,7 +134,7 @@ def _scenario(
     params = params or ["turtlebot"]
     path, grid = map_of(map_name, others=shipped(), what="scenario")
     if start_pose is None or not goals:
-        packaged = maps.places(map_name) if map_name in maps.map_names() else None
+        packaged = load_places(map_name) if map_name in map_names() else None
         if packaged is None:
             missing = [name for name, none in (("--start", start_pose is None), ("--goal", not goals)) if none]
             raise InputError(
@@ -163,7 +164,7 @@ def _run(scenario: Scenario, *, quiet: bool, timings: bool) -> RunResult:
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from navstack.cli.output import loading_kernels, stderr
-    from navstack.scenario import run_scenario, warm_up
+    from navstack.scenario.run import run_scenario, warm_up
 
     with loading_kernels(quiet=quiet):
         warm_up(scenario)

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import typer
 
 if TYPE_CHECKING:
-    from navstack.scenario import GoalOutcome, Scenario
-    from navstack.tour import TourResult, TourState
+    from navstack.scenario.run import GoalOutcome, Scenario
+    from navstack.scenario.tour import TourResult, TourState
 
 EXIT_INTERRUPTED = 130
 
@@ -61,8 +61,8 @@ def tour(
     from navstack.cli.output import loading_kernels, print_json, reason_of, stderr
     from navstack.core.files import ensure_directory, write_json
     from navstack.plot import plot_run
-    from navstack.scenario import warm_up
-    from navstack.tour import drive_tour
+    from navstack.scenario.run import warm_up
+    from navstack.scenario.tour import drive_tour
 
     scenario, names = _scenario(
         places, map_, place, every, order, loops, rest, time_limit, stop_on_failure, start, params, set_, distro, seed,
@@ -137,18 +137,18 @@ def _scenario(
     seed: int,
     obstacle: list[str],
 ) -> tuple[Scenario, tuple[str, ...]]:
-    from navstack import maps
     from navstack.cli.arguments import map_of, parse_obstacles, parse_pose
     from navstack.cli.output import print_note
-    from navstack.configuration import load_configuration
     from navstack.core.errors import InputError
-    from navstack.itinerary import itinerary, read_places
-    from navstack.scenario import Scenario
+    from navstack.map_io import map_names, map_path
+    from navstack.parameters.configuration import load_configuration
+    from navstack.places import itinerary, read_places
+    from navstack.scenario.run import Scenario
 
     file = Path(places)
-    if not file.exists() and places in maps.map_names():
+    if not file.exists() and places in map_names():
         map_name = map_name or places
-        file = maps.map_path(places).with_name(f"{places}.places.yaml")
+        file = map_path(places).with_name(f"{places}.places.yaml")
     read = read_places(file)
     beside = file.with_name(file.name.removesuffix(".places.yaml") + ".yaml")
     if map_name is None:

@@ -25,12 +25,12 @@ from navstack.core.errors import InputError, InternalError
 from navstack.core.frames import clean_frame
 from navstack.costmap import _kernels
 from navstack.costmap.mask_layers import SpeedLimit, SpeedMaskLayer
-from navstack.costmap.params import CostmapParams
 from navstack.costmap.provenance import CellProvenance, explain_cell
 from navstack.costmap.reconfigure import apply_reconfigure, check_reconfigure
 from navstack.costmap.regions import shift_cells, window_shift
 from navstack.costmap.static_layer import StaticLayer
 from navstack.interfaces import Layer, LayerContext
+from navstack.parameters.models.costmap import CostmapParams
 
 NOTHING: Final = Bounds()
 MAX_CELLS: Final = 400_000_000

@@ -17,7 +17,7 @@ from navstack.core import DeferredScan, FrameTree, LaserScan, PointCloud, Sensor
 from navstack.core.errors import FrameError, InputError
 from navstack.core.parameters import ParamModel, param
 from navstack.costmap import _kernels
-from navstack.costmap.silence import Silence
+from navstack.costmap.sensor_timeout import Silence
 
 PENDING: Final = 50
 """Messages kept while their transform is awaited (the queue length of obstacle_layer.cpp)."""

@@ -17,7 +17,7 @@ from navstack.core.errors import FrameError, InputError
 from navstack.core.parameters import ParamModel, param
 from navstack.costmap import _kernels
 from navstack.costmap.regions import forget_region, shift_cells, window_shift
-from navstack.costmap.silence import Silence
+from navstack.costmap.sensor_timeout import Silence
 from navstack.interfaces import Layer, LayerContext, LayerSays
 from navstack.plugins import LAYERS
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from navstack.core import Footprint
 from navstack.core.errors import InputError
-from navstack.costmap.params import CostmapParams
+from navstack.parameters.models.costmap import CostmapParams
 
 if TYPE_CHECKING:
     from navstack.costmap.layered_costmap import LayeredCostmap, LayerSpec

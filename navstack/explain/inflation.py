@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.configuration import Configuration, CostmapConfiguration
 from navstack.core.errors import InputError
 from navstack.costmap.inflation_layer import InflationLayer, inflation_cost
+from navstack.parameters.configuration import Configuration, CostmapConfiguration
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.configuration import Configuration, CostmapConfiguration
 from navstack.core import INSCRIBED, LETHAL, UNKNOWN, Costmap, FrameTree, OccupancyGrid, Pose2D
 from navstack.core.errors import InputError
 from navstack.costmap import LayeredCostmap, LayerSpec
@@ -18,6 +17,7 @@ from navstack.costmap.mask_layers import KeepoutMaskLayer
 from navstack.costmap.static_layer import StaticLayer
 from navstack.explain.narrow import NarrowPlace, narrow_places
 from navstack.map_io import load_map
+from navstack.parameters.configuration import Configuration, CostmapConfiguration
 
 Verdict = Literal["free", "costly", "blocked"]
 VERDICTS: tuple[Verdict, ...] = ("free", "costly", "blocked")

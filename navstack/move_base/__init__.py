@@ -6,10 +6,10 @@ from navstack.move_base.feedback import Feedback, Turn
 from navstack.move_base.goal import Goal, GoalHandle, GoalResult
 from navstack.move_base.goal_status import GoalStatus
 from navstack.move_base.move_base import MoveBase
-from navstack.move_base.params import MoveBaseParams, builtin_recoveries
 from navstack.move_base.planning import InlinePlanning, PlanAnswer, Planning, PlanRequest
 from navstack.move_base.state_machine import Mode, Trigger
 from navstack.move_base.thread_planning import ThreadPlanning
+from navstack.parameters.models.move_base import MoveBaseParams, builtin_recoveries
 
 __all__ = [
     "CommState",

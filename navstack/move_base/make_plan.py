@@ -14,7 +14,7 @@ from navstack.core.errors import FrameError, InputError, PlanningError
 from navstack.costmap.occupied import with_layer
 from navstack.interfaces import CostmapServer, GlobalPlanner, Plan
 from navstack.move_base import guards
-from navstack.move_base.params import MoveBaseParams
+from navstack.parameters.models.move_base import MoveBaseParams
 
 
 def make_plan(

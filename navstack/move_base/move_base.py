@@ -42,7 +42,6 @@ from navstack.move_base.goal import Goal, GoalHandle, Quaternion, yaw_of
 from navstack.move_base.goal_status import GoalStatus
 from navstack.move_base.make_plan import make_plan
 from navstack.move_base.mission import Mission, check_goal
-from navstack.move_base.params import MoveBaseParams
 from navstack.move_base.plan_schedule import PlanSchedule
 from navstack.move_base.planning import InlinePlanning, PlanAnswer, Planning, PlanRequest
 from navstack.move_base.progress import Progress, ProgressChecker
@@ -51,6 +50,7 @@ from navstack.move_base.schedule import EPSILON_S, Schedule
 from navstack.move_base.senses import Senses, said
 from navstack.move_base.speed_masks import SpeedMasks
 from navstack.move_base.state_machine import Action, Mode, NavEvent, NavState, Outcome, Transition, Trigger, step
+from navstack.parameters.models.move_base import MoveBaseParams
 
 STANDING = Twist2D()
 MAX_RECOVERY_ROUNDS = 3
@@ -287,7 +287,7 @@ class MoveBase:
         New planners drop every plan; a goal at hand goes on, from PLANNING, with the robot stopped and all patience new.
         Parameters hold from the next cycle on. Everything or nothing: whatever raises, the old ones stay.
 
-        Recoveries and costmaps stay; `navstack.navigator.reconfigure` makes the planners from a
+        Recoveries and costmaps stay; `navstack.bringup.reconfigure` makes the planners from a
         configuration. Raises InputError for what is no planner, a ParameterError when a recovery does not fit.
         """
         guards.check_plugin(global_planner, GlobalPlanner)

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 
-from navstack.move_base.params import MoveBaseParams
 from navstack.move_base.schedule import EPSILON_S, Schedule
+from navstack.parameters.models.move_base import MoveBaseParams
 
 
 class PlanSchedule:

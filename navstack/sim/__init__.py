@@ -1,9 +1,9 @@
 """The simulator: a robot's body, odometry, localization and sensors in a world of a map, shapes, doors and people."""
 
+from navstack.parameters.models.sim import BumperParams, ImuParams, LidarParams, SimParams, SonarParams
 from navstack.sim.bumper import Bumper
 from navstack.sim.lidar import Lidar
 from navstack.sim.movers import Track, TrackedDiscs
-from navstack.sim.params import BumperParams, ImuParams, LidarParams, SimParams, SonarParams
 from navstack.sim.robot import Contact, SimulatedRobot
 from navstack.sim.shapes import LOW, DoorMotion, OnTrack, PedestrianMotion, Shape, Still
 from navstack.sim.solids import Solids

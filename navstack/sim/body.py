@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Footprint, Twist2D
-from navstack.sim.params import SimParams
+from navstack.parameters.models.sim import SimParams
 
 
 class BodyModel(NamedTuple):

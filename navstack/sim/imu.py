@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from navstack.core import ImuReading, Transform2D, normalize_angle
-from navstack.sim.params import ImuParams
+from navstack.parameters.models.sim import ImuParams
 
 KEPT: Final = 10_000
 """So many readings that nobody has fetched are kept; older ones are forgotten."""

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import DeferredScan, LaserScan, Pose2D, Transform2D
+from navstack.parameters.models.sim import LidarParams
 from navstack.sim._lidar_kernels import sweep
-from navstack.sim.params import LidarParams
 from navstack.sim.solids import Solids
 from navstack.sim.world import World
 

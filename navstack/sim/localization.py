@@ -8,7 +8,7 @@ from collections import deque
 import numpy as np
 
 from navstack.core import Transform2D
-from navstack.sim.params import SimParams
+from navstack.parameters.models.sim import SimParams
 
 
 class Localization:

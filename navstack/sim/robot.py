@@ -25,13 +25,13 @@ from navstack.core import (
     normalize_angle,
 )
 from navstack.core.errors import InputError
+from navstack.parameters.models.sim import SimParams
 from navstack.sim import _body_kernels as body
 from navstack.sim.body import body_model, steering
 from navstack.sim.bumper import Bumper
 from navstack.sim.imu import Imu
 from navstack.sim.lidar import Lidar
 from navstack.sim.localization import Localization
-from navstack.sim.params import SimParams
 from navstack.sim.solids import Solids, joined
 from navstack.sim.sonar import Sonar
 from navstack.sim.world import World

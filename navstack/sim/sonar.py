@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from navstack.core import Pose2D, RangeReading, Transform2D
+from navstack.parameters.models.sim import SonarParams
 from navstack.sim._lidar_kernels import sweep
-from navstack.sim.params import SonarParams
 from navstack.sim.solids import Solids
 from navstack.sim.world import World
 

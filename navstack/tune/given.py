@@ -16,12 +16,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from navstack.configuration import Configuration
 from navstack.core.errors import InputError
 from navstack.core.files import exists
-from navstack.params.accounts import nearest
-from navstack.params.findings import Location
-from navstack.params.yaml_reader import DictNode, ListNode, Node, ScalarNode, plain, read_yaml, scalar
+from navstack.parameters.configuration import Configuration
+from navstack.parameters.findings import Location
+from navstack.parameters.unused import nearest
+from navstack.parameters.yaml_reader import DictNode, ListNode, Node, ScalarNode, plain, read_yaml, scalar
 from navstack.tune.ready_made import SPACES
 from navstack.tune.space import (
     Dimension,

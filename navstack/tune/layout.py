@@ -14,12 +14,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from navstack.configuration import Configuration, load_configuration
 from navstack.core.errors import NavError, OutputError, ParameterError
 from navstack.core.files import ensure_directory, write_text
-from navstack.effective import Parameter, parameters_of, same_parameters
-from navstack.params import Location, packaged_folder, packaged_sets, read_sources
-from navstack.params.sources import Source, split_namespace
+from navstack.parameters import Location, packaged_folder, packaged_sets, read_sources
+from navstack.parameters.configuration import Configuration, load_configuration
+from navstack.parameters.report import Parameter, parameters_of, same_parameters
+from navstack.parameters.sources import Source, split_namespace
 from navstack.tune.extras import need
 from navstack.tune.space import Value, value_of
 

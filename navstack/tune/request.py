@@ -11,7 +11,7 @@ from typing import Any
 from navstack.core.errors import OutputError
 from navstack.core.files import ensure_directory, write_json
 from navstack.jobs import Executor, ProcessExecutor, SerialExecutor
-from navstack.params.sources import short_name
+from navstack.parameters.sources import short_name
 from navstack.tune import report
 from navstack.tune.extras import need
 from navstack.tune.layout import Written, written

@@ -11,15 +11,15 @@ from pathlib import Path
 from typing import Any, cast
 
 from navstack.bench.barn import JACKAL, ROUGH_JACKAL, BarnWorld, load_worlds
-from navstack.configuration import Configuration
 from navstack.core.errors import InputError
 from navstack.core.files import is_dir, is_file
-from navstack.params.sources import Source
-from navstack.params.yaml_reader import DictNode, plain
-from navstack.scenario import Scenario
-from navstack.scenario_file import ScenarioSpec, check_names, read_scenario, scenarios_in
-from navstack.suites import scenarios, suite_names
-from navstack.suites.barn_worlds import WORLDS_FILE
+from navstack.parameters.configuration import Configuration
+from navstack.parameters.sources import Source
+from navstack.parameters.yaml_reader import DictNode, plain
+from navstack.scenario.file.spec import ScenarioSpec, check_names, read_scenario, scenarios_in
+from navstack.scenario.run import Scenario
+from navstack.scenario.suites.barn_worlds import WORLDS_FILE
+from navstack.scenario.suites.catalogue import scenarios, suite_names
 from navstack.tune.courses import BarnCourse, Course, NamedScenario, ScenarioCourse
 
 

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from navstack.configuration import Configuration, load_configuration
 from navstack.core.errors import InputError
-from navstack.params.accounts import nearest
-from navstack.params.sources import Source
+from navstack.parameters.configuration import Configuration, load_configuration
+from navstack.parameters.sources import Source
+from navstack.parameters.unused import nearest
 from navstack.tune.courses import Course
 from navstack.tune.given import search_space
 from navstack.tune.scenarios import Place, course_of, read_place

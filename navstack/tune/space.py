@@ -10,12 +10,12 @@ from typing import Any, Literal, get_args, get_origin
 
 from pydantic.fields import FieldInfo
 
-from navstack.configuration import Configuration
 from navstack.core.errors import InputError
 from navstack.core.parameters import ParamModel
-from navstack.effective import Parameter, parameters_of
-from navstack.params.accounts import nearest
-from navstack.params.binding import bounds_of
+from navstack.parameters.binding import bounds_of
+from navstack.parameters.configuration import Configuration
+from navstack.parameters.report import Parameter, parameters_of
+from navstack.parameters.unused import nearest
 from navstack.tune import ready_made
 from navstack.tune.ready_made import Choice, Range
 

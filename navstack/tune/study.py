@@ -19,10 +19,10 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from navstack import __version__
-from navstack.configuration import Configuration
 from navstack.core.errors import InputError
-from navstack.effective import parameters_of
 from navstack.jobs import Executor
+from navstack.parameters.configuration import Configuration
+from navstack.parameters.report import parameters_of
 from navstack.tune.courses import Case, Course
 from navstack.tune.extras import need
 from navstack.tune.objectives import Objective, dominates, success_rate

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from navstack.configuration import Configuration
 from navstack.jobs import Executor, JobResult, ProcessExecutor, run_jobs
+from navstack.parameters.configuration import Configuration
 from navstack.tune.courses import Course
 from navstack.tune.space import Candidate, SearchSpace, Value
 from navstack.tune.work import RunWork, run_job

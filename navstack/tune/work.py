@@ -6,9 +6,9 @@ from collections import OrderedDict
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from navstack.configuration import Configuration, load_configuration
 from navstack.core.errors import InternalError, ParameterError
 from navstack.jobs import Job, JobResult
+from navstack.parameters.configuration import Configuration, load_configuration
 from navstack.record import RunRecorder
 from navstack.tune.courses import Case, Course, RunOutcome
 

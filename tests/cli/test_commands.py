@@ -58,9 +58,9 @@ def test_simulate_json_is_alone_on_stdout(in_folder: Path, capfd: pytest.Capture
 
 
 def test_plan_json_and_files(in_folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    from navstack.maps import places
+    from navstack.places import load_places
 
-    office = places("office")
+    office = load_places("office")
     start, goal = (f"{p.x},{p.y},{p.yaw}" for p in (office.start, office.goals[0]))
     assert run(["plan", "office", "--start", start, "--goal", goal, "--json", "--out", "out"]) == 0
     document = json.loads(capfd.readouterr().out)
@@ -72,9 +72,9 @@ def test_plan_json_and_files(in_folder: Path, capfd: pytest.CaptureFixture[str])
 
 
 def test_plan_with_another_planner(in_folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    from navstack.maps import places
+    from navstack.places import load_places
 
-    office = places("office")
+    office = load_places("office")
     start, goal = (f"{p.x},{p.y}" for p in (office.start, office.goals[0]))
     for planner in ("global_planner", "navfn/NavfnROS"):
         assert run(["plan", "office", "--start", start, "--goal", goal, "--planner", planner, "--json"]) == 0

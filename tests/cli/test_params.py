@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from navstack.cli.app import run
-from navstack.configuration import load_configuration
-from navstack.effective import same_parameters
+from navstack.parameters.configuration import load_configuration
+from navstack.parameters.report import same_parameters
 
 
 @pytest.fixture

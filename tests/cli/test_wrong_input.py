@@ -309,7 +309,7 @@ def test_more_samples_than_memory_holds(navstack, monkeypatch: pytest.MonkeyPatc
     def allocate(*_: object, **__: object) -> None:
         raise MemoryError("Unable to allocate 671. GiB")
 
-    monkeypatch.setattr("navstack.scenario.warm_up", allocate)
+    monkeypatch.setattr("navstack.scenario.run.warm_up", allocate)
     outcome = navstack("simulate", "--out", "out")
     assert outcome.code == 2
     assert "out of memory: Unable to allocate 671. GiB" in outcome.err

@@ -8,14 +8,13 @@ import pickle
 import numpy as np
 import pytest
 
-from navstack.configuration import load_configuration
+from navstack.bringup import plan_on_map
 from navstack.core import Costmap, GridGeometry, Pose2D
 from navstack.core.errors import GoalOccupiedError, NoValidPathError, StartOccupiedError
 from navstack.costmap.occupied import with_layer
 from navstack.global_planner import AStarParams, AStarPlanner, NavfnROS
-from navstack.map_io import load_map
-from navstack.maps import map_path
-from navstack.navigator import plan_on_map
+from navstack.map_io import load_map, map_path
+from navstack.parameters.configuration import load_configuration
 from tests.costmap.build import frames_at, inflation, obstacle, rolling, scan
 
 

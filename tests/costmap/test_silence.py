@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from navstack.costmap.silence import Silence
+from navstack.costmap.sensor_timeout import Silence
 
 
 def test_it_counts_from_the_first_question_without_any_message() -> None:

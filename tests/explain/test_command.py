@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from navstack.cli.app import run
-from navstack.configuration import load_configuration
 from navstack.core import GridGeometry, OccupancyGrid, Pose2D
 from navstack.core.errors import InputError, RecordError
 from navstack.explain.command import explain_command
+from navstack.parameters.configuration import load_configuration
 from navstack.plot.fan import plot_fan
 from navstack.record import Record
-from navstack.scenario import Scenario, run_scenario
+from navstack.scenario.run import Scenario, run_scenario
 
 GEOMETRY = GridGeometry(120, 80, 0.05)
 

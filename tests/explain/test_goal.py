@@ -12,12 +12,12 @@ import pytest
 from PIL import Image
 
 from navstack.cli.app import run
-from navstack.configuration import load_configuration
 from navstack.core import Pose2D
 from navstack.core.errors import InputError, RecordError
 from navstack.explain.goal import GoalAccount, Line, explain_goal, explain_goals
+from navstack.parameters.configuration import load_configuration
 from navstack.record import Record
-from navstack.scenario import Run, Scenario
+from navstack.scenario.run import Run, Scenario
 from tests.explain.conftest import scenario
 
 WALL = Pose2D(2.0, 0.0, 0.0)

@@ -11,12 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from navstack.configuration import Configuration, load_configuration
 from navstack.core import INSCRIBED, GridGeometry, OccupancyGrid
 from navstack.core.errors import InputError
 from navstack.explain import PassageReport, find_passages
 from navstack.explain.narrow import narrow_places
 from navstack.map_io import load_map
+from navstack.parameters.configuration import Configuration, load_configuration
 from tests.explain.rooms import RESOLUTION, bare_room, two_rooms, with_boxes
 
 

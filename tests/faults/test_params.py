@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from navstack.configuration import check_parameters, load_configuration
 from navstack.core.errors import ParameterError
-from navstack.params import packaged_folder
+from navstack.parameters import packaged_folder
+from navstack.parameters.configuration import check_parameters, load_configuration
 
 FILES = {
     "missing": (None, "no file, folder or packaged set"),

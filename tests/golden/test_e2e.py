@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navstack.configuration import load_configuration
 from navstack.core import Pose2D
-from navstack.map_io import load_map
-from navstack.maps import map_path, places
-from navstack.scenario import RunResult, Scenario, run_scenario
+from navstack.map_io import load_map, map_path
+from navstack.parameters.configuration import load_configuration
+from navstack.places import load_places
+from navstack.scenario.run import RunResult, Scenario, run_scenario
 
 WILLOW = "maps/turtlebot_apps__willow-2010-02-18-0.10/willow-2010-02-18-0.10.yaml"
 START = Pose2D(29.75, 7.95, 0.0)
@@ -108,11 +108,12 @@ def test_a_goal_inside_a_wall_is_aborted_with_the_reason(golden_dir: Path, data_
 OFFICE_CODE = """
 import hashlib, sys
 from pathlib import Path
-from navstack.configuration import load_configuration
+from navstack.parameters.configuration import load_configuration
 from navstack.map_io import load_map
-from navstack.maps import map_path, places
-from navstack.scenario import Scenario, run_scenario
-office = places("office")
+from navstack.map_io import map_path
+from navstack.places import load_places
+from navstack.scenario.run import Scenario, run_scenario
+office = load_places("office")
 scenario = Scenario(load_map(map_path("office")), load_configuration(["turtlebot"]), office.start, office.goals[:1],
                     obstacles=((office.start.x + 50.0, 0.0, 0.1),), seed=5)
 out = Path(sys.argv[1])
@@ -142,7 +143,7 @@ def test_indigo_scoring_drives_through_the_doors_of_the_office(source: str, requ
         params = [request.getfixturevalue("data_dir") / "params/turtlebot2/param"]
     else:
         params = ["turtlebot"]
-    office = places("office")
+    office = load_places("office")
     scenario = Scenario(
         load_map(map_path("office")), load_configuration(params, distro="indigo"), office.start, office.goals
     )

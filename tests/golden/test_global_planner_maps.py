@@ -7,14 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from navstack import maps
 from navstack.bench.map_pairs import SEARCHING, blocked_points, costmap_of, reachable_pairs, run_pairs
-from navstack.configuration import Configuration, load_configuration
 from navstack.core import Costmap, GridGeometry, Pose2D
 from navstack.core import Path as RobotPath
 from navstack.core.errors import MapError
 from navstack.interfaces import Plan
-from navstack.map_io import load_map
+from navstack.map_io import load_map, map_names, map_path
+from navstack.parameters.configuration import Configuration, load_configuration
 from navstack.plugins import GLOBAL_PLANNERS
 from tests.conftest import data_files
 
@@ -35,7 +34,7 @@ def configuration() -> Configuration:
 
 @pytest.mark.parametrize(
     "file",
-    [*(maps.map_path(n) for n in maps.map_names()), *small_maps()],
+    [*(map_path(n) for n in map_names()), *small_maps()],
     ids=lambda f: f"{f.parent.name}-{f.stem}",
 )
 def test_every_planner_finds_every_pair_free_of_collision(file: Path, configuration: Configuration) -> None:

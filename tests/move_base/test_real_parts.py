@@ -12,12 +12,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from navstack.configuration import load_configuration
+from navstack.bringup import build_move_base, simulated_robot
 from navstack.core import Event, LaserScan, Pose2D, Transform2D, Twist2D
-from navstack.map_io import load_map
-from navstack.maps import map_path
+from navstack.map_io import load_map, map_path
 from navstack.move_base import GoalHandle, GoalStatus, Mode, MoveBase, texts
-from navstack.navigator import build_move_base, simulated_robot
+from navstack.parameters.configuration import load_configuration
 from navstack.sim import SimulatedRobot
 
 S = GoalStatus

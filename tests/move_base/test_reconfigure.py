@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import navstack as nav
+from navstack.bringup import reconfigure
 from navstack.core import Pose2D, Twist2D
 from navstack.core.errors import InputError, ParameterError
 from navstack.interfaces import RecoveryContext
 from navstack.move_base import GoalStatus, Mode, MoveBase
 from navstack.move_base.state_machine import NavEvent
-from navstack.navigator import reconfigure
 from navstack.sim import SimulatedRobot
 
 from .world import Bench, StraightPlanner, TurnAndGo, Waiting, occupied

@@ -10,13 +10,13 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navstack.configuration import check_parameters, load_configuration
 from navstack.core.errors import ParameterError
-from navstack.effective import as_yaml, parameters_of, same_parameters
-from navstack.effective.document import value_text
-from navstack.params import Finding
-from navstack.params.sources import packaged_sets
-from navstack.params.yaml_reader import parse_yaml, plain
+from navstack.parameters import Finding
+from navstack.parameters.configuration import check_parameters, load_configuration
+from navstack.parameters.report import as_yaml, parameters_of, same_parameters
+from navstack.parameters.report.document import value_text
+from navstack.parameters.sources import packaged_sets
+from navstack.parameters.yaml_reader import parse_yaml, plain
 
 PROPERTY = settings(deadline=None, max_examples=60, derandomize=True)
 

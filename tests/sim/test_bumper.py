@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import navstack as nav
+from navstack.bringup import build_move_base, simulated_robot
 from navstack.core import Footprint, LaserScan, PointCloud, Pose2D, Twist2D
 from navstack.core.errors import InputError
-from navstack.navigator import build_move_base, simulated_robot
 from navstack.sim import LOW, BumperParams, LidarParams, SimParams, SimulatedRobot, World
 from navstack.sim.bumper import SPACING, skin
 from tests.sim.test_robot import BOX, CIRCLE, corridor
@@ -198,7 +198,7 @@ def bumped(disc: tuple[float, float, float]) -> tuple[SimulatedRobot, nav.MoveBa
     """The turtlebot on its way into office_2, over a low disc; what the global costmap said of it each second."""
     grid = nav.load_map(nav.map_path("office"))
     configuration = nav.load_configuration(["turtlebot"])
-    office = nav.places("office")
+    office = nav.load_places("office")
     robot = simulated_robot(configuration, grid, office.start, low_obstacles=[disc])
     move_base = build_move_base(configuration, robot, static_map=grid)
     handle = move_base.send_goal(office.goals[0])

@@ -10,14 +10,14 @@ import sys
 SCRIPT = """
 import hashlib
 from navstack.core import Footprint, Pose2D, Twist2D
-from navstack.maps import places
+from navstack.places import load_places
 from navstack.sim import LidarParams, SimParams, SimulatedRobot, World
 from tests.test_maps import read
 
 params = SimParams(acc_lim_x=1.0, wheel_slip=0.02, odometry_noise=0.05,
                    sensors={"laser": LidarParams(range_noise=0.01, dropout=0.01)})
 discs = [(3.0 + 0.4 * k, 6.9 + 0.3 * (k % 4), 0.02) for k in range(20)]
-robot = SimulatedRobot(params, World(read("office"), discs), Footprint.from_radius(0.18), places("office").start, seed=7)
+robot = SimulatedRobot(params, World(read("office"), discs), Footprint.from_radius(0.18), load_places("office").start, seed=7)
 digest = hashlib.sha256()
 for k in range(100):
     robot.command(Twist2D(0.4, 0.0, 0.3 if k % 7 < 3 else -0.25))

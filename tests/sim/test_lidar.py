@@ -10,7 +10,8 @@ import shapely
 from numpy.typing import NDArray
 
 from navstack.core import OccupancyGrid, Pose2D
-from navstack.maps import map_names, places
+from navstack.map_io import map_names
+from navstack.places import load_places
 from navstack.sim import Lidar, LidarParams, Shape, World
 from navstack.sim._lidar_kernels import free_rectangles, free_squares
 from tests.sim.worlds import ascii_map, random_map, to_world
@@ -102,7 +103,7 @@ def test_equals_a_marcher_in_random_worlds(seed: int) -> None:
 @pytest.mark.parametrize("name", map_names())
 def test_equals_a_marcher_on_the_packaged_maps(name: str) -> None:
     world = World(read(name))
-    for pose in places(name).places.values():
+    for pose in load_places(name).places.values():
         compare(world, pose, reach=12.0)
 
 

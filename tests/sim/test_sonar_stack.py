@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 import navstack as nav
+from navstack.bringup import build_move_base, simulated_robot
 from navstack.core import GridGeometry, OccupancyGrid, Pose2D
-from navstack.navigator import build_move_base, simulated_robot
 
 PARAMS = """
 navstack:

@@ -7,7 +7,7 @@ import os
 import signal
 from pathlib import Path
 
-from navstack.configuration import Configuration, load_configuration
+from navstack.parameters.configuration import Configuration, load_configuration
 from navstack.record import RunRecorder
 from navstack.tune.courses import Case, Course, RunOutcome
 from navstack.tune.given import search_space

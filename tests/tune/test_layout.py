@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from navstack.configuration import load_configuration
-from navstack.effective import same_parameters
-from navstack.params import packaged_folder
+from navstack.parameters import packaged_folder
+from navstack.parameters.configuration import load_configuration
+from navstack.parameters.report import same_parameters
 from navstack.tune.layout import OVERLAY, written
 from navstack.tune.space import Value, ready_made_space, value_of
 

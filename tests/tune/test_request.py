@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from navstack.configuration import Configuration, load_configuration
 from navstack.core.errors import InputError, InternalError, OutputError
 from navstack.jobs import SerialExecutor
+from navstack.parameters.configuration import Configuration, load_configuration
 from navstack.tune.comparison import compare
 from navstack.tune.courses import Case, RunOutcome
 from navstack.tune.given import search_space

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from navstack.configuration import Configuration, load_configuration
 from navstack.core.errors import InputError
+from navstack.parameters.configuration import Configuration, load_configuration
 from navstack.tune.given import search_space
 from navstack.tune.sampling import candidates
 from navstack.tune.space import ready_made_space

@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
-from navstack.configuration import load_configuration
 from navstack.core.errors import InputError
+from navstack.parameters.configuration import load_configuration
 from navstack.tune.cluster import DaskExecutor
 from navstack.tune.courses import Case, RunOutcome
 from navstack.tune.sampling import candidates

@@ -17,9 +17,9 @@ import time
 from pathlib import Path
 
 from navstack.cli.arguments import map_of, parse_pose
-from navstack.configuration import load_configuration
-from navstack.maps import places
-from navstack.scenario import Scenario, run_scenario
+from navstack.parameters.configuration import load_configuration
+from navstack.places import load_places
+from navstack.scenario.run import Scenario, run_scenario
 
 
 def calibration() -> str:
@@ -48,8 +48,8 @@ def main() -> None:
     parser.add_argument("--profile", action="store_true", help="print where the time goes")
     args = parser.parse_args()
     _, grid = map_of(args.map)
-    start = parse_pose(args.start, "--start") if args.start else places(args.map).start
-    goals = tuple(parse_pose(g, "--goal") for g in args.goal) if args.goal else places(args.map).goals
+    start = parse_pose(args.start, "--start") if args.start else load_places(args.map).start
+    goals = tuple(parse_pose(g, "--goal") for g in args.goal) if args.goal else load_places(args.map).goals
     scenario = Scenario(grid, load_configuration(args.params), start, goals)
     began = time.perf_counter()
     first = run_scenario(scenario)

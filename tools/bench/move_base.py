@@ -20,10 +20,10 @@ from pathlib import Path
 from typing import Any
 
 from navstack.cli.arguments import map_of, parse_pose
-from navstack.configuration import load_configuration
-from navstack.maps import places
 from navstack.move_base import MoveBase
-from navstack.scenario import Run, Scenario
+from navstack.parameters.configuration import load_configuration
+from navstack.places import load_places
+from navstack.scenario.run import Run, Scenario
 
 sys.path.insert(0, str(Path(__file__).parent))
 from end_to_end import calibration
@@ -128,8 +128,8 @@ def main() -> None:
     parser.add_argument("--profile", action="store_true", help="print where the time goes")
     args = parser.parse_args()
     _, grid = map_of(args.map)
-    start = parse_pose(args.start, "--start") if args.start else places(args.map).start
-    goals = tuple(parse_pose(g, "--goal") for g in args.goal) if args.goal else places(args.map).goals
+    start = parse_pose(args.start, "--start") if args.start else load_places(args.map).start
+    goals = tuple(parse_pose(g, "--goal") for g in args.goal) if args.goal else load_places(args.map).goals
     scenario = Scenario(grid, load_configuration(args.params, distro=args.distro), start, goals)
     overhead = Stopwatch.overhead_ns()
     measure(scenario, overhead)  # compiles, and warms up

@@ -16,12 +16,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from navstack.configuration import Configuration, load_configuration
+from navstack.bringup import plan_on_map, true_footprint
 from navstack.core import OccupancyGrid, Pose2D
 from navstack.core.errors import PlanningError
 from navstack.map_io import load_map
-from navstack.navigator import plan_on_map, true_footprint
-from navstack.scenario import Scenario, run_scenario
+from navstack.parameters.configuration import Configuration, load_configuration
+from navstack.scenario.run import Scenario, run_scenario
 from navstack.sim import World
 
 DATA = Path(os.environ.get("NAVSTACK_DATA") or Path(__file__).resolve().parents[3] / "shared" / "data")

@@ -45,8 +45,8 @@ def planners(
         planners_jobs,
         planners_tables,
     )
-    from navstack.configuration import choose_global_planner
     from navstack.map_io import load_map
+    from navstack.parameters.configuration import choose_global_planner
 
     files, unreadable = map_files(map_)
     task = PlannersTask(tuple(for_workers(p) for p in params), tuple(set_), pairs, seed)

@@ -36,15 +36,16 @@ def speed(
 
     Beside each figure stands the calibration: the time of a fixed piece of work at that moment. Ratios are made with it.
     """
-    from navstack import maps
     from navstack.bench.files import digest_of_scenario, for_workers, short_names
     from navstack.bench.speed_bench import SpeedTask, read_reference, speed_jobs, speed_tables
     from navstack.cli.arguments import map_of, scenario_file
-    from navstack.configuration import load_configuration
     from navstack.core.errors import InputError
-    from navstack.scenario import Scenario
-    from navstack.scenario_file import read_scenario
-    from navstack.suites import shipped
+    from navstack.map_io import map_names
+    from navstack.parameters.configuration import load_configuration
+    from navstack.places import load_places
+    from navstack.scenario.file.spec import read_scenario
+    from navstack.scenario.run import Scenario
+    from navstack.scenario.suites.catalogue import shipped
 
     known = read_reference(reference) if reference is not None else None
     sources = [for_workers(p) for p in params]
@@ -53,14 +54,14 @@ def speed(
         scenario = read_scenario(file).build(params=sources or None, overrides=set_)
     else:
         _, grid = map_of(map_, others=shipped(), what="scenario")
-        if map_ not in maps.map_names():
+        if map_ not in map_names():
             raise InputError(
                 f"{map_} says nothing about where to start and go: give a scenario file, or a packaged map: "
-                f"{', '.join(maps.map_names())}",
+                f"{', '.join(map_names())}",
                 argument="MAP",
                 value=map_,
             )
-        here = maps.places(map_)
+        here = load_places(map_)
         scenario = Scenario(grid, load_configuration(sources or ["turtlebot"], overrides=set_), here.start, here.goals)
     what = {
         "bench": "speed",

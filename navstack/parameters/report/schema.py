@@ -1,0 +1,100 @@
+"""JSON Schema (2020-12) of move_base's YAML, for editors: names, types, ranges and meanings while typing.
+
+An editor knows more than the loader in one respect only: it cannot see which plugins a list names, so layers and
+recoveries are known by their usual names, and a namespace of another name is taken as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pydantic.json_schema import models_json_schema
+
+from navstack.core.parameters import ParamModel
+from navstack.parameters.configuration import NavstackParams, layer_names, planner_namespaces
+from navstack.parameters.models.costmap import CostmapParams
+from navstack.parameters.models.move_base import MoveBaseParams, builtin_recoveries
+from navstack.parameters.tree import COSTMAPS
+from navstack.plugins import CRITICS, GLOBAL_PLANNERS, LAYERS, LOCAL_PLANNERS, RECOVERY_BEHAVIORS
+
+Schema = dict[str, Any]
+_DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+
+def json_schema() -> Schema:
+    """Schema of a file loaded into move_base's own namespace; `$defs` has one for each namespace below."""
+    models = list(dict.fromkeys(m for m in _models()))
+    refs, document = models_json_schema([(m, "validation") for m in models])
+    defs: dict[str, Schema] = document["$defs"]
+
+    def of(model: type[ParamModel]) -> Schema:
+        return dict(refs[(model, "validation")])
+
+    for model in models:
+        name = of(model)["$ref"].rpartition("/")[2]
+        _as_written(defs[name], model, {n: of(m) for n, m in children_of(model).items()})
+    costmap = defs["CostmapParams"]
+    layers: dict[str, list[Schema]] = {}
+    for entry in LAYERS:
+        for name in layer_names(entry):
+            layers.setdefault(name, []).append(of(entry.cls.Params))
+    costmap["properties"] |= {n: s[0] if len(s) == 1 else {"anyOf": s} for n, s in layers.items()}
+    # a layer has the name its list gives it; values from before ROS Hydro stand at the costmap's own level
+    costmap["additionalProperties"] = True
+    root = defs.pop("MoveBaseParams")
+    properties: Schema = root["properties"]
+    for name in COSTMAPS:
+        properties[name] = of(CostmapParams)
+    for registry in (GLOBAL_PLANNERS, LOCAL_PLANNERS):
+        for entry in registry:
+            for name in planner_namespaces(entry):
+                properties[name] = of(entry.cls.Params)
+    for spec, _ in builtin_recoveries(MoveBaseParams(), 1.0):
+        properties[spec.name] = of(RECOVERY_BEHAVIORS.get(spec.type).cls.Params)
+    properties["navstack"] = of(NavstackParams)
+    root["additionalProperties"] = {"type": "object", "description": "parameters of a recovery behaviour or plugin"}
+    return {"$schema": _DIALECT, **root, "title": "move_base", "$defs": {k: defs[k] for k in sorted(defs)}}
+
+
+def _models() -> Iterator[type[ParamModel]]:
+    yield from (MoveBaseParams, CostmapParams)
+    for registry in (LAYERS, GLOBAL_PLANNERS, LOCAL_PLANNERS, CRITICS, RECOVERY_BEHAVIORS):
+        for entry in registry:
+            yield entry.cls.Params
+            yield from children_of(entry.cls.Params).values()
+    yield NavstackParams
+    for info in NavstackParams.model_fields.values():
+        if isinstance(info.default, ParamModel):
+            yield type(info.default)
+            yield from children_of(type(info.default)).values()
+
+
+def children_of(model: type[ParamModel]) -> dict[str, type[ParamModel]]:
+    """The namespaces below a model's that its defaults make, or an observation source by the name `scan`."""
+    values = {n: i.get_default(call_default_factory=True) for n, i in model.model_fields.items() if not i.is_required()}
+    if "observation_sources" in values:
+        values["observation_sources"] = "scan"
+    return model.child_models(values)
+
+
+def _as_written(schema: Schema, model: type[ParamModel], children: Mapping[str, Schema]) -> None:
+    """Makes pydantic's schema of a model that of its namespace in YAML."""
+    properties: Schema = schema.setdefault("properties", {})
+    for name in [n for n in properties if n == model.CHILD_FIELD or n in model.FROM_NAVSTACK]:
+        del properties[name]
+    for old, new in model.RENAMED.items():
+        if new in properties:
+            today = {k: v for k, v in properties[new].items() if k not in ("title", "default")}
+            properties[old] = {**today, "deprecated": True, "description": f"called {new} today"}
+    for name, why in model.NO_EFFECT.items():
+        properties.setdefault(name, {"deprecated": True, "description": f"no effect: {why}"})
+    for one in properties.values():
+        for empty in ("unit", "ros_differs"):
+            if one.get(empty) == "":
+                del one[empty]
+        one.pop("title", None)
+    if model.CHILD_FIELD is not None:
+        values = list({str(s): s for s in children.values()}.values())
+        properties.update(children)
+        schema["additionalProperties"] = values[0] if len(values) == 1 else {"type": "object"}

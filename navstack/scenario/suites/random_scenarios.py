@@ -1,0 +1,312 @@
+"""Scenarios drawn by number: maps, starts, goals, robots, parameters, noise and obstacles, sensible and not so sensible.
+
+They ask what no course of thought-out scenarios does: whether any of them brings an exception, a goal without an end, a run
+that does not stop at its time limit, or a success that touched something.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from navstack.core import OccupancyGrid, Pose2D
+from navstack.core.errors import InputError, PlanningError
+from navstack.scenario.file.spec import Parts, ScenarioSpec, Settings, Success
+from navstack.scenario.run import Run, RunResult, Scenario
+from navstack.scenario.success import ENDS
+from navstack.scenario.suites import random_maps
+from navstack.scenario.suites.free_space import FreeSpace
+from navstack.sim.shapes import DoorMotion, OnTrack, PedestrianMotion, Shape
+
+GLOBAL_PLANNERS: Final = (
+    *("navfn/NavfnROS", "global_planner/GlobalPlanner", "astar", "theta_star", "carrot_planner/CarrotPlanner"),
+)
+LOCAL_PLANNERS: Final = ("dwa_local_planner/DWAPlannerROS", "base_local_planner/TrajectoryPlannerROS")
+
+SLACK_S: Final = 5.0
+"""How long after its time limit a goal may take to end: a cancel takes effect within a control cycle."""
+
+
+def random_scenario(number: int, *, time_limit_s: float = 12.0) -> ScenarioSpec:
+    """The scenario of that number, always the same. `time_limit_s`: simulated seconds that a goal may take at most."""
+    rng = np.random.Generator(np.random.PCG64([number, 20]))
+    kind, grid = _map(rng)
+    outline, radius = _robot(rng)
+    space = FreeSpace(grid, radius + 0.02)
+    if space.is_empty:
+        grid = random_maps.discs(rng, 6.0, 6.0, 0.02, (0.1, 0.2))
+        space = FreeSpace(grid, radius + 0.02)
+    start = space.draw(rng)
+    goals = tuple(_goal(rng, space, grid) for _ in range(1 + int(rng.integers(2))))
+    kinematics = _pick(rng, ("differential", "differential", "holonomic", "ackermann"))
+    parts = Parts(
+        settings=Settings(
+            name=f"random {number} ({kind}, {kinematics})",
+            seed=int(rng.integers(1 << 31)),
+            time_limit=time_limit_s * float(rng.uniform(0.6, 1.0)),
+            rest=_pick(rng, (0.0, 0.0, 0.5)),
+            stop_on_failure=bool(rng.random() < 0.2),
+        ),
+        grid=grid,
+        sources=["turtlebot"],
+        over=[_parameters(rng, outline, kinematics), {"navstack": {"sim": _body(rng, kinematics)}}],
+        start=start,
+        goals=goals,
+        goal_names=("",) * len(goals),
+        shapes=_shapes(rng, space, start, radius),
+        success=Success(),
+    )
+    return ScenarioSpec(parts)
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """What became of a random scenario."""
+
+    number: int
+    outcome: str
+    """The states in which its goals ended, or `refused` for one that cannot begin."""
+    simulated_s: float
+    contacts: int
+    faults: tuple[str, ...]
+    """What must never be; empty when all is well."""
+
+
+def check_random(number: int, *, time_limit_s: float = 12.0) -> Checked:
+    """Drives the random scenario of that number and looks for what must never be. An exception is a fault too."""
+    faults: list[str] = []
+    run: Run | None = None
+    try:
+        scenario = random_scenario(number, time_limit_s=time_limit_s).build()
+        run = Run(scenario, record=False)
+        # so many cycles are more than any of them needs; a run that makes more would never end
+        budget = math.ceil(100.0 * len(scenario.goals) * (scenario.time_limit_s + scenario.rest_s + SLACK_S))
+        while run.step():
+            budget -= 1
+            if budget < 0:
+                faults.append(f"no end: still driving at {run.robot.time:.1f} s")
+                break
+        result = run.result(0.0)
+    except (InputError, PlanningError) as refused:
+        # a start that a shape stands on, parameters that contradict each other: said, not driven
+        if run is None:
+            return Checked(number, f"refused {refused.name}", 0.0, 0, ())
+        return Checked(number, "exception", run.robot.time, 0, (f"{type(refused).__name__}: {refused}",))
+    except Exception as exc:
+        # whatever it is: that it got here is the fault
+        time = 0.0 if run is None else run.robot.time
+        return Checked(number, "exception", time, 0, (f"{type(exc).__name__}: {exc}",))
+    faults += _faults(scenario, result)
+    return Checked(
+        number, " ".join(goal.state for goal in result.goals), result.simulated_s, result.collisions, tuple(faults)
+    )
+
+
+def _faults(scenario: Scenario, result: RunResult) -> list[str]:
+    faults: list[str] = []
+    for i, goal in enumerate(result.goals, 1):
+        if goal.state not in ENDS:
+            faults.append(f"goal {i} has no end: {goal.state}")
+        if goal.state != "SUCCEEDED" and not (goal.message or goal.text):
+            faults.append(f"goal {i} ended {goal.state} without a reason")
+        if goal.time_s > scenario.time_limit_s + SLACK_S:
+            faults.append(f"goal {i} took {goal.time_s:.1f} s of {scenario.time_limit_s:.1f} s")
+    left_out = scenario.stop_on_failure and any(not goal.succeeded for goal in result.goals)
+    if len(result.goals) < len(scenario.goals) and not left_out:
+        faults.append(f"{len(scenario.goals) - len(result.goals)} goals were never driven")
+    if result.succeeded and result.collisions:
+        faults.append(f"{result.collisions} contacts reported as success")
+    if result.nearest_m == 0.0 and not result.collisions:
+        faults.append("the outline stood in an obstacle, and no contact was reported")
+    for name, value in result.metrics.as_dict().items():
+        if isinstance(value, float) and math.isnan(value) and name != "clearance_mean_m":
+            faults.append(f"the metric {name} is not a number")
+    return faults
+
+
+# --- what is drawn ----------------------------------------------------------------------------------------------------
+
+
+def _pick(rng: np.random.Generator, choices: tuple[Any, ...]) -> Any:
+    return choices[int(rng.integers(len(choices)))]
+
+
+def _map(rng: np.random.Generator) -> tuple[str, OccupancyGrid]:
+    kind = _pick(rng, ("rooms", "maze", "discs", "caves"))
+    width, height = rng.uniform(5.0, 10.0), rng.uniform(5.0, 10.0)
+    if kind == "rooms":
+        return kind, random_maps.rooms(rng, width, height, (0.5, 1.2))
+    if kind == "maze":
+        return kind, random_maps.maze(rng, width, height, rng.uniform(0.7, 1.4), rng.uniform(0.0, 0.5))
+    if kind == "discs":
+        return kind, random_maps.discs(rng, width, height, rng.uniform(0.05, 0.6), (0.05, 0.35))
+    return kind, random_maps.caves(rng, width, height, rng.uniform(0.1, 0.3))
+
+
+def _robot(rng: np.random.Generator) -> tuple[dict[str, Any], float]:
+    """Its outline as parameters, and its circumscribed radius (m)."""
+    shape = _pick(rng, ("round", "round", "box", "polygon"))
+    if shape == "round":
+        radius = round(rng.uniform(0.1, 0.3), 3)
+        return {"robot_radius": radius}, radius
+    if shape == "box":
+        a, b, ahead = rng.uniform(0.12, 0.3), rng.uniform(0.1, 0.2), rng.uniform(-0.05, 0.1)
+        points = [[ahead + a, b], [ahead - a, b], [ahead - a, -b], [ahead + a, -b]]
+    else:
+        turns = np.sort(rng.uniform(0.0, 2.0 * math.pi, 7)) + np.arange(7) * 1e-3
+        # all round, so that the centre lies inside
+        turns = 0.3 * turns + 0.7 * np.arange(7) * (2.0 * math.pi / 7)
+        points = [[r * math.cos(t), r * math.sin(t)] for t, r in zip(turns, rng.uniform(0.12, 0.28, 7), strict=True)]
+    points = [[round(x, 3), round(y, 3)] for x, y in points]
+    return {"footprint": points}, max(math.hypot(x, y) for x, y in points)
+
+
+def _goal(rng: np.random.Generator, space: FreeSpace, grid: OccupancyGrid) -> Pose2D:
+    """Mostly where the robot can stand; now and then anywhere, and outside the map."""
+    chance = rng.random()
+    if chance < 0.8:
+        return space.draw(rng)
+    left, right, bottom, top = grid.geometry.extent
+    margin = 0.0 if chance < 0.93 else 2.0
+    x, y = rng.uniform(left - margin, right + margin), rng.uniform(bottom - margin, top + margin)
+    return Pose2D(round(x, 3), round(y, 3), round(rng.uniform(-math.pi, math.pi), 4))
+
+
+def _shapes(rng: np.random.Generator, space: FreeSpace, start: Pose2D, radius: float) -> tuple[Shape, ...]:
+    """Things that are not on the map: standing, on tracks, doors, people; not where the robot starts."""
+    found: list[Shape] = []
+    for _ in range(int(rng.integers(6))):
+        at = space.draw(rng)
+        size = round(rng.uniform(0.05, 0.3), 3)
+        if at.distance_to(start) < radius + 2.5 * size + 0.3:
+            continue
+        other = space.draw(rng)
+        kind = _pick(rng, ("disc", "low", "box", "track", "door", "pedestrian"))
+        place = [at.x, at.y, at.yaw]
+        if kind in ("disc", "low"):
+            found.append(Shape(radius=size, pose=place, height=0.1 if kind == "low" else None))
+        elif kind == "box":
+            found.append(Shape(box=[2.0 * size, size], pose=place))
+        elif kind == "track" and at.distance_to(other) > 0.2:
+            motion = OnTrack(points=[[at.x, at.y], [other.x, other.y]], speed=round(rng.uniform(0.1, 0.8), 2))
+            found.append(Shape(radius=size, motion=motion))
+        elif kind == "door":
+            ends = [[at.x, at.y], [at.x + 2.0 * size * math.cos(at.yaw), at.y + 2.0 * size * math.sin(at.yaw)]]
+            style = _pick(rng, ("hinged", "sliding"))
+            found.append(Shape(segment=ends, motion=DoorMotion(style=style, open=[[2.0, 6.0]], period=9.0)))
+        elif kind == "pedestrian":
+            way = PedestrianMotion(goals=[[other.x, other.y], [at.x, at.y]], notices_robot=bool(rng.random() < 0.8))
+            found.append(Shape(radius=0.2, pose=place, motion=way))
+    return tuple(found)
+
+
+def _parameters(rng: np.random.Generator, outline: Mapping[str, Any], kinematics: str) -> dict[str, Any]:
+    inflation = {
+        "inflation_radius": round(rng.uniform(0.1, 0.8), 2),
+        "cost_scaling_factor": round(rng.uniform(1.0, 15.0), 1),
+    }
+    fast = round(rng.uniform(0.2, 1.0), 2)
+    turning = round(rng.uniform(0.5, 3.0), 2)
+    aside = round(rng.uniform(0.1, 0.5), 2) if kinematics == "holonomic" else 0.0
+    backward = _pick(rng, (0.0, 0.0, -0.1, -0.3))
+    acc = round(rng.uniform(0.3, 3.0), 2)
+    window = round(rng.uniform(2.0, 5.0), 1)
+    planner = _pick(rng, GLOBAL_PLANNERS)
+    driver = _pick(rng, LOCAL_PLANNERS)
+    return {
+        "base_global_planner": planner,
+        "base_local_planner": driver,
+        "controller_frequency": _pick(rng, (2.0, 4.0, 5.0, 10.0)),
+        "planner_frequency": _pick(rng, (0.0, 0.5, 1.0, 3.0)),
+        "planner_patience": round(rng.uniform(0.5, 3.0), 1),
+        "controller_patience": round(rng.uniform(0.5, 3.0), 1),
+        "oscillation_timeout": _pick(rng, (0.0, 2.0, 5.0)),
+        "recovery_behavior_enabled": bool(rng.random() < 0.7),
+        "global_costmap": {**outline, "inflation_layer": inflation, "update_frequency": _pick(rng, (0.5, 1.0, 5.0))},
+        "local_costmap": {
+            **outline,
+            "inflation_layer": inflation,
+            "update_frequency": _pick(rng, (1.0, 5.0)),
+            "width": window,
+            "height": window,
+            "resolution": _pick(rng, (0.05, 0.05, 0.1)),
+        },
+        "DWAPlannerROS": {
+            "max_vel_x": fast,
+            "min_vel_x": backward,
+            "max_vel_y": aside,
+            "min_vel_y": -aside,
+            "max_vel_trans": fast,
+            "max_vel_theta": turning,
+            "acc_lim_x": acc,
+            "acc_lim_y": acc,
+            "acc_lim_theta": 2.0 * acc,
+            "sim_time": round(rng.uniform(0.7, 2.5), 1),
+            "vx_samples": 1 + int(rng.integers(8)),
+            "vy_samples": 1 + int(rng.integers(5)),
+            "vth_samples": 1 + int(rng.integers(20)),
+            "path_distance_bias": round(rng.uniform(0.0, 64.0), 1),
+            "goal_distance_bias": round(rng.uniform(0.0, 32.0), 1),
+            "occdist_scale": round(rng.uniform(0.0, 0.5), 3),
+            "xy_goal_tolerance": round(rng.uniform(0.05, 0.4), 2),
+            "yaw_goal_tolerance": round(rng.uniform(0.05, 1.0), 2),
+            "latch_xy_goal_tolerance": bool(rng.integers(2)),
+        },
+        "TrajectoryPlannerROS": {
+            "max_vel_x": fast,
+            "min_vel_x": 0.1,
+            "max_vel_theta": turning,
+            "min_vel_theta": -turning,
+            "min_in_place_vel_theta": 0.3,
+            "acc_lim_x": acc,
+            "acc_lim_y": acc,
+            "acc_lim_theta": 2.0 * acc,
+            "holonomic_robot": kinematics == "holonomic",
+            "dwa": bool(rng.integers(2)),
+            "meter_scoring": True,
+            "vx_samples": 2 + int(rng.integers(5)),
+            "vtheta_samples": 2 + int(rng.integers(15)),
+            "sim_time": round(rng.uniform(0.7, 2.0), 1),
+            "xy_goal_tolerance": round(rng.uniform(0.05, 0.4), 2),
+            "yaw_goal_tolerance": round(rng.uniform(0.05, 1.0), 2),
+        },
+    }
+
+
+def _body(rng: np.random.Generator, kinematics: str) -> dict[str, Any]:
+    noisy = rng.random() < 0.6
+    laser = {
+        "beams": _pick(rng, (1, 40, 90, 180)),
+        "fov": round(rng.uniform(0.5, 2.0 * math.pi), 3),
+        "range_min": 0.05,
+        "range_max": round(rng.uniform(2.0, 8.0), 1),
+        "frequency": _pick(rng, (2.0, 5.0, 10.0)),
+        "range_noise": round(rng.uniform(0.0, 0.03), 4) if noisy else 0.0,
+        "dropout": round(rng.uniform(0.0, 0.3), 3) if noisy else 0.0,
+    }
+    body: dict[str, Any] = {
+        "kinematics": kinematics,
+        "physics_frequency": _pick(rng, (20.0, 50.0)),
+        "laser": laser,
+        "command_delay": _pick(rng, (0.0, 0.0, 0.1)),
+        "velocity_lag": _pick(rng, (0.0, 0.0, 0.2)),
+        "acc_lim_x": _pick(rng, (None, 1.0, 2.5)),
+        "acc_lim_theta": _pick(rng, (None, 2.0, 4.0)),
+        "command_timeout": _pick(rng, (None, 0.6)),
+    }
+    if noisy:
+        body |= {
+            "odometry_noise": round(rng.uniform(0.0, 0.1), 3),
+            "wheel_slip": round(rng.uniform(0.0, 0.1), 3),
+            "localization": _pick(rng, ("truth", "truth", "odometry")),
+            "localization_noise": round(rng.uniform(0.0, 0.05), 3),
+            "localization_delay": _pick(rng, (0.0, 0.2)),
+        }
+    if kinematics == "ackermann":
+        body |= {"wheelbase": 0.25, "max_steering_angle": 0.6}
+    # a limit that is None is one that is not written
+    return {name: value for name, value in body.items() if value is not None}

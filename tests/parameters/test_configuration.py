@@ -1,0 +1,603 @@
+"""Sources -> typed parameters of everything, with every key accounted for."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from navstack.core.errors import ParameterError, UnknownPluginError
+from navstack.parameters import Finding
+from navstack.parameters.configuration import check_parameters, choose_global_planner, load_configuration
+from tests.conftest import data_files
+
+DWA = "dwa_local_planner/DWAPlannerROS"
+STATIC = {"name": "static_layer", "type": "costmap_2d::StaticLayer"}
+OBSTACLE = {"name": "obstacle_layer", "type": "costmap_2d::ObstacleLayer"}
+VOXEL = {"name": "obstacle_layer", "type": "costmap_2d::VoxelLayer"}
+INFLATION = {"name": "inflation_layer", "type": "costmap_2d::InflationLayer"}
+SCAN = {
+    "observation_sources": "scan",
+    "scan": {"data_type": "LaserScan", "topic": "scan", "marking": True, "clearing": True},
+}
+
+
+def robot(**more: Any) -> dict[str, Any]:
+    """A small robot without any warning; `a__b` in a name stands for a/b."""
+    made: dict[str, Any] = {
+        "base_local_planner": DWA,
+        "global_costmap": {"plugins": [STATIC, OBSTACLE, INFLATION], "obstacle_layer": dict(SCAN), "robot_radius": 0.2},
+        "local_costmap": {
+            "plugins": [OBSTACLE, INFLATION],
+            "obstacle_layer": dict(SCAN),
+            "rolling_window": True,
+            "robot_radius": 0.2,
+        },
+    }
+    for key, value in more.items():
+        at = made
+        *above, last = key.split("__")
+        for name in above:
+            at = at.setdefault(name, {})
+        at[last] = value
+    return made
+
+
+def check(*sources: Any, **options: Any) -> list[Finding]:
+    return check_parameters(list(sources), **options)
+
+
+def said(findings: list[Finding], severity: str | None = None) -> set[tuple[str, str]]:
+    return {(f.rule, f.key) for f in findings if severity is None or f.severity == severity}
+
+
+# --- the turtlebot ----------------------------------------------------------------------------------------------------
+
+
+def test_the_packaged_turtlebot() -> None:
+    loaded = load_configuration(["turtlebot"])
+    assert loaded.navstack.ros_distro == "indigo"
+    assert [f for f in loaded.findings if f.severity != "info"] == []
+    assert [r.name for r in loaded.recoveries] == ["conservative_reset", "rotate_recovery", "aggressive_reset"]
+    assert loaded.recoveries[0].params.layer_names == ["obstacle_layer"]
+    assert loaded.local_planner.params.ros_distro == "indigo"
+    assert list(loaded.navstack.sim.lidars) == ["laser"]
+
+
+def test_the_published_turtlebot(data_dir: Path) -> None:
+    loaded = load_configuration([str(data_dir / "params/turtlebot2/param")])
+    assert loaded.navstack.ros_distro == "noetic"
+    assert (loaded.global_planner.name, loaded.local_planner.name) == ("navfn", "dwa")
+    dwa = loaded.local_planner.params
+    # the renamed ones are honoured (parity 16)
+    assert (dwa.max_vel_trans, dwa.min_vel_trans, dwa.max_vel_theta, dwa.min_vel_theta) == (0.5, 0.1, 5.0, 0.4)
+    assert (dwa.theta_stopped_vel, dwa.vth_samples, dwa.controller_frequency) == (0.4, 20, 5.0)
+    assert loaded.move_base.controller_patience == 3.0
+    local, whole = loaded.local_costmap, loaded.global_costmap
+    assert [layer.name for layer in whole.layers] == ["static_layer", "obstacle_layer", "inflation_layer"]
+    assert [layer.name for layer in local.layers] == ["obstacle_layer", "inflation_layer"]
+    assert (whole.params.global_frame, whole.params.robot_base_frame) == ("map", "base_footprint")
+    assert (local.params.width, local.params.rolling_window) == (4.0, True)
+    assert local.layers[0].params.sources["scan"].max_obstacle_height == 0.35
+    assert local.layers[1].params.cost_scaling_factor == 5.0
+    # parity 2: a 16-gon; its padding goes along the axes
+    assert local.true_footprint.inscribed_radius == pytest.approx(0.2 * 0.9808, abs=1e-4)
+    assert local.footprint.circumscribed_radius == pytest.approx(0.2141, abs=1e-4)
+    # without a list, move_base's own, with the real circumscribed radius (parity 21)
+    assert [r.name for r in loaded.recoveries] == [
+        "conservative_reset",
+        "rotate_recovery",
+        "aggressive_reset",
+        "rotate_recovery",
+    ]
+    assert loaded.recoveries[2].params.reset_distance == pytest.approx(4 * local.footprint.circumscribed_radius)
+    warnings = said(list(loaded.findings), "warning")
+    assert warnings == {("scoring-scale", "DWAPlannerROS/occdist_scale")}
+    renamed = {f.key.rpartition("/")[2]: f.suggestion for f in loaded.findings if f.rule == "renamed"}
+    assert renamed == {
+        "max_trans_vel": "max_vel_trans",
+        "min_trans_vel": "min_vel_trans",
+        "max_rot_vel": "max_vel_theta",
+        "min_rot_vel": "min_vel_theta",
+        "rot_stopped_vel": "theta_stopped_vel",
+        "vtheta_samples": "vth_samples",
+    }
+    silent = {f.key.rpartition("/")[2] for f in loaded.findings if f.rule == "no-effect"}
+    assert {
+        "map_type",
+        "static_map",
+        "planner_window_x",
+        "planner_costmap_publish_frequency",
+        "stop_time_buffer",
+    } <= silent
+
+
+def test_every_misspelling_of_the_wild_is_found(data_dir: Path) -> None:
+    findings = check(str(data_dir / "params_misspelt"), overrides=[f"base_local_planner={DWA}"])
+    meant = {f.key.rpartition("/")[2]: f.suggestion for f in findings if f.rule in ("unknown", "unknown-namespace")}
+    assert meant == {
+        "enable": "enabled",
+        "unknow_threshold": "unknown_threshold",
+        "combination_methold": "combination_method",
+        "min_obstacle_dist": None,
+        "costmap_obstacles_behind_robot_dist": None,
+        "weight_obstacle": None,
+        "use_dijsktra": "use_dijkstra",
+        "allow_unknow": "allow_unknown",
+        "planner_windows_x": "planner_window_x",
+        "planner_windows_y": "planner_window_y",
+        "DWAPlanerROS": "DWAPlannerROS",
+        "max_rotational_vel": "max_vel_theta",
+        "vthea_samples": "vth_samples",
+    }
+    assert sum(f.key.endswith("/enable") for f in findings) == 3
+    assert ("duplicated", "DWAPlanerROS/max_rotational_vel") in said(findings, "warning")
+    elsewhere = [f for f in findings if f.rule == "elsewhere"]
+    assert [(f.key, f.suggestion) for f in elsewhere] == [
+        ("global_costmap/obstacle_layer/min_obstacle_height", "scan/min_obstacle_height")
+    ]
+    assert all(f.line > 0 for f in findings if f.severity == "warning")
+    assert not [f for f in findings if f.severity == "error"]
+
+
+# --- every key --------------------------------------------------------------------------------------------------------
+
+
+def test_a_robot_without_anything_to_say() -> None:
+    findings = check(robot(DWAPlannerROS={"occdist_scale": 0.01}))
+    assert [str(f) for f in findings if f.severity != "info"] == []
+
+
+@pytest.mark.parametrize(
+    ("more", "rule", "key", "suggestion"),
+    [
+        ({"controler_frequency": 5.0}, "unknown", "controler_frequency", "controller_frequency"),
+        ({"recovery_behaviour_enabled": True}, "unknown", "recovery_behaviour_enabled", "recovery_behavior_enabled"),
+        ({"DWAPlannerROS__vel_max_x": 0.3}, "unknown", "DWAPlannerROS/vel_max_x", "max_vel_x"),
+        ({"DWAPlannerROS__simTime": 1.0}, "unknown", "DWAPlannerROS/simTime", "sim_time"),
+        ({"DWAPlannerROS__wheels": 4}, "unknown", "DWAPlannerROS/wheels", None),
+        (
+            {"local_costmap__obstacle_layer": {**SCAN, "inflation_radius": 0.3}},
+            "elsewhere",
+            "local_costmap/obstacle_layer/inflation_radius",
+            "inflation_layer/inflation_radius",
+        ),
+        ({"sim_time": 1.0}, "elsewhere", "sim_time", "DWAPlannerROS/sim_time"),
+        (
+            {"DWAPlannerROS__planner_frequency": 1.0},
+            "elsewhere",
+            "DWAPlannerROS/planner_frequency",
+            "planner_frequency",
+        ),
+        ({"local_costmap__origin_z": 2}, "elsewhere", "local_costmap/origin_z", None),
+        ({"local_costmap__z_voxels": 2}, "elsewhere", "local_costmap/z_voxels", None),
+        ({"local_costmap__static_layer": {"enabled": True}}, "layer-not-listed", "local_costmap/static_layer", None),
+        (
+            {"local_costmap__inflaton_layer": {"enabled": True}},
+            "unknown-namespace",
+            "local_costmap/inflaton_layer",
+            "inflation_layer",
+        ),
+        (
+            {"local_costmap__obstacle_layer": {**SCAN, "bump": {"topic": "b"}}},
+            "source-not-listed",
+            "local_costmap/obstacle_layer/bump",
+            None,
+        ),
+        ({"my_reset": {"reset_distance": 1.0}}, "recovery-not-listed", "my_reset", None),
+        ({"Local_costmap": {"width": 3}}, "unknown-namespace", "Local_costmap", "local_costmap"),
+        ({"navstck": {"ros_distro": "indigo"}}, "unknown-namespace", "navstck", "navstack"),
+        ({"navstack__ros_distrib": "indigo"}, "unknown", "navstack/ros_distrib", "ros_distro"),
+        ({"navstack__sim": {"laser": {"topic": "scan", "beems": 10}}}, "unknown", "navstack/sim/laser/beems", "beams"),
+        (
+            {"conservative_reset": {"reset_distance": 1.0}},
+            "no-effect",
+            "conservative_reset/reset_distance",
+            "recovery_behaviors",
+        ),
+    ],
+)
+def test_keys_that_have_no_effect_are_warned_about(
+    more: dict[str, Any], rule: str, key: str, suggestion: str | None
+) -> None:
+    findings = [f for f in check(robot(**more)) if f.severity == "warning" and f.rule not in ("scoring-scale",)]
+    assert [(f.rule, f.key, f.suggestion) for f in findings] == [(rule, key, suggestion)]
+
+
+def test_what_is_read_in_one_costmap_needs_no_excuse_in_the_other(tmp_path: Path) -> None:
+    (tmp_path / "costmap_common_params.yaml").write_text("static_layer: {enabled: true}\nobstacle_layer: {bogus: 1}\n")
+    made = robot()
+    for costmap in ("global_costmap", "local_costmap"):
+        del made[costmap]["obstacle_layer"]
+    findings = check(str(tmp_path / "costmap_common_params.yaml"), made)
+    # static_layer is used by the global costmap; bogus is said once, for both
+    about = [f for f in findings if f.rule == "unknown"]
+    assert [(f.key, f.line) for f in about] == [("global_costmap/obstacle_layer/bogus", 2)]
+    assert not [f for f in findings if f.rule == "layer-not-listed"]
+
+
+def test_planners_that_are_not_in_use_are_checked_with_warnings() -> None:
+    findings = check(robot(GlobalPlanner={"cost_factor": "x", "lethal_cost": 300, "use_dijkstra": True}))
+    about = {(f.severity, f.rule, f.key) for f in findings if f.key.startswith("GlobalPlanner")}
+    assert about == {
+        ("warning", "wrong-type", "GlobalPlanner/cost_factor"),
+        ("warning", "out-of-range", "GlobalPlanner/lethal_cost"),
+    }
+
+
+def test_planners_of_other_packages_are_noted_once() -> None:
+    findings = check(robot(TebLocalPlannerROS={"max_vel_x": 0.4, "weight_obstacle": 50}))
+    assert [(f.severity, f.key) for f in findings if f.rule == "not-in-use"] == [("info", "TebLocalPlannerROS")]
+
+
+def test_a_namespace_without_a_parameter_is_nothing_to_speak_of() -> None:
+    assert said(check(robot(NavfnROS=None, GlobalPlanner=None))) == said(check(robot()))
+
+
+# --- what stops -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("more", "rule", "key", "words"),
+    [
+        ({"controller_frequency": "fast"}, "wrong-type", "controller_frequency", ("fast", "number")),
+        ({"DWAPlannerROS__max_vel_x": [1]}, "wrong-type", "DWAPlannerROS/max_vel_x", ("list",)),
+        ({"DWAPlannerROS__acc_lim_x": 30.0}, "out-of-range", "DWAPlannerROS/acc_lim_x", ("20", "ROS")),
+        ({"global_costmap__robot_radius": -0.2}, "out-of-range", "global_costmap/robot_radius", ("-0.2", "at least 0")),
+        ({"global_costmap__robot_radius": 0.0}, "footprint", "global_costmap/robot_radius", ("0", "over 0")),
+        ({"local_costmap__footprint": [[0, 0], [1, 1]]}, "footprint", "local_costmap/footprint", ("three points",)),
+        ({"local_costmap__footprint": "[[0, 0], [1, 1]]"}, "footprint", "local_costmap/footprint", ("three points",)),
+        ({"local_costmap__footprint": "round"}, "footprint", "local_costmap/footprint", ("round", "[[x, y]")),
+        ({"footprint": [[0, 0], [1, "a"], [1, 1]]}, "footprint", "footprint", ("point 2",)),
+        ({"footprint": [[1, 1], [-1, -1], [1, -1], [-1, 1]]}, "footprint", "footprint", ("crosses",)),
+        ({"local_costmap__plugins": "inflation_layer"}, "plugin-list", "local_costmap/plugins", ("not a list",)),
+        ({"local_costmap__plugins": {"name": "a"}}, "plugin-list", "local_costmap/plugins", ("namespace",)),
+        ({"local_costmap__plugins": None}, "plugin-list", "local_costmap/plugins", ("no value",)),
+        ({"local_costmap__plugins": ["a"]}, "plugin-list", "local_costmap/plugins", ("entry 1",)),
+        ({"local_costmap__plugins": [{"name": "a"}]}, "plugin-list", "local_costmap/plugins", ("no type",)),
+        ({"local_costmap__plugins": [OBSTACLE, OBSTACLE]}, "plugin-list", "local_costmap/plugins", ("two entries",)),
+        (
+            {"local_costmap__plugins": [{"name": "a", "type": "costmap_2d::InflatonLayer"}]},
+            "unknown-plugin",
+            "local_costmap/plugins",
+            ("InflatonLayer", 'did you mean "costmap_2d/InflationLayer"', "known:"),
+        ),
+        ({"base_local_planner": "teb/TebLocalPlannerROS"}, "unknown-plugin", "base_local_planner", ("Teb", "known:")),
+        (
+            {"base_global_planner": DWA},
+            "unknown-plugin",
+            "base_global_planner",
+            ("local planner, not a global planner",),
+        ),
+        ({"base_global_planner": 3}, "wrong-type", "base_global_planner", ("text",)),
+        (
+            {"recovery_behaviors": [{"name": "a", "type": "nope/Nope"}]},
+            "unknown-plugin",
+            "recovery_behaviors",
+            ("Nope",),
+        ),
+        (
+            {
+                "recovery_behaviors": [{"name": "r", "type": "clear_costmap_recovery/ClearCostmapRecovery"}],
+                "r": {"layer_names": ["obstacles"]},
+            },
+            "no-such-layer",
+            "r/layer_names",
+            ('"obstacles"', "obstacle_layer", "leave layer_names out"),
+        ),
+        ({"recovery_behaviors": "none"}, "plugin-list", "recovery_behaviors", ("none", "not a list")),
+        ({"recovery_behaviors": [{"name": 1, "type": "a"}]}, "plugin-list", "recovery_behaviors", ("not text",)),
+        ({"DWAPlannerROS__critics": "path"}, "plugin-list", "DWAPlannerROS/critics", ("not a list",)),
+        ({"navstack__ros_distro": "kinetic"}, "wrong-value", "navstack/ros_distro", ("kinetic", "noetic", "indigo")),
+        ({"local_costmap__inflation_layer": 3}, "wrong-type", "local_costmap/inflation_layer", ("namespace",)),
+        ({"global_costmap": 3}, "wrong-type", "global_costmap", ("namespace",)),
+        (
+            {"DWAPlannerROS__critics": [{"name": "a", "type": "nope"}]},
+            "unknown-plugin",
+            "DWAPlannerROS/critics",
+            ("critic",),
+        ),
+        (
+            {"DWAPlannerROS": {"min_vel_x": 1.0, "max_vel_x": 0.5}},
+            "minimum-over-maximum",
+            "DWAPlannerROS/min_vel_x",
+            ("1", "0.5"),
+        ),
+    ],
+)
+def test_what_stops(more: dict[str, Any], rule: str, key: str, words: tuple[str, ...]) -> None:
+    made = robot(**more)
+    errors = [f for f in check(made) if f.severity == "error"]
+    assert {(f.rule, f.key) for f in errors} == {(rule, key)}
+    for word in words:
+        assert word in errors[0].message
+    with pytest.raises(ParameterError, match="cannot be used"):
+        load_configuration([made])
+
+
+def test_the_error_names_every_reason_with_its_place(tmp_path: Path) -> None:
+    path = tmp_path / "move_base_params.yaml"
+    path.write_text(
+        f"base_local_planner: {DWA}\ncontroller_frequency: fast\nDWAPlannerROS:\n  acc_lim_x: -1.0\n  sim_tme: 1\n"
+    )
+    with pytest.raises(ParameterError) as caught:
+        load_configuration([str(path)])
+    lines = caught.value.message.splitlines()
+    assert lines[0] == "the parameters cannot be used (2 errors):"
+    assert lines[1].startswith(f"{path}:2:23: controller_frequency")
+    assert lines[2].startswith(f"{path}:4:14: acc_lim_x")
+    findings = json.loads(json.dumps(caught.value.as_dict()))["findings"]
+    assert {"severity", "rule", "file", "line", "column", "key", "message", "suggestion"} == findings[0].keys()
+    # warnings are among them as well
+    assert any(f["suggestion"] == "sim_time" for f in findings)
+    assert findings == sorted(findings, key=lambda f: (f["file"], f["line"], f["column"]))
+
+
+def test_only_unknown_plugins_make_their_own_error() -> None:
+    with pytest.raises(UnknownPluginError):
+        load_configuration([robot(base_global_planner="nope/Nope")])
+
+
+def test_check_raises_for_nothing(tmp_path: Path) -> None:
+    assert [f.rule for f in check("nowhere")] == ["no-source"]
+    assert [f.rule for f in check()] == ["no-source"]
+    (tmp_path / "a.yaml").write_bytes(b"\xff\xfe")
+    assert [f.rule for f in check(str(tmp_path / "a.yaml"))] == ["not-utf8"]
+
+
+def test_ros_default_planner_that_is_not_here_says_what_to_write() -> None:
+    made = robot()
+    del made["base_local_planner"]
+    findings = check(made)
+    from navstack.plugins import LOCAL_PLANNERS
+
+    if "base_local_planner/TrajectoryPlannerROS" in LOCAL_PLANNERS:
+        assert not [f for f in findings if f.severity == "error"]
+    else:
+        (error,) = [f for f in findings if f.severity == "error"]
+        assert DWA in error.message
+
+
+# --- how values are found ---------------------------------------------------------------------------------------------
+
+
+def load(**more: Any) -> Any:
+    return load_configuration([robot(**more)])
+
+
+def test_the_footprint_is_found_as_in_costmap_2d() -> None:
+    square = [[0.3, 0.3], [-0.3, 0.3], [-0.3, -0.3], [0.3, -0.3]]
+    # a footprint anywhere above beats a radius nearby
+    loaded = load(footprint=square)
+    assert len(loaded.local_costmap.footprint.vertices) == 4
+    assert loaded.local_costmap.true_footprint.inscribed_radius == pytest.approx(0.3)
+    assert loaded.local_costmap.footprint.inscribed_radius == pytest.approx(0.31)
+    # text counts as a list, an empty one as none, the nearest wins
+    text = "[[0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5], [0.5, -0.5]]"
+    assert load(footprint=square, local_costmap__footprint=text).local_costmap.true_footprint.inscribed_radius == 0.5
+    for empty in ("[]", "", []):
+        assert len(load(local_costmap__footprint=empty).local_costmap.footprint.vertices) == 16
+    made = robot(robot_radius=0.7, local_costmap__footprint_padding=0.0)
+    del made["local_costmap"]["robot_radius"]
+    loaded = load_configuration([made])
+    assert loaded.local_costmap.footprint.circumscribed_radius == pytest.approx(0.7)
+    assert loaded.global_costmap.true_footprint.circumscribed_radius == pytest.approx(0.2)
+    # neither anywhere: costmap_2d's 0.46 m
+    del made["robot_radius"]
+    assert load_configuration([made]).local_costmap.true_footprint.circumscribed_radius == pytest.approx(0.46)
+
+
+def test_a_costmaps_own_value_overrides_its_layers_for_the_names_ros_copies() -> None:
+    loaded = load(
+        local_costmap__inflation_radius=0.9,
+        local_costmap__inflation_layer={"inflation_radius": 0.3},
+        local_costmap__max_obstacle_height=0.5,
+    )
+    assert loaded.local_costmap.layers[1].params.inflation_radius == 0.9
+    assert loaded.local_costmap.layers[0].params.max_obstacle_height == 0.5
+    assert ("overridden-by-parent", "local_costmap/inflation_layer/inflation_radius") in said(
+        list(loaded.findings), "info"
+    )
+    # a voxel layer is not given the height
+    loaded = load(local_costmap__max_obstacle_height=0.5, local_costmap__plugins=[VOXEL, INFLATION])
+    assert loaded.local_costmap.layers[0].params.max_obstacle_height == 2.0
+
+
+def test_ranges_climb_from_the_source() -> None:
+    loaded = load(local_costmap__obstacle_layer={**SCAN, "obstacle_range": 1.0}, raytrace_range=9.0)
+    source = loaded.local_costmap.layers[0].params.sources["scan"]
+    assert (source.obstacle_range, source.raytrace_range) == (1.0, 9.0)
+
+
+def test_parameters_from_before_hydro() -> None:
+    old = {
+        "base_local_planner": DWA,
+        "global_costmap": {
+            "static_map": True,
+            "map_type": "costmap",
+            "lethal_cost_threshold": 90,
+            "inflation_radius": 0.7,
+        },
+        "local_costmap": {
+            "map_type": "voxel",
+            "rolling_window": True,
+            "z_voxels": 4,
+            "obstacle_range": 1.5,
+            "raytrace_range": 2.0,
+            "observation_sources": "scan",
+            "scan": {"data_type": "LaserScan", "topic": "scan", "clearing": True},
+            "cost_scaling_factor": 3.0,
+            "inflation_layer": {"cost_scaling_factor": 8.0},
+        },
+    }
+    loaded = load_configuration([old])
+    assert [layer.name for layer in loaded.global_costmap.layers] == [
+        "static_layer",
+        "obstacle_layer",
+        "inflation_layer",
+    ]
+    assert loaded.global_costmap.layers[0].params.lethal_cost_threshold == 90
+    assert loaded.global_costmap.layers[2].params.inflation_radius == 0.7
+    obstacle, inflation = loaded.local_costmap.layers
+    assert obstacle.cls.__name__ == "VoxelLayer"
+    assert obstacle.params.z_voxels == 4
+    assert obstacle.params.sources["scan"].obstacle_range == 1.5
+    # moved over what the layer's own namespace had, as C++ does
+    assert inflation.params.cost_scaling_factor == 3.0
+    assert {f.key for f in loaded.findings if f.rule == "pre-hydro"} == {"global_costmap", "local_costmap"}
+    assert not [f for f in loaded.findings if f.rule in ("unknown", "elsewhere", "unknown-namespace")]
+
+
+def test_overrides_and_distro() -> None:
+    loaded = load_configuration(
+        [robot()], overrides=["DWAPlannerROS/max_vel_x=0.4", "local_costmap.width=6"], distro="indigo"
+    )
+    assert loaded.local_planner.params.max_vel_x == 0.4
+    assert loaded.local_costmap.params.width == 6
+    assert loaded.navstack.ros_distro == loaded.local_planner.params.ros_distro == "indigo"
+    assert load_configuration(["turtlebot"], distro="noetic").local_planner.params.ros_distro == "noetic"
+    (error,) = [f for f in check(robot(), distro="kinetic") if f.severity == "error"]
+    assert (error.file, error.rule) == ("--distro", "wrong-value")
+    (error,) = [f for f in check(robot(), overrides=["DWAPlannerROS/max_vel_x=fast"]) if f.severity == "error"]
+    assert error.file == "--set argument 1"
+
+
+def test_recoveries_have_their_own_namespaces() -> None:
+    clear = "clear_costmap_recovery/ClearCostmapRecovery"
+    listed = [{"name": "near", "type": clear}, {"name": "far", "type": clear}]
+    loaded = load(recovery_behaviors=listed, near={"reset_distance": 1.0}, far={"reset_distance": 5.0})
+    assert [(r.name, r.params.reset_distance) for r in loaded.recoveries] == [("near", 1.0), ("far", 5.0)]
+    assert load(recovery_behaviors=[]).recoveries == ()
+    assert [r.name for r in load(clearing_rotation_allowed=False).recoveries] == [
+        "conservative_reset",
+        "aggressive_reset",
+    ]
+
+
+def test_critics_that_are_listed_have_namespaces() -> None:
+    listed = [{"name": "near", "type": "path"}, {"name": "goal", "type": "goal"}]
+    loaded = load(DWAPlannerROS={"critics": listed, "near": {}})
+    assert [c.name for c in loaded.local_planner.params.critics] == ["near", "goal"]
+    assert list(loaded.local_planner.params.critic_params) == ["near", "goal"]
+    assert not [f for f in loaded.findings if f.severity == "warning"]
+
+
+def test_planners_by_their_own_names_and_another_than_the_selected() -> None:
+    loaded = load(
+        base_global_planner="global_planner", GlobalPlanner={"cost_factor": 2.0}, NavfnROS={"default_tolerance": 0.5}
+    )
+    assert (loaded.global_planner.name, loaded.global_planner.params.cost_factor) == ("global_planner", 2.0)
+    other = choose_global_planner(loaded, "navfn/NavfnROS")
+    assert (other.name, other.params.default_tolerance, other.namespace) == ("navfn", 0.5, "NavfnROS")
+    with pytest.raises(UnknownPluginError):
+        choose_global_planner(loaded, "nope")
+    bad = load(NavfnROS=None, GlobalPlanner={"cost_factor": "x"})
+    with pytest.raises(ParameterError, match="cost_factor"):
+        choose_global_planner(bad, "global_planner")
+
+
+def test_every_value_knows_where_it_was_written() -> None:
+    loaded = load_configuration(["turtlebot"], overrides=["DWAPlannerROS/sim_time=1.5"])
+    origins = loaded.origins
+    # by today's name, also where a former one was written, and where ROS finds it for a source
+    assert str(origins["DWAPlannerROS/max_vel_trans"]) == "turtlebot/dwa_local_planner_params.yaml:10:18"
+    assert str(origins["DWAPlannerROS/sim_time"]) == "--set argument 1"
+    assert origins["DWAPlannerROS/controller_frequency"].file == "turtlebot/move_base_params.yaml"
+    scan = origins["local_costmap/obstacle_layer/scan/obstacle_range"]
+    assert (scan.file, scan.line) == ("turtlebot/costmap_common_params.yaml", 19)
+    assert "DWAPlannerROS/twirling_scale" not in origins
+
+
+def test_loading_twice_gives_the_same() -> None:
+    first, second = load_configuration(["turtlebot"]), load_configuration(["turtlebot"])
+    assert first == second
+    assert [str(f) for f in first.findings] == [str(f) for f in second.findings]
+
+
+# --- the robots of the world ------------------------------------------------------------------------------------------
+
+LAUNCHES = data_files("params/*/_launch/*")
+FOLDERS = [p for p in data_files("params/*") if p.is_dir()]
+
+
+@pytest.mark.skipif(not LAUNCHES, reason="no foreign data here")
+@pytest.mark.parametrize("path", LAUNCHES, ids=lambda p: f"{p.parts[-3]}-{p.stem}"[:70])
+def test_launch_files_of_published_robots(path: Path) -> None:
+    arguments = ["model:=burger", "name:=fetch", "config:=2d", "cmd_vel_topic:=cmd_vel", "odom_topic:=odom"]
+    findings = check(str(path), *arguments)
+    # whatever is wrong with them, a user can act on it: a place, a value, a way out
+    for f in findings:
+        assert f.file and f.message and f.rule
+        if f.severity == "error" and f.rule in ("wrong-type", "out-of-range"):
+            assert f.line > 0
+    acceptable = {"unknown-plugin", "out-of-range", "wrong-type", "launch", "plugin-list", "no-such-layer", "footprint"}
+    assert {f.rule for f in findings if f.severity == "error"} <= acceptable
+
+
+@pytest.mark.skipif(not FOLDERS, reason="no foreign data here")
+@pytest.mark.parametrize("path", FOLDERS, ids=lambda p: p.name)
+def test_folders_of_published_robots(path: Path) -> None:
+    findings = check(str(path), overrides=[f"base_local_planner={DWA}"])
+    acceptable = {"unknown-plugin", "out-of-range", "wrong-type", "ambiguous", "no-source", "footprint"}
+    assert {f.rule for f in findings if f.severity == "error"} <= acceptable
+
+
+def test_a_packaged_name_is_the_packaged_set_wherever_one_stands(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "turtlebot").mkdir()
+    monkeypatch.chdir(tmp_path)
+    loaded = load_configuration(["turtlebot"])
+    assert loaded.navstack.ros_distro == "indigo"
+    assert [f.rule for f in loaded.findings if f.rule == "packaged-set"] == ["packaged-set"]
+    assert [f.rule for f in check("./turtlebot")] == ["no-source"]
+
+
+@pytest.mark.parametrize("name", ["NavfnROS", "DWAPlannerROS", "navstack", "conservative_reset"])
+def test_a_value_where_a_namespace_must_stand(name: str) -> None:
+    errors = [f for f in check(robot(**{name: 3})) if f.severity == "error"]
+    assert [(f.rule, f.key) for f in errors] == [("wrong-type", name)]
+    assert said(check(robot(**{name: None}))) == said(check(robot()))
+
+
+def test_a_missing_layer_may_be_left_out() -> None:
+    depth = {"name": "depth", "type": "costmap_2d::FetchDepthLayer"}
+    listed = robot(local_costmap__plugins=[depth, OBSTACLE, INFLATION], local_costmap__depth={"beams": 3})
+    (error,) = [f for f in check(listed) if f.severity == "error"]
+    assert (error.rule, "--allow-missing" in error.message) == ("unknown-plugin", True)
+    with pytest.raises(UnknownPluginError):
+        load_configuration([listed])
+    loaded = load_configuration([listed], allow_missing=True)
+    assert [layer.name for layer in loaded.local_costmap.layers] == ["obstacle_layer", "inflation_layer"]
+    assert [(f.rule, f.severity) for f in loaded.findings if f.severity != "info"] == [("unknown-plugin", "warning")]
+    assert [s.name for s in loaded.local_costmap.params.plugins or []] == ["obstacle_layer", "inflation_layer"]
+    # what is kept of the tree loads without the option
+    again = load_configuration([loaded.tree.as_dict()])
+    assert again.local_costmap == loaded.local_costmap
+
+
+def test_a_missing_planner_may_not_be_left_out() -> None:
+    for key in ("base_local_planner", "base_global_planner"):
+        (error,) = [f for f in check(robot(**{key: "teb/Nope"}), allow_missing=True) if f.severity == "error"]
+        assert (error.rule, error.key) == ("unknown-plugin", key)
+    eband = robot(base_local_planner="eband_local_planner/EBandPlannerROS")
+    (error,) = [f for f in check(eband) if f.severity == "error"]
+    assert error.suggestion is None  # a planner that exists elsewhere is not a misspelt one
+
+
+def test_missing_critics_and_recoveries_may_be_left_out() -> None:
+    critics = [{"name": "near", "type": "path"}, {"name": "far", "type": "mine"}]
+    loaded = load_configuration([robot(DWAPlannerROS={"critics": critics})], allow_missing=True)
+    assert [c.name for c in loaded.local_planner.params.critics] == ["near"]
+    listed = [{"name": "a", "type": "their/Recovery"}, {"name": "b", "type": "rotate_recovery/RotateRecovery"}]
+    loaded = load_configuration([robot(recovery_behaviors=listed, a={"x": 1})], allow_missing=True)
+    assert [r.name for r in loaded.recoveries] == ["b"]
+
+
+def test_sideways_speeds_of_trajectory_rollout_have_no_effect() -> None:
+    rollout = robot(base_local_planner="base_local_planner/TrajectoryPlannerROS")
+    rollout["TrajectoryPlannerROS"] = {"max_vel_y": 0.0, "min_vel_y": 0.0}
+    said_of = [(f.rule, f.severity) for f in check(rollout) if f.key.startswith("TrajectoryPlannerROS")]
+    assert said_of == [("no-effect", "info")] * 2

@@ -1,0 +1,176 @@
+"""Launch files: what they would put on the parameter server for move_base."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from navstack.parameters import read_sources
+from navstack.parameters.launch import launch_argument
+
+NODE = '<node pkg="move_base" type="move_base" name="move_base">{}</node>'
+
+
+def launch(folder: Path, body: str, name: str = "robot.launch") -> str:
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / name).write_text(f"<launch>{body}</launch>")
+    return str(folder / name)
+
+
+def tree(*sources: str) -> dict[str, Any]:
+    read = read_sources(list(sources))
+    assert [str(f) for f in read.findings if f.severity == "error"] == []
+    return read.root.as_dict()
+
+
+def errors(*sources: str) -> list[str]:
+    return [f.message for f in read_sources(list(sources)).findings if f.severity == "error"]
+
+
+def test_params_of_every_type(tmp_path: Path) -> None:
+    body = NODE.format(
+        '<param name="a" value="1"/><param name="b" value="1.5"/><param name="c" value="true"/><param name="d" value="x"/>'
+        '<param name="e" type="str" value="1"/><param name="f" type="double" value="1"/><param name="g/h" type="int" value="2"/>'
+        '<param name="i" type="bool" value="0"/><param name="j" type="yaml" value="[1, 2]"/><param name="~k" value="3"/>'
+    )
+    assert tree(launch(tmp_path, body)) == {
+        "a": 1,
+        "b": 1.5,
+        "c": True,
+        "d": "x",
+        "e": "1",
+        "f": 1.0,
+        "g": {"h": 2},
+        "i": False,
+        "j": [1, 2],
+        "k": 3,
+    }
+
+
+def test_rosparam_files_inline_text_namespaces_and_order(tmp_path: Path) -> None:
+    package = tmp_path / "my_robot"
+    (package / "param").mkdir(parents=True)
+    (package / "param" / "common.yaml").write_text("width: 3\nlayer: {x: 1}\n")
+    body = NODE.format(
+        '<rosparam file="$(find my_robot)/param/common.yaml" command="load" ns="global_costmap"/>'
+        '<rosparam file="$(find my_robot)/param/common.yaml" command="load" ns="local_costmap"/>'
+        "<rosparam ns='local_costmap'>{layer: {y: 2}, width: 4}</rosparam>"
+        '<rosparam param="footprint">[[1, 2]]</rosparam>'
+        '<param name="local_costmap/width" value="5.0"/>'
+    )
+    assert tree(launch(package / "launch", body)) == {
+        "global_costmap": {"width": 3, "layer": {"x": 1}},
+        "local_costmap": {"width": 5.0, "layer": {"x": 1, "y": 2}},
+        "footprint": [[1, 2]],
+    }
+
+
+def test_arguments_conditions_groups_and_includes(tmp_path: Path) -> None:
+    launch(
+        tmp_path / "pkg" / "launch",
+        '<arg name="model"/><arg name="speed" default="0.5"/>'
+        + NODE.format(
+            '<param name="model" value="$(arg model)"/><param name="speed" value="$(arg speed)"/>'
+            '<param name="x" value="1" if="$(arg model)"/>'.replace('if="$(arg model)"', 'if="true"')
+            + '<param name="y" value="1" unless="1"/>'
+        ),
+        "inner.launch",
+    )
+    outer = launch(
+        tmp_path / "pkg" / "launch",
+        '<arg name="robot" default="burger"/><group ns="robot1">'
+        '<include file="$(find pkg)/launch/inner.launch"><arg name="model" value="$(arg robot)"/></include></group>'
+        '<include file="$(find other)/launch/none.launch"/>',
+        "outer.launch",
+    )
+    assert tree(outer) == {"model": "burger", "speed": 0.5, "x": 1}
+    assert tree(outer, "robot:=waffle") == {"model": "waffle", "speed": 0.5, "x": 1}
+    inner = str(tmp_path / "pkg/launch/inner.launch")
+    assert "model:=VALUE" in errors(inner)[0]
+    assert tree(inner, "model:=a", "speed:=2")["speed"] == 2
+
+
+def test_substitution_in_yaml_and_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROBOT_FRAME", "base")
+    (tmp_path / "a.yaml").write_text("frame: $(arg prefix)link\n")
+    body = '<arg name="prefix" default="r_"/>' + NODE.format(
+        f'<rosparam file="{tmp_path}/a.yaml" subst_value="true"/><param name="b" value="$(env ROBOT_FRAME)"/>'
+        '<param name="c" value="$(optenv NOT_SET_ANYWHERE fallback)"/>'
+    )
+    assert tree(launch(tmp_path, body)) == {"frame": "r_link", "b": "base", "c": "fallback"}
+
+
+def test_places_are_those_of_the_launch_file_and_of_the_yaml(tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_text("x: 1\ny: 2\n")
+    path = launch(tmp_path, NODE.format('\n<rosparam file="$(dirname)/a.yaml"/>\n  <param name="x" value="3"/>\n'))
+    root = read_sources([path]).root
+    x, y = root.leaf("x"), root.leaf("y")
+    assert x is not None and y is not None
+    assert (x.at.file, x.at.line, x.at.column) == (path, 3, 3)
+    assert (Path(y.at.file).name, y.at.line) == ("a.yaml", 2)
+
+
+def test_remaps_and_several_nodes_are_noted(tmp_path: Path) -> None:
+    two = NODE.format('<remap from="scan" to="front/scan"/><param name="a" value="1"/>') + NODE.format("")
+    read = read_sources([launch(tmp_path, two)])
+    assert {(f.severity, f.rule) for f in read.findings} == {("info", "remap"), ("warning", "launch")}
+    assert read.root.as_dict() == {"a": 1}
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        ("", "starts no move_base node"),
+        (NODE.format('<rosparam file="$(find nowhere)/x.yaml"/>'), "not here"),
+        (NODE.format('<param name="a"/>'), "value"),
+        (NODE.format('<param name="a" type="int" value="x"/>'), "not of its type int"),
+        (NODE.format('<param name="a" value="$(eval 1+1)"/>'), "not evaluated"),
+        (NODE.format('<param name="a" value="$(env NOT_SET_ANYWHERE)"/>'), "not set"),
+        (NODE.format('<param name="a" value="1" if="maybe"/>'), "neither true nor false"),
+        (NODE.format("<rosparam>[1, 2]</rosparam>"), "param="),
+        (NODE.format("<rosparam>a: [1</rosparam>"), "not YAML"),
+    ],
+)
+def test_launch_files_that_cannot_be_used(tmp_path: Path, body: str, words: str) -> None:
+    assert words in " ".join(errors(launch(tmp_path, body)))
+
+
+def test_xml_that_cannot_be_read(tmp_path: Path) -> None:
+    path = tmp_path / "a.launch"
+    for text, words in (
+        ("<launch>", "not XML"),
+        ("", "not XML"),
+        ("<robot/>", "<launch>"),
+        ('<!DOCTYPE x [<!ENTITY a "b">]><launch>&a;</launch>', "document type"),
+        ("<launch>" + "<group>" * 100, "levels deep"),
+    ):
+        path.write_text(text)
+        (message,) = errors(str(path))
+        assert words in message
+
+
+def test_files_that_include_each_other_end(tmp_path: Path) -> None:
+    path = launch(tmp_path, '<include file="$(dirname)/robot.launch"/>')
+    assert any("include each other" in m for m in errors(path))
+
+
+def test_launch_arguments_are_told_from_files() -> None:
+    assert launch_argument("model:=burger") == ("model", "burger")
+    assert launch_argument("x:=") == ("x", "")
+    assert launch_argument("C:/params") is None
+    assert launch_argument("params/file.yaml@ns") is None
+
+
+def test_a_published_launch_file_and_its_folder_agree(data_dir: Path) -> None:
+    robot = data_dir / "params/turtlebot2"
+    by_folder = read_sources([str(robot / "param")]).root.as_dict()
+    by_launch = read_sources(
+        [str(robot / "_launch/turtlebot_navigation__launch__includes__move_base.launch.xml")]
+    ).root.as_dict()
+    # the launch file sets the frames itself
+    for costmap in ("global_costmap", "local_costmap"):
+        for key in ("global_frame", "robot_base_frame"):
+            assert by_launch[costmap].pop(key) == by_folder[costmap].pop(key).strip("/")
+    assert by_launch == by_folder

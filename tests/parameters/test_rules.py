@@ -1,0 +1,145 @@
+"""Checks across parameters: each finds its own combination, with the numbers, and nothing else."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from navstack.parameters import Finding
+from navstack.parameters.configuration import check_parameters, load_configuration
+from tests.parameters.test_configuration import INFLATION, OBSTACLE, SCAN, STATIC, robot
+
+
+def found(rule: str, **more: Any) -> Finding:
+    (one,) = [f for f in check_parameters([robot(**more)]) if f.rule == rule]
+    return one
+
+
+def rules_of(**more: Any) -> set[str]:
+    return {f.rule for f in check_parameters([robot(**more)]) if f.severity != "info"}
+
+
+OLD = {"path_distance_bias": 64.0, "goal_distance_bias": 24.0, "occdist_scale": 0.5, "sim_time": 1.0, "max_vel_x": 0.5}
+
+
+def test_the_scoring_scale_of_before_2018() -> None:
+    """Parity 31, with the turtlebot's numbers."""
+    one = found("scoring-scale", DWAPlannerROS=OLD, local_costmap__resolution=0.05)
+    # noetic: goal and goal_front 2 * 24 a metre; 0.5 * 252 at the inscribed radius
+    for number in (
+        "is worth 48",
+        "horizon 24",
+        "costs 126",
+        "24 a metre against 6.3",
+        "divide occdist_scale by 10",
+        "indigo",
+    ):
+        assert number in one.message
+    assert one.key == "DWAPlannerROS/occdist_scale"
+    assert "scoring-scale" not in rules_of(DWAPlannerROS=OLD, navstack={"ros_distro": "indigo"})
+    # which is what measured well on the real stack: a tenth of it
+    assert "scoring-scale" not in rules_of(DWAPlannerROS={**OLD, "occdist_scale": 0.05})
+    assert "scoring-scale" not in rules_of()
+
+
+def test_the_scoring_scale_of_trajectory_rollout_with_meter_scoring() -> None:
+    """The weights of the published jackals, which spin in place in 13 of 50 BARN worlds (parity 31)."""
+    weights = {"meter_scoring": True, "goal_distance_bias": 1.0, "path_distance_bias": 0.75, "occdist_scale": 0.1}
+    rollout = {"base_local_planner": "base_local_planner/TrajectoryPlannerROS"}
+    one = found("scoring-scale", **rollout, TrajectoryPlannerROS={**weights, "sim_time": 2.0, "max_vel_x": 0.5})
+    for number in ("is worth 1 ", "costs 25.2", "1 a metre against 1.26", "divide occdist_scale by 20"):
+        assert number in one.message
+    old = {**rollout, "TrajectoryPlannerROS": {**weights, "sim_time": 2.0, "max_vel_x": 0.5}}
+    assert "scoring-scale" not in rules_of(**old, navstack={"ros_distro": "indigo"})
+    # counted in cells, progress weighs twenty times more
+    assert "scoring-scale" not in rules_of(
+        **rollout, TrajectoryPlannerROS={"occdist_scale": 0.1, "goal_distance_bias": 1.0}
+    )
+
+
+def test_weights_that_are_heavy_on_either_scale_are_not_blamed_on_it() -> None:
+    one = found("scoring-scale", DWAPlannerROS={**OLD, "occdist_scale": 50.0})
+    assert "set navstack/ros_distro" not in one.message
+    assert "divide" in one.message
+
+
+@pytest.mark.parametrize(
+    ("rule", "more", "numbers"),
+    [
+        ("window-too-small", {"DWAPlannerROS": {"sim_time": 4.0, "max_vel_x": 1.5}}, ("5 m", "6.33", "12.7 m")),
+        ("cannot-start", {"DWAPlannerROS": {"acc_lim_x": 1.0, "acc_lim_theta": 2.0}}, ("0.05", "0.1 rad/s", "20 Hz")),
+        ("stopping-time", {"DWAPlannerROS": {"max_vel_x": 1.0, "acc_lim_x": 0.5}}, ("2 s", "1.7 s")),
+        ("min-vel-trans-zero", {"DWAPlannerROS": {"min_vel_trans": 0.0}}, ("0.4",)),
+        ("tolerance-under-cell", {"DWAPlannerROS": {"xy_goal_tolerance": 0.01}}, ("0.01", "0.05")),
+        ("yaw-tolerance", {"DWAPlannerROS": {"yaw_goal_tolerance": 0.005}}, ("0.005", "0.02")),
+        ("inflation-under-radius", {"local_costmap__inflation_layer": {"inflation_radius": 0.1}}, ("0.1", "0.214", "0.22")),
+        ("no-gradient", {"local_costmap__inflation_layer": {"cost_scaling_factor": 100.0, "inflation_radius": 0.6},
+                         "local_costmap__resolution": 0.1}, ("100", "0.055", "0.1")),
+        ("no-gradient", {"local_costmap__inflation_layer": {"cost_scaling_factor": 0.0}}, ("same cost",)),
+        ("inflation-not-last", {"local_costmap__plugins": [INFLATION, OBSTACLE]}, ("obstacle_layer", "local_costmap")),
+        ("marks-beyond-clearing", {"local_costmap__obstacle_layer": {**SCAN, "obstacle_range": 4.0}}, ("4", "3")),
+        ("drops-every-point", {"local_costmap__obstacle_layer": {**SCAN, "max_obstacle_height": 0.1,
+                               "scan": {**SCAN["scan"], "min_obstacle_height": 0.2}}}, ("0.2", "0.1")),
+        ("window-stands", {"local_costmap__rolling_window": False}, ("rolling_window",)),
+        ("blind", {"local_costmap__plugins": [INFLATION]}, ("sensor",)),
+        ("footprint-beside-center", {"footprint": [[0.5, 0.1], [1.0, 0.1], [1.0, 0.5]]}, ("(0, 0)",)),
+        ("base-frames-differ", {"local_costmap__robot_base_frame": "base_footprint"}, ("base_link", "base_footprint")),
+        ("unknown-not-tracked", {"NavfnROS": {"allow_unknown": False},
+                                 "global_costmap__static_layer": {"track_unknown_space": False}}, ("track_unknown_space",)),
+        ("updates-too-slow", {"local_costmap__update_frequency": 1.0}, ("0.55 m", "20")),
+        ("simulated-robot-blind", {"navstack": {"sim": {"laser": {"topic": "front/scan"}}}}, ("front/scan", "scan")),
+        ("simulated-robot-blind", {"navstack": {"sim": {"laser": {"height": 2.5}}}}, ("2.5 m", "from 0 to 2 m")),
+    ],
+)  # fmt: skip
+def test_each_rule_finds_its_combination_with_the_numbers(
+    rule: str, more: dict[str, Any], numbers: tuple[str, ...]
+) -> None:
+    findings = [f for f in check_parameters([robot(**more)]) if f.rule == rule]
+    assert findings
+    assert all(f.severity == "warning" for f in findings)
+    for number in numbers:
+        assert number in findings[0].message
+    # a warning does not stop, and the same robot without it has none
+    load_configuration([robot(**more)])
+    assert rule not in rules_of()
+
+
+def test_a_recovery_layer_that_one_costmap_has_is_right() -> None:
+    clear = {"name": "r", "type": "clear_costmap_recovery/ClearCostmapRecovery"}
+    named = {"recovery_behaviors": [clear], "r": {"layer_names": ["static_layer"]}}
+    assert "no-such-layer" not in rules_of(**named)
+    # but not when only the local one is to be cleared
+    named["r"] = {"layer_names": ["static_layer"], "affected_maps": "local"}
+    assert found("no-such-layer", **named).severity == "error"
+
+
+def test_unknown_space_is_tracked_by_the_static_layer() -> None:
+    assert "unknown-not-tracked" not in rules_of(NavfnROS={"allow_unknown": False})
+    assert "unknown-not-tracked" not in rules_of(
+        NavfnROS={"allow_unknown": False}, global_costmap__plugins=[STATIC, INFLATION]
+    )
+
+
+def test_rules_keep_quiet_when_a_source_could_not_be_read() -> None:
+    findings = check_parameters([robot(local_costmap__rolling_window=False), "nowhere"])
+    assert {f.rule for f in findings if f.severity != "info"} == {"no-source"}
+
+
+def test_every_rule_has_its_page() -> None:
+    """RULES.md has a section for each rule and none for others."""
+    root = Path(__file__).parents[2]
+    code = (root / "navstack" / "parameters" / "rules.py").read_text(encoding="utf-8")
+    rules = set(re.findall(r'"(?:error|warning|info)",\s*"([a-z-]+)"', code))
+    sections = re.findall(r"^## (.+)$", (root / "docs" / "RULES.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert len(rules) >= 20
+    assert sorted(sections) == sorted(rules)
+
+
+def test_no_samples_to_the_side_count_as_one() -> None:
+    """As in ROS, which clamps to 1."""
+    one = found("counts-as-one", DWAPlannerROS={"vy_samples": 0})
+    assert (one.severity, one.suggestion) == ("info", "1")
+    assert rules_of(DWAPlannerROS={"vy_samples": 0}) == set()

@@ -1,0 +1,333 @@
+"""What wrong scenario files are told: file, line, column, the value, the way out. A person has read these aloud."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from navstack.core.errors import ScenarioError
+from navstack.scenario.file.spec import check_scenario, load_scenario, read_scenario, scenarios_in
+
+GOOD = "map: office\nstart: corridor_west\ngoals: [office_2]\n"
+
+KEYS = (
+    "name, description, distro, allow_missing, seed, time_limit, rest, stop_on_failure, map, places, params, set, sim, start, "
+    "goals, tour, shapes, success"
+)
+POSE = "[x, y], [x, y, yaw] (m, rad) or the name of a place"
+PLACES = (
+    "corridor_west, corridor_middle, corridor_east, office_1, office_2, office_3, meeting_room, laboratory, open_plan, manager, "
+    "stores, kitchen, lounge"
+)
+
+CASES = {
+    # what the file says -> line:column and the message; several in the order of the file
+    "nothing": (
+        "",
+        f"1:1: goals are missing; add `goals: [..]`, a list of {POSE}",
+        "1:1: map is missing; add `map: FILE.yaml`, relative to this file, or a packaged map (maze, office, warehouse)",
+        f"1:1: start is missing; add `start: {POSE}`",
+    ),
+    "not yaml": (
+        "map: office\nstart: [0.8, 7.4\n",
+        (
+            "3:1: this is not YAML: while parsing a flow sequence did not find expected ',' or ']'; look at this line and the "
+            "one above (indentation, colons, brackets)"
+        ),
+    ),
+    "a tab": (
+        "map: office\nset:\n\tx: 1\n",
+        "3:1: a tab stands here, which YAML does not allow; replace the tabs of this line by spaces",
+    ),
+    "misspelt key": (GOOD + "sede: 3\n", '4:1: a scenario has no key "sede"; did you mean seed?'),
+    "other word": (GOOD + "obstacles: []\n", '4:1: a scenario has no key "obstacles"; did you mean shapes?'),
+    "a tour of nothing": (
+        "map: office\nstart: corridor_west\ntour: {places: []}\n",
+        "3:16: the tour lists no places; name some, or leave `places:` out for all of the map's",
+    ),
+    "two places of a tour misspelt": (
+        "map: office\nstart: corridor_west\ntour: [office_22, office_2, kitchn]\n",
+        '3:8: place "office_22" is no place; did you mean office_2?',
+        '3:29: place "kitchn" is no place; did you mean kitchen?',
+    ),
+    "one of two goals misspelt": (
+        "map: office\nstart: corridor_west\ngoals: [kitchn, office_2]\nsuccess: {goals: [SUCCEEDED, ABORTED]}\n",
+        '3:9: goal 1 "kitchn" is no place; did you mean kitchen?',
+    ),
+    "foreign key": (GOOD + "colour: red\n", f'4:1: a scenario has no key "colour"; there are {KEYS}'),
+    "key twice": (
+        GOOD + "seed: 1\nseed: 2\n",
+        "5:1: seed is given twice (first on line 4), only the last counts; remove one",
+    ),
+    "map misspelt": (
+        GOOD.replace("office\n", "offise\n"),
+        '1:6: there is no map "offise": no such file beside this one and no packaged map; did you mean "office"?',
+        '2:8: start "corridor_west" is a place, and no places are known here; write [x, y, yaw]',
+        '3:9: goal 1 "office_2" is a place, and no places are known here; write [x, y, yaw]',
+    ),
+    "map is a list": (
+        "map: [office]\nstart: [1, 1]\ngoals: [[2, 2]]\n",
+        "1:6: map is a list; write the file of a map, relative to this one, or a packaged map (maze, office, warehouse)",
+    ),
+    "place misspelt": (
+        GOOD.replace("office_2", "ofice_2"),
+        '3:9: goal 1 "ofice_2" is no place; did you mean office_2?',
+    ),
+    "no place": (GOOD.replace("office_2", "roof"), f'3:9: goal 1 "roof" is no place; there are {PLACES}'),
+    "start is a number": (GOOD.replace("corridor_west", "7"), f"2:8: start is 7, a number; write {POSE}"),
+    "pose of one number": (
+        GOOD.replace("corridor_west", "[7]"),
+        "2:8: start has 1 number; give [x, y, yaw], {x, y, yaw} or {position: {x, y}, orientation: {x, y, z, w}}",
+    ),
+    "pose with a word": (
+        GOOD.replace("corridor_west", "[7, east]"),
+        '2:12: y of start must be a finite number, not "east"',
+    ),
+    "one pose as goals": (
+        GOOD.replace("[office_2]", "[6.2, 12, 1.57]"),
+        "3:8: goals = [6.2, 12, 1.57] is one pose, not a list of poses; write goals: [[6.2, 12, 1.57]]",
+    ),
+    "empty goals": (GOOD.replace("[office_2]", "[]"), f"3:8: goals is empty; write a list of {POSE}"),
+    "goals are a text": (
+        GOOD.replace("[office_2]", "office_2"),
+        f'3:8: goals is the text "office_2"; write a list of {POSE}',
+    ),
+    "goals and tour": (
+        GOOD + "tour: {loops: 2}\n",
+        "4:1: the scenario has both goals and a tour; keep one of them",
+    ),
+    "tour order": (
+        "map: office\nstart: lounge\ntour: {order: sortd}\n",
+        '3:15: order = "sortd" is none of its values; write "given" or "sorted" or "random"',
+    ),
+    "tour place": (
+        "map: office\nstart: lounge\ntour: [kitchen, kitchn]\n",
+        '3:17: place "kitchn" is no place; did you mean kitchen?',
+    ),
+    "params misspelt": (
+        GOOD + "params: turtlebott\n",
+        (
+            '4:9: there are no parameters "turtlebott": no such file or folder beside this one and no packaged set; did you mean '
+            '"turtlebot"?'
+        ),
+    ),
+    "params missing": (
+        GOOD + "params: [turtlebot, mine.yaml]\n",
+        (
+            '4:21: there are no parameters "mine.yaml": no such file or folder beside this one and no packaged set; packaged '
+            "sets are turtlebot"
+        ),
+    ),
+    "set is a list": (
+        GOOD + "set: [a=1]\n",
+        "4:6: set is a list; write `NAME: VALUE` lines, for example `DWAPlannerROS/max_vel_x: 0.4`",
+    ),
+    "seed with a fraction": (GOOD + "seed: 1.5\n", "4:7: seed = 1.5 is a number; write a whole number"),
+    "seed below 0": (
+        GOOD + "seed: -1\n",
+        "4:7: seed = -1 is out of range; it must be at least 0 and at most 9.22337e+18",
+    ),
+    "time limit 0": (
+        GOOD + "time_limit: 0\n",
+        "4:13: time_limit = 0 is out of range; it must be over 0 and at most 1e+06 s",
+    ),
+    "rest in words": (GOOD + "rest: soon\n", '4:7: rest = "soon" is text; write a number (s)'),
+    "a truth value in quotes": (
+        GOOD + "stop_on_failure: 'yes'\n",
+        '4:18: stop_on_failure = "yes" is text; write true or false',
+    ),
+    "distro": (GOOD + "distro: humble\n", '4:9: distro = "humble" is none of its values; write "noetic" or "indigo"'),
+    "success misspelt": (
+        GOOD + "success: {max_tim: 9}\n",
+        '4:11: success has no key "max_tim"; did you mean max_time?',
+    ),
+    "success of a state": (
+        GOOD + "success: {goals: REACHED}\n",
+        '4:18: "REACHED" is no state that a goal ends in; write SUCCEEDED, ABORTED, PREEMPTED, REJECTED, RECALLED, LOST or any',
+    ),
+    "success of too many": (
+        GOOD + "success: {goals: [ABORTED, SUCCEEDED]}\n",
+        "4:18: success lists 2 states for 1 goal; give one for each, or one for all",
+    ),
+    "success below 0": (
+        GOOD + "success: {min_clearance: -0.1}\n",
+        "4:26: min_clearance = -0.1 is out of range; it must be at least 0 m",
+    ),
+    "success is a text": (
+        GOOD + "success: reached\n",
+        '4:10: success is the text "reached"; write conditions indented below it, such as `max_time: 60`',
+    ),
+    "shapes is a mapping": (
+        GOOD + "shapes: {radius: 1}\n",
+        "4:9: shapes is a mapping; write a list, such as {radius: 0.2, pose: [3.0, 1.5]}",
+    ),
+    "shape without a look": (
+        GOOD + "shapes:\n  - {pose: [3, 7]}\n",
+        "5:5: a shape is given by one of radius, box, polygon and segment; it has none of them",
+    ),
+    "shape with a foreign key": (
+        GOOD + "shapes:\n  - {radius: 0.2, at: [3, 7]}\n",
+        '5:19: shape 1 has no key "at"; did you mean pose?',
+    ),
+    "radius below 0": (
+        GOOD + "shapes:\n  - {radius: -0.2, pose: [3, 7]}\n",
+        "5:14: radius = -0.2 is out of range; it must be over 0 m",
+    ),
+    "polygon that crosses itself": (
+        GOOD + "shapes:\n  - {polygon: [[0, 0], [1, 1], [1, 0], [0, 1]]}\n",
+        "5:15: the polygon crosses or touches itself, or has no area; give its corners in order, once round",
+    ),
+    "motion of no kind": (
+        GOOD + "shapes:\n  - {radius: 0.2, motion: {speed: 1}}\n",
+        "5:27: the motion of shape 1 has no kind; add `kind:`, one of still, track, door, pedestrian",
+    ),
+    "motion of a wrong kind": (
+        GOOD + "shapes:\n  - {radius: 0.2, motion: {kind: trak}}\n",
+        '5:34: the motion of shape 1 is of the kind "trak", which is none; did you mean track?',
+    ),
+    "track without points": (
+        GOOD + "shapes:\n  - {radius: 0.2, motion: {kind: track}}\n",
+        "5:27: points is missing here; add `points: ...`",
+    ),
+    "door that closes first": (
+        GOOD + "shapes:\n  - {segment: [[0, 0], [1, 0]], motion: {kind: door, open: [[5, 2]]}}\n",
+        "5:60: a door is open [from, to] in s, with from below to and not below 0, not [5, 2]",
+    ),
+    "box that walks": (
+        GOOD + "shapes:\n  - {box: [1, 1], motion: {kind: pedestrian, goals: [[1, 1]]}}\n",
+        "5:5: a pedestrian is a disc; give it a radius (0.25 m is usual)",
+    ),
+    "start in a wall": (
+        GOOD.replace("corridor_west", "[-0.05, 3.0]"),
+        "2:8: the start (-0.05, 3) lies in a wall of the map; move it",
+    ),
+    "start at a wall": (
+        GOOD.replace("corridor_west", "[0.16, 7.45]"),
+        (
+            "2:8: the robot does not fit at the start (0.16, 7.45, 0): its outline touches a wall of the map at "
+            "(-0.02, 7.33); move the start"
+        ),
+    ),
+    "start at a shape": (
+        GOOD + "shapes:\n  - {name: cart, box: [0.5, 0.5], pose: [1.2, 7.6, 0.7]}\n",
+        '2:8: the robot does not fit at the start (0.8, 7.45, 0): its outline touches shape 1 "cart"; move the start',
+    ),
+    "start outside": (
+        GOOD.replace("corridor_west", "[-40, 9]"),
+        "2:8: the start (-40, 9) lies outside the map, which covers x -0.5 .. 23.5, y -0.5 .. 15.5 m; move it",
+    ),
+    "noise out of range": (
+        GOOD + "sim: {wheel_slip: -1}\n",
+        "4:19: wheel_slip = -1 is out of range; it must be at least 0 and at most 1",
+    ),
+    "a control cycle in thirty years": (
+        GOOD + "set: {controller_frequency: 1e-9}\n",
+        "4:29: controller_frequency = 1e-09 Hz is a cycle in 1e+09 s, and a goal ends in none before; give 0.001 Hz or more",
+    ),
+    "parameter of a wrong type": (
+        GOOD + "set: {controller_frequency: fast}\n",
+        '4:29: controller_frequency = "fast" is text; write a number (Hz); ROS would ignore it and use 20',
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_wrong_file_is_told_what_where_and_the_way_out(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text, *wanted = CASES[name]
+    Path("wrong.yaml").write_text(text, encoding="utf-8")
+    said = [f for f in check_scenario("wrong.yaml") if f.severity == "error"]
+    assert [f"{f.line}:{f.column}: {f.message}" for f in said] == wanted
+    assert {f.file for f in said} == {"wrong.yaml"}
+
+
+def test_all_errors_are_in_one_message(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("wrong.yaml").write_text(GOOD + "sede: 3\nrest: soon\n", encoding="utf-8")
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario("wrong.yaml")
+    assert caught.value.message == (
+        "the scenario cannot be used (2 errors):\n"
+        'wrong.yaml:4:1: a scenario has no key "sede"; did you mean seed?\n'
+        'wrong.yaml:5:7: rest = "soon" is text; write a number (s)'
+    )
+    assert [f["suggestion"] for f in caught.value.data["findings"]] == ["seed", None]
+
+
+@pytest.mark.parametrize("name", ["missing.yaml", "."])
+def test_a_file_that_is_none(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ScenarioError, match=r"cannot be read|is no file"):
+        read_scenario(name)
+
+
+@pytest.mark.parametrize("key", ["map", "params", "places"])
+def test_a_name_that_no_file_can_have(key: str, tmp_path: Path) -> None:
+    file = tmp_path / "a.yaml"
+    lines = {"map": "office", "start": "corridor_west", "goals": "[office_2]", key: "a" * 5000}
+    file.write_text("".join(f"{k}: {v}\n" for k, v in lines.items()), encoding="utf-8")
+    said = next(f for f in check_scenario(file) if f.key == key)
+    assert said.message.startswith("there")
+    assert said.column == len(key) + 3
+
+
+def test_a_warning_about_parameters_names_the_place_in_the_scenario(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("a.yaml").write_text(GOOD + "set: {DWAPlannerROS/max_vel_xx: 1}\n", encoding="utf-8")
+    (said,) = (f for f in check_scenario("a.yaml") if f.severity == "warning")
+    assert str(said) == (
+        "a.yaml:4:7: warning: DWAPlannerROS has no parameter max_vel_xx, so 1 has no effect; did you mean max_vel_x?"
+    )
+
+
+def test_a_goal_that_cannot_be_reached_is_a_warning_unless_it_is_meant(tmp_path: Path) -> None:
+    file = tmp_path / "a.yaml"
+    text = GOOD.replace("[office_2]", "[[-40, 9]]")
+    file.write_text(text, encoding="utf-8")
+    (said,) = (f for f in check_scenario(file) if f.severity == "warning")
+    assert said.message == (
+        "goal 1 (-40, 9) lies outside the map, which covers x -0.5 .. 23.5, y -0.5 .. 15.5 m, so it cannot be reached; move "
+        "it, or expect ABORTED under `success: goals:`"
+    )
+    file.write_text(text + "success: {goals: ABORTED}\n", encoding="utf-8")
+    assert not [f for f in check_scenario(file) if f.severity == "warning"]
+
+
+def test_a_place_on_a_turned_map_is_looked_up_where_it_lies(tmp_path: Path) -> None:
+    image = Image.new("L", (40, 20), 254)
+    image.putpixel((30, 5), 0)  # cell ix 30, iy 14
+    image.save(tmp_path / "turned.png")
+    (tmp_path / "turned.yaml").write_text(
+        "image: turned.png\nresolution: 0.1\norigin: [5.0, 5.0, 1.5707963]\nnegate: 0\noccupied_thresh: 0.65\n"
+        "free_thresh: 0.196\n",
+        encoding="utf-8",
+    )
+    file = tmp_path / "a.yaml"
+
+    def said(x: float, y: float) -> list[str]:
+        file.write_text(f"map: turned.yaml\nstart: [{x}, {y}]\ngoals: [[4.0, 6.0]]\n", encoding="utf-8")
+        return [f.message for f in check_scenario(file) if f.rule == "start"]
+
+    assert said(4.0, 6.0) == []
+    (outside,) = said(6.0, 6.0)  # inside, were the map not turned
+    assert "lies outside the map" in outside and "turned by 1.5708 rad" in outside
+    (wall,) = said(5.0 - 1.45, 5.0 + 3.05)
+    assert "lies in a wall of the map" in wall
+
+
+def test_the_scenarios_of_a_folder(tmp_path: Path) -> None:
+    (tmp_path / "b.yml").write_text(GOOD, encoding="utf-8")
+    (tmp_path / "a.yaml").write_text(GOOD, encoding="utf-8")
+    (tmp_path / "map.yaml").write_text("image: map.png\nresolution: 0.1\n", encoding="utf-8")
+    (tmp_path / "notes.txt").write_text(GOOD, encoding="utf-8")
+    (tmp_path / "folder.yaml").mkdir()
+    assert [spec.name for spec in scenarios_in(tmp_path)] == ["a", "b"]
+    (tmp_path / "c.yaml").write_text(GOOD + "goals: [\n", encoding="utf-8")
+    with pytest.raises(ScenarioError, match=r"c\.yaml:5:1: this is not YAML"):
+        scenarios_in(tmp_path)

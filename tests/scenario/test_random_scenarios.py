@@ -1,0 +1,28 @@
+"""Random scenarios: no exception, no hang, no goal without an end, no contact reported as success.
+
+Thousands of them, and longer ones: `navstack bench random`.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from navstack.scenario.suites.random_scenarios import check_random, random_scenario
+
+SHORT_S = 2.0
+FOUR = 50
+
+
+def test_the_number_says_it_all() -> None:
+    first, second = (random_scenario(7).build() for _ in range(2))
+    assert first.described() == second.described()
+    assert (first.map.data == second.map.data).all()
+    assert check_random(7, time_limit_s=SHORT_S) == check_random(7, time_limit_s=SHORT_S)
+
+
+@pytest.mark.parametrize("first", range(0, 200, FOUR))
+def test_nothing_that_must_never_be(first: int) -> None:
+    checked = [check_random(number, time_limit_s=SHORT_S) for number in range(first, first + FOUR)]
+    assert [(c.number, c.faults) for c in checked if c.faults] == []
+    # they drive: a fault cannot hide behind scenarios that never begin
+    assert sum(c.simulated_s > 0.9 for c in checked) > 0.7 * FOUR

@@ -1,0 +1,43 @@
+"""docs/SCENARIOS.md lists every field of shapes, motions, tours and conditions, as the models have them.
+
+`NAVSTACK_WRITE_SCENARIOS=1 pytest tests/scenario_file/test_reference.py` writes its tables anew.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from navstack.core.parameters import ParamModel
+from navstack.parameters.report.reference import table_of
+from navstack.scenario.file.models import MOTIONS, Tour
+from navstack.scenario.file.spec import Success
+from navstack.sim import Shape
+
+PAGE = Path(__file__).parents[2] / "docs" / "SCENARIOS.md"
+BEGIN, END = "<!-- tables: written by a test -->", "<!-- end of the tables -->"
+SECTIONS: dict[str, type[ParamModel]] = {
+    "`shapes:` an entry": Shape,
+    **{f"`motion:` of the kind `{kind}`": model for kind, model in MOTIONS.items() if kind != "still"},
+    "`tour:`": Tour,
+    "`success:`": Success,
+}
+
+
+def tables() -> str:
+    parts: list[str] = []
+    for title, model in SECTIONS.items():
+        assert model.__doc__ is not None
+        about = model.__doc__.strip().splitlines()[0].removeprefix(f"{title} ")
+        parts += [f"### {title}", "", about[0].upper() + about[1:], "", *table_of(model), ""]
+    return "\n".join(parts)
+
+
+def test_the_page_lists_what_the_models_have() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    head, _, rest = text.partition(BEGIN)
+    there, _, tail = rest.partition(END)
+    if os.environ.get("NAVSTACK_WRITE_SCENARIOS"):
+        PAGE.write_text(f"{head}{BEGIN}\n\n{tables()}\n{END}{tail}", encoding="utf-8")
+        return
+    assert there.strip() == tables().strip()

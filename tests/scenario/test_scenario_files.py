@@ -1,0 +1,281 @@
+"""What a scenario file says becomes a scenario: relative paths, overrides, tours, shapes, conditions."""
+
+from __future__ import annotations
+
+import json
+import pickle
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from navstack.cli.app import run
+from navstack.core import Pose2D
+from navstack.core.errors import InputError, InternalError
+from navstack.map_io import map_path
+from navstack.places import load_places
+from navstack.record import Record
+from navstack.record.metrics import metrics_of
+from navstack.scenario.file.spec import is_scenario_file, load_scenario, read_scenario
+from navstack.scenario.run import Run, Scenario, run_scenario
+from navstack.scenario.success import SuccessConditions
+from navstack.scenario.suites.catalogue import shipped
+
+SHORT = """
+name: short
+map: office
+set: {DWAPlannerROS/max_vel_x: 0.4}
+sim: {odometry_noise: 0.02, laser: {beams: 90}}
+start: [3.0, 7.4]
+goals: [[4.0, 7.4, 0.0]]
+shapes:
+  - {radius: 0.1, pose: [3.5, 8.2]}
+  - {name: cart, radius: 0.1, motion: {kind: track, points: [[5, 7], [5, 8]], speed: 0.1}}
+seed: 3
+time_limit: 30
+success: {max_time: 20, min_clearance: 0.01}
+"""
+
+
+@pytest.fixture
+def short(tmp_path: Path) -> Path:
+    file = tmp_path / "short.yaml"
+    file.write_text(SHORT, encoding="utf-8")
+    return file
+
+
+def test_what_the_file_says_is_what_is_driven(short: Path) -> None:
+    scenario = load_scenario(short)
+    assert scenario.name == "short" and scenario.seed == 3 and scenario.time_limit_s == 30.0
+    assert scenario.start == Pose2D(3.0, 7.4, 0.0) and scenario.goals == (Pose2D(4.0, 7.4, 0.0),)
+    assert scenario.configuration.local_planner.params.max_vel_x == 0.4
+    assert scenario.configuration.navstack.sim.odometry_noise == 0.02
+    assert scenario.configuration.navstack.sim.lidar("laser").beams == 90
+    assert [shape.name for shape in scenario.shapes] == ["", "cart"]
+    assert scenario.success == SuccessConditions(max_time_s=20.0, min_clearance_m=0.01)
+
+
+def test_what_the_caller_says_comes_first(short: Path) -> None:
+    spec = read_scenario(short)
+    scenario = spec.build(
+        seed=9,
+        overrides=["DWAPlannerROS/max_vel_x=0.3"],
+        time_limit_s=5.0,
+        start=Pose2D(2.0, 7.4),
+        goals=[Pose2D(2.5, 7.4)],
+        obstacles=[(9.0, 7.0, 0.1)],
+        distro="indigo",
+    )
+    assert scenario.seed == 9 and scenario.time_limit_s == 5.0 and scenario.obstacles == ((9.0, 7.0, 0.1),)
+    assert scenario.start.x == 2.0 and scenario.goals[0].x == 2.5
+    assert scenario.configuration.local_planner.params.max_vel_x == 0.3
+    assert scenario.configuration.navstack.ros_distro == "indigo"
+    # other parameters: the file's own changes still lie over them
+    other = spec.build(params=["turtlebot", {"DWAPlannerROS": {"max_vel_x": 0.2, "sim_time": 1.1}}])
+    assert other.configuration.local_planner.params.max_vel_x == 0.4
+    assert other.configuration.local_planner.params.sim_time == 1.1
+
+
+def test_paths_are_relative_to_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "maps").mkdir()
+    (tmp_path / "scenarios").mkdir()
+    for ending in (".yaml", ".png", ".places.yaml"):
+        source = map_path("office").with_name(f"office{ending}")
+        (tmp_path / "maps" / f"mine{ending}").write_bytes(source.read_bytes())
+    text = (tmp_path / "maps" / "mine.yaml").read_text(encoding="utf-8").replace("office.png", "mine.png")
+    (tmp_path / "maps" / "mine.yaml").write_text(text, encoding="utf-8")
+    (tmp_path / "faster.yaml").write_text("DWAPlannerROS: {max_vel_x: 0.55}\n", encoding="utf-8")
+    file = tmp_path / "scenarios" / "a.yaml"
+    file.write_text(
+        "map: ../maps/mine.yaml\nparams: [turtlebot, ../faster.yaml]\nstart: lounge\ngoals: [kitchen]\n",
+        encoding="utf-8",
+    )
+    monkeypatch.chdir("/")
+    scenario = load_scenario(file)
+    assert scenario.goals == (load_places("office").places["kitchen"],)
+    assert scenario.configuration.local_planner.params.max_vel_x == 0.55
+    assert scenario.names["map"] == "mine.yaml" and scenario.names["params"] == ["turtlebot", "faster.yaml"]
+
+
+def test_a_tour_is_shuffled_by_the_seed(tmp_path: Path) -> None:
+    file = tmp_path / "a.yaml"
+    file.write_text("map: office\ntour: {order: random, loops: 2}\n", encoding="utf-8")
+    spec = read_scenario(file)
+    first, second = spec.build(seed=1), spec.build(seed=2)
+    assert len(first.goals) == 2 * len(load_places("office").places)
+    assert first.goals != second.goals and sorted(first.goals) == sorted(second.goals)
+    assert spec.build(seed=1).goals == first.goals
+
+
+def test_the_map_says_where_to_go_when_the_file_does_not(tmp_path: Path) -> None:
+    file = tmp_path / "a.yaml"
+    file.write_text("map: maze\n", encoding="utf-8")
+    scenario = load_scenario(file)
+    assert (scenario.start, scenario.goals) == (load_places("maze").start, load_places("maze").goals)
+
+
+@pytest.mark.parametrize(
+    ("text", "is_one"),
+    [
+        (SHORT, True),
+        ("map: maze\n", True),
+        ("mpa: maze\nstart: [1, 1]\ngoals: [[2, 2]]\n", True),
+        ("image: a.png\nresolution: 0.05\norigin: [0, 0, 0]\n", False),
+        ("DWAPlannerROS: {max_vel_x: 1}\n", False),
+        ("not: [closed", False),
+    ],
+)
+def test_scenario_files_are_told_from_others(text: str, is_one: bool, tmp_path: Path) -> None:
+    file = tmp_path / "a.yaml"
+    file.write_text(text, encoding="utf-8")
+    assert is_scenario_file(file) is is_one
+    assert not is_scenario_file(tmp_path)
+
+
+def test_a_scenario_and_its_spec_go_to_other_processes(short: Path) -> None:
+    spec = read_scenario(short)
+    there = pickle.loads(pickle.dumps(spec))
+    assert len(pickle.dumps(spec)) < 10_000
+    assert there.build().described() == spec.build().described()
+    scenario = pickle.loads(pickle.dumps(spec.build()))
+    assert scenario.described() == spec.build().described()
+
+
+def test_the_length_is_that_of_the_record_s_columns_whatever_the_slip(short: Path) -> None:
+    result = run_scenario(load_scenario(short, overrides=["navstack/sim/wheel_slip=0.2"]))
+    assert result.recorder is not None
+    samples = result.recorder.record().samples
+    way = np.hypot(np.diff(samples["x"]), np.diff(samples["y"])).sum()
+    assert result.metrics.length_m == pytest.approx(way, rel=1e-9)
+    assert sum(goal.path_length_m for goal in result.goals) == pytest.approx(way, rel=1e-9)
+
+
+def test_the_record_holds_all_of_it_and_its_metrics(short: Path, tmp_path: Path) -> None:
+    result = run_scenario(load_scenario(short), timings=True)
+    assert result.succeeded and [v.condition for v in result.verdicts] == [
+        *("goals", "max_contacts", "max_time", "min_clearance"),
+    ]
+    assert result.recorder is not None and result.timings is not None
+    record = Record.load(result.recorder.save(tmp_path / "out")["record"])
+    assert metrics_of(record) == result.metrics
+    again = Scenario.from_record(record)
+    assert again.described() == load_scenario(short).described()
+    # without a record, the same numbers
+    light = run_scenario(again, record=False)
+    assert light.metrics == result.metrics and light.recorder is None and light.timings is None
+    told = result.as_dict()
+    assert told["metrics"]["length_m"] == pytest.approx(0.9, abs=0.2)
+    assert told["timings"]["control_ms"]["count"] >= 10 and "timings" not in json.dumps(record.scenario)
+
+
+def test_conditions_that_do_not_hold_are_said(short: Path) -> None:
+    short.write_text(
+        SHORT.replace("max_time: 20, min_clearance: 0.01", "max_time: 1, min_clearance: 3, goals: ABORTED")
+    )
+    result = run_scenario(load_scenario(short), record=False)
+    assert not result.succeeded
+    said = {v.condition: v.text for v in result.verdicts if not v.holds}
+    assert set(said) == {"goals", "max_time", "min_clearance"}
+    assert said["goals"] == "goal 1 SUCCEEDED, ABORTED wanted"
+    assert said["max_time"].endswith("s, at most 1 wanted")
+
+
+def test_a_verdict_has_the_digits_that_tell_it_from_the_limit(short: Path) -> None:
+    metrics = run_scenario(load_scenario(short), record=False).metrics
+    wanted = SuccessConditions(max_time_s=100.0, max_contacts=0, max_recoveries=3)
+
+    def said(**values: Any) -> list[str]:
+        return [v.text for v in wanted.judge(["SUCCEEDED"], replace(metrics, **values), 1)][1:]
+
+    assert said(contacts=1, time_s=100.004, recoveries=1) == [
+        "1 contact, at most 0 wanted",
+        "100.004 s, at most 100 wanted",
+        "1 recovery, at most 3 wanted",
+    ]
+    assert said(contacts=0, time_s=100.0, recoveries=4) == [
+        "0 contacts, at most 0 wanted",
+        "100 s, at most 100 wanted",
+        "4 recoveries, at most 3 wanted",
+    ]
+
+
+@pytest.mark.parametrize("wrong", [{"goals": []}, {"time_limit_s": 0.0}, {"time_limit_s": float("nan")}])
+def test_what_cannot_be_driven_is_refused_before_it_is_built(short: Path, wrong: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match=r"needs a goal|must be above 0 s"):
+        read_scenario(short).build(**wrong)
+
+
+def test_states_must_fit_the_goals_that_are_given(short: Path) -> None:
+    short.write_text(SHORT.replace("max_time: 20", "goals: [ABORTED]"))
+    scenario = read_scenario(short).build(goals=[Pose2D(4.0, 7.4), Pose2D(5.0, 7.4)])
+    with pytest.raises(InputError, match="lists 1 state for 2 goals"):
+        run_scenario(scenario, record=False)
+
+
+def test_simulate_takes_a_scenario_file(
+    short: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(short.parent)
+    assert run(["simulate", "short.yaml", "--json", "--out", "out", "--seed", "4", "--timings"]) == 0
+    document = json.loads(capfd.readouterr().out)
+    assert document["success"] is True and document["seed"] == 4
+    assert [c["holds"] for c in document["conditions"]] == [True] * 4
+    assert document["metrics"]["contacts"] == 0 and document["timings"]["planning_ms"]["count"] >= 1
+    assert json.loads(Path("out/summary.json").read_text())["metrics"] == document["metrics"]
+    Path("late.yaml").write_text(SHORT.replace("max_time: 20", "max_time: 1"))
+    assert run(["simulate", "late.yaml", "--out", "out"]) == 1
+    assert "condition max_time not held: " in capfd.readouterr().out
+    Path("wrong.yaml").write_text(SHORT + "sede: 1\n")
+    assert run(["simulate", "wrong.yaml"]) == 2
+    assert 'wrong.yaml:14:1: a scenario has no key "sede"; did you mean seed?' in capfd.readouterr().err
+
+
+def test_check_takes_a_scenario_file(
+    short: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(short.parent)
+    assert run(["check", "short.yaml"]) == 0
+    assert "0 errors" in capfd.readouterr().out
+    Path("wrong.yaml").write_text(SHORT + "sede: 1\n")
+    assert run(["check", "wrong.yaml", "--json"]) == 2
+    errors = [f for f in json.loads(capfd.readouterr().out)["findings"] if f["severity"] == "error"]
+    assert [(f["line"], f["column"], f["suggestion"]) for f in errors] == [(14, 1, "seed")]
+
+
+def test_those_that_are_shipped_say_what_they_show() -> None:
+    files = shipped()
+    assert len(files) >= 8
+    for path in files.values():
+        spec = read_scenario(path)
+        assert spec.description and spec.parts.settings.name
+
+
+def test_a_rest_ends_whatever_the_rounding_of_its_end(short: Path) -> None:
+    # 1.86 + 0.5 is 2.3600000000000003, which a robot at 118 / 50 s never reaches by whole steps
+    short.write_text(SHORT.replace("goals: [[4.0, 7.4, 0.0]]", "goals: [[9.0, 7.4], [9.0, 7.4]]"))
+    spec = read_scenario(short)
+    for hundredths in range(2, 60, 3):
+        scenario = replace(spec.build(time_limit_s=0.1 + hundredths / 50.0), rest_s=hundredths / 100.0)
+        driven = Run(scenario, record=False)
+        cycles = 0
+        while driven.step():
+            cycles += 1
+            assert cycles < 500
+        assert [outcome.state for outcome in driven.outcomes] == ["PREEMPTED", "PREEMPTED"]
+
+
+def test_a_run_whose_time_stands_still_is_told_not_driven_for_ever(short: Path) -> None:
+    driven = Run(load_scenario(short), record=False)
+    for _ in range(5):
+        driven.step()
+    driven.robot.advance_to = lambda time: None  # type: ignore[method-assign,assignment,return-value]
+    with pytest.raises(InternalError, match=r"does not go on from .* took no time; .* please report it"):
+        while driven.step():
+            pass
+
+
+def test_check_takes_the_name_of_a_shipped_scenario(capfd: pytest.CaptureFixture[str]) -> None:
+    assert run(["check", "narrow_door"]) == 0
+    assert capfd.readouterr().out.endswith("notes\n")

@@ -1,0 +1,45 @@
+"""The scenarios that come with navstack succeed, and give the same records in any process and any order."""
+
+from __future__ import annotations
+
+import hashlib
+from multiprocessing import get_context
+from pathlib import Path
+
+import pytest
+
+from navstack.scenario.file.spec import check_scenario, load_scenario
+from navstack.scenario.run import run_scenario
+from navstack.scenario.suites.catalogue import shipped
+
+NAMES = sorted(shipped())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_shipped_scenario_is_sound_and_succeeds(name: str) -> None:
+    path = shipped()[name]
+    assert [str(f) for f in check_scenario(path) if f.severity != "info"] == []
+    result = run_scenario(load_scenario(path), record=False)
+    assert [str(v) for v in result.verdicts if not v.holds] == []
+    assert result.succeeded
+
+
+def record_of(job: tuple[str, str]) -> tuple[str, str]:
+    """Drives a shipped scenario in whatever process this is; the digest of its record's bytes."""
+    name, folder = job
+    result = run_scenario(load_scenario(shipped()[name]))
+    assert result.recorder is not None
+    files = result.recorder.save(Path(folder))
+    return name, hashlib.sha256(files["record"].read_bytes() + files["log"].read_bytes()).hexdigest()
+
+
+SOME = ("narrow_door", "crossing_pedestrian", "unreachable_goal", "noise")
+
+
+def test_records_are_the_same_in_one_process_and_in_two_in_any_order(tmp_path: Path) -> None:
+    here = dict(record_of((name, str(tmp_path / "here" / name))) for name in SOME)
+    jobs = [(name, str(tmp_path / "there" / name)) for name in reversed(SOME)]
+    with get_context("spawn").Pool(2) as pool:
+        there = dict(pool.imap_unordered(record_of, jobs, chunksize=1))
+    assert there == here
+    assert len(set(here.values())) == len(SOME)

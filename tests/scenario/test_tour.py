@@ -1,0 +1,222 @@
+"""Tours: the file of places, the order, rest and failure, what is told, and Ctrl-C."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import signal
+from pathlib import Path
+
+import pytest
+
+import navstack as nav
+from navstack.cli.app import run as command
+from navstack.core import Pose2D, Twist2D
+from navstack.core.errors import InputError
+from navstack.map_io import map_names, map_path
+from navstack.places import itinerary, load_places, read_places
+from navstack.record import Record
+from navstack.scenario import run as scenarios
+from navstack.scenario.run import Run, Scenario
+from navstack.scenario.tour import drive_tour
+
+
+def file_of(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "places.yaml"
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize("name", map_names())
+def test_the_packaged_maps_places(name: str) -> None:
+    read = read_places(map_path(name).with_name(f"{name}.places.yaml"))
+    known = load_places(name)
+    assert read.start == known.start
+    assert read.places == known.places
+    assert tuple(read.places[goal] for goal in read.goals) == known.goals
+
+
+@pytest.mark.parametrize("head", ["locations:\n  ", "places:\n  ", ""])
+def test_a_pose_by_yaw_or_by_quaternion(tmp_path: Path, head: str) -> None:
+    rows = (
+        "a: [1, 2, 1.5]",
+        "b: {x: 1.0, y: 2.0, yaw: 1.5}",
+        "c: {position: {x: 1.0, y: 2.0, z: 0.0}, orientation: {x: 0.0, y: 0.0, z: 0.6816387600, w: 0.7316888689}}",
+        "d: {pose: {position: {x: 1.0, y: 2.0}, orientation: {z: 1.3632775200, w: 1.4633777378}}}",
+        "e: {x: 1, y: 2, orientation: {z: 0.6816387600, w: 0.7316888689}}",
+    )
+    indent = "\n  " if head else "\n"
+    read = read_places(file_of(tmp_path, head + indent.join(rows)))
+    assert read.goals == ("a", "b", "c", "d", "e")
+    assert read.start is None
+    for pose in read.places.values():
+        assert tuple(pose) == pytest.approx((1.0, 2.0, 1.5))
+
+
+def test_start_and_goals_by_name(tmp_path: Path) -> None:
+    read = read_places(file_of(tmp_path, "places: {a: [1, 2], b: [3, 4, 1]}\nstart: b\ngoals: [b, a, [5, 6]]"))
+    assert read.start == Pose2D(3.0, 4.0, 1.0)
+    assert read.goals == ("b", "a", "goal 3")
+    assert read.places["goal 3"] == Pose2D(5.0, 6.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "where", "what"),
+    [
+        ("places: {a: [1, x]}", "1:17", 'y of "a" must be a finite number'),
+        ("places:\n  a: [1]\n", "2:6", "has 1 number"),
+        ("places:\n  a: {x: 1, yaw: 2}\n", "2:6", "has no y"),
+        ("places:\n  a: {x: 1, y: .inf}\n", "2:16", "finite"),
+        ("places:\n  a: {x: 1, y: 2, theta: 2}\n", "2:19", '"theta"'),
+        ("places:\n  a: 7\n", "2:6", "is no pose"),
+        ("places:\n  a: {x: 1, y: 1, yaw: 0, orientation: {w: 1}}\n", "2:19", "both"),
+        ("a: {x: 1, y: 1, orientation: {z: 0, w: 0}}\n", "1:30", "no heading"),
+        ("a: {x: 1, y: 1, orientation: {x: 1, w: 0}}\n", "1:30", "no heading"),
+        ("a: {x: 1, y: 1, orientation: {z: 1}}\n", "1:30", "has no w"),
+        ("places: {a: [1, 2]}\nstart: b\n", "2:8", '"b" is no place'),
+        ("places: {a: [1, 2]}\ngoals: [a, c]\n", "2:12", '"c" is no place'),
+        ("places: {a: [1, 2]}\ngoals: []\n", "2:8", "goals must be a list"),
+        ("places: {a: [1, 2]}\ngaols: [a]\n", "2:1", '"gaols"'),
+        ("places: {a: [1, 2]}\nlocations: {a: [1, 2]}\n", "2:1", "both"),
+        ("places: {}\n", "1:9", "no places"),
+        ("places: {a: [1, 2], a: [3, 4]}\n", "1:21", "a"),
+        ("places: [\n", "2:1", ""),
+        ("", "1:1", "no places"),
+    ],
+)
+def test_wrong_files_are_told_by_line_and_column(tmp_path: Path, text: str, where: str, what: str) -> None:
+    path = file_of(tmp_path, text)
+    with pytest.raises(InputError) as failed:
+        read_places(path)
+    assert failed.value.message.startswith(f"{path}:{where}: ")
+    assert what in failed.value.message
+
+
+def test_the_order() -> None:
+    names = ("c", "a", "b")
+    assert itinerary(names, "given", loops=2) == names * 2
+    assert itinerary(names, "sorted") == ("a", "b", "c")
+    tour = itinerary(names, "random", loops=50, seed=3)
+    assert tour == itinerary(names, "random", loops=50, seed=3)
+    assert tour != itinerary(names, "random", loops=50, seed=4)
+    assert all(a != b for a, b in itertools.pairwise(tour))
+    assert all(set(tour[i : i + 3]) == set(names) for i in range(0, 150, 3))
+    assert itinerary(("a",), "random", loops=2) == ("a", "a")
+
+
+START = Pose2D(2.0, 7.45, 0.0)
+NEAR, FAR, WALL = Pose2D(2.8, 7.45, 0.0), Pose2D(3.4, 7.45, 0.0), Pose2D(2.0, 50.0, 0.0)
+
+
+def scenario_of(*goals: Pose2D, **more: object) -> Scenario:
+    return Scenario(
+        map=nav.load_map(nav.map_path("office")),
+        configuration=nav.load_configuration(["turtlebot"], overrides=["recovery_behavior_enabled=false"]),
+        start=START,
+        goals=goals,
+        **more,  # type: ignore[arg-type]
+    )
+
+
+def test_it_rests_between_goals_and_tells_how_it_stands() -> None:
+    told: list[tuple[str, float]] = []
+    scenario = scenario_of(NEAR, FAR, rest_s=3.0)
+    result = drive_tour(scenario, ("near", "far"), on_goal=lambda n, o, s: told.append((n, s.running_s)))
+    assert result.succeeded
+    assert not result.interrupted
+    state = result.state
+    assert (state.total, state.done, state.succeeded, state.success_rate, state.place) == (2, 2, 2, 1.0, None)
+    assert [name for name, _ in told] == ["near", "far"]
+    driving = sum(goal.time_s for goal in result.run.goals)
+    assert state.running_s == pytest.approx(driving + 3.0, abs=1e-6)
+    assert state.distance_m == pytest.approx(sum(g.path_length_m for g in result.run.goals), abs=0.05)
+    document = result.as_dict()
+    assert [g["place"] for g in document["goals"]] == ["near", "far"]
+    assert (document["success_rate"], document["left_out"]) == (1.0, [])
+
+
+@pytest.mark.parametrize("stop", [False, True])
+def test_a_failure_ends_the_tour_only_when_asked_to(stop: bool) -> None:
+    result = drive_tour(scenario_of(WALL, NEAR, stop_on_failure=stop), ("wall", "near"))
+    assert [g.state for g in result.run.goals] == ["ABORTED"] if stop else ["ABORTED", "SUCCEEDED"]
+    assert result.state.success_rate == (0.0 if stop else 0.5)
+    assert result.as_dict()["left_out"] == (["near"] if stop else [])
+    assert not result.succeeded
+
+
+def test_a_goal_that_takes_too_long_is_cancelled() -> None:
+    result = drive_tour(scenario_of(FAR, NEAR, time_limit_s=1.0), ("far", "near"))
+    assert result.run.goals[0].state == "PREEMPTED"
+    assert result.run.goals[0].time_s == pytest.approx(1.2, abs=0.2)
+    assert len(result.run.goals) == 2
+
+
+def test_a_stopped_tour_stands_and_keeps_its_record() -> None:
+    run = Run(scenario_of(FAR, NEAR))
+    while run.move_base.command.vx == 0.0:
+        assert run.step()
+    before = run.robot.time
+    run.stop()
+    assert run.robot.time <= before + 0.2 + 1e-6
+    assert run.move_base.command == Twist2D()
+    assert [o.state for o in run.outcomes] == ["PREEMPTED"]
+    assert not run.step()
+    assert run.recorder is not None
+    record = run.recorder.record()
+    assert len(record.results) == 1
+    again = Scenario.from_record(record)
+    assert (again.rest_s, again.stop_on_failure) == (0.0, False)
+
+
+def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.chdir(tmp_path)
+    file = file_of(tmp_path, "places: {near: [2.8, 7.45], far: [3.4, 7.45]}\nstart: [2, 7.45]\n")
+    assert command(["tour", file.name, "office", "--order", "sorted", "--json", "--rest", "0.5"]) == 0
+    captured = capfd.readouterr()
+    document = json.loads(captured.out)
+    assert [g["place"] for g in document["goals"]] == ["far", "near"]
+    assert document["success_rate"] == 1.0
+    for name in document["files"].values():
+        assert Path(name).is_file()
+    assert json.loads(Path("navstack_tour/summary.json").read_text()) == document
+
+
+def test_ctrl_c_stops_the_robot_and_keeps_the_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    steps = 0
+    step = scenarios.Run.step
+
+    def interrupting(self: Run) -> bool:
+        nonlocal steps
+        steps += self.recorder is not None  # warming up records nothing
+        if steps == 20:
+            signal.raise_signal(signal.SIGINT)
+        return step(self)
+
+    monkeypatch.setattr(scenarios.Run, "step", interrupting)
+    before = signal.getsignal(signal.SIGINT)
+    assert command(["tour", "office", "--out", "out"]) == 130
+    assert signal.getsignal(signal.SIGINT) is before
+    printed = capfd.readouterr()
+    assert "interrupted" in printed.out
+    assert "2 goals left out" in printed.out
+    assert "PREEMPTED" in Path("out/run.log").read_text()
+    record = Record.load(Path("out/run.npz"))
+    assert [r["state"] for r in record.results] == ["PREEMPTED"]
+
+
+def test_wrong_input_is_one_message(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    file = file_of(tmp_path, "places: {near: [2.8, 7.45]}\n")
+    for arguments, what in (
+        ([str(file)], "which map"),
+        ([str(file), "office"], "--start"),
+        ([str(file), "office", "--place", "fra"], "no such place"),
+        ([str(tmp_path / "nowhere.yaml"), "office"], "cannot be read"),
+        ([str(file), "atlantis", "--start", "2,7"], "atlantis"),
+    ):
+        assert command(["tour", *arguments]) == 2
+        err = capfd.readouterr().err
+        assert what in err, err
+        assert err.count("error:") == 1
