@@ -1,4 +1,4 @@
-"""What every test may use: where the golden data and the foreign data lie."""
+"""Locations of the golden data, the foreign data and the reference pages."""
 
 from __future__ import annotations
 
@@ -8,44 +8,49 @@ from pathlib import Path
 import pytest
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
+GOLDEN_PART = Path(__file__).resolve().parent / "golden" / "data"
+"""The part of the golden data that is in the repository."""
 
 
 def _folder(variable: str, default: Path) -> Path:
     return Path(os.environ.get(variable) or default)
 
 
+def _golden() -> Path:
+    """NAVSTACK_GOLDEN, else the whole set next to the repository, else the part in the repository."""
+    whole = _folder("NAVSTACK_GOLDEN", SHARED / "golden")
+    return whole if whole.is_dir() else GOLDEN_PART
+
+
 @pytest.fixture(scope="session")
 def golden_dir() -> Path:
-    """The folder of what C++ computed; skips where it is absent."""
-    folder = _folder("NAVSTACK_GOLDEN", SHARED / "golden")
-    if not folder.is_dir():
-        pytest.skip("no golden data here: set NAVSTACK_GOLDEN to their folder")
-    return folder
+    """The folder of the golden data (outputs of the C++ stack)."""
+    return _golden()
 
 
 @pytest.fixture(scope="session")
 def data_dir() -> Path:
-    """The folder of foreign maps, parameters and problems; skips where it is absent."""
+    """The folder of foreign maps, parameters and problems; skips if it is absent."""
     folder = _folder("NAVSTACK_DATA", SHARED / "data")
     if not folder.is_dir():
-        pytest.skip("no foreign data here: set NAVSTACK_DATA to their folder")
+        pytest.skip("no foreign data: set NAVSTACK_DATA to their folder")
     return folder
 
 
 @pytest.fixture(scope="session")
 def reference_dir() -> Path:
-    """The folder of what was read from ROS's code; skips where it is absent."""
+    """The folder of reference pages about the ROS stack; skips if it is absent."""
     folder = _folder("NAVSTACK_REFERENCE", SHARED / "reference")
     if not folder.is_dir():
-        pytest.skip("no reference here: set NAVSTACK_REFERENCE to its folder")
+        pytest.skip("no reference pages: set NAVSTACK_REFERENCE to their folder")
     return folder
 
 
 def golden_files(pattern: str) -> list[Path]:
-    """Cases by name pattern, for parametrize; empty where the folder is absent."""
-    return sorted(_folder("NAVSTACK_GOLDEN", SHARED / "golden").glob(pattern))
+    """Golden cases by name pattern, for parametrize."""
+    return sorted(_golden().glob(pattern))
 
 
 def data_files(pattern: str) -> list[Path]:
-    """Foreign data by name pattern, for parametrize; empty where the folder is absent."""
+    """Foreign data by name pattern, for parametrize; empty if the folder is absent."""
     return sorted(_folder("NAVSTACK_DATA", SHARED / "data").glob(pattern))
