@@ -1,4 +1,4 @@
-"""What README.md and docs/EXPLAIN.md say that commands print is what they print."""
+"""What README.md and docs/concepts/diagnostics.md say that commands print is what they print."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def printed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return told
 
 
-PAGES = ("README.md", "docs/EXPLAIN.md")
+PAGES = ("README.md", "docs/concepts/diagnostics.md")
 
 
 def test_the_first_run(printed: dict[str, str]) -> None:

@@ -55,7 +55,7 @@ def test_python_runs_as_it_stands(index: int, tmp_path: Path) -> None:
     assert "SUCCEEDED" in out.stdout
 
 
-COMMANDS = (ROOT / "docs" / "COMMANDS.md").read_text(encoding="utf-8")
+COMMANDS = (ROOT / "docs" / "reference" / "commands.md").read_text(encoding="utf-8")
 
 
 def _command(words: list[str]) -> Any:
@@ -85,11 +85,14 @@ def test_the_command_line_page_has_every_command() -> None:
         assert re.search(rf"^{path} ", COMMANDS, re.MULTILINE), path
 
 
-@pytest.mark.parametrize("page", sorted({"README.md", *(f"docs/{p.name}" for p in (ROOT / "docs").glob("*.md"))}))
+PAGES = ["README.md", *sorted(str(page.relative_to(ROOT)) for page in (ROOT / "docs").rglob("*.md"))]
+
+
+@pytest.mark.parametrize("page", PAGES)
 def test_files_that_the_documents_name_are_there(page: str) -> None:
     text = (ROOT / page).read_text(encoding="utf-8")
     beside = (ROOT / page).parent
-    for name in re.findall(r"\]\((?!https?:)([^)#]+)\)", text):
+    for name in re.findall(r"\]\((?!https?:)([\w./-]+)\)", text):
         assert (beside / name).is_file(), name
     for name in re.findall(r"`((?:docs|navstack|tests|tools|examples)/[\w./-]+)`", text):
         assert (ROOT / name).exists(), name

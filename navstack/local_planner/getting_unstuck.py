@@ -1,6 +1,6 @@
 """How trajectory rollout gets out of places where C++'s would stay for ever: circles in place, and backing out.
 
-What it is worth: docs/TRAJECTORY_ROLLOUT.md.
+What it is worth: docs/parity/trajectory_rollout.md.
 """
 
 from __future__ import annotations

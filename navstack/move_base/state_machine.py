@@ -304,14 +304,14 @@ def table_markdown() -> str:
 
 
 def document_markdown() -> str:
-    """docs/STATES.md: states, events, actions and the table."""
+    """docs/reference/states.md: states, events, actions and the table."""
     parts = [
         "# The goal manager's states",
         (
-            "Written by `navstack info --states docs/STATES.md` from the table that `MoveBase` runs on "
+            "Written by `navstack info --states docs/reference/states.md` from the table that `MoveBase` runs on "
             "(`navstack/move_base/state_machine.py`); do not edit."
         ),
-        "![The states and the events between them](states.png)",
+        "![The states and the events between them](../images/states.png)",
         (
             "A transition is a pure function: `step(state, event) -> state, row`. The row says what is to be done and how the "
             "goal ends, if it does. "

@@ -16,10 +16,10 @@ DOCS = Path(__file__).resolve().parents[2] / "docs"
 
 
 def test_the_document_is_that_of_the_table() -> None:
-    assert (DOCS / "STATES.md").read_text(encoding="utf-8") == document_markdown(), (
-        "run: navstack info --states docs/STATES.md, and docs/states.png"
+    assert (DOCS / "reference" / "states.md").read_text(encoding="utf-8") == document_markdown(), (
+        "run: navstack info --states docs/reference/states.md, and docs/images/states.png"
     )
-    assert (DOCS / "states.png").is_file()
+    assert (DOCS / "images" / "states.png").is_file()
 
 
 def test_the_document_names_everything() -> None:

@@ -1,4 +1,4 @@
-"""docs/E2E.md: the recorded runs of the real move_base node beside navstack's with the real parts, time by time.
+"""docs/parity/end_to_end.md: the recorded runs of the real move_base node beside navstack's with the real parts, time by time.
 
 Every difference is in the document, with the number of the parity list that it comes from; here it is shown that there
 are no others.
@@ -21,7 +21,7 @@ from navstack.move_base import GoalHandle, MoveBase
 from navstack.parameters.configuration import load_configuration
 from navstack.sim import SimulatedRobot
 
-DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "E2E.md"
+DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "parity" / "end_to_end.md"
 WILLOW = "maps/turtlebot_apps__willow-2010-02-18-0.10/willow-2010-02-18-0.10.yaml"
 STEP = 0.02
 """s of the simulated world: what is sent at 6.004 s arrives at 6.02 s."""

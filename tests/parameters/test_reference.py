@@ -7,12 +7,12 @@ from pathlib import Path
 from navstack.parameters.report import reference
 from navstack.plugins import REGISTRIES
 
-CHECKED_IN = Path(__file__).parents[2] / "docs" / "REFERENCE.md"
+CHECKED_IN = Path(__file__).parents[2] / "docs" / "reference" / "parameters.md"
 
 
 def test_it_is_up_to_date() -> None:
     assert CHECKED_IN.read_text(encoding="utf-8") == reference(), (
-        "a model has changed: run `navstack params reference --out docs/REFERENCE.md`"
+        "a model has changed: run `navstack params reference --out docs/reference/parameters.md`"
     )
 
 

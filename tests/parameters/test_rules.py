@@ -133,7 +133,9 @@ def test_every_rule_has_its_page() -> None:
     root = Path(__file__).parents[2]
     code = (root / "navstack" / "parameters" / "rules.py").read_text(encoding="utf-8")
     rules = set(re.findall(r'"(?:error|warning|info)",\s*"([a-z-]+)"', code))
-    sections = re.findall(r"^## (.+)$", (root / "docs" / "RULES.md").read_text(encoding="utf-8"), re.MULTILINE)
+    sections = re.findall(
+        r"^## (.+)$", (root / "docs" / "reference" / "rules.md").read_text(encoding="utf-8"), re.MULTILINE
+    )
     assert len(rules) >= 20
     assert sorted(sections) == sorted(rules)
 

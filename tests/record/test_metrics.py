@@ -85,7 +85,7 @@ def test_timings_count_every_call_also_one_that_fails() -> None:
 
 
 def test_the_documentation_names_every_metric_column_and_array() -> None:
-    text = (ROOT / "docs" / "RECORD.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "reference" / "record.md").read_text(encoding="utf-8")
     names = [field.name for field in fields(RunMetrics)]
     names += [column for columns in fmt.TABLES.values() for column, _ in columns]
     names += [*fmt.TABLES, *fmt.ARRAYS, *(column for column, _ in fmt.COSTMAP_TABLE), "clearances"]

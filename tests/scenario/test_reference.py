@@ -1,4 +1,4 @@
-"""docs/SCENARIOS.md lists every field of shapes, motions, tours and conditions, as the models have them.
+"""docs/reference/scenarios.md lists every field of shapes, motions, tours and conditions, as the models have them.
 
 `NAVSTACK_WRITE_SCENARIOS=1 pytest tests/scenario_file/test_reference.py` writes its tables anew.
 """
@@ -14,7 +14,7 @@ from navstack.scenario.file.models import MOTIONS, Tour
 from navstack.scenario.file.spec import Success
 from navstack.sim import Shape
 
-PAGE = Path(__file__).parents[2] / "docs" / "SCENARIOS.md"
+PAGE = Path(__file__).parents[2] / "docs" / "reference" / "scenarios.md"
 BEGIN, END = "<!-- tables: written by a test -->", "<!-- end of the tables -->"
 SECTIONS: dict[str, type[ParamModel]] = {
     "`shapes:` an entry": Shape,

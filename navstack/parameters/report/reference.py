@@ -22,7 +22,7 @@ Every parameter of every component, with the default that a user of ROS noetic r
 `navstack params reference`; a test compares. `navstack params show` prints the values that a robot's own files come to.
 
 Where a name has changed, the former one is honoured, with a note. Layers stand below a costmap, under the name that its
-`plugins` gives them; recovery behaviours and critics likewise. [RULES.md](RULES.md) has the checks across parameters.
+`plugins` gives them; recovery behaviours and critics likewise. [Rules](rules.md) has the checks across parameters.
 """
 
 
