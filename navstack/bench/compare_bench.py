@@ -64,12 +64,12 @@ class Course:
                 "jerk_rms_m_s3": outcome.jerk_rms_m_s3,
                 "turning_s": outcome.turning_s,
                 "recoveries": outcome.recoveries,
-                "contacts": int(outcome.outcome == "collision"),
+                "collisions": int(outcome.outcome == "collision"),
             }
         result = run_scenario(self.scenario(chosen, seed), record=False)
         told = result.metrics.as_dict()
         ends = [goal.state for goal in result.goals if not goal.succeeded]
-        missed = [verdict.text for verdict in result.verdicts if not verdict.holds]
+        missed = [condition.text for condition in result.conditions if not condition.holds]
         kept = {m.key: told[m.key] for m in MEASURES if m.key in told}
         return {"success": result.succeeded, "ended": "; ".join(missed) or " ".join(ends), **kept}
 
@@ -174,7 +174,7 @@ MEASURES: Final = (
     Measure("curvature_mean_1_m", "curvature (1/m)", 3, -1),
     Measure("turning_s", "turning in place (s)", 1, -1),
     Measure("recoveries", "recoveries", 2, -1, of_both=False),
-    Measure("contacts", "contacts", 2, -1, of_both=False),
+    Measure("collisions", "collisions", 2, -1, of_both=False),
 )
 
 

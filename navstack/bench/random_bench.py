@@ -37,11 +37,11 @@ def random_tables(results: Sequence[JobResult]) -> list[Table]:
         ends.update([outcome] if outcome.startswith(("refused", "exception")) else outcome.split())
     faults = [(value["number"], fault) for value in values for fault in value["faults"]]
     simulated = sum(float(value["simulated_s"]) for value in values)
-    contacts = sum(1 for value in values if value["contacts"])
+    collisions = sum(1 for value in values if value.get("collisions", value.get("contacts")))
     rows: list[dict[str, Any]] = [
         {"what": "scenarios", "many": len(values)},
         {"what": "hours simulated", "many": simulated / 3600.0},
-        {"what": "with contacts", "many": contacts},
+        {"what": "with collisions", "many": collisions},
         {"what": "with faults", "many": sum(1 for value in values if value["faults"])},
         *({"what": f"goals that ended {end}" if end.isupper() else end, "many": ends[end]} for end in sorted(ends)),
     ]

@@ -217,9 +217,9 @@ def _print(result: RunResult, document: dict[str, Any], limit_s: float) -> None:
         if not goal.succeeded:
             said = f"{goal.text} " if goal.text else ""
             out.print(f"goal {goal.goal.x:g}, {goal.goal.y:g}: {escape(said + reason_of(goal, limit_s))}")
-    for verdict in result.verdicts:
-        mark = "[green]held[/]" if verdict.holds else "[bold red]not held[/]"
-        out.print(f"condition {verdict.condition} {mark}: {escape(verdict.text)}")
+    for condition in result.conditions:
+        mark = "[green]held[/]" if condition.holds else "[bold red]not held[/]"
+        out.print(f"condition {condition.condition} {mark}: {escape(condition.text)}")
     m = result.metrics
     out.print(
         f"{m.length_m:.1f} m in {m.time_s:.1f} s; clearance {m.clearance_min_m:.2f} m at least, {m.clearance_mean_m:.2f} m on "

@@ -174,8 +174,8 @@ class Binder:
                     "renamed",
                     leaf.at,
                     leaf.path,
-                    f"{old} is called {new} today; its value {show(leaf.value)} is taken for it here; rename it, so that "
-                    "every ROS release takes it",
+                    f"{old} is called {new} today; its value {show(leaf.value)} is taken for it here; rename it"
+                    + (", so that every ROS release takes it" if self.of_ros else ""),
                     new,
                 )
                 return leaf

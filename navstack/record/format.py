@@ -46,7 +46,7 @@ Tables (structured arrays, one row per ..):
                                    `.._rejected_by` (count is 0 where the table was not kept);
                                    tried i4, rejected i4: samples tried, and those that lost to a critic or a limit;
                                    first_pose i8, poses i8: rows of `local_plan_poses`
-    collisions    contact          t f8; x, y, yaw f8, map
+    collisions    collision          t f8; x, y, yaw f8, map
     scans         scan kept        t f8; x, y, yaw f8: the robot, map; angle_min, angle_increment f8 rad;
                                    range_min, range_max, height f8 m; source i4; first i8, count i8: rows of `scan_ranges`
     costmaps/<n>  update of the    t f8; nx, ny i4; resolution, origin_x, origin_y f8: the grid at that time;

@@ -28,8 +28,8 @@ class RunMetrics:
     """Goals that were sent."""
     succeeded: int
     """Goals that ended SUCCEEDED."""
-    contacts: int
-    """Contacts of the true footprint with something; one that lasts counts once."""
+    collisions: int
+    """Collisions of the true footprint with something; one that lasts counts once."""
     recoveries: int
     """Recovery behaviours that were run, over all goals."""
     time_s: float
@@ -37,7 +37,7 @@ class RunMetrics:
     length_m: float
     """Length of the way driven, over all goals: from each cycle's position to the next."""
     clearance_min_m: float
-    """Least distance between the true footprint and an obstacle, at the control cycles; 0 after a contact, inf without
+    """Least distance between the true footprint and an obstacle, at the control cycles; 0 after a collision, inf without
     obstacles, nan where nobody knew."""
     clearance_mean_m: float
     """Mean of that distance over the cycles; nan without obstacles or cycles."""
@@ -74,7 +74,7 @@ def compute_metrics(
     clearances: NDArray[np.float64],
     *,
     results: Sequence[Mapping[str, Any]],
-    contacts: int,
+    collisions: int,
 ) -> RunMetrics:
     """From the control cycles: times (n,) s, true poses (n, 3) x, y, yaw in the map, states (n,), clearances (n,) m.
 
@@ -100,11 +100,11 @@ def compute_metrics(
     return RunMetrics(
         goals=len(results),
         succeeded=sum(result["state"] == "SUCCEEDED" for result in results),
-        contacts=contacts,
+        collisions=collisions,
         recoveries=sum(int(result["recoveries"]) for result in results),
         time_s=float(times[-1]) if len(times) else 0.0,
         length_m=float(sum(result["path_length_m"] for result in results)),
-        clearance_min_m=0.0 if contacts else nearest,
+        clearance_min_m=0.0 if collisions else nearest,
         clearance_mean_m=float(finite.mean()) if len(finite) else math.nan,
         speed_mean_m_s=moved / float(duration[moving].sum()) if moving.any() else 0.0,
         speed_max_m_s=float(speed.max()) if len(speed) else 0.0,
@@ -125,7 +125,7 @@ def metrics_of(record: Record) -> RunMetrics:
         record.states.tolist(),
         record.clearances,
         results=record.results,
-        contacts=len(record.collisions),
+        collisions=len(record.collisions),
     )
 
 

@@ -208,7 +208,7 @@ class Record:
         """Takes coordinates in `frame` (global or local) to the global frame, as the transform was at `t`."""
         return self.map_to_odom_at(t) if frame == self.local_frame != self.global_frame else Transform2D()
 
-    # --- goals, plans, contacts ---------------------------------------------------------------------------------------
+    # --- goals, plans, collisions ---------------------------------------------------------------------------------------
 
     @property
     def goal_times(self) -> NDArray[np.float64]:

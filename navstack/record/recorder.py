@@ -33,8 +33,8 @@ from navstack.record.log import render_log
 from navstack.record.reader import Record
 
 
-class Contact(Protocol):
-    """What a simulator knows of a contact."""
+class Collision(Protocol):
+    """What a simulator knows of a collision."""
 
     @property
     def time(self) -> float:
@@ -177,13 +177,13 @@ class RunRecorder:
         """The true footprint touched something with the robot at `pose` (global frame)."""
         self._collisions.append((t, *pose))
 
-    def finish(self, results: Sequence[Mapping[str, Any]], collisions: Sequence[Contact] | None = None) -> None:
+    def finish(self, results: Sequence[Mapping[str, Any]], collisions: Sequence[Collision] | None = None) -> None:
         """How each goal ended, one JSON-able object per goal (no wall-clock times); `collisions` replace those noted."""
         self._results = [jsonable(dict(result)) for result in results]
         self._take_clearances()
         self._clearance_source = None  # and all that it holds on to
         if collisions is not None:
-            self._collisions = [(contact.time, *contact.pose) for contact in collisions]
+            self._collisions = [(collision.time, *collision.pose) for collision in collisions]
 
     # --- afterwards ---------------------------------------------------------------------------------------------------
 

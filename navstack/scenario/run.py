@@ -20,7 +20,7 @@ from navstack.parameters.configuration import Configuration, load_configuration
 from navstack.record import Record, RunRecorder
 from navstack.record.metrics import RunMetrics, compute_metrics
 from navstack.record.timings import Timings, timed
-from navstack.scenario.success import SuccessConditions, Verdict
+from navstack.scenario.success import ConditionResult, SuccessConditions
 from navstack.sim import Shape, SimulatedRobot, World
 
 WARM_UP_S = 1.0
@@ -206,16 +206,16 @@ class RunResult:
     seed: int
     recorder: RunRecorder | None
     metrics: RunMetrics
-    verdicts: tuple[Verdict, ...]
+    conditions: tuple[ConditionResult, ...]
     """Each of the scenario's conditions, and whether the run met it."""
     timings: Timings | None = None
     nearest_m: float = math.inf
-    """Least distance between the true outline and an obstacle as measured at the control cycles, contacts or not."""
+    """Least distance between the true outline and an obstacle as measured at the control cycles, collisions or not."""
 
     @property
     def succeeded(self) -> bool:
         """True when every condition holds: unless the scenario says otherwise, all goals SUCCEEDED and nothing was touched."""
-        return all(verdict.holds for verdict in self.verdicts)
+        return all(condition.holds for condition in self.conditions)
 
     @property
     def real_time_factor(self) -> float:
@@ -227,7 +227,7 @@ class RunResult:
         timings = {} if self.timings is None else {"timings": self.timings.as_dict()}
         return {
             "success": self.succeeded,
-            "conditions": [verdict.as_dict() for verdict in self.verdicts],
+            "conditions": [condition.as_dict() for condition in self.conditions],
             "goals": [goal.as_dict() for goal in self.goals],
             "metrics": self.metrics.as_dict(),
             **timings,
@@ -313,7 +313,7 @@ class _Meter:
             self._states,
             np.array(self.clearances(), np.float64),
             results=results,
-            contacts=len(self._robot.collisions),
+            collisions=len(self._robot.collisions),
         )
 
     def _measure(self) -> None:
@@ -429,7 +429,7 @@ class Run:
             seed=self.scenario.seed,
             recorder=self.recorder,
             metrics=metrics,
-            verdicts=self.scenario.success.judge(states, metrics, len(self.scenario.goals)),
+            conditions=self.scenario.success.judge(states, metrics, len(self.scenario.goals)),
             timings=self.timings,
             nearest_m=self._meter.nearest(),
         )

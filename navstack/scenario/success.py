@@ -11,6 +11,8 @@ from navstack.record.metrics import RunMetrics
 
 ENDS: Final = ("SUCCEEDED", "ABORTED", "PREEMPTED", "REJECTED", "RECALLED", "LOST")
 """States in which a goal can end."""
+RENAMED: Final = {"max_contacts": "max_collisions"}
+"""Condition of an earlier version -> current name; both are read."""
 
 
 def not_an_end(state: str) -> str:
@@ -21,7 +23,7 @@ def not_an_end(state: str) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class ConditionResult:
     """One condition, and whether it holds."""
 
     condition: str
@@ -40,8 +42,8 @@ class SuccessConditions:
 
     goals: str | tuple[str, ...] = "SUCCEEDED"
     """The state in which every goal must end, or one for each goal in turn; `any`: whichever, as long as it ends."""
-    max_contacts: int | None = 0
-    """None: contacts do not matter."""
+    max_collisions: int | None = 0
+    """None: collisions do not matter."""
     max_time_s: float | None = None
     """Simulated seconds for the whole run."""
     min_clearance_m: float | None = None
@@ -65,11 +67,11 @@ class SuccessConditions:
                 goals=count,
             )
 
-    def judge(self, states: Sequence[str], metrics: RunMetrics, goals: int) -> tuple[Verdict, ...]:
+    def judge(self, states: Sequence[str], metrics: RunMetrics, goals: int) -> tuple[ConditionResult, ...]:
         """Every condition against a run whose goals, `goals` in all, ended in `states` (those left out are missing)."""
         found = [self._goals(states, goals)]
         for name, limit, value, unit, above in (
-            ("max_contacts", self.max_contacts, metrics.contacts, "contact", False),
+            ("max_collisions", self.max_collisions, metrics.collisions, "collision", False),
             ("max_time", self.max_time_s, metrics.time_s, "s", False),
             ("min_clearance", self.min_clearance_m, metrics.clearance_min_m, "m", True),
             ("max_length", self.max_length_m, metrics.length_m, "m", False),
@@ -78,10 +80,10 @@ class SuccessConditions:
             if limit is not None:
                 holds = value >= limit if above else value <= limit
                 bound = "at least" if above else "at most"
-                found.append(Verdict(name, holds, f"{_amount(value, limit, unit)}, {bound} {limit:g} wanted"))
+                found.append(ConditionResult(name, holds, f"{_amount(value, limit, unit)}, {bound} {limit:g} wanted"))
         return tuple(found)
 
-    def _goals(self, states: Sequence[str], goals: int) -> Verdict:
+    def _goals(self, states: Sequence[str], goals: int) -> ConditionResult:
         wanted = (self.goals,) * goals if isinstance(self.goals, str) else self.goals
         wrong = [
             f"goal {i} {'was not driven' if state is None else state}, {want} wanted"
@@ -91,7 +93,7 @@ class SuccessConditions:
         said = "ended as listed"
         if isinstance(self.goals, str):
             said = {"SUCCEEDED": "reached", "any": "ended"}.get(self.goals, f"ended {self.goals}, as wanted")
-        return Verdict("goals", not wrong, "; ".join(wrong) or f"{goals} of {goals} {said}")
+        return ConditionResult("goals", not wrong, "; ".join(wrong) or f"{goals} of {goals} {said}")
 
     def as_dict(self) -> dict[str, Any]:
         """For the record (JSON)."""
@@ -100,10 +102,10 @@ class SuccessConditions:
         return out
 
     @classmethod
-    def from_dict(cls, told: Mapping[str, Any]) -> SuccessConditions:
-        """The inverse of `as_dict`; raises TypeError for what is none."""
-        goals = told.get("goals", "SUCCEEDED")
-        rest: dict[str, Any] = {key: value for key, value in told.items() if key != "goals"}
+    def from_dict(cls, values: Mapping[str, Any]) -> SuccessConditions:
+        """Inverts `as_dict`; reads keys of earlier versions too. Raises TypeError for unknown keys."""
+        goals = values.get("goals", "SUCCEEDED")
+        rest: dict[str, Any] = {RENAMED.get(key, key): value for key, value in values.items() if key != "goals"}
         return cls(goals=goals if isinstance(goals, str) else tuple(goals), **rest)
 
 
@@ -116,5 +118,5 @@ def _amount(value: float, limit: float, unit: str) -> str:
     text = next(
         (f"{value:.{n}g}" for n in range(4, 17) if (float(f"{value:.{n}g}") == limit) == (value == limit)), f"{value!r}"
     )
-    many = {"contact": "contacts", "recovery": "recoveries"}
+    many = {"collision": "collisions", "recovery": "recoveries"}
     return f"{text} {unit if value == 1 else many.get(unit, unit)}"

@@ -4,7 +4,7 @@ from navstack.parameters.models.sim import BumperParams, ImuParams, LidarParams,
 from navstack.sim.bumper import Bumper
 from navstack.sim.lidar import Lidar
 from navstack.sim.movers import Track, TrackedDiscs
-from navstack.sim.robot import Contact, SimulatedRobot
+from navstack.sim.robot import Collision, SimulatedRobot
 from navstack.sim.shapes import LOW, DoorMotion, OnTrack, PedestrianMotion, Shape, Still
 from navstack.sim.solids import Solids
 from navstack.sim.world import Mover, World
@@ -13,7 +13,7 @@ __all__ = [
     "LOW",
     "Bumper",
     "BumperParams",
-    "Contact",
+    "Collision",
     "DoorMotion",
     "ImuParams",
     "Lidar",

@@ -1,5 +1,5 @@
 # pyright: basic
-"""The body of the robot: velocities, motion, contact. One call drives many physics steps.
+"""The body of the robot: velocities, motion, collision. One call drives many physics steps.
 
 Motion over a step of dt at constant (vx, vy, wz): the displacement is taken along the heading at half of the step,
 x += dt (vx cos(yaw + wz dt / 2) - vy sin(..)), yaw += wz dt (second-order Runge-Kutta).
@@ -22,16 +22,16 @@ VX, VY, WZ = 3, 4, 5  # of the wheels
 LX, LY, LZ = 6, 7, 8  # what the velocity controller has come to under its lag
 OX, OY, OYAW = 9, 10, 11  # odometry, odom frame
 DISTANCE = 12  # travelled, m
-TOUCHING = 13  # 1 from a contact until it is left
-CX, CY, CYAW = 14, 15, 16  # pose of that contact
+TOUCHING = 13  # 1 from a collision until it is left
+CX, CY, CYAW = 14, 15, 16  # pose of that collision
 OVERRUN = 17  # 1 while a moving obstacle lies over the robot
 GX, GY, GZ = 18, 19, 20  # change of the velocity in the last step: the acceleration
 STEER, LSTEER = 21, 22  # steering angle of a car; what its controller has come to under its lag
 STATE_SIZE = 23
 
-# no point of the footprint moves further than this between two tests for contact, m
+# no point of the footprint moves further than this between two tests for collision, m
 SWEEP_STEP = 0.005
-# a contact is left once a point of the footprint is this far from where it was, m
+# a collision is left once a point of the footprint is this far from where it was, m
 RELEASE = 0.02
 # driving along what lies over the robot is not driving into it: more than what rounding makes of the distance, m
 TANGENT = 1e-9
@@ -127,7 +127,7 @@ def choose_solids(solids, x, y, reach, chosen):
 
 
 @kernel
-def solid_contact(solids, number, footprint, radius, x, y, c, s, placed):
+def solid_collision(solids, number, footprint, radius, x, y, c, s, placed):
     """True when the footprint (n, 2), at a pose with cosine c and sine s of its yaw, meets the solid of that number.
 
     `placed` (n, 2) is scratch.
@@ -149,7 +149,7 @@ def solid_contact(solids, number, footprint, radius, x, y, c, s, placed):
 
 
 @kernel
-def find_contact(squares, grid, solids, chosen, count, footprint, radius, x, y, yaw, placed):
+def find_collision(squares, grid, solids, chosen, count, footprint, radius, x, y, yaw, placed):
     """What the footprint (n, 2) touches at a pose in the map: cell index >= 0, solid -2 - number, or -1 for nothing.
 
     `placed` (n, 2) is scratch.
@@ -167,7 +167,7 @@ def find_contact(squares, grid, solids, chosen, count, footprint, radius, x, y, 
         return cell
     c, s = math.cos(yaw), math.sin(yaw)
     for k in range(count):
-        if solid_contact(solids, chosen[k], footprint, radius, x, y, c, s, placed):
+        if solid_collision(solids, chosen[k], footprint, radius, x, y, c, s, placed):
             return -2 - chosen[k]
     return -1
 
@@ -250,9 +250,9 @@ def drive(
     polygon_tops,
     moving,
     samples,
-    contacts,
+    collisions,
 ):
-    """Drives `steps` physics steps of `dt` (s) at `command` [vx, vy, wz]; returns the number of new contacts.
+    """Drives `steps` physics steps of `dt` (s) at `command` [vx, vy, wz]; returns the number of new collisions.
 
     A car's command is [vx, 0, steering angle]. `state` (STATE_SIZE,) is changed. `limits` .. `facing`: the robot, as
     `BodyModel` has it; `discs` .. `polygon_tops`: the world beside the map, as `Solids`. One by one: numba takes longer to
@@ -260,7 +260,7 @@ def drive(
     `noise` (steps or 0, 8): relative errors of the true motion vx, vy, wz against the wheels', and of the odometry against
     the wheels'; then what both headings gain for every root of a metre (rad). `moving`: the solids have moved since the last
     call. `samples` (>= steps, 10) receives true pose, odometry pose, velocity after each step, and 1 where the robot is in
-    contact; `contacts` (>= 2 steps, 2) int64 the step and what was hit (as `find_contact`).
+    collision; `collisions` (>= 2 steps, 2) int64 the step and what was hit (as `find_collision`).
     """
     model = BodyModel(limits, jerks, bias, keep, wheelbase, footprint, radius, facing)
     solids = Solids(discs, disc_tops, circles, corners, first, polygon_tops)
@@ -278,13 +278,13 @@ def drive(
         # chosen: first those that do not lie over the robot, then `over` that do
         rest = 0
         for k in range(count):
-            if not solid_contact(solids, chosen[k], footprint, radius, state[X], state[Y], c, s, placed):
+            if not solid_collision(solids, chosen[k], footprint, radius, state[X], state[Y], c, s, placed):
                 chosen[rest], chosen[k] = chosen[k], chosen[rest]
                 rest += 1
         over, count = count - rest, rest
         struck = over > 0 and state[OVERRUN] == 0.0
         if struck and state[TOUCHING] == 0.0:
-            contacts[hits, 0], contacts[hits, 1] = 0, -2 - chosen[rest]
+            collisions[hits, 0], collisions[hits, 1] = 0, -2 - chosen[rest]
             hits += 1
         state[OVERRUN] = 1.0 if over > 0 else 0.0
     for step in range(steps):
@@ -321,7 +321,7 @@ def drive(
                 x, y, yaw = state[X] + f * dx, state[Y] + f * dy, state[YAW] + f * mz
                 if not math.isnan(facing):
                     yaw = facing
-                hit = find_contact(squares, grid, solids, chosen, count, footprint, radius, x, y, yaw, placed)
+                hit = find_collision(squares, grid, solids, chosen, count, footprint, radius, x, y, yaw, placed)
                 if hit != -1:
                     break
                 free = part
@@ -345,7 +345,7 @@ def drive(
                 if hit != -1 and state[TOUCHING] == 0.0:
                     state[TOUCHING] = 1.0
                     state[CX], state[CY], state[CYAW] = state[X], state[Y], state[YAW]
-                    contacts[hits, 0], contacts[hits, 1] = step, hit
+                    collisions[hits, 0], collisions[hits, 1] = step, hit
                     hits += 1
             elif state[TOUCHING] != 0.0:
                 turned = abs(wrapped(state[YAW] - state[CYAW]))

@@ -14,7 +14,7 @@ from navstack.sim.solids import Solids
 from navstack.sim.world import World
 
 FEELS: Final = 0.01
-"""What is this near to the outline presses (m): a robot in contact stands up to 5 mm off what stopped it."""
+"""What is this near to the outline presses (m): a robot in collision stands up to 5 mm off what stopped it."""
 SPACING: Final = 0.005
 """Between the points of the outline that feel (m)."""
 
@@ -22,7 +22,7 @@ _NOTHING = np.empty((0, 3), np.float32)
 
 
 class Bumper:
-    """Makes clouds from the poses of a robot that is in contact."""
+    """Makes clouds from the poses of a robot that is in collision."""
 
     def __init__(self, params: BumperParams, footprint: Footprint) -> None:
         self.params = params
@@ -37,7 +37,7 @@ class Bumper:
     def scan(self, world: World, base: Pose2D, index: int, stamp: float, solids: Solids | None = None) -> PointCloud:
         """The cloud of a robot at `base` (map frame) at `stamp` (s): a point per pressed zone, in the sensor's frame (m).
 
-        `index`, which numbers the scans of other sensors, says of a bumper whether the robot is in contact at all: with 0 the
+        `index`, which numbers the scans of other sensors, says of a bumper whether the robot is in collision at all: with 0 the
         cloud is empty. `solids`: the world's obstacles at that time, when the caller knows them already.
         """
         points = _NOTHING

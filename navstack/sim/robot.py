@@ -42,7 +42,7 @@ _transform: Callable[[list[float]], Transform2D] = partial(tuple.__new__, Transf
 
 
 @dataclass(frozen=True, slots=True)
-class Contact:
+class Collision:
     """The robot touched something; it counts once until it is left."""
 
     time: float
@@ -75,7 +75,7 @@ class SimulatedRobot:
 
     Time is counted in whole physics steps; nothing here reads a clock.
 
-    A contact stops the robot where it was last free (to within 5 mm), wheels included; a round one (`from_radius`) goes on
+    A collision stops the robot where it was last free (to within 5 mm), wheels included; a round one (`from_radius`) goes on
     turning even then. What moves over it stops it where it is; then it may turn, and drive where its centre does not come
     nearer to that. A run is a pure function of the parameters, the world, the start, the seed and the commands.
     """
@@ -104,7 +104,7 @@ class SimulatedRobot:
         self._solids = world.solids_at(0.0)
         if self._crowd is not None:
             self._solids = joined([self._solids, self._crowd.solids()])
-        touched = world.contact(footprint, start, solids=self._solids)
+        touched = world.collision(footprint, start, solids=self._solids)
         if touched is not None:
             raise InputError(
                 f"the robot does not fit at the start ({start.x:g}, {start.y:g}, {start.yaw:g}): it touches the "
@@ -117,7 +117,7 @@ class SimulatedRobot:
         self._body = body_model(params, footprint, start.yaw)
         self.base_frame, self.odom_frame, self.map_frame = base_frame, odom_frame, map_frame
         self.frames = FrameTree()
-        self.collisions: list[Contact] = []
+        self.collisions: list[Collision] = []
 
         self._step = 0
         self._frequency = params.physics_frequency
@@ -141,7 +141,7 @@ class SimulatedRobot:
         self._state[body.OX : body.OYAW + 1] = odometry
         self._now: list[float] = self._state.tolist()  # what is asked for again and again
         self._samples = np.empty((0, 10))
-        self._contacts = np.empty((0, 2), np.int64)
+        self._collided = np.empty((0, 2), np.int64)
 
         self._localization = Localization(params, seed=seed, offset=offset)
         if self._localization.is_static:
@@ -204,7 +204,7 @@ class SimulatedRobot:
         steps = last - first
         if len(self._samples) < steps:
             self._samples = np.empty((steps, 10))
-            self._contacts = np.empty((2 * steps, 2), np.int64)
+            self._collided = np.empty((2 * steps, 2), np.int64)
         observed = first
         while self._step < last:
             # among moving obstacles step by step, each at its place of the time
@@ -245,16 +245,16 @@ class SimulatedRobot:
             *self._solids,
             self.world.moves,
             samples,
-            self._contacts,
+            self._collided,
         )
         self._now = self._state.tolist()
-        self._touched = self._touched or hits > 0 or self.in_contact
+        self._touched = self._touched or hits > 0 or self.in_collision
         for row in range(hits):
-            step, hit = int(self._contacts[row, 0]), int(self._contacts[row, 1])
+            step, hit = int(self._collided[row, 0]), int(self._collided[row, 1])
             kind, index, x, y = self.world.described(hit, self._solids)
             pose = Pose2D(*samples[step, :3].tolist())
             time, name = (self._step + step + 1) / self._frequency, self.world.name_of(kind, index)
-            self.collisions.append(Contact(time, pose, kind, index, (x, y), name))
+            self.collisions.append(Collision(time, pose, kind, index, (x, y), name))
         self._step = until
 
     def _solids_until(self, until: int) -> Solids:
@@ -356,7 +356,7 @@ class SimulatedRobot:
 
     @property
     def clearance(self) -> float:
-        """Distance (m) from the outline to the nearest obstacle now, people included; 0 in contact, inf when alone."""
+        """Distance (m) from the outline to the nearest obstacle now, people included; 0 in collision, inf when alone."""
         return float(self.clearances(np.array([self.pose]), self._solids)[0])
 
     def clearances(self, poses: NDArray[np.float64], solids: Solids) -> NDArray[np.float64]:
@@ -368,8 +368,8 @@ class SimulatedRobot:
         return self.world.clearances(poses, self.footprint, solids)
 
     @property
-    def in_contact(self) -> bool:
-        """True from a contact until it is left."""
+    def in_collision(self) -> bool:
+        """True from a collision until it is left."""
         return bool(self._now[body.TOUCHING] or self._now[body.OVERRUN])
 
     # --- publishing ---------------------------------------------------------------------------------------------------
@@ -401,7 +401,7 @@ class SimulatedRobot:
                 self._take_scans(step, Pose2D(row[0], row[1], row[2]))
             if row[9] != 0.0 or self._pressed:
                 self._feel(step, Pose2D(row[0], row[1], row[2]), row[9] != 0.0)
-        self._touched = self.in_contact
+        self._touched = self.in_collision
 
     def _turned(self, observed: int, rows: list[list[float]]) -> None:
         """Hands the IMUs the steps after `observed` that are theirs."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 class Solids(NamedTuple):
     """Discs and polygons in the map's frame (m) at one moment. Not to be written to.
 
-    Contacts count the discs first, then the polygons.
+    Collisions count the discs first, then the polygons.
     """
 
     discs: NDArray[np.float64]

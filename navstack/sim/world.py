@@ -157,9 +157,9 @@ class World:
 
     def is_free(self, footprint: Footprint, pose: Pose2D, time: float = 0.0) -> bool:
         """True when the outline at `pose` meets neither an occupied cell nor anything of `solids_at` that `time` (s)."""
-        return self.contact(footprint, pose, time) is None
+        return self.collision(footprint, pose, time) is None
 
-    def contact(
+    def collision(
         self, footprint: Footprint, pose: Pose2D, time: float = 0.0, solids: Solids | None = None
     ) -> tuple[str, int, float, float] | None:
         """What the outline at `pose` meets, as `described` says it; None when it is free.
@@ -171,7 +171,7 @@ class World:
         solids = self.solids_at(time) if solids is None else solids
         count = len(solids.discs) + len(solids.circles)
         hit = int(
-            body.find_contact(
+            body.find_collision(
                 self.squares,
                 self.grid,
                 solids,
@@ -234,7 +234,7 @@ class World:
     ) -> float:
         """Distance (m) from the position, or from the outline there, to the nearest obstacle at `time` (s); exact.
 
-        0 in contact, inf when there is no obstacle at all. `solids` and InputError as of `contact`.
+        0 in collision, inf when there is no obstacle at all. `solids` and InputError as of `collision`.
         """
         _check_finite(pose)
         solids = self.solids_at(time) if solids is None else solids

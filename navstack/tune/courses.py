@@ -137,10 +137,10 @@ class ScenarioCourse(Course):
     def drive(
         self, case: Case, configuration: Configuration, *, record: bool = False
     ) -> tuple[RunOutcome, RunRecorder | None]:
-        """A contact ends the run, unless the scenario allows it, and so does a goal that was not reached."""
+        """A collision ends the run, unless the scenario allows it, and so does a goal that was not reached."""
         named = self._scenarios[case.name]
         scenario = replace(named.scenario, configuration=configuration, seed=case.seed, stop_on_failure=True)
-        allowed = scenario.success.max_contacts
+        allowed = scenario.success.max_collisions
         run = Run(scenario, record=record)
         while run.step():
             if allowed is not None and len(run.robot.collisions) > allowed:
@@ -148,11 +148,11 @@ class ScenarioCourse(Course):
                 break
         result = run.result(0.0)
         metrics, goals = result.metrics, result.goals
-        failed = next((v for v in result.verdicts if not v.holds), None)
+        failed = next((c for c in result.conditions if not c.holds), None)
         ended = "success"
         if failed is not None:
             ended = failed.condition
-            if allowed is not None and metrics.contacts > allowed:
+            if allowed is not None and metrics.collisions > allowed:
                 ended = "collision"
             elif failed.condition == "goals":
                 ended = goals[-1].state.lower() if goals else "timeout"

@@ -13,7 +13,7 @@ from navstack.jobs import JobResult
 
 
 def value(number: int, outcome: str, faults: list[str]) -> JobResult:
-    told = {"number": number, "outcome": outcome, "simulated_s": 36.0, "contacts": number, "faults": faults}
+    told = {"number": number, "outcome": outcome, "simulated_s": 36.0, "collisions": number, "faults": faults}
     return JobResult(f"random {number}", told)
 
 
@@ -23,7 +23,7 @@ def test_tables_count_ends_and_list_faults() -> None:
     assert {row["what"]: row["many"] for row in counts.rows} == {
         "scenarios": 3,
         "hours simulated": pytest.approx(0.03),
-        "with contacts": 2,
+        "with collisions": 2,
         "with faults": 1,
         "goals that ended ABORTED": 1,
         "goals that ended PREEMPTED": 1,

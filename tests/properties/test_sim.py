@@ -1,4 +1,4 @@
-"""Contact and clearance against shapely, rays against geometry, over random worlds and outlines."""
+"""Collision and clearance against shapely, rays against geometry, over random worlds and outlines."""
 
 from __future__ import annotations
 
@@ -79,12 +79,12 @@ def test_clearance_is_the_distance_to_the_nearest_solid(seed: int, outline: str)
 
 @GIVEN
 @given(seeds, outlines)
-def test_contact_is_a_clearance_of_nothing(seed: int, outline: str) -> None:
+def test_collision_is_a_clearance_of_nothing(seed: int, outline: str) -> None:
     world, pose = world_and_pose(seed)
     footprint = OUTLINES[outline]
     room = world.clearance(pose, footprint)
     assert world.is_free(footprint, pose) == (room > 0.0)
-    hit = world.contact(footprint, pose)
+    hit = world.collision(footprint, pose)
     if hit is not None:
         kind, index, x, y = hit
         touched = (
@@ -121,7 +121,7 @@ def test_a_range_ends_at_a_solid_and_meets_none_before(seed: int) -> None:
 @GIVEN
 @given(seeds, outlines, st.floats(-3, 3), st.floats(-4, 4))
 def test_the_robot_is_never_inside_of_anything(seed: int, outline: str, vx: float, wz: float) -> None:
-    """Driven anyhow, the outline stays free at every step, and a contact says where it came from.
+    """Driven anyhow, the outline stays free at every step, and a collision says where it came from.
 
     The polygon of a round robot faces where it faced at the start, since a circle has no corners that could catch.
     """
@@ -137,9 +137,9 @@ def test_the_robot_is_never_inside_of_anything(seed: int, outline: str, vx: floa
         yaw = yaw if turns else pose.yaw
         placed = shapely.Polygon(footprint.at(Pose2D(x, y, yaw)))
         assert shapely.area(shapely.intersection(obstacles, placed)).sum() < 1e-9
-    for contact in robot.collisions:
+    for collision in robot.collisions:
         # a point of the outline moves at most 5 mm between two tests
-        at = contact.pose if turns else contact.pose._replace(yaw=pose.yaw)
+        at = collision.pose if turns else collision.pose._replace(yaw=pose.yaw)
         assert world.clearance(at, footprint) <= 0.005 + 1e-9
 
 

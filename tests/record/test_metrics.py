@@ -17,10 +17,10 @@ ROOT = Path(__file__).resolve().parents[2]
 GOAL = {"state": "SUCCEEDED", "path_length_m": 1.0, "recoveries": 2}
 
 
-def metrics(t: np.ndarray, poses: np.ndarray, clearances: np.ndarray | None = None, contacts: int = 0) -> RunMetrics:
+def metrics(t: np.ndarray, poses: np.ndarray, clearances: np.ndarray | None = None, collisions: int = 0) -> RunMetrics:
     states = ["PLANNING"] * (len(t) // 2) + ["CONTROLLING"] * (len(t) - len(t) // 2)
     clearances = np.full(len(t), 0.5) if clearances is None else clearances
-    return compute_metrics(t, poses, states, clearances, results=[GOAL], contacts=contacts)
+    return compute_metrics(t, poses, states, clearances, results=[GOAL], collisions=collisions)
 
 
 def test_a_straight_line_at_constant_speed() -> None:
@@ -62,7 +62,7 @@ def test_clearance() -> None:
     poses = np.zeros((3, 3))
     assert metrics(t, poses, np.array([0.2, 0.1, 0.6])).clearance_min_m == 0.1
     assert metrics(t, poses, np.array([0.2, 0.1, 0.6])).clearance_mean_m == pytest.approx(0.3)
-    assert metrics(t, poses, np.array([0.2, 0.1, 0.6]), contacts=1).clearance_min_m == 0.0
+    assert metrics(t, poses, np.array([0.2, 0.1, 0.6]), collisions=1).clearance_min_m == 0.0
     assert metrics(t, poses, np.full(3, math.inf)).clearance_min_m == math.inf
     assert math.isnan(metrics(t, poses, np.full(3, math.nan)).clearance_min_m)
 

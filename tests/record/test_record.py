@@ -76,7 +76,7 @@ def test_what_was_sampled_is_what_is_read(tmp_path):
     assert run.to_global("odom_combined", 0.2) == Transform2D(0.1, 0.2, 1.3)
 
 
-def test_plans_goals_events_contacts_and_results(tmp_path):
+def test_plans_goals_events_collisions_and_results(tmp_path):
     recorder = a_recorder(scenario={"map": "office", "goals": ((1, 2, 3),), "seed": np.int64(4)})
     first = np.array([[0.0, 0.0, 0.0], [1.0, 0.1, 0.2]])
     recorder.plan(0.0, first, "map")
@@ -119,7 +119,7 @@ def test_plans_goals_events_contacts_and_results(tmp_path):
     ]
 
 
-def test_contacts_of_the_simulator_replace_those_noted(tmp_path):
+def test_collisions_of_the_simulator_replace_those_noted(tmp_path):
     class Hit:
         time, pose = 3.0, Pose2D(1.0, 1.0, 0.0)
 

@@ -1,4 +1,4 @@
-"""Random scenarios: no exception, no hang, no goal without an end, no contact reported as success.
+"""Random scenarios: no exception, no hang, no goal without an end, no collision reported as success.
 
 Thousands of them, and longer ones: `navstack bench random`.
 """

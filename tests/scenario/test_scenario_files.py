@@ -18,7 +18,7 @@ from navstack.map_io import map_path
 from navstack.places import load_places
 from navstack.record import Record
 from navstack.record.metrics import metrics_of
-from navstack.scenario.file.spec import is_scenario_file, load_scenario, read_scenario
+from navstack.scenario.file.spec import check_scenario, is_scenario_file, load_scenario, read_scenario
 from navstack.scenario.run import Run, Scenario, run_scenario
 from navstack.scenario.success import SuccessConditions
 from navstack.scenario.suites.catalogue import shipped
@@ -154,8 +154,8 @@ def test_the_length_is_that_of_the_record_s_columns_whatever_the_slip(short: Pat
 
 def test_the_record_holds_all_of_it_and_its_metrics(short: Path, tmp_path: Path) -> None:
     result = run_scenario(load_scenario(short), timings=True)
-    assert result.succeeded and [v.condition for v in result.verdicts] == [
-        *("goals", "max_contacts", "max_time", "min_clearance"),
+    assert result.succeeded and [v.condition for v in result.conditions] == [
+        *("goals", "max_collisions", "max_time", "min_clearance"),
     ]
     assert result.recorder is not None and result.timings is not None
     record = Record.load(result.recorder.save(tmp_path / "out")["record"])
@@ -176,29 +176,37 @@ def test_conditions_that_do_not_hold_are_said(short: Path) -> None:
     )
     result = run_scenario(load_scenario(short), record=False)
     assert not result.succeeded
-    said = {v.condition: v.text for v in result.verdicts if not v.holds}
+    said = {v.condition: v.text for v in result.conditions if not v.holds}
     assert set(said) == {"goals", "max_time", "min_clearance"}
     assert said["goals"] == "goal 1 SUCCEEDED, ABORTED wanted"
     assert said["max_time"].endswith("s, at most 1 wanted")
 
 
-def test_a_verdict_has_the_digits_that_tell_it_from_the_limit(short: Path) -> None:
+def test_a_condition_result_shows_enough_digits_to_differ_from_the_limit(short: Path) -> None:
     metrics = run_scenario(load_scenario(short), record=False).metrics
-    wanted = SuccessConditions(max_time_s=100.0, max_contacts=0, max_recoveries=3)
+    wanted = SuccessConditions(max_time_s=100.0, max_collisions=0, max_recoveries=3)
 
     def said(**values: Any) -> list[str]:
         return [v.text for v in wanted.judge(["SUCCEEDED"], replace(metrics, **values), 1)][1:]
 
-    assert said(contacts=1, time_s=100.004, recoveries=1) == [
-        "1 contact, at most 0 wanted",
+    assert said(collisions=1, time_s=100.004, recoveries=1) == [
+        "1 collision, at most 0 wanted",
         "100.004 s, at most 100 wanted",
         "1 recovery, at most 3 wanted",
     ]
-    assert said(contacts=0, time_s=100.0, recoveries=4) == [
-        "0 contacts, at most 0 wanted",
+    assert said(collisions=0, time_s=100.0, recoveries=4) == [
+        "0 collisions, at most 0 wanted",
         "100 s, at most 100 wanted",
         "4 recoveries, at most 3 wanted",
     ]
+
+
+def test_the_old_name_of_max_collisions_is_read_with_a_note(short: Path) -> None:
+    short.write_text(SHORT.replace("max_time: 20", "max_contacts: 2, max_time: 20"))
+    assert read_scenario(short).build().success.max_collisions == 2
+    (note,) = [f for f in check_scenario(short) if f.key == "success/max_contacts"]
+    assert note.severity == "info" and "max_contacts is called max_collisions today" in note.message
+    assert SuccessConditions.from_dict({"max_contacts": 2}) == SuccessConditions(max_collisions=2)
 
 
 @pytest.mark.parametrize("wrong", [{"goals": []}, {"time_limit_s": 0.0}, {"time_limit_s": float("nan")}])
@@ -222,7 +230,7 @@ def test_simulate_takes_a_scenario_file(
     document = json.loads(capfd.readouterr().out)
     assert document["success"] is True and document["seed"] == 4
     assert [c["holds"] for c in document["conditions"]] == [True] * 4
-    assert document["metrics"]["contacts"] == 0 and document["timings"]["planning_ms"]["count"] >= 1
+    assert document["metrics"]["collisions"] == 0 and document["timings"]["planning_ms"]["count"] >= 1
     assert json.loads(Path("out/summary.json").read_text())["metrics"] == document["metrics"]
     Path("late.yaml").write_text(SHORT.replace("max_time: 20", "max_time: 1"))
     assert run(["simulate", "late.yaml", "--out", "out"]) == 1

@@ -20,7 +20,7 @@ def test_a_shipped_scenario_is_sound_and_succeeds(name: str) -> None:
     path = shipped()[name]
     assert [str(f) for f in check_scenario(path) if f.severity != "info"] == []
     result = run_scenario(load_scenario(path), record=False)
-    assert [str(v) for v in result.verdicts if not v.holds] == []
+    assert [str(v) for v in result.conditions if not v.holds] == []
     assert result.succeeded
 
 

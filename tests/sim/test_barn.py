@@ -70,7 +70,7 @@ def test_start_and_goal_are_free_and_scans_see_every_cylinder_in_sight(worlds: l
 
 
 def test_a_blind_drive_ends_at_the_first_cylinder(worlds: list[World]) -> None:
-    """Straight ahead at 0.5 m/s: contact exactly where the outline meets the first disc, after commands in time."""
+    """Straight ahead at 0.5 m/s: collision exactly where the outline meets the first disc, after commands in time."""
     touched = 0
     for world in worlds[:20]:
         robot = SimulatedRobot(PARAMS, world, JACKAL, START)
@@ -79,10 +79,10 @@ def test_a_blind_drive_ends_at_the_first_cylinder(worlds: list[World]) -> None:
             robot.advance_to(0.05 * (k + 1))
         if robot.collisions:
             touched += 1
-            contact = robot.collisions[0]
-            assert 0.0 < world.clearance(contact.pose, JACKAL) <= 0.005 + 1e-9
+            collision = robot.collisions[0]
+            assert 0.0 < world.clearance(collision.pose, JACKAL) <= 0.005 + 1e-9
             assert len(robot.collisions) == 1
-            assert robot.pose.distance_to(contact.pose) <= 0.005  # it goes on pushing
+            assert robot.pose.distance_to(collision.pose) <= 0.005  # it goes on pushing
         else:
             assert robot.distance_travelled == pytest.approx(0.5 * robot.time, abs=0.02)
     assert touched > 5

@@ -1,4 +1,4 @@
-"""Bodies against closed forms: jerk, cars, systematic errors of the odometry; contact with thin walls."""
+"""Bodies against closed forms: jerk, cars, systematic errors of the odometry; collision with thin walls."""
 
 from __future__ import annotations
 
@@ -199,7 +199,7 @@ def test_wheel_slip_is_of_the_true_motion_and_has_its_variance() -> None:
         assert np.mean(ways) == pytest.approx(0.0, abs=4.0 * 0.05 / math.sqrt(250))
 
 
-# --- contact ----------------------------------------------------------------------------------------------------------
+# --- collision ----------------------------------------------------------------------------------------------------------
 
 
 def wall_world(kind: str, angle: float) -> World:
@@ -255,15 +255,15 @@ def test_at_the_wall_a_car_neither_slides_nor_turns() -> None:
     it = SimulatedRobot(car(), wall_world("polygon", 0.3), OUTLINES["car"], Pose2D(0, 0, 0))
     it.command(Twist2D(1.0, 0.0, 0.4))
     it.advance_to(2.0)
-    (contact,) = it.collisions
-    assert (contact.kind, contact.index) == ("polygon", 0)
+    (collision,) = it.collisions
+    assert (collision.kind, collision.index) == ("polygon", 0)
     held = it.pose
-    assert contact.pose.distance_to(held) < 0.005
+    assert collision.pose.distance_to(held) < 0.005
     it.advance_to(3.0)
     assert it.pose.distance_to(held) < 1e-3
     it.command(Twist2D(-0.5))
     it.advance_to(4.0)
-    assert not it.in_contact
+    assert not it.in_collision
 
 
 def test_a_round_car_that_is_held_does_not_turn() -> None:
@@ -271,12 +271,12 @@ def test_a_round_car_that_is_held_does_not_turn() -> None:
     it.command(Twist2D(1.0, 0.0, 0.2))
     it.advance_to(1.2)
     yaw = it.pose.yaw
-    assert it.in_contact
+    assert it.in_collision
     it.advance_to(3.0)
     assert it.pose.yaw == pytest.approx(yaw, abs=0.01)
 
 
-def test_a_polygon_that_drives_over_a_standing_robot_is_a_contact_with_its_name() -> None:
+def test_a_polygon_that_drives_over_a_standing_robot_is_a_collision_with_its_name() -> None:
     cart = Shape(name="cart", box=[0.4, 0.4], motion=OnTrack(points=[[2, 0], [-2, 0]], speed=1.0))
     it = robot(SimParams(), World(None, [[9.0, 9.0, 0.1]], shapes=[cart]))
     it.advance_to(1.8)
@@ -286,7 +286,7 @@ def test_a_polygon_that_drives_over_a_standing_robot_is_a_contact_with_its_name(
     assert it.pose == Pose2D(0, 0, 0)
     assert it.clearance == 0.0
     it.advance_to(3.0)
-    assert not it.in_contact
+    assert not it.in_collision
     assert it.clearance == pytest.approx(1.0 - 0.2 - 0.18, abs=0.03)
 
 
@@ -304,6 +304,6 @@ def test_names_of_what_was_hit() -> None:
     ]
     world = World(None, [[1, 0, 0.1]], low_discs=[[2, 0, 0.1]], shapes=shapes)
     for x, expected in ((1, ""), (2, ""), (5, "post"), (6, "cart"), (8, "box")):
-        touched = world.contact(CIRCLE, Pose2D(float(x), 0.0, 0.0))
+        touched = world.collision(CIRCLE, Pose2D(float(x), 0.0, 0.0))
         assert touched is not None
         assert world.name_of(touched[0], touched[1]) == expected

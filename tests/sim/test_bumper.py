@@ -33,7 +33,7 @@ def touching(
     robot = SimulatedRobot(params, World(None, [post]), footprint, Pose2D(0.0, 0.0, 0.0))
     robot.command(Twist2D(0.3 * math.cos(bearing), 0.3 * math.sin(bearing)))
     robot.advance_to(2.0)
-    assert robot.in_contact
+    assert robot.in_collision
     return robot
 
 
@@ -87,9 +87,9 @@ def test_clouds_come_while_it_is_pressed_and_one_tells_the_release() -> None:
     robot.advance_to(1.6)
     assert robot.scans() == []
     robot.advance_to(2.5)
-    (contact,) = robot.collisions
+    (collision,) = robot.collisions
     found = clouds(robot)
-    assert [cloud.stamp for cloud in found] == pytest.approx([contact.time, 1.8, 2.0, 2.2, 2.4])
+    assert [cloud.stamp for cloud in found] == pytest.approx([collision.time, 1.8, 2.0, 2.2, 2.4])
     assert all(len(cloud.points) == 1 for cloud in found)
     robot.command(Twist2D(-0.5))
     robot.advance_to(5.0)
@@ -156,7 +156,7 @@ def test_bumpers_from_yaml(tmp_path: Path) -> None:
 # --- a round body -----------------------------------------------------------------------------------------------------
 
 
-def test_a_round_robot_turns_on_the_spot_in_contact() -> None:
+def test_a_round_robot_turns_on_the_spot_in_collision() -> None:
     """The corners of the 16-gon that stands for it do not catch; those of a box do."""
     for footprint, turned in (
         (CIRCLE, 1.0),
@@ -183,8 +183,8 @@ def test_lidars_do_not_see_what_is_low() -> None:
     assert world.clearance(Pose2D(0.0, 0.0)) == pytest.approx(1.3)
     robot.command(Twist2D(0.5))
     robot.advance_to(5.0)
-    (contact,) = robot.collisions
-    assert contact.at == (1.5, 0.0)
+    (collision,) = robot.collisions
+    assert collision.at == (1.5, 0.0)
     assert robot.pose.x == pytest.approx(1.5 - 0.2 - 0.18, abs=0.006)
     world.put_discs(())
     assert len(world.discs_at(0.0)) == 1

@@ -70,26 +70,26 @@ def test_a_scan_sees_discs_where_they_were_at_its_time() -> None:
         assert scan.ranges[0] == pytest.approx(4.5 - scan.stamp, abs=1e-6)
 
 
-def test_a_disc_that_runs_into_a_standing_robot_is_one_contact_and_does_not_hold_it() -> None:
+def test_a_disc_that_runs_into_a_standing_robot_is_one_collision_and_does_not_hold_it() -> None:
     world = World(None, (), [TrackedDiscs([Track([(2, 0), (-2, 0)], 1.0, 0.3)])])
     robot = SimulatedRobot(AHEAD, world, CIRCLE, Pose2D(0, 0, 0))
     robot.advance_to(1.6)
     assert [(c.kind, c.index) for c in robot.collisions] == [("disc", 0)]
     assert robot.collisions[0].time == pytest.approx(1.52 + 0.02, abs=0.021)  # 2 - 0.3 - 0.18 m at 1 m/s
     assert robot.collisions[0].at[0] == pytest.approx(0.48, abs=0.021)
-    assert robot.in_contact
+    assert robot.in_collision
     assert robot.pose == Pose2D(0, 0, 0)
     robot.command(Twist2D(0, 0, 0.5))
     robot.advance_to(1.8)
     assert robot.pose.yaw == pytest.approx(0.1)
     robot.advance_to(3.9)  # it has passed
-    assert not robot.in_contact
+    assert not robot.in_collision
     assert len(robot.collisions) == 1
     robot.advance_to(6.0)  # and comes again
     assert len(robot.collisions) == 2
 
 
-def test_driving_into_a_moving_disc_is_one_contact_too() -> None:
+def test_driving_into_a_moving_disc_is_one_collision_too() -> None:
     world = World(None, (), [TrackedDiscs([Track([(2, 0), (-2, 0)], 0.3, 0.3)])])
     robot = SimulatedRobot(AHEAD, world, CIRCLE, Pose2D(0, 0, 0))
     robot.command(Twist2D(0.5))
@@ -120,13 +120,13 @@ def test_what_lies_over_a_robot_lets_it_leave_but_not_through_itself() -> None:
     robot = SimulatedRobot(SimParams(lasers=[]), World(None, shapes=[door]), box, Pose2D(-1, 0, 0))
     robot.command(Twist2D(1.0))
     robot.advance_to(2.0)
-    (contact,) = robot.collisions
-    assert contact.time == pytest.approx(1.02, abs=0.021)
+    (collision,) = robot.collisions
+    assert collision.time == pytest.approx(1.02, abs=0.021)
     assert robot.pose.x == pytest.approx(0.0, abs=0.021)
     robot.command(Twist2D(-0.5))
     robot.advance_to(3.0)
     assert robot.pose.x == pytest.approx(-0.5, abs=0.021)
-    assert not robot.in_contact
+    assert not robot.in_collision
 
 
 def test_a_world_that_moves_is_the_same_however_the_run_is_cut() -> None:

@@ -1,4 +1,4 @@
-"""The body against closed forms; frames, time, commands, contact."""
+"""The body against closed forms; frames, time, commands, collision."""
 
 from __future__ import annotations
 
@@ -214,7 +214,7 @@ def test_two_lidars() -> None:
         robot(SimParams(lasers=["a", "b"], sensors={"a": LidarParams(), "b": LidarParams(yaw=1.0)}))
 
 
-# --- contact ----------------------------------------------------------------------------------------------------------
+# --- collision ----------------------------------------------------------------------------------------------------------
 
 
 def corridor(wall_cells: int, resolution: float) -> World:
@@ -234,11 +234,11 @@ def test_never_through_a_wall_of_one_centimetre(speed: float, footprint: Footpri
     front = it.pose.x + float(footprint.vertices[:, 0].max())
     assert 2.0 - 0.005 <= front <= 2.0
     assert len(it.collisions) == 1
-    contact = it.collisions[0]
-    assert contact.kind == "map"
-    assert contact.at[0] == pytest.approx(2.005)
-    assert contact.pose == it.pose
-    assert contact.time == pytest.approx((2.0 - float(footprint.vertices[:, 0].max()) - 0.5) / speed, abs=0.021)
+    collision = it.collisions[0]
+    assert collision.kind == "map"
+    assert collision.at[0] == pytest.approx(2.005)
+    assert collision.pose == it.pose
+    assert collision.time == pytest.approx((2.0 - float(footprint.vertices[:, 0].max()) - 0.5) / speed, abs=0.021)
     assert it.state().velocity == Twist2D(0, 0, 0)
 
 
@@ -249,20 +249,20 @@ def test_never_over_a_thin_post_by_turning() -> None:
     it = SimulatedRobot(SimParams(), World(None, [post]), footprint, Pose2D(0, 0, 0))
     it.command(Twist2D(0, 0, 4.0))
     it.advance_to(3.0)
-    assert [contact.kind for contact in it.collisions] == ["disc"]
+    assert [collision.kind for collision in it.collisions] == ["disc"]
     assert it.pose.yaw < 1.0
 
 
-def test_a_contact_counts_once_until_it_is_left() -> None:
+def test_a_collision_counts_once_until_it_is_left() -> None:
     it = robot(world=corridor(10, 0.05), start=Pose2D(1.0, 0.0, 0.0))
     for k in range(20):  # pushed twenty times
         it.command(Twist2D(0.5))
         it.advance_to(3.0 + 0.2 * k)
     assert len(it.collisions) == 1
-    assert it.in_contact
+    assert it.in_collision
     it.command(Twist2D(-0.5))
     it.advance_to(it.time + 0.5)
-    assert not it.in_contact
+    assert not it.in_collision
     it.command(Twist2D(0.5))
     it.advance_to(it.time + 2.0)
     assert len(it.collisions) == 2
@@ -288,7 +288,7 @@ def test_a_world_is_not_asked_about_a_place_that_is_none(pose: Pose2D) -> None:
     for ask in (
         lambda: world.is_free(footprint, pose),
         lambda: world.clearance(pose),
-        lambda: world.contact(footprint, pose),
+        lambda: world.collision(footprint, pose),
     ):
         with pytest.raises(InputError, match="is not finite"):
             ask()
@@ -324,7 +324,7 @@ def test_bad_parameters_are_refused() -> None:
 
 
 def test_transform_of_the_grid_does_not_change_a_run() -> None:
-    """The same walls, given by a grid that is turned by a quarter: the same contact."""
+    """The same walls, given by a grid that is turned by a quarter: the same collision."""
     text = """
 ....#...
 ....#...

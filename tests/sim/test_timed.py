@@ -82,8 +82,8 @@ def test_a_closed_door_stops_the_robot_an_open_one_does_not() -> None:
     robot = SimulatedRobot(SimParams(lasers=[]), World(None, shapes=[door]), CIRCLE, Pose2D(0, 0, 0))
     robot.command(Twist2D(0.5))
     robot.advance_to(2.9)
-    (contact,) = robot.collisions
-    assert (contact.kind, contact.name) == ("polygon", "gate")
+    (collision,) = robot.collisions
+    assert (collision.kind, collision.name) == ("polygon", "gate")
     assert robot.pose.x == pytest.approx(1.0 - 0.025 - 0.18, abs=0.006)
     clouds = [data for data in robot.scans() if isinstance(data, PointCloud)]
     assert len(clouds[-1].points) == 1  # its bumper feels it

@@ -74,7 +74,7 @@ def drive(task: tuple[Leg, str, str, str | None, str | None]) -> str:
         result.recorder.save(Path(record) / f"goal_{leg.goal.x:.2f}_{leg.goal.y:.2f}")
     return (
         f"({leg.goal.x:6.2f}, {leg.goal.y:6.2f}) route {leg.length:5.1f} m, clearance {leg.clearance:.2f} m: {goal.state} "
-        f"in {goal.time_s:.1f} s, {goal.recoveries} recoveries, {result.collisions} contacts {goal.message}"
+        f"in {goal.time_s:.1f} s, {goal.recoveries} recoveries, {result.collisions} collisions {goal.message}"
     ).rstrip()
 
 
@@ -96,8 +96,8 @@ def main() -> None:
     with ProcessPoolExecutor(args.processes) as pool:
         lines = list(pool.map(drive, tasks))
     print("\n".join(lines))
-    good = sum("SUCCEEDED" in line and " 0 contacts" in line for line in lines)
-    print(f"{good} of {len(lines)} reached without contact ({args.distro or 'as the parameters say'})")
+    good = sum("SUCCEEDED" in line and " 0 collisions" in line for line in lines)
+    print(f"{good} of {len(lines)} reached without collision ({args.distro or 'as the parameters say'})")
 
 
 if __name__ == "__main__":

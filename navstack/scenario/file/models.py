@@ -7,7 +7,7 @@ from typing import Literal
 from pydantic import field_validator
 
 from navstack.core.parameters import ParamModel, param
-from navstack.scenario.success import not_an_end
+from navstack.scenario.success import RENAMED, not_an_end
 from navstack.sim.shapes import DoorMotion, OnTrack, PedestrianMotion, Still
 
 
@@ -33,12 +33,14 @@ class Tour(ParamModel):
 
 
 class Success(ParamModel):
-    """`success:` what the run is held to."""
+    """`success:` conditions that the run must meet."""
+
+    RENAMED = RENAMED
 
     goals: str | list[str] = param(
         "SUCCEEDED", "the state in which every goal must end, or one for each goal in turn; any: whichever"
     )
-    max_contacts: int | None = param(0, "contacts with obstacles; nothing (~): they do not matter", ge=0)
+    max_collisions: int | None = param(0, "maximum number of collisions with obstacles; null (~): no limit", ge=0)
     max_time: float | None = param(None, "simulated time of the whole run", unit="s", gt=0.0)
     min_clearance: float | None = param(
         None, "least distance between the robot's outline and an obstacle", unit="m", ge=0.0

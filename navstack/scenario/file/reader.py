@@ -442,7 +442,7 @@ class ScenarioReader:
         node = self._mapping("success", "conditions indented below it, such as `max_time: 60`")
         if node is None:
             return
-        self._keys(node, Success.model_fields, "success")
+        self._keys(node, (*Success.model_fields, *Success.RENAMED), "success")
         made = self._bound(Success, node, "success")
         if made is None:
             return

@@ -13,7 +13,7 @@
       - {radius: 0.25, motion: {kind: track, points: [[5, 6], [5, 9]], speed: 0.5}}
     seed: 1
     time_limit: 120                       # simulated seconds for a goal
-    success: {goals: SUCCEEDED, max_contacts: 0, max_time: 100, min_clearance: 0.02}
+    success: {goals: SUCCEEDED, max_collisions: 0, max_time: 100, min_clearance: 0.02}
 
 For many processes: send the path (or a `ScenarioSpec`, a few kB when pickled) and the arguments of `load_scenario`, and
 load it there, which takes about 10 ms; or send the `Scenario` itself (its map's cells and about 50 kB).
@@ -341,7 +341,7 @@ def _map_as_of(path: str, changed_ns: int) -> OccupancyGrid:
 def _conditions(told: Success) -> SuccessConditions:
     return SuccessConditions(
         goals=told.goals if isinstance(told.goals, str) else tuple(told.goals),
-        max_contacts=told.max_contacts,
+        max_collisions=told.max_collisions,
         max_time_s=told.max_time,
         min_clearance_m=told.min_clearance,
         max_length_m=told.max_length,

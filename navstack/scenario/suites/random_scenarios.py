@@ -71,7 +71,7 @@ class Checked:
     outcome: str
     """The states in which its goals ended, or `refused` for one that cannot begin."""
     simulated_s: float
-    contacts: int
+    collisions: int
     faults: tuple[str, ...]
     """What must never be; empty when all is well."""
 
@@ -119,9 +119,9 @@ def _faults(scenario: Scenario, result: RunResult) -> list[str]:
     if len(result.goals) < len(scenario.goals) and not left_out:
         faults.append(f"{len(scenario.goals) - len(result.goals)} goals were never driven")
     if result.succeeded and result.collisions:
-        faults.append(f"{result.collisions} contacts reported as success")
+        faults.append(f"{result.collisions} collisions reported as success")
     if result.nearest_m == 0.0 and not result.collisions:
-        faults.append("the outline stood in an obstacle, and no contact was reported")
+        faults.append("the outline stood in an obstacle, and no collision was reported")
     for name, value in result.metrics.as_dict().items():
         if isinstance(value, float) and math.isnan(value) and name != "clearance_mean_m":
             faults.append(f"the metric {name} is not a number")
