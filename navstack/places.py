@@ -1,4 +1,4 @@
-"""Named places and poses in YAML files, as the packaged maps and MultiNav of the ROS tutorials write them."""
+"""Named places on a map, read from YAML files in the format of the packaged maps or of MultiNav of the ROS tutorials."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Literal
 
 from navstack.core import Pose2D
 from navstack.core.errors import InputError
-from navstack.map_io import packaged_map_file
+from navstack.map_io import map_names, packaged_map_file
 from navstack.move_base.goal import is_planar, yaw_of
 from navstack.parameters.findings import Location
 from navstack.parameters.yaml_reader import DictNode, ListNode, Node, ScalarNode, read_yaml
@@ -22,17 +22,30 @@ _KEYS = ("places", "locations", "start", "goals")
 
 
 @dataclass(frozen=True, slots=True)
-class PlacesFile:
-    """A file of places. Poses in the map frame (m, rad)."""
+class Places:
+    """Named poses in the map frame (m, rad), with the start and the tour that their file suggests."""
 
     places: dict[str, Pose2D]
-    """By name, in the order of the file."""
-    start: Pose2D | None
-    goals: tuple[str, ...]
-    """Names of the places of the tour that the file proposes; all of them when it proposes none."""
+    """Poses by name, in the order of the file, including start and goals of a packaged map."""
+    start_pose: Pose2D | None
+    """The start pose; None if the file has none."""
+    goal_names: tuple[str, ...]
+    """Names of the places of the suggested tour; all places if the file suggests none."""
+
+    @property
+    def start(self) -> Pose2D:
+        """The start pose; every packaged map has one. Raises InputError if the file has none."""
+        if self.start_pose is None:
+            raise InputError("the places have no start; add `start: [x, y, yaw]` to the file")
+        return self.start_pose
+
+    @property
+    def goals(self) -> tuple[Pose2D, ...]:
+        """Poses of the suggested tour."""
+        return tuple(self.places[name] for name in self.goal_names)
 
 
-def _wrong(at: Location, message: str) -> InputError:
+def _error(at: Location, message: str) -> InputError:
     return InputError(f"{at}: {message}", file=at.file, line=at.line, column=at.column)
 
 
@@ -40,43 +53,43 @@ def _number(node: Node, what: str) -> float:
     value = node.value if isinstance(node, ScalarNode) else None
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
         written = f'"{node.text or value}"' if isinstance(node, ScalarNode) else "more than one value"
-        raise _wrong(node.at, f"{what} must be a finite number, not {written}")
+        raise _error(node.at, f"{what} must be a finite number, not {written}")
     return float(value)
 
 
 def _field(node: DictNode, key: str, what: str) -> float:
     if key not in node.items:
-        raise _wrong(node.at, f"{what} has no {key}; give {_POSE}")
+        raise _error(node.at, f"{what} has no {key}; give {_POSE}")
     return _number(node.items[key][1], f"{key} of {what}")
 
 
 def _mapping(node: DictNode, key: str, what: str) -> DictNode:
     inner = node.items[key][1]
     if not isinstance(inner, DictNode):
-        raise _wrong(inner.at, f"{key} of {what} must be a mapping; give {_POSE}")
+        raise _error(inner.at, f"{key} of {what} must be a mapping; give {_POSE}")
     return inner
 
 
 def _check_keys(node: DictNode, allowed: tuple[str, ...], what: str) -> None:
     for key, (at, _) in node.items.items():
         if key not in allowed:
-            raise _wrong(at, f'{what} has a key "{key}" that says nothing; give {_POSE}')
+            raise _error(at, f'{what} has an unknown key "{key}"; give {_POSE}')
 
 
 def pose_of(node: Node, what: str) -> Pose2D:
-    """A pose as a YAML file writes it; `what` is what it is the pose of, in messages.
+    """Converts a YAML node to a pose; `what` names the pose in messages.
 
-    Raises InputError, whose data are file, line and column and whose message begins with them.
+    Raises InputError; its message begins with file, line and column, its data contains them.
     """
     if isinstance(node, ListNode):
         if len(node.items) not in (2, 3):
-            raise _wrong(
+            raise _error(
                 node.at, f"{what} has {len(node.items)} number{'' if len(node.items) == 1 else 's'}; give {_POSE}"
             )
         numbers = [_number(item, f"{name} of {what}") for item, name in zip(node.items, ("x", "y", "yaw"))]
         return Pose2D(numbers[0], numbers[1], numbers[2] if len(numbers) == 3 else 0.0)
     if not isinstance(node, DictNode):
-        raise _wrong(node.at, f"{what} is no pose; give {_POSE}")
+        raise _error(node.at, f"{what} is not a pose; give {_POSE}")
     if "pose" in node.items:
         _check_keys(node, ("pose",), what)
         return pose_of(node.items["pose"][1], what)
@@ -91,104 +104,101 @@ def pose_of(node: Node, what: str) -> Pose2D:
     if "orientation" not in node.items:
         return Pose2D(x, y, _field(node, "yaw", what) if "yaw" in node.items else 0.0)
     if "yaw" in node.items:
-        raise _wrong(node.items["yaw"][0], f"{what} has both a yaw and an orientation; give one")
-    turned = _mapping(node, "orientation", what)
-    _check_keys(turned, ("x", "y", "z", "w"), what)
-    q = tuple(_field(turned, key, what) if key in turned.items else 0.0 for key in ("x", "y", "z"))
-    quaternion = (q[0], q[1], q[2], _field(turned, "w", what))
+        raise _error(node.items["yaw"][0], f"{what} has both a yaw and an orientation; give one")
+    rotation = _mapping(node, "orientation", what)
+    _check_keys(rotation, ("x", "y", "z", "w"), what)
+    q = tuple(_field(rotation, key, what) if key in rotation.items else 0.0 for key in ("x", "y", "z"))
+    quaternion = (q[0], q[1], q[2], _field(rotation, "w", what))
     if not is_planar(quaternion):
-        raise _wrong(turned.at, f"the orientation {quaternion} of {what} is no heading in the plane; x and y are 0")
+        message = (
+            f"the orientation {quaternion} of {what} is not a rotation about z; give a unit quaternion with x = y = 0"
+        )
+        raise _error(rotation.at, message)
     return Pose2D(x, y, yaw_of(quaternion))
 
 
-def read_places(path: Path) -> PlacesFile:
-    """Reads a file of places: those of the packaged maps (`NAME.places.yaml`), or locations as in MultiNav.
+def load_places(source: str | Path) -> Places:
+    """Loads the places of a packaged map, by its name, or of a YAML file.
 
-        places:                              # or locations:, or the names alone
+        places:                              # or locations:, or the names at the top level
           kitchen: [20.6, 2.2, -1.57]        # x, y (m), yaw (rad)
           lounge: {x: 19.6, y: 5.2, yaw: 3.14}
           office: {position: {x: 6.2, y: 12.0}, orientation: {z: 0.7071, w: 0.7071}}
         start: [0.8, 7.45, 0]                # a pose, or the name of a place
-        goals: [office, kitchen]             # names or poses; without it, every place
+        goals: [office, kitchen]             # names or poses; default: every place
 
-    Raises InputError, whose message begins with file:line:column.
+    A string without a suffix is the name of a packaged map. Raises MapError for an unknown name, and InputError, whose
+    message begins with file:line:column, for a file with errors.
     """
+    path = Path(source)
+    if isinstance(source, str) and (source in map_names() or not path.suffix):
+        path = packaged_map_file(source, ".places.yaml")
     file = read_yaml(path)
     errors = [f for f in file.findings if f.severity == "error" or f.rule == "duplicated"]
     if errors:
-        raise _wrong(errors[0].location, errors[0].message)
+        raise _error(errors[0].location, errors[0].message)
     root = file.root
-    named = [key for key in ("places", "locations") if key in root.items]
-    if len(named) == 2:
-        raise _wrong(root.items["locations"][0], "the file has both places and locations; give one")
-    if named:
+    places = _named_poses(root)
+    start = _place_or_pose(root.items["start"][1], places, "start")[1] if "start" in root.items else None
+    goal_names = _goal_names(root.items["goals"][1], places) if "goals" in root.items else tuple(places)
+    return Places(places, start, goal_names)
+
+
+def _named_poses(root: DictNode) -> dict[str, Pose2D]:
+    sections = [key for key in ("places", "locations") if key in root.items]
+    if len(sections) == 2:
+        raise _error(root.items["locations"][0], "the file has both places and locations; keep one of them")
+    if sections:
         for key, (at, _) in root.items.items():
             if key not in _KEYS:
-                raise _wrong(at, f'"{key}" says nothing here; there are {", ".join(_KEYS)}')
-        listed = root.items[named[0]][1]
+                raise _error(at, f'unknown key "{key}"; known keys: {", ".join(_KEYS)}')
+        listed = root.items[sections[0]][1]
     else:
         listed = DictNode({k: v for k, v in root.items.items() if k not in _KEYS}, root.at)
     if not isinstance(listed, DictNode) or not listed.items:
-        raise _wrong(listed.at, f"there are no places; give `name: pose` lines, a pose being {_POSE}")
-    places = {name: pose_of(node, f'"{name}"') for name, (_, node) in listed.items.items()}
-
-    def named_or_pose(node: Node, what: str) -> tuple[str | None, Pose2D]:
-        if isinstance(node, ScalarNode) and isinstance(node.value, str):
-            if node.value not in places:
-                raise _wrong(node.at, f'{what} "{node.value}" is no place; there are {", ".join(places)}')
-            return node.value, places[node.value]
-        return None, pose_of(node, what)
-
-    start = named_or_pose(root.items["start"][1], "start")[1] if "start" in root.items else None
-    goals: list[str] = []
-    if "goals" in root.items:
-        listing = root.items["goals"][1]
-        if not isinstance(listing, ListNode) or not listing.items:
-            raise _wrong(listing.at, "goals must be a list of names or poses, such as [kitchen, [1.0, 2.0, 0.0]]")
-        proposed = [named_or_pose(node, f"goal {i}") for i, node in enumerate(listing.items, 1)]
-        for i, (name, pose) in enumerate(proposed, 1):
-            known = name or next((n for n, p in places.items() if p == pose), None)
-            if known is None:
-                known = f"goal {i}"
-                places[known] = pose
-            goals.append(known)
-    return PlacesFile(places, start, tuple(goals) or tuple(places))
+        raise _error(listed.at, f"the file lists no places; add `name: pose` lines, where pose is {_POSE}")
+    return {name: pose_of(node, f'"{name}"') for name, (_, node) in listed.items.items()}
 
 
-def itinerary(names: tuple[str, ...], order: Order, *, loops: int = 1, seed: int = 0) -> tuple[str, ...]:
-    """The names in the order in which they are visited, `loops` times.
+def _place_or_pose(node: Node, places: dict[str, Pose2D], what: str) -> tuple[str | None, Pose2D]:
+    if isinstance(node, ScalarNode) and isinstance(node.value, str):
+        if node.value not in places:
+            raise _error(node.at, f'{what} "{node.value}" is not a place; known places: {", ".join(places)}')
+        return node.value, places[node.value]
+    return None, pose_of(node, what)
 
-    Random: shuffled by `seed`, anew in every loop; no loop begins where the last one ended, unless there is one place only.
+
+def _goal_names(listing: Node, places: dict[str, Pose2D]) -> tuple[str, ...]:
+    """Names of the listed goals. A goal given by a pose that has no name is added to `places`."""
+    if not isinstance(listing, ListNode) or not listing.items:
+        raise _error(listing.at, "goals must be a list of names or poses, such as [kitchen, [1.0, 2.0, 0.0]]")
+    goals = [_place_or_pose(node, places, f"goal {i}") for i, node in enumerate(listing.items, 1)]
+    names: list[str] = []
+    for i, (name, pose) in enumerate(goals, 1):
+        known = name or next((n for n, p in places.items() if p == pose), None)
+        if known is None:
+            known = f"goal {i}"
+            places[known] = pose
+        names.append(known)
+    return tuple(names)
+
+
+def visit_order(names: tuple[str, ...], order: Order, *, loops: int = 1, seed: int = 0) -> tuple[str, ...]:
+    """Returns the names in the order of the visits, `loops` times.
+
+    "random" shuffles every loop with the generator of `seed`; a loop does not begin with the last place of the loop before,
+    unless there is only one place.
     """
     if order == "sorted":
         names = tuple(sorted(names))
     if order != "random":
         return names * loops
-    dice = random.Random(seed)
-    found: list[str] = []
+    rng = random.Random(seed)
+    visits: list[str] = []
     for _ in range(loops):
         shuffled = list(names)
-        dice.shuffle(shuffled)
-        if found and shuffled[0] == found[-1]:
+        rng.shuffle(shuffled)
+        if visits and shuffled[0] == visits[-1]:
             shuffled.append(shuffled.pop(0))
-        found += shuffled
-    return tuple(found)
-
-
-@dataclass(frozen=True, slots=True)
-class Places:
-    """Free poses in the frame of a packaged map (m, rad)."""
-
-    start: Pose2D
-    """Where `navstack simulate` starts by default."""
-    goals: tuple[Pose2D, ...]
-    """The tour it drives by default."""
-    places: dict[str, Pose2D]
-    """All of them by name, start and goals included."""
-
-
-def load_places(name: str) -> Places:
-    """Start, tour and named places of a packaged map; raises MapError with the names there are."""
-    file = read_places(packaged_map_file(name, ".places.yaml"))
-    assert file.start is not None
-    return Places(start=file.start, goals=tuple(file.places[goal] for goal in file.goals), places=file.places)
+        visits += shuffled
+    return tuple(visits)

@@ -12,7 +12,7 @@ import navstack as nav
 from navstack.bringup import build_costmap, build_move_base, plan_on_map, simulated_robot
 from navstack.core import Event, GridGeometry, OccupancyGrid, Pose2D, Transform2D
 from navstack.map_io import load_map, load_mask
-from navstack.move_base.speed_masks import SpeedMasks
+from navstack.move_base.speed_limiter import SpeedLimiter
 
 STATIC = {"name": "static_layer", "type": "costmap_2d::StaticLayer"}
 OBSTACLES = {"name": "obstacle_layer", "type": "costmap_2d::VoxelLayer"}
@@ -189,14 +189,14 @@ def test_a_mask_and_a_recovery_share_the_limits(tmp_path: Path) -> None:
     robot = simulated_robot(configuration, room(), Pose2D(1.0, 2.0, 0.0))
     costmap = build_costmap("local_costmap", configuration.local_costmap, robot.frames, None)
     planner = configuration.local_planner.cls(configuration.local_planner.params)
-    masks = SpeedMasks([costmap], planner)
+    masks = SpeedLimiter([costmap], planner)
     turning = planner.limits.max_vel_theta
     times = iter(range(1, 20))
 
     def at(x: float, *, slowed: bool) -> tuple[float, float]:
         now = next(times)
         robot.frames.set("odom", "base_footprint", Transform2D(x, 2.0, 0.0), now)
-        masks.heed(now, slowed=slowed)
+        masks.apply(now, slowed=slowed)
         return planner.limits.max_vel_trans, planner.limits.max_vel_theta
 
     assert at(2.0, slowed=False) == (0.5, turning)

@@ -142,14 +142,14 @@ def _scenario(
     from navstack.core.errors import InputError
     from navstack.map_io import map_names, map_path
     from navstack.parameters.configuration import load_configuration
-    from navstack.places import itinerary, read_places
+    from navstack.places import load_places, visit_order
     from navstack.scenario.run import Scenario
 
     file = Path(places)
     if not file.exists() and places in map_names():
         map_name = map_name or places
         file = map_path(places).with_name(f"{places}.places.yaml")
-    read = read_places(file)
+    read = load_places(file)
     beside = file.with_name(file.name.removesuffix(".places.yaml") + ".yaml")
     if map_name is None:
         if beside == file or not beside.exists():
@@ -165,11 +165,11 @@ def _scenario(
             f'--place "{unknown[0]}": {file.name} has no such place; there are {", ".join(read.places)}',
             argument="--place",
         )
-    start_pose = parse_pose(start, "--start") if start is not None else read.start
+    start_pose = parse_pose(start, "--start") if start is not None else read.start_pose
     if start_pose is None:
         raise InputError(f"{file.name} does not say where the robot starts: give --start x,y[,yaw]", argument="--start")
-    names = tuple(chosen) or (tuple(read.places) if every else read.goals)
-    names = itinerary(names, order.value, loops=loops, seed=seed)
+    names = tuple(chosen) or (tuple(read.places) if every else read.goal_names)
+    names = visit_order(names, order.value, loops=loops, seed=seed)
     configuration = load_configuration(params, overrides=overrides, distro=distro)
     for finding in configuration.findings:
         if finding.severity == "warning":

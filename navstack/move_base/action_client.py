@@ -125,7 +125,7 @@ class ClientStateMachine:
         """The last status heard."""
         self._on_transition = on_transition
 
-    def hear_status(self, status: GoalStatus | None) -> None:
+    def update_status(self, status: GoalStatus | None) -> None:
         """A status message; None when it does not list the goal. Raises GoalTransitionError for what cannot follow."""
         if self.state is CommState.DONE:
             return
@@ -145,11 +145,11 @@ class ClientStateMachine:
         for state in through:
             self._go(state)
 
-    def hear_result(self, status: GoalStatus) -> None:
+    def update_result(self, status: GoalStatus) -> None:
         """The result, with the status that comes with it; raises GoalTransitionError when there was one before."""
         if self.state is CommState.DONE:
             raise GoalTransitionError("Got a result when we were already in the DONE state", status=status.name)
-        self.hear_status(status)
+        self.update_status(status)
         self.latest = status
         self._go(CommState.DONE)
 
@@ -234,9 +234,9 @@ class SimpleActionClient:
         if handle is None or self._machine.state is CommState.DONE:
             return now
         if handle.is_done:
-            self._machine.hear_result(handle.status)
+            self._machine.update_result(handle.status)
         else:
-            self._machine.hear_status(handle.status)
+            self._machine.update_status(handle.status)
             if self._feedback_cb is not None and self.move_base.goal_handle is handle:
                 self._feedback_cb(self.move_base.feedback)
         return now

@@ -7,7 +7,7 @@ Time is an argument, so that a server's life is a function of the calls it gets.
 from __future__ import annotations
 
 from navstack.core.errors import GoalTransitionError, NavError
-from navstack.move_base import texts
+from navstack.move_base import status_messages
 from navstack.move_base.errors import GoalCanceledError, GoalReplacedError
 from navstack.move_base.goal import Goal, GoalHandle, GoalResult, StatusListener
 from navstack.move_base.goal_status import GoalStatus, ServerCall
@@ -74,14 +74,14 @@ class SimpleActionServer:
             self._recall(handle, now, "")
             return handle
         if goal.stamp <= self.last_cancel:
-            self._recall(handle, now, texts.CANCELED_BEFORE)
+            self._recall(handle, now, status_messages.CANCELED_BEFORE)
             return handle
         late = any(other is not None and goal.stamp < other.goal.stamp for other in (self.current, self.next))
         if late:
-            self._recall(handle, now, texts.REPLACED, replaced=True)
+            self._recall(handle, now, status_messages.REPLACED, replaced=True)
             return handle
         if self.next is not None:
-            self._recall(self.next, now, texts.REPLACED, replaced=True)
+            self._recall(self.next, now, status_messages.REPLACED, replaced=True)
         self.next = handle
         self._next_preempt_requested = False
         if self.is_active:
@@ -125,12 +125,12 @@ class SimpleActionServer:
             raise GoalTransitionError("no goal waits to be accepted; ask `is_new_goal_available` first")
         replaced = self.current
         if replaced is not None and replaced.is_active:
-            self.set_preempted(now, texts.REPLACED, error=GoalReplacedError("another goal came"))
+            self.set_preempted(now, status_messages.REPLACED, error=GoalReplacedError("another goal came"))
         self.current = accepted
         self.next = None
         self.preempt_requested = self._next_preempt_requested
         self._next_preempt_requested = False
-        accepted.change(ServerCall.SET_ACCEPTED, now, texts.ACCEPTED)
+        accepted.change(ServerCall.SET_ACCEPTED, now, status_messages.ACCEPTED)
         return accepted
 
     def set_succeeded(self, now: float, text: str, result: GoalResult | None = None) -> None:

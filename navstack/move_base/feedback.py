@@ -1,4 +1,4 @@
-"""What others may look at while a goal is at hand: feedback for people, and what a tick did, for recorders."""
+"""Feedback on the active goal, computed on request."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from navstack.core import Path, Pose2D, SensorData, Twist2D, Window
-from navstack.interfaces import LocalPlan, Plan
+from navstack.core import Path, Pose2D
 from navstack.move_base.state_machine import Mode
 
 
@@ -26,23 +25,6 @@ class Feedback:
     estimated_time_remaining: float | None
     """s at the mean speed so far; None while that says nothing."""
     recoveries: int
-
-
-@dataclass(slots=True)
-class Turn:
-    """What one tick did: for recorders, who want to know without asking twice."""
-
-    time: float
-    scans: tuple[SensorData, ...] = ()
-    global_window: Window | None = None
-    """The cells of the global costmap that were rewritten; None when it was not updated."""
-    local_window: Window | None = None
-    plan: Plan | None = None
-    """The plan that arrived."""
-    local_plan: LocalPlan | None = None
-    """The local plan that was made."""
-    command: Twist2D | None = None
-    """The last command sent."""
 
 
 def distance_remaining(pose: Pose2D | None, path: Path | None, goal: Pose2D | None) -> float:

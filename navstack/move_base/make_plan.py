@@ -13,7 +13,7 @@ from navstack.core import Bounds, Path, Pose2D
 from navstack.core.errors import FrameError, InputError, PlanningError
 from navstack.costmap.occupied import with_layer
 from navstack.interfaces import CostmapServer, GlobalPlanner, Plan
-from navstack.move_base import guards
+from navstack.move_base import plugin_calls
 from navstack.parameters.models.move_base import MoveBaseParams
 
 
@@ -51,12 +51,12 @@ def make_plan(
         master = master.copy()
         master.data[window.slices] = 0
     try:
-        return guards.make_plan(planner, master, start, goal, costmap.footprint)
+        return plugin_calls.make_plan(planner, master, start, goal, costmap.footprint)
     except PlanningError as exc:
         refused = exc
     for near, offset in rings(goal, master.geometry.resolution, tolerance):
         try:
-            plan = guards.make_plan(planner, master, start, near, costmap.footprint)
+            plan = plugin_calls.make_plan(planner, master, start, near, costmap.footprint)
         except PlanningError:
             continue
         path = plan.path

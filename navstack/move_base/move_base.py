@@ -28,8 +28,10 @@ from navstack.interfaces import (
     RecoveryStatus,
     Robot,
 )
-from navstack.move_base import guards, texts
+from navstack.move_base import plugin_calls, status_messages
 from navstack.move_base.action_server import SimpleActionServer
+from navstack.move_base.active_goal import ActiveGoal, check_goal
+from navstack.move_base.costmap_updater import CostmapUpdater, describe
 from navstack.move_base.errors import (
     BusyError,
     GoalReplacedError,
@@ -37,19 +39,18 @@ from navstack.move_base.errors import (
     NoProgressError,
     StaleSensorsError,
 )
-from navstack.move_base.feedback import Feedback, Turn, distance_remaining
+from navstack.move_base.feedback import Feedback, distance_remaining
 from navstack.move_base.goal import Goal, GoalHandle, Quaternion, yaw_of
 from navstack.move_base.goal_status import GoalStatus
 from navstack.move_base.make_plan import make_plan
-from navstack.move_base.mission import Mission, check_goal
 from navstack.move_base.plan_schedule import PlanSchedule
 from navstack.move_base.planning import InlinePlanning, PlanAnswer, Planning, PlanRequest
 from navstack.move_base.progress import Progress, ProgressChecker
 from navstack.move_base.recovery_runner import Ended, RecoveryRunner
 from navstack.move_base.schedule import EPSILON_S, Schedule
-from navstack.move_base.senses import Senses, said
-from navstack.move_base.speed_masks import SpeedMasks
+from navstack.move_base.speed_limiter import SpeedLimiter
 from navstack.move_base.state_machine import Action, Mode, NavEvent, NavState, Outcome, Transition, Trigger, step
+from navstack.move_base.tick_result import TickResult
 from navstack.parameters.models.move_base import MoveBaseParams
 
 STANDING = Twist2D()
@@ -96,7 +97,7 @@ class MoveBase:
         self.server = SimpleActionServer(self._on_status)
         self.goal_time_limit_s = goal_time_limit_s
         """s from acceptance, for goals that come without a limit of their own; inf for none."""
-        self.turn = Turn(0.0)
+        self.last_tick = TickResult(0.0)
         """What the last tick did."""
         self._state = NavState()
         self._now = 0.0
@@ -104,7 +105,7 @@ class MoveBase:
         self._goal_count = 0
         self._shut_down = False
         self._control = Schedule(params.controller_frequency)
-        self._senses = Senses(
+        self._costmap_updater = CostmapUpdater(
             robot,
             global_costmap,
             local_costmap,
@@ -116,7 +117,7 @@ class MoveBase:
         self._planning: Planning = planning or InlinePlanning()
         self._plan_schedule = PlanSchedule(params)
         # the goal at hand
-        self._mission: Mission | None = None
+        self._active_goal: ActiveGoal | None = None
         self._goal_frame = ""
         self._plan: Plan | None = None
         self._new_plan: Plan | None = None
@@ -126,7 +127,7 @@ class MoveBase:
         self._stale_since: float | None = None
         self._progress = ProgressChecker(params.oscillation_distance)
         self._pose: Pose2D | None = None
-        self._speed_masks = SpeedMasks((local_costmap, global_costmap), local_planner)
+        self._speed_limiter = SpeedLimiter((local_costmap, global_costmap), local_planner)
         # commands
         self._command = STANDING
         self._command_time = -math.inf
@@ -174,12 +175,12 @@ class MoveBase:
     @property
     def goal_handle(self) -> GoalHandle | None:
         """The goal being worked on."""
-        return self._mission.handle if self._mission is not None else None
+        return self._active_goal.handle if self._active_goal is not None else None
 
     @property
     def goal_pose(self) -> Pose2D | None:
         """That goal in the global costmap's frame."""
-        return self._mission.pose if self._mission is not None else None
+        return self._active_goal.pose if self._active_goal is not None else None
 
     @property
     def plan(self) -> Plan | None:
@@ -209,24 +210,24 @@ class MoveBase:
     @property
     def feedback(self) -> Feedback:
         """Where the robot stands with its goal; computed when asked."""
-        mission = self._mission
-        if mission is None:
+        active = self._active_goal
+        if active is None:
             return Feedback(self._pose, self._state.mode, 0.0, 0.0, None, 0)
-        spent = mission.age(self._now)
-        left = distance_remaining(self._pose, self.path, mission.pose)
-        speed = mission.driven_m / spent if spent > 0.0 else 0.0
+        spent = active.age(self._now)
+        left = distance_remaining(self._pose, self.path, active.pose)
+        speed = active.driven_m / spent if spent > 0.0 else 0.0
         return Feedback(
             self._pose,
             self._state.mode,
             left,
             spent,
             left / speed if speed > 0.01 else None,
-            len(mission.tally.recoveries),
+            len(active.statistics.recoveries),
         )
 
     def local_state(self, now: float) -> RobotState:
         """Pose in the local costmap's frame at `now` (s), velocity as the robot says; raises NavError."""
-        return self._senses.local_state(now)
+        return self._costmap_updater.local_state(now)
 
     # --- goals --------------------------------------------------------------------------------------------------------
 
@@ -290,14 +291,16 @@ class MoveBase:
         Recoveries and costmaps stay; `navstack.bringup.reconfigure` makes the planners from a
         configuration. Raises InputError for what is no planner, a ParameterError when a recovery does not fit.
         """
-        guards.check_plugin(global_planner, GlobalPlanner)
-        guards.check_plugin(local_planner, LocalPlanner)
+        plugin_calls.check_plugin(global_planner, GlobalPlanner)
+        plugin_calls.check_plugin(local_planner, LocalPlanner)
         params = params or self.params
         driver = local_planner or self.local_planner
         context = RecoveryContext(self.global_costmap, self.local_costmap, driver, params.controller_frequency)
         for recovery in self.recoveries:
             recovery.check(context)
-        masks = SpeedMasks((self.local_costmap, self.global_costmap), driver) if local_planner else self._speed_masks
+        masks = (
+            SpeedLimiter((self.local_costmap, self.global_costmap), driver) if local_planner else self._speed_limiter
+        )
         # nothing can fail from here on
         now = self._now
         self._context = context
@@ -307,7 +310,7 @@ class MoveBase:
         self.global_planner = global_planner or self.global_planner
         if local_planner is not None:
             self.local_planner = local_planner
-            self._speed_masks = masks
+            self._speed_limiter = masks
             self._followed.clear()  # limits that recoveries set were those of the old one
         self._planning.abandon()
         self._plan = self._new_plan = self._local_plan = None
@@ -317,7 +320,7 @@ class MoveBase:
 
     def costmaps_changed(self) -> None:
         """Whoever gave a costmap other parameters while running says so: update frequencies, the recoveries' limits."""
-        self._senses.read_frequencies(self._now)
+        self._costmap_updater.read_frequencies(self._now)
         self._emit(self._now, "info", "costmaps changed", {})
 
     def _set_params(self, params: MoveBaseParams, now: float) -> None:
@@ -329,7 +332,7 @@ class MoveBase:
         if params.oscillation_distance != before.oscillation_distance:
             self._progress = ProgressChecker(params.oscillation_distance)
         if params.shutdown_costmaps != before.shutdown_costmaps:
-            self._senses.switch(self._active() or not params.shutdown_costmaps, now)
+            self._costmap_updater.switch(self._has_goal() or not params.shutdown_costmaps, now)
 
     # --- the crank ----------------------------------------------------------------------------------------------------
 
@@ -337,7 +340,7 @@ class MoveBase:
         """When `tick` has something to do next (s), `now` at the earliest; inf for never."""
         if not self._ticked or (self._state.mode is Mode.IDLE and self.server.is_new_goal_available):
             return now
-        due = self._senses.due
+        due = self._costmap_updater.due
         mode = self._state.mode
         if mode is not Mode.IDLE:
             due = min(
@@ -357,13 +360,13 @@ class MoveBase:
         now = max(now, self._now)
         if not self._ticked:
             self._ticked = True
-            self._senses.restart(now)
+            self._costmap_updater.restart(now)
         self._now = now
-        turn = self.turn = Turn(now)
-        self._senses.sense(now, turn)
+        turn = self.last_tick = TickResult(now)
+        self._costmap_updater.observe(now, turn)
         if self._state.mode is Mode.IDLE and self.server.is_new_goal_available:
             self._begin(now)
-        self._senses.update(now, turn)
+        self._costmap_updater.update(now, turn)
         if self._state.mode is Mode.IDLE:
             return
         answer = self._planning.poll(now)
@@ -371,11 +374,11 @@ class MoveBase:
             self._hear(answer, now)
         if self._recovery.running is not None:
             self._recover(self._recovery.running, now)
-        if self._recovery.running is None and self._control.is_due(now) and self._active():
+        if self._recovery.running is None and self._control.is_due(now) and self._has_goal():
             self._cycle(now)
-        if self._active():
+        if self._has_goal():
             self._ask_planner(now)
-        if self._driver_error is not None and self._active():
+        if self._driver_error is not None and self._has_goal():
             self._end_with(NavEvent.DRIVER_FAILED, self._driver_error, now)
 
     def shutdown(self) -> None:
@@ -385,30 +388,30 @@ class MoveBase:
         while self.server.is_new_goal_available:
             self._begin(self._now)
 
-    def _active(self) -> bool:
+    def _has_goal(self) -> bool:
         return self._state.mode is not Mode.IDLE
 
     # --- goals begin --------------------------------------------------------------------------------------------------
 
     def _begin(self, now: float) -> None:
         """Takes the waiting goal, when there is none at hand."""
-        mission = self._accept(now)
+        active = self._accept(now)
         if self._shut_down:
             self._apply(NavEvent.GOAL_ACCEPTED, now)
             self._apply(NavEvent.SHUTDOWN, now)
-        elif mission.error is not None:
+        elif active.error is not None:
             self._apply(NavEvent.GOAL_INVALID, now)
         else:
             self._control.restart(now)
             self._driver_error = None
-            self._senses.forgive(now)
+            self._costmap_updater.retry_failed(now)
             self._apply(NavEvent.GOAL_ACCEPTED, now)
 
-    def _accept(self, now: float) -> Mission:
+    def _accept(self, now: float) -> ActiveGoal:
         handle = self.server.accept(now)
         goal = handle.goal
         limit = self.goal_time_limit_s if goal.time_limit_s is None else goal.time_limit_s
-        mission = self._mission = Mission(handle, now + limit)
+        active = self._active_goal = ActiveGoal(handle, now + limit)
         self._plan = self._new_plan = self._local_plan = None
         self._stale_since = None
         self._planning.abandon()
@@ -419,26 +422,26 @@ class MoveBase:
             f'goal {goal.id}: ({goal.pose.x:.3f}, {goal.pose.y:.3f}, {goal.pose.yaw:.3f}) in "{goal.frame}"',
             {"id": goal.id, "pose": list(goal.pose), "frame": goal.frame, "stamp": goal.stamp},
         )
-        mission.error = check_goal(goal)
-        if mission.error is None:
+        active.error = check_goal(goal)
+        if active.error is None:
             self._goal_frame = self.global_costmap.frame
-            self._locate_goal(mission, now)
-        return mission
+            self._locate_goal(active, now)
+        return active
 
-    def _locate_goal(self, mission: Mission, now: float) -> NavError | None:
+    def _locate_goal(self, active: ActiveGoal, now: float) -> NavError | None:
         """Brings the goal into the global costmap's frame; the error when that cannot be done (yet)."""
-        goal = mission.handle.goal
+        goal = active.handle.goal
         target = self.global_costmap.frame
         try:
-            mission.pose = self.robot.frames.lookup(target, goal.frame).apply(goal.pose)
+            active.pose = self.robot.frames.lookup(target, goal.frame).apply(goal.pose)
         except NavError as exc:
             return exc
         except Exception as exc:
-            return guards.internal("the robot's frames", exc)
+            return plugin_calls.internal("the robot's frames", exc)
         if goal.frame != target:
-            x, y, _ = mission.pose
+            x, y, _ = active.pose
             self._emit(
-                now, "info", f'the goal lies at ({x:.3f}, {y:.3f}) in "{target}"', {"goal_pose": list(mission.pose)}
+                now, "info", f'the goal lies at ({x:.3f}, {y:.3f}) in "{target}"', {"goal_pose": list(active.pose)}
             )
         return None
 
@@ -449,11 +452,11 @@ class MoveBase:
         if not self.server.is_new_goal_available:
             self._apply(NavEvent.CANCELED, now)
             return True
-        mission = self._mission
-        if mission is not None:
-            error = GoalReplacedError(f"another goal came after {mission.age(now):.1f} s")
-            result = mission.result(GoalStatus.PREEMPTED, texts.REPLACED, error, now)
-            self.server.set_preempted(now, texts.REPLACED, result)
+        active = self._active_goal
+        if active is not None:
+            error = GoalReplacedError(f"another goal came after {active.age(now):.1f} s")
+            result = active.result(GoalStatus.PREEMPTED, status_messages.REPLACED, error, now)
+            self.server.set_preempted(now, status_messages.REPLACED, result)
         if self._accept(now).error is not None:
             self._apply(NavEvent.GOAL_INVALID, now)
             return True
@@ -462,10 +465,10 @@ class MoveBase:
 
     def _is_out_of_time(self, now: float) -> bool:
         """Ends the goal when its own time limit is over; C++ has none."""
-        mission = self._mission
-        if mission is None or now < mission.deadline - EPSILON_S:
+        active = self._active_goal
+        if active is None or now < active.deadline - EPSILON_S:
             return False
-        limit = mission.deadline - (mission.handle.accepted_at or 0.0)
+        limit = active.deadline - (active.handle.accepted_at or 0.0)
         error = GoalTimeLimitError(
             f"the goal was not reached within its time limit of {limit:g} s", time_limit_s=limit, pose=self._pose
         )
@@ -478,10 +481,10 @@ class MoveBase:
         self._control.advance(now)
         if self._preempted(now) or self._is_out_of_time(now):
             return
-        if self.global_costmap.frame != self._goal_frame and self._mission is not None:
+        if self.global_costmap.frame != self._goal_frame and self._active_goal is not None:
             self._goal_frame = self.global_costmap.frame
             self._plan = self._new_plan = None
-            self._mission.pose = None
+            self._active_goal.pose = None
             self._progress.reset()
             self._apply(NavEvent.FRAME_CHANGED, now)
         self._watch(now)
@@ -499,7 +502,7 @@ class MoveBase:
             self._check_slow_planner(now)
         # a command is good for one period; nothing came after it
         old = now - self._command_time >= 2.0 * self._control.period - EPSILON_S
-        if old and self._command != STANDING and self._recovery.running is None and self._active():
+        if old and self._command != STANDING and self._recovery.running is None and self._has_goal():
             self._send(STANDING, now)
 
     def _watch(self, now: float) -> None:
@@ -510,18 +513,18 @@ class MoveBase:
             # whoever needs the pose will say so: planning, control
             self._pose = None
             return
-        mission = self._mission
-        if not pose.is_finite() or mission is None:
+        active = self._active_goal
+        if not pose.is_finite() or active is None:
             self._pose = None
             return
         if self._pose is not None:
-            mission.driven_m += self._pose.distance_to(pose)
-        self._pose = mission.tally.pose = pose
+            active.driven_m += self._pose.distance_to(pose)
+        self._pose = active.statistics.pose = pose
         progress = self._progress.update(pose)
         if progress is not Progress.NONE:
             self._last_progress = now
             if progress is Progress.MOVED:
-                mission.rounds = 0
+                active.rounds = 0
                 self._apply(NavEvent.MOVED, now)
         # most runs have nobody who listens to it
         if any(getattr(listener, "hears_feedback", True) for listener in self.listeners):
@@ -531,28 +534,28 @@ class MoveBase:
 
     def _follow_up(self, now: float) -> None:
         try:
-            state = self._senses.local_state(now)
+            state = self._costmap_updater.local_state(now)
         except NavError:
             return
         for recovery in list(self._followed):
             try:
                 goes_on = recovery.follow_up(state, now)
             except Exception as exc:
-                self._warn(now, f"{recovery.name}: {said(exc)}")
+                self._warn(now, f"{recovery.name}: {describe(exc)}")
                 goes_on = False
             if not goes_on:
                 self._followed.remove(recovery)
 
     def _is_stale(self, now: float) -> bool:
         """Stops the robot while a sensor is silent, and ends the goal when it stays so (parity 23)."""
-        silent, cause = self._senses.silence(now)
+        silent, cause = self._costmap_updater.staleness(now)
         if not silent:
             self._stale_since = None
             return False
         if self._stale_since is None:
             self._stale_since = now
-            self._warn(now, texts.LOG_STALE.format(name=self.local_costmap.name), cause)
-        mission = self._mission
+            self._warn(now, status_messages.LOG_STALE.format(name=self.local_costmap.name), cause)
+        active = self._active_goal
         since = now - self._stale_since
         error = cause or StaleSensorsError(
             f"a sensor of {self.local_costmap.name} is silent for longer than its expected_update_rate, and came to no "
@@ -560,11 +563,11 @@ class MoveBase:
             costmap=self.local_costmap.name,
             since=self._stale_since,
         )
-        if mission is not None:
-            mission.tally.stale_cycles += 1
+        if active is not None:
+            active.statistics.stale_cycles += 1
         if since >= self.params.controller_patience - EPSILON_S:
-            if mission is not None:
-                mission.tally.failed(error, now)
+            if active is not None:
+                active.statistics.failed(error, now)
             self._end_with(NavEvent.SENSORS_LOST, error, now)
         else:
             self._apply(NavEvent.SENSORS_STALE, now)
@@ -578,66 +581,66 @@ class MoveBase:
         except NavError as exc:
             error: NavError = exc
         except Exception as exc:
-            error = guards.internal(type(self.local_planner).__name__, exc)
+            error = plugin_calls.internal(type(self.local_planner).__name__, exc)
         else:
             self._apply(NavEvent.PLAN_TAKEN, now)
-            self._emit(now, "info", texts.LOG_NEW_PLAN, {})
+            self._emit(now, "info", status_messages.LOG_NEW_PLAN, {})
             return True
-        if self._mission is not None:
-            self._mission.tally.failed(error, now)
+        if self._active_goal is not None:
+            self._active_goal.statistics.failed(error, now)
         self._end_with(NavEvent.PLAN_REFUSED, error, now)
         return False
 
     def _drive(self, now: float) -> None:
-        mission = self._mission
-        assert mission is not None and self._plan is not None
+        active = self._active_goal
+        assert active is not None and self._plan is not None
         error: NavError | None = None
         inputs: ControlInput | None = None
         try:
-            inputs = self._senses.control_input(self._plan, now)
-            if guards.goal_reached(self.local_planner, inputs):
-                self._emit(now, "info", texts.LOG_REACHED, {})
+            inputs = self._costmap_updater.control_input(self._plan, now)
+            if plugin_calls.goal_reached(self.local_planner, inputs):
+                self._emit(now, "info", status_messages.LOG_REACHED, {})
                 self._apply(NavEvent.GOAL_REACHED, now)
                 return
         except NavError as exc:
             error = exc
         timeout = self.params.oscillation_timeout
         if timeout > 0.0 and now >= self._last_progress + timeout - EPSILON_S:
-            self._give_up_moving(mission, timeout, now)
+            self._give_up_moving(active, timeout, now)
             return
         if error is None and inputs is not None:
             try:
-                if self._speed_masks.heed(now, slowed=bool(self._followed)):
-                    limit = self._speed_masks.limit
+                if self._speed_limiter.apply(now, slowed=bool(self._followed)):
+                    limit = self._speed_limiter.limit
                     text = "no speed limit any more" if limit is None else f"speed limit {limit:.2f} m/s"
                     self._emit(now, "info", f"{text}, says the speed mask", {"max_vel_trans": limit})
-                local = guards.compute_command(self.local_planner, inputs)
-                self._local_plan = self.turn.local_plan = local
-                mission.tally.commands += 1
+                local = plugin_calls.compute_command(self.local_planner, inputs)
+                self._local_plan = self.last_tick.local_plan = local
+                active.statistics.commands += 1
                 self._send(local.command, now)
                 self._apply(NavEvent.COMMAND_FOUND, now)
                 return
             except NavError as exc:
                 error = exc
         assert error is not None
-        self._failed_command(mission, error, now)
+        self._failed_command(active, error, now)
 
-    def _give_up_moving(self, mission: Mission, timeout: float, now: float) -> None:
-        mission.error = NoProgressError(
+    def _give_up_moving(self, active: ActiveGoal, timeout: float, now: float) -> None:
+        active.error = NoProgressError(
             f"the robot came no further than {self.params.oscillation_distance:g} m for {timeout:g} s",
             oscillation_timeout=timeout,
             oscillation_distance=self.params.oscillation_distance,
             pose=self._pose,
         )
-        mission.tally.failed(mission.error, now)
-        self._emit(now, "control_failed", mission.error.message, mission.error.as_dict())
+        active.statistics.failed(active.error, now)
+        self._emit(now, "control_failed", active.error.message, active.error.as_dict())
         self._apply(NavEvent.OSCILLATING, now)
 
-    def _failed_command(self, mission: Mission, error: NavError, now: float) -> None:
-        tally = mission.tally
-        tally.failed_commands += 1
-        tally.last_control = error
-        tally.failed(error, now)
+    def _failed_command(self, active: ActiveGoal, error: NavError, now: float) -> None:
+        statistics = active.statistics
+        statistics.failed_commands += 1
+        statistics.last_control = error
+        statistics.failed(error, now)
         self._emit(now, "control_failed", error.message, error.as_dict())
         patience = self.params.controller_patience
         exhausted = now >= self._last_valid_control + patience - EPSILON_S
@@ -648,25 +651,25 @@ class MoveBase:
     def _ask_planner(self, now: float) -> None:
         if self._state.mode is Mode.CLEARING or self._planning.is_busy or not self._plan_schedule.take_turn(now):
             return
-        mission = self._mission
-        assert mission is not None
+        active = self._active_goal
+        assert active is not None
         try:
-            if mission.pose is None:
-                error = self._locate_goal(mission, now)
+            if active.pose is None:
+                error = self._locate_goal(active, now)
                 if error is not None:
                     raise error
-            assert mission.pose is not None
+            assert active.pose is not None
             start = self.global_costmap.robot_pose(now)
             if not start.is_finite():
                 raise InternalError(f"the robot's pose {tuple(start)} is not finite", pose=start)
         except Exception as exc:
-            problem = exc if isinstance(exc, NavError) else guards.internal("the robot's frames", exc)
-            self._hear(PlanAnswer(mission.handle.id, now, None, problem), now)
+            problem = exc if isinstance(exc, NavError) else plugin_calls.internal("the robot's frames", exc)
+            self._hear(PlanAnswer(active.handle.id, now, None, problem), now)
             return
         costmap = self.global_costmap
         self._planning.request(
             PlanRequest(
-                self.global_planner, costmap.master, start, mission.pose, costmap.footprint, mission.handle.id, now
+                self.global_planner, costmap.master, start, active.pose, costmap.footprint, active.handle.id, now
             )
         )
         answer = self._planning.poll(now)
@@ -675,19 +678,19 @@ class MoveBase:
 
     def _hear(self, answer: PlanAnswer, now: float) -> None:
         """Takes in what the planner said; a plan for a goal that is no more is not one."""
-        mission = self._mission
-        if mission is None or answer.goal_id != mission.handle.id or not self._active():
+        active = self._active_goal
+        if active is None or answer.goal_id != active.handle.id or not self._has_goal():
             return
         if answer.plan is not None and answer.plan.path.frame == self.global_costmap.frame:
-            self._found_plan(mission, answer.plan, now)
+            self._found_plan(active, answer.plan, now)
         elif answer.error is not None:
-            self._failed_plan(mission, with_layer(self.global_costmap, answer.error), now)
+            self._failed_plan(active, with_layer(self.global_costmap, answer.error), now)
 
-    def _found_plan(self, mission: Mission, plan: Plan, now: float) -> None:
-        mission.tally.plans += 1
+    def _found_plan(self, active: ActiveGoal, plan: Plan, now: float) -> None:
+        active.statistics.plans += 1
         if self._state.mode is not Mode.CLEARING:
             self._plan = self._new_plan = plan
-            self.turn.plan = plan
+            self.last_tick.plan = plan
         self._plan_schedule.found()
         if self.listeners:
             length = plan.path.length
@@ -702,11 +705,11 @@ class MoveBase:
             self._emit(now, "plan", f"a plan of {length:.2f} m, {len(plan.path)} poses", data)
         self._apply(NavEvent.PLAN_FOUND, now)
 
-    def _failed_plan(self, mission: Mission, error: NavError, now: float) -> None:
-        tally = mission.tally
-        tally.failed_plans += 1
-        tally.last_planning = error
-        tally.failed(error, now)
+    def _failed_plan(self, active: ActiveGoal, error: NavError, now: float) -> None:
+        statistics = active.statistics
+        statistics.failed_plans += 1
+        statistics.last_planning = error
+        statistics.failed(error, now)
         self._emit(now, "plan_failed", error.message, error.as_dict())
         if self._state.mode is not Mode.PLANNING:
             self._apply(NavEvent.PLAN_FAILED, now)
@@ -716,47 +719,47 @@ class MoveBase:
 
     def _check_slow_planner(self, now: float) -> None:
         """C++ waits for ever for a planner that does not return. Here patience ends; a late plan is welcome all the same."""
-        mission = self._mission
+        active = self._active_goal
         waited = self._plan_schedule.waited(now)
-        if mission is None or not self._planning.is_busy or waited < self.params.planner_patience - EPSILON_S:
+        if active is None or not self._planning.is_busy or waited < self.params.planner_patience - EPSILON_S:
             return
         error = PlanningTimeoutError(
             f"the global planner has not answered for {waited:.1f} s (planner_patience "
             f"{self.params.planner_patience:g} s)",
             waited_s=waited,
         )
-        self._failed_plan(mission, error, now)
+        self._failed_plan(active, error, now)
 
     # --- recovery -----------------------------------------------------------------------------------------------------
 
     def _clear(self, now: float) -> None:
-        mission = self._mission
-        assert mission is not None
+        active = self._active_goal
+        assert active is not None
         index = self._state.recovery_index
         left = self.params.recovery_behavior_enabled and index < len(self.recoveries)
-        if left and mission.rounds < MAX_RECOVERY_ROUNDS * len(self.recoveries):
+        if left and active.rounds < MAX_RECOVERY_ROUNDS * len(self.recoveries):
             self._apply(NavEvent.RECOVERY_BEGINS, now)
             return
         log = {
-            Trigger.PLANNING_R: texts.LOG_NO_PLAN,
-            Trigger.CONTROLLING_R: texts.LOG_NO_CONTROL,
-            Trigger.OSCILLATION_R: texts.LOG_OSCILLATING,
+            Trigger.PLANNING_R: status_messages.LOG_NO_PLAN,
+            Trigger.CONTROLLING_R: status_messages.LOG_NO_CONTROL,
+            Trigger.OSCILLATION_R: status_messages.LOG_OSCILLATING,
         }[self._state.trigger]
         if left:
             self._warn(
                 now,
-                f"{mission.rounds} recoveries in a row did not bring the robot {self.params.oscillation_distance:g} m "
+                f"{active.rounds} recoveries in a row did not bring the robot {self.params.oscillation_distance:g} m "
                 "further: the list is not begun once more",
             )
         self._warn(now, log)
         self._apply(NavEvent.RECOVERIES_EXHAUSTED, now)
 
     def _start_recovery(self, now: float) -> None:
-        mission = self._mission
-        assert mission is not None
+        active = self._active_goal
+        assert active is not None
         recovery = self.recoveries[self._state.recovery_index]
-        mission.tally.recoveries.append(recovery.name)
-        mission.rounds += 1
+        active.statistics.recoveries.append(recovery.name)
+        active.rounds += 1
         ended = self._recovery.start(recovery, self._context, now)
         if ended is None:
             ended = self._recovery.step(recovery, self.local_state, self._send, now)
@@ -779,8 +782,8 @@ class MoveBase:
 
     def _end_recovery(self, ended: Ended, now: float) -> None:
         recovery, status, text, data, error = ended
-        if error is not None and self._mission is not None:
-            self._mission.tally.failed(error, now)
+        if error is not None and self._active_goal is not None:
+            self._active_goal.statistics.failed(error, now)
         self._tell_recovery(recovery, status, text or f"{recovery.name} ends", data, now)
         if recovery not in self._followed:
             self._followed.append(recovery)
@@ -810,8 +813,8 @@ class MoveBase:
     # --- carrying out -------------------------------------------------------------------------------------------------
 
     def _end_with(self, event: NavEvent, error: NavError, now: float) -> None:
-        if self._mission is not None:
-            self._mission.error = error
+        if self._active_goal is not None:
+            self._active_goal.error = error
         self._apply(event, now)
 
     def _apply(self, event: NavEvent, now: float) -> None:
@@ -820,8 +823,8 @@ class MoveBase:
         try:
             state, row = step(before, event)
         except InternalError as exc:
-            if self._mission is not None:
-                self._mission.error = exc
+            if self._active_goal is not None:
+                self._active_goal.error = exc
             state = NavState()
             row = Transition(
                 before.mode,
@@ -874,40 +877,44 @@ class MoveBase:
             case Action.DROP_RECOVERY:
                 self._recovery.drop()
             case Action.START_COSTMAPS:
-                self._senses.switch(True, now)
+                self._costmap_updater.switch(True, now)
             case Action.STOP_COSTMAPS:
-                self._senses.switch(not self.params.shutdown_costmaps, now)
+                self._costmap_updater.switch(not self.params.shutdown_costmaps, now)
 
     def _send(self, twist: Twist2D, now: float) -> None:
-        self._command = self.turn.command = twist
+        self._command = self.last_tick.command = twist
         self._command_time = now
         try:
             self.robot.command(twist)
         except Exception as exc:
             if self._driver_error is None:
-                error = exc if isinstance(exc, NavError) else guards.internal("the robot", exc)
+                error = exc if isinstance(exc, NavError) else plugin_calls.internal("the robot", exc)
                 self._driver_error = error
                 self._warn(now, f"the robot does not take the command {tuple(twist)}: {error.message}", error)
 
     def _finish(self, outcome: Outcome, now: float) -> None:
         """The goal at hand ends."""
-        mission = self._mission
-        if mission is None:
+        active = self._active_goal
+        if active is None:
             return
-        self._mission = None
+        self._active_goal = None
         self._stale_since = None
         self._plan = self._new_plan = None
         text = outcome.value
         if outcome is Outcome.REACHED:
-            self.server.set_succeeded(now, text, mission.result(GoalStatus.SUCCEEDED, text, None, now))
+            self.server.set_succeeded(now, text, active.result(GoalStatus.SUCCEEDED, text, None, now))
             return
-        error = mission.reason(outcome, now)
+        error = active.reason(outcome, now)
         if outcome is Outcome.CANCELED:
-            self.server.set_preempted(now, text, mission.result(GoalStatus.PREEMPTED, text, error, now))
+            self.server.set_preempted(now, text, active.result(GoalStatus.PREEMPTED, text, error, now))
             return
-        if outcome is Outcome.BAD_QUATERNION and not mission.handle.goal.pose.is_finite():
-            text = texts.BAD_QUATERNION if not mission.handle.goal.has_valid_orientation else texts.BAD_POSITION
-        self.server.set_aborted(now, text, mission.result(GoalStatus.ABORTED, text, error, now))
+        if outcome is Outcome.BAD_QUATERNION and not active.handle.goal.pose.is_finite():
+            text = (
+                status_messages.BAD_QUATERNION
+                if not active.handle.goal.has_valid_orientation
+                else status_messages.BAD_POSITION
+            )
+        self.server.set_aborted(now, text, active.result(GoalStatus.ABORTED, text, error, now))
 
     # --- services -----------------------------------------------------------------------------------------------------
 
@@ -926,8 +933,8 @@ class MoveBase:
 
         ROS differs: there the square is cleared in the real costmaps, and "nothing found" is an empty plan.
         """
-        if self._active():
-            raise BusyError(texts.LOG_BUSY)
+        if self._has_goal():
+            raise BusyError(status_messages.LOG_BUSY)
         if self._planning.is_using(self.global_planner):
             raise BusyError("the global planner still works on a plan that nobody waits for; try again in a while")
         return make_plan(

@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 from navstack.core import Costmap, Footprint, Pose2D
 from navstack.core.errors import NavError
 from navstack.interfaces import GlobalPlanner, Plan
-from navstack.move_base import guards
+from navstack.move_base import plugin_calls
 
 
 class PlanAnswer(NamedTuple):
@@ -40,7 +40,7 @@ class PlanRequest(NamedTuple):
 
     def carry_out(self) -> Plan:
         """Plans; raises NavError, whatever the planner does."""
-        return guards.make_plan(self.planner, self.costmap, self.start, self.goal, self.footprint)
+        return plugin_calls.make_plan(self.planner, self.costmap, self.start, self.goal, self.footprint)
 
     def answer(self, plan: Plan | None = None, error: NavError | None = None) -> PlanAnswer:
         """What came of it."""

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from navstack.core import RobotState, Twist2D
 from navstack.core.errors import NavError
 from navstack.interfaces import RecoveryBehavior, RecoveryContext, RecoveryStatus
-from navstack.move_base import guards
+from navstack.move_base import plugin_calls
 from navstack.move_base.errors import RecoveryTimeoutError
 from navstack.move_base.schedule import Schedule
 
@@ -62,7 +62,7 @@ class RecoveryRunner:
         try:
             recovery.start(context, now)
         except Exception as exc:
-            return _failed(recovery, exc if isinstance(exc, NavError) else guards.internal(recovery.name, exc))
+            return _failed(recovery, exc if isinstance(exc, NavError) else plugin_calls.internal(recovery.name, exc))
         return None
 
     def drop(self) -> None:
@@ -96,7 +96,7 @@ class RecoveryRunner:
         """One step: sends its command, or says what it came to."""
         first = now == self.began
         try:
-            done = guards.recovery_step(recovery, state_at(now), now)
+            done = plugin_calls.recovery_step(recovery, state_at(now), now)
         except NavError as exc:
             return _failed(recovery, exc)
         if done.status is RecoveryStatus.RUNNING:

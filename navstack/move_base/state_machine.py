@@ -2,7 +2,7 @@
 
 Source: move_base/src/move_base.cpp (executeCb, executeCycle, planThread, resetState). There, states, timers, locks and
 transitions are interleaved in two threads; here `step` is a pure function of a table, and `MoveBase` finds out which
-event it is (guards: patience, retries, sensors) and carries out the actions.
+event it is (plugin_calls: patience, retries, sensors) and carries out the actions.
 
 ROS differs (parity 24): one transition per cycle. In C++ a cycle that finds the robot oscillating goes on controlling, and
 a late plan or a failed command can undo the CLEARING.
@@ -18,7 +18,7 @@ from typing import Final, NamedTuple
 
 from navstack.core.enums import plain_members
 from navstack.core.errors import InternalError
-from navstack.move_base import texts
+from navstack.move_base import status_messages
 
 
 class Mode(Enum):
@@ -93,18 +93,18 @@ class Action(Enum):
 class Outcome(Enum):
     """How a goal ends; the value is C++'s text."""
 
-    REACHED = texts.REACHED
-    CANCELED = texts.CANCELED
-    BAD_QUATERNION = texts.BAD_QUATERNION
-    PLAN_REFUSED = texts.PLAN_REFUSED
-    NO_PLAN = texts.NO_PLAN
-    NO_CONTROL = texts.NO_CONTROL
-    OSCILLATING = texts.OSCILLATING
-    BAD_STATE = texts.BAD_STATE
-    KILLED = texts.KILLED
-    STALE_SENSORS = texts.STALE_SENSORS
-    DRIVER_FAILED = texts.DRIVER_FAILED
-    TIME_LIMIT = texts.TIME_LIMIT
+    REACHED = status_messages.REACHED
+    CANCELED = status_messages.CANCELED
+    BAD_QUATERNION = status_messages.BAD_QUATERNION
+    PLAN_REFUSED = status_messages.PLAN_REFUSED
+    NO_PLAN = status_messages.NO_PLAN
+    NO_CONTROL = status_messages.NO_CONTROL
+    OSCILLATING = status_messages.OSCILLATING
+    BAD_STATE = status_messages.BAD_STATE
+    KILLED = status_messages.KILLED
+    STALE_SENSORS = status_messages.STALE_SENSORS
+    DRIVER_FAILED = status_messages.DRIVER_FAILED
+    TIME_LIMIT = status_messages.TIME_LIMIT
 
 
 class IndexRule(Enum):

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 
 from navstack.core.errors import NavError, PlanningTimeoutError
 from navstack.interfaces import GlobalPlanner
-from navstack.move_base import guards
+from navstack.move_base import plugin_calls
 from navstack.move_base.planning import PlanAnswer, PlanRequest
 
 MAX_HUNG = 4
@@ -85,7 +85,7 @@ class _Worker:
         except NavError as exc:
             return request.answer(error=exc)
         except BaseException as exc:  # SystemExit, say: it would end the thread, and nobody would ever have an answer
-            return request.answer(error=guards.internal(type(self.planner).__name__, exc))
+            return request.answer(error=plugin_calls.internal(type(self.planner).__name__, exc))
 
 
 class ThreadPlanning:

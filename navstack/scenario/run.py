@@ -241,7 +241,7 @@ class RunResult:
 
 def _take_down(recorder: RunRecorder, robot: SimulatedRobot, move_base: MoveBase, goal: int) -> None:
     """Puts what the last tick did into the record."""
-    turn = move_base.turn
+    turn = move_base.last_tick
     t = turn.time
     for name, costmap, window in (
         ("global", move_base.global_costmap, turn.global_window),

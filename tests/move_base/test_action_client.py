@@ -55,10 +55,10 @@ def test_every_entry_of_the_client_table(state: CommState, status: GoalStatus, c
     machine.state = state
     if cell == "E":
         with pytest.raises(GoalTransitionError):
-            machine.hear_status(status)
+            machine.update_status(status)
         assert (machine.state, passed) == (state, [])
         return
-    machine.hear_status(status)
+    machine.update_status(status)
     expected = [] if cell == "-" else [SHORT[s] for s in cell.split(",")]
     assert passed == expected
     assert machine.state is (expected[-1] if expected else state)
@@ -72,10 +72,10 @@ def test_a_result_ends_it_from_any_state_but_done(state: CommState, status: Goal
     machine.state = state
     if state is CommState.DONE or cell == "E":
         with pytest.raises(GoalTransitionError):
-            machine.hear_result(status)
+            machine.update_result(status)
         assert machine.state is state
     else:
-        machine.hear_result(status)
+        machine.update_result(status)
         assert machine.state is CommState.DONE
         assert machine.latest is status
 
@@ -84,7 +84,7 @@ def test_a_result_ends_it_from_any_state_but_done(state: CommState, status: Goal
 def test_lost_and_cancel(state: CommState) -> None:
     machine = ClientStateMachine()
     machine.state = state
-    machine.hear_status(None)
+    machine.update_status(None)
     lost = state.name not in ("WAITING_FOR_GOAL_ACK", "WAITING_FOR_RESULT", "DONE")
     assert (machine.state is CommState.DONE) == (lost or state is CommState.DONE)
     assert (machine.latest is GoalStatus.LOST) == lost

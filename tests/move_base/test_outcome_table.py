@@ -15,7 +15,7 @@ import pytest
 
 from navstack.core import Pose2D
 from navstack.core.errors import InvalidPathError
-from navstack.move_base import GoalHandle, GoalStatus, texts
+from navstack.move_base import GoalHandle, GoalStatus, status_messages
 from navstack.move_base.state_machine import NavEvent
 
 from .test_real_parts import FAR, NEAR, WALL, Office
@@ -177,7 +177,7 @@ def test_accepted_carries_its_text() -> None:
     office = Office()
     handle = office.move_base.send_goal(FAR)
     office.tick()
-    assert (handle.status, handle.text) == (S.ACTIVE, texts.ACCEPTED)
+    assert (handle.status, handle.text) == (S.ACTIVE, status_messages.ACCEPTED)
 
 
 def test_the_rows_are_those_of_the_reference(reference_dir: Path) -> None:

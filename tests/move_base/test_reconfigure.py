@@ -218,7 +218,7 @@ def test_costmaps_take_other_parameters_while_driving_and_are_as_if_built_with_t
     while not handle.is_done:
         robot.advance_to(move_base.next_due(robot.time))
         move_base.tick(robot.time)
-        if move_base.turn.global_window is not None:
+        if move_base.last_tick.global_window is not None:
             times.append(robot.time)
     assert handle.status is GoalStatus.SUCCEEDED
     gaps = np.diff(times)

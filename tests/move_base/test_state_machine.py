@@ -5,7 +5,7 @@ import itertools
 import pytest
 
 from navstack.core.errors import InternalError
-from navstack.move_base import Mode, Trigger, texts
+from navstack.move_base import Mode, Trigger, status_messages
 from navstack.move_base.state_machine import ROWS, TABLE, Action, NavEvent, NavState, Outcome, step, table_markdown
 
 # event: (to, recovery index, outcome) per mode; "=" stays, "-" cannot be.
@@ -113,9 +113,9 @@ def test_outcomes_carry_the_texts_of_cpp() -> None:
         "OSCILLATING": "Robot is oscillating. Even after executing recovery behaviors.",
         "BAD_STATE": "Reached a case that should not be hit in move_base. This is a bug, please report it.",
         "KILLED": "Aborting on the goal because the node has been killed",
-        "STALE_SENSORS": texts.STALE_SENSORS,
-        "DRIVER_FAILED": texts.DRIVER_FAILED,
-        "TIME_LIMIT": texts.TIME_LIMIT,
+        "STALE_SENSORS": status_messages.STALE_SENSORS,
+        "DRIVER_FAILED": status_messages.DRIVER_FAILED,
+        "TIME_LIMIT": status_messages.TIME_LIMIT,
     }
 
 

@@ -14,7 +14,7 @@ from navstack.cli.app import run as command
 from navstack.core import Pose2D, Twist2D
 from navstack.core.errors import InputError
 from navstack.map_io import map_names, map_path
-from navstack.places import itinerary, load_places, read_places
+from navstack.places import load_places, visit_order
 from navstack.record import Record
 from navstack.scenario import run as scenarios
 from navstack.scenario.run import Run, Scenario
@@ -29,11 +29,11 @@ def file_of(tmp_path: Path, text: str) -> Path:
 
 @pytest.mark.parametrize("name", map_names())
 def test_the_packaged_maps_places(name: str) -> None:
-    read = read_places(map_path(name).with_name(f"{name}.places.yaml"))
+    read = load_places(map_path(name).with_name(f"{name}.places.yaml"))
     known = load_places(name)
-    assert read.start == known.start
-    assert read.places == known.places
-    assert tuple(read.places[goal] for goal in read.goals) == known.goals
+    assert read == known
+    assert known.start == known.start_pose
+    assert known.goals == tuple(known.places[goal] for goal in known.goal_names)
 
 
 @pytest.mark.parametrize("head", ["locations:\n  ", "places:\n  ", ""])
@@ -46,17 +46,17 @@ def test_a_pose_by_yaw_or_by_quaternion(tmp_path: Path, head: str) -> None:
         "e: {x: 1, y: 2, orientation: {z: 0.6816387600, w: 0.7316888689}}",
     )
     indent = "\n  " if head else "\n"
-    read = read_places(file_of(tmp_path, head + indent.join(rows)))
-    assert read.goals == ("a", "b", "c", "d", "e")
-    assert read.start is None
+    read = load_places(file_of(tmp_path, head + indent.join(rows)))
+    assert read.goal_names == ("a", "b", "c", "d", "e")
+    assert read.start_pose is None
     for pose in read.places.values():
         assert tuple(pose) == pytest.approx((1.0, 2.0, 1.5))
 
 
 def test_start_and_goals_by_name(tmp_path: Path) -> None:
-    read = read_places(file_of(tmp_path, "places: {a: [1, 2], b: [3, 4, 1]}\nstart: b\ngoals: [b, a, [5, 6]]"))
+    read = load_places(file_of(tmp_path, "places: {a: [1, 2], b: [3, 4, 1]}\nstart: b\ngoals: [b, a, [5, 6]]"))
     assert read.start == Pose2D(3.0, 4.0, 1.0)
-    assert read.goals == ("b", "a", "goal 3")
+    assert read.goal_names == ("b", "a", "goal 3")
     assert read.places["goal 3"] == Pose2D(5.0, 6.0, 0.0)
 
 
@@ -68,13 +68,13 @@ def test_start_and_goals_by_name(tmp_path: Path) -> None:
         ("places:\n  a: {x: 1, yaw: 2}\n", "2:6", "has no y"),
         ("places:\n  a: {x: 1, y: .inf}\n", "2:16", "finite"),
         ("places:\n  a: {x: 1, y: 2, theta: 2}\n", "2:19", '"theta"'),
-        ("places:\n  a: 7\n", "2:6", "is no pose"),
+        ("places:\n  a: 7\n", "2:6", "is not a pose"),
         ("places:\n  a: {x: 1, y: 1, yaw: 0, orientation: {w: 1}}\n", "2:19", "both"),
-        ("a: {x: 1, y: 1, orientation: {z: 0, w: 0}}\n", "1:30", "no heading"),
-        ("a: {x: 1, y: 1, orientation: {x: 1, w: 0}}\n", "1:30", "no heading"),
+        ("a: {x: 1, y: 1, orientation: {z: 0, w: 0}}\n", "1:30", "not a rotation about z"),
+        ("a: {x: 1, y: 1, orientation: {x: 1, w: 0}}\n", "1:30", "not a rotation about z"),
         ("a: {x: 1, y: 1, orientation: {z: 1}}\n", "1:30", "has no w"),
-        ("places: {a: [1, 2]}\nstart: b\n", "2:8", '"b" is no place'),
-        ("places: {a: [1, 2]}\ngoals: [a, c]\n", "2:12", '"c" is no place'),
+        ("places: {a: [1, 2]}\nstart: b\n", "2:8", '"b" is not a place'),
+        ("places: {a: [1, 2]}\ngoals: [a, c]\n", "2:12", '"c" is not a place'),
         ("places: {a: [1, 2]}\ngoals: []\n", "2:8", "goals must be a list"),
         ("places: {a: [1, 2]}\ngaols: [a]\n", "2:1", '"gaols"'),
         ("places: {a: [1, 2]}\nlocations: {a: [1, 2]}\n", "2:1", "both"),
@@ -87,21 +87,21 @@ def test_start_and_goals_by_name(tmp_path: Path) -> None:
 def test_wrong_files_are_told_by_line_and_column(tmp_path: Path, text: str, where: str, what: str) -> None:
     path = file_of(tmp_path, text)
     with pytest.raises(InputError) as failed:
-        read_places(path)
+        load_places(path)
     assert failed.value.message.startswith(f"{path}:{where}: ")
     assert what in failed.value.message
 
 
 def test_the_order() -> None:
     names = ("c", "a", "b")
-    assert itinerary(names, "given", loops=2) == names * 2
-    assert itinerary(names, "sorted") == ("a", "b", "c")
-    tour = itinerary(names, "random", loops=50, seed=3)
-    assert tour == itinerary(names, "random", loops=50, seed=3)
-    assert tour != itinerary(names, "random", loops=50, seed=4)
+    assert visit_order(names, "given", loops=2) == names * 2
+    assert visit_order(names, "sorted") == ("a", "b", "c")
+    tour = visit_order(names, "random", loops=50, seed=3)
+    assert tour == visit_order(names, "random", loops=50, seed=3)
+    assert tour != visit_order(names, "random", loops=50, seed=4)
     assert all(a != b for a, b in itertools.pairwise(tour))
     assert all(set(tour[i : i + 3]) == set(names) for i in range(0, 150, 3))
-    assert itinerary(("a",), "random", loops=2) == ("a", "a")
+    assert visit_order(("a",), "random", loops=2) == ("a", "a")
 
 
 START = Pose2D(2.0, 7.45, 0.0)

@@ -105,7 +105,7 @@ def measure(scenario: Scenario, overhead: float) -> tuple[list[float], list[floa
         began = clock()
         tick(now)
         spent = clock() - began - watch.spent - watch.calls * overhead
-        (driving if move_base.turn.local_plan is not None else others).append(spent / 1e3)
+        (driving if move_base.last_tick.local_plan is not None else others).append(spent / 1e3)
 
     move_base.tick = timed_tick  # type: ignore[method-assign]
     gc.disable()

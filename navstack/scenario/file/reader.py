@@ -21,7 +21,7 @@ from navstack.parameters.sources import Source
 from navstack.parameters.tree import Space, overlay
 from navstack.parameters.unused import nearest
 from navstack.parameters.yaml_reader import DictNode, ListNode, Node, ScalarNode, plain, read_yaml
-from navstack.places import PlacesFile, itinerary, pose_of, read_places
+from navstack.places import Places, load_places, pose_of, visit_order
 from navstack.scenario.file.models import MOTIONS, Settings, Success, Tour
 from navstack.sim.shapes import Shape
 
@@ -101,7 +101,7 @@ class ScenarioReader:
         self.readable = not any(f.severity == "error" for f in read.findings)
         self.parts = Parts()
         self._binder = Binder(self.findings, of_ros=False)
-        self._named: PlacesFile | None = None
+        self._named: Places | None = None
 
     def read(self) -> Parts:
         """Goes through every section; whatever is wrong is among the findings afterwards."""
@@ -217,7 +217,7 @@ class ScenarioReader:
             )
             return
         try:
-            self._named = read_places(file)
+            self._named = load_places(file)
         except InputError as exc:
             self._from_error(exc, at, "places")
             return
@@ -312,9 +312,9 @@ class ScenarioReader:
         if start is not None:
             parts.start_at = start.at
             parts.start = self._pose(start, "start")
-        elif self._named is not None and self._named.start is not None:
+        elif self._named is not None and self._named.start_pose is not None:
             parts.start_at = self.root.at
-            parts.start = self._named.start
+            parts.start = self._named.start_pose
         else:
             self.say("missing", self.root.at, "start", f"start is missing; add `start: {_POSE}`")
         both = [key for key in ("goals", "tour") if key in self.root.items]
@@ -325,9 +325,9 @@ class ScenarioReader:
             self._goals(self.root.items["goals"][1])
         elif both == ["tour"]:
             self._tour(self.root.items["tour"][1])
-        elif self._named is not None and self._named.goals:
-            names = self._named.goals
-            parts.goals = tuple(self._named.places[name] for name in names)
+        elif self._named is not None and self._named.goal_names:
+            names = self._named.goal_names
+            parts.goals = self._named.goals
             parts.goal_names = names
             parts.goals_at = (self.root.at,) * len(names)
         else:
@@ -385,7 +385,7 @@ class ScenarioReader:
             return
         parts.tour = tour
         parts.tour_names = names
-        parts.goal_names = itinerary(names, tour.order, loops=tour.loops, seed=parts.settings.seed)
+        parts.goal_names = visit_order(names, tour.order, loops=tour.loops, seed=parts.settings.seed)
         parts.goals = tuple(parts.places[name] for name in parts.goal_names)
         parts.goals_at = (node.at,) * len(parts.goals)
 

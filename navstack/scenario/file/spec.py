@@ -37,7 +37,7 @@ from navstack.parameters.configuration import Configuration, check_parameters, l
 from navstack.parameters.findings import Finding, finding, in_order
 from navstack.parameters.sources import Source
 from navstack.parameters.yaml_reader import read_yaml
-from navstack.places import itinerary
+from navstack.places import visit_order
 from navstack.scenario.file.models import Settings, Success
 from navstack.scenario.file.reader import Parts, ScenarioReader
 from navstack.scenario.file.start import touched_at_start
@@ -134,7 +134,7 @@ class ScenarioSpec:
         )
         names, poses = parts.goal_names, parts.goals
         if parts.tour is not None:
-            names = itinerary(parts.tour_names, parts.tour.order, loops=parts.tour.loops, seed=seed)
+            names = visit_order(parts.tour_names, parts.tour.order, loops=parts.tour.loops, seed=seed)
             poses = tuple(parts.places[name] for name in names)
         if goals is not None:
             names, poses = (), tuple(goals)

@@ -8,9 +8,9 @@ from collections.abc import Callable
 from navstack.core import RobotState, Window
 from navstack.core.errors import InternalError, NavError
 from navstack.interfaces import ControlInput, CostmapServer, Plan, Robot
-from navstack.move_base import guards
-from navstack.move_base.feedback import Turn
+from navstack.move_base import plugin_calls
 from navstack.move_base.schedule import Schedule
+from navstack.move_base.tick_result import TickResult
 
 DEFAULT_UPDATE_FREQUENCY = 5.0
 """Hz; costmap_2d's, for costmap servers that have no word on it."""
@@ -19,7 +19,7 @@ Warn = Callable[[float, str, NavError | None], None]
 """Tells whoever listens: time (s), text, the error behind it."""
 
 
-class Senses:
+class CostmapUpdater:
     """Both costmaps, their schedules and the robot that feeds them. Failures are warnings, and held against the costmap."""
 
     def __init__(
@@ -74,47 +74,47 @@ class Senses:
             self.restart(now)
         self.on = on
 
-    def forgive(self, now: float) -> None:
+    def retry_failed(self, now: float) -> None:
         """A costmap that failed is due at once, to have its chance before a goal is judged by it."""
         if self.global_error is not None:
             self._global_update.restart(now)
         if self.local_error is not None:
             self._local_update.restart(now)
 
-    def sense(self, now: float, turn: Turn) -> None:
+    def observe(self, now: float, result: TickResult) -> None:
         """Hands what the robot has seen to both costmaps."""
         try:
             scans = tuple(self.robot.scans())
         except Exception as exc:
-            self._warn(now, f"no scans from the robot: {said(exc)}", None)
+            self._warn(now, f"no scans from the robot: {describe(exc)}", None)
             return
-        turn.scans = scans
+        result.scans = scans
         for data in scans:
             for costmap in self._costmaps:
                 try:
                     costmap.observe(data)
                 except Exception as exc:
-                    self._warn(now, f"{costmap.name} cannot use a message of {data.topic}: {said(exc)}", None)
+                    self._warn(now, f"{costmap.name} cannot use a message of {data.topic}: {describe(exc)}", None)
 
-    def update(self, now: float, turn: Turn) -> None:
+    def update(self, now: float, result: TickResult) -> None:
         """Updates the costmaps that are due."""
         if not self.on:
             return
         if self._global_update.is_due(now):
             self._global_update.advance(now)
-            turn.global_window, self.global_error = self._updated(self.global_costmap, now, self.global_error)
+            result.global_window, self.global_error = self._updated(self.global_costmap, now, self.global_error)
         if self._local_update.is_due(now):
             self._local_update.advance(now)
-            turn.local_window, self.local_error = self._updated(self.local_costmap, now, self.local_error)
+            result.local_window, self.local_error = self._updated(self.local_costmap, now, self.local_error)
 
-    def silence(self, now: float) -> tuple[bool, NavError | None]:
+    def staleness(self, now: float) -> tuple[bool, NavError | None]:
         """True while the local costmap cannot be trusted, and why, where that is not a sensor that is silent."""
         if self.local_error is not None:
             return True, self.local_error
         try:
             return not self.local_costmap.is_current(now), None
         except Exception as exc:
-            return True, guards.internal(self.local_costmap.name, exc)
+            return True, plugin_calls.internal(self.local_costmap.name, exc)
 
     def local_state(self, now: float) -> RobotState:
         """Pose in the local costmap's frame, velocity as the robot says; raises NavError."""
@@ -125,7 +125,7 @@ class Senses:
         except NavError:
             raise
         except Exception as exc:
-            raise guards.internal("the robot", exc) from exc
+            raise plugin_calls.internal("the robot", exc) from exc
         velocity = state.velocity
         if not pose.is_finite() or not velocity.is_finite():
             raise InternalError(
@@ -147,7 +147,7 @@ class Senses:
         except NavError:
             raise
         except Exception as exc:
-            raise guards.internal("the robot's frames", exc) from exc
+            raise plugin_calls.internal("the robot's frames", exc) from exc
         return ControlInput(state, costmap.master, costmap.footprint, transform)
 
     def _updated(
@@ -158,13 +158,13 @@ class Senses:
         except NavError as exc:
             error: NavError = exc
         except Exception as exc:
-            error = guards.internal(costmap.name, exc)
+            error = plugin_calls.internal(costmap.name, exc)
         if before is None:
             self._warn(now, f"{costmap.name} could not be updated: {error.message}", error)
         return None, error
 
 
-def said(problem: Exception) -> str:
+def describe(problem: Exception) -> str:
     """What an exception has to say."""
     return str(problem) or type(problem).__name__
 

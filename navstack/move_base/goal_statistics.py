@@ -8,7 +8,7 @@ from navstack.core import Pose2D
 from navstack.core.errors import NavError
 
 
-class Tally:
+class GoalStatistics:
     """Counts per goal."""
 
     def __init__(self) -> None:

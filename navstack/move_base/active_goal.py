@@ -9,19 +9,19 @@ from navstack.core import Pose2D
 from navstack.core.errors import InternalError, NavError, PlanningError
 from navstack.move_base.errors import GoalCanceledError, InvalidGoalError, ShutdownError
 from navstack.move_base.goal import Goal, GoalHandle, GoalResult
+from navstack.move_base.goal_statistics import GoalStatistics
 from navstack.move_base.goal_status import GoalStatus
 from navstack.move_base.state_machine import Outcome
-from navstack.move_base.tally import Tally
 
 
 @dataclass(slots=True)
-class Mission:
+class ActiveGoal:
     """Everything that belongs to the goal being worked on."""
 
     handle: GoalHandle
     deadline: float = math.inf
     """When its time limit is over, s."""
-    tally: Tally = field(default_factory=Tally)
+    statistics: GoalStatistics = field(default_factory=GoalStatistics)
     pose: Pose2D | None = None
     """The goal in the global costmap's frame; None while it cannot be transformed."""
     error: NavError | None = None
@@ -37,33 +37,33 @@ class Mission:
 
     def reason(self, outcome: Outcome, now: float) -> NavError:
         """The error behind an outcome other than REACHED."""
-        tally = self.tally
+        statistics = self.statistics
         match outcome:
             case Outcome.CANCELED:
                 return GoalCanceledError(f"the goal was cancelled after {self.age(now):.1f} s")
             case Outcome.NO_PLAN:
-                return tally.last_planning or PlanningError("the global planner found no plan")
+                return statistics.last_planning or PlanningError("the global planner found no plan")
             case Outcome.NO_CONTROL:
-                return tally.last_control or NavError("the local planner found no command")
+                return statistics.last_control or NavError("the local planner found no command")
             case Outcome.KILLED:
                 return ShutdownError("the goal manager was shut down")
             case _:
-                return self.error or tally.last or InternalError("nobody said why; please report this")
+                return self.error or statistics.last or InternalError("nobody said why; please report this")
 
     def result(self, status: GoalStatus, text: str, error: NavError | None, now: float) -> GoalResult:
         """The result the goal ends with at `now` (s); `error` is None for success."""
-        tally = self.tally
-        data = tally.as_data()
+        statistics = self.statistics
+        data = statistics.as_data()
         message = ""
         code, name = 0, "NONE"
         if error is not None:
             code, name = error.code, error.name
             data["error"] = error.as_dict()
-            counted = tally.by_name.get(name, 0)
+            counted = statistics.by_name.get(name, 0)
             message = error.message
             if counted > 1:
                 message += f" ({counted} times"
-                message += f"; recoveries tried: {', '.join(tally.recoveries)})" if tally.recoveries else ")"
+                message += f"; recoveries tried: {', '.join(statistics.recoveries)})" if statistics.recoveries else ")"
         return GoalResult(
             status,
             text,
@@ -71,7 +71,7 @@ class Mission:
             name,
             message,
             data,
-            tuple(tally.recoveries),
+            tuple(statistics.recoveries),
             self.handle.goal.stamp,
             self.handle.accepted_at,
             now,

@@ -1,4 +1,4 @@
-"""The texts of move_base and actionlib, to the letter: clients compare them.
+"""The status_messages of move_base and actionlib, to the letter: clients compare them.
 
 Source: move_base/src/move_base.cpp, actionlib/include/actionlib/server/{action_server_base,simple_action_server_imp}.h.
 """
@@ -19,7 +19,7 @@ NOT_FINISHED: Final = (
     "did not"
 )
 
-# move_base: status texts
+# move_base: status status_messages
 REACHED: Final = "Goal reached."
 CANCELED: Final = ""
 BAD_QUATERNION: Final = "Aborting on goal because it was sent with an invalid quaternion"

@@ -9,7 +9,7 @@ from navstack.costmap.mask_layers import SpeedMaskLayer
 from navstack.interfaces import CostmapServer, LocalPlanner
 
 
-class SpeedMasks:
+class SpeedLimiter:
     """Those of the costmaps' layers that limit the speed. Without any, asking costs nothing.
 
     As Nav2's SpeedFilter: percents are of the planner's full speed, the lowest of all limits counts, and a limit of 0 is none.
@@ -29,7 +29,7 @@ class SpeedMasks:
         self.limit: float | None = None
         """m/s in force; None for none."""
 
-    def heed(self, now: float, *, slowed: bool) -> bool:
+    def apply(self, now: float, *, slowed: bool) -> bool:
         """Sets the limit of where the robot stands at `now` (s); True when it is another than before.
 
         `slowed`: a recovery behaviour may hold limits of its own; a lower one is left to it. Raises FrameError.
