@@ -10,11 +10,11 @@ from navstack.core import Footprint, FrameTree, Listener, OccupancyGrid, Pose2D,
 from navstack.core.errors import InputError, PlanningError, StartOccupiedError, StartOutsideMapError
 from navstack.core.poses import require_pose
 from navstack.costmap import LayeredCostmap, LayerSpec
-from navstack.costmap.occupied import with_layer
 from navstack.costmap.reconfigure import apply_reconfigure, check_reconfigure
 from navstack.interfaces import GlobalPlanner, Plan, Robot
 from navstack.map_io import load_mask
 from navstack.move_base import MoveBase
+from navstack.move_base.occupied_cell import add_layer
 from navstack.parameters.configuration import Configuration, CostmapConfiguration, PluginChoice
 from navstack.sim import Shape, SimulatedRobot, World
 
@@ -218,5 +218,5 @@ def plan_on_map(
             costmap.master, start, goal, footprint=costmap.footprint, keep_potential=keep_potential
         )
     except PlanningError as error:
-        raise with_layer(costmap, error) from None
+        raise add_layer(costmap, error) from None
     return PlannedPath(plan, costmap, choice.name)

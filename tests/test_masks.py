@@ -176,9 +176,9 @@ def test_costmaps_read_their_masks_themselves(tmp_path: Path) -> None:
     configuration = nav.load_configuration(["turtlebot", parameters])
     robot = simulated_robot(configuration, room(), Pose2D(1, 2, 0))
     costmap = build_costmap("local_costmap", configuration.local_costmap, robot.frames, None)
-    limit = costmap.speed_limit(4.0, 2.0)
-    assert limit is not None and limit.of(0.5) == pytest.approx(0.15)
-    assert costmap.speed_limit(2.0, 2.0) is None
+    assert costmap.limits_speed
+    assert costmap.speed_limit(4.0, 2.0, 0.5) == pytest.approx(0.15)
+    assert costmap.speed_limit(2.0, 2.0, 0.5) is None
 
 
 def test_a_mask_and_a_recovery_share_the_limits(tmp_path: Path) -> None:

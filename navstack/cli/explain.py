@@ -78,7 +78,7 @@ def _print_cell(explained: CellExplanation) -> None:
     subjects = [("", told)] + ([("its obstacle: ", told.obstacle)] if told.obstacle is not None else [])
     for lead, subject in subjects:
         for i, share in enumerate(subject.layers):
-            says = share.says.text if share.says is not None else "no account"
+            says = share.explanation.text if share.explanation is not None else "no account"
             change = f"{share.before} -> {share.after}" if share.after != share.before else str(share.after)
             last = i == len(subject.layers) - 1
             table.add_row(escape(lead + share.layer), change, escape(says), end_section=last)

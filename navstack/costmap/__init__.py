@@ -12,21 +12,18 @@ from navstack.costmap.mask_layers import (
 )
 from navstack.costmap.observation_buffer import ObservationBuffer, ObservationSourceParams
 from navstack.costmap.obstacle_layer import ObstacleLayer, ObstacleLayerParams
-from navstack.costmap.provenance import CellProvenance, LayerShare
 from navstack.costmap.range_sensor_layer import RangeSensorLayer, RangeSensorLayerParams
 from navstack.costmap.static_layer import StaticLayer, StaticLayerParams
 from navstack.costmap.voxel_layer import VoxelLayer, VoxelLayerParams
 from navstack.parameters.models.costmap import CostmapParams
 
 __all__ = [
-    "CellProvenance",
     "CostmapParams",
     "DenoiseLayer",
     "DenoiseLayerParams",
     "InflationLayer",
     "InflationLayerParams",
     "KeepoutMaskLayer",
-    "LayerShare",
     "LayerSpec",
     "LayeredCostmap",
     "MaskLayerParams",

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from navstack.core import FREE, LETHAL, Bounds, Costmap, GridGeometry, Pose2D, Window
 from navstack.core.parameters import ParamModel, param
-from navstack.interfaces import Layer, LayerContext, LayerSays
+from navstack.interfaces import CellExplanation, Layer, LayerContext
 from navstack.plugins import LAYERS
 
 
@@ -67,7 +67,7 @@ class DenoiseLayer(Layer):
         inside = (slice(window.y0 - y0, window.y1 - y0), slice(window.x0 - x0, window.x1 - x0))
         around[inside][small[groups[inside]]] = FREE
 
-    def explain(self, ix: int, iy: int, master: Costmap) -> LayerSays:
+    def explain(self, ix: int, iy: int, master: Costmap) -> CellExplanation:
         """What it would do."""
         del ix, iy, master
-        return LayerSays(None, f"drops obstacles of fewer than {self.params.minimal_group_size} cells")
+        return CellExplanation(None, f"drops obstacles of fewer than {self.params.minimal_group_size} cells")

@@ -28,7 +28,7 @@ from navstack.core import (
 from navstack.core.parameters import ParamModel, param
 from navstack.costmap import _kernels
 from navstack.costmap.regions import EVERYWHERE
-from navstack.interfaces import Layer, LayerContext, LayerSays
+from navstack.interfaces import CellExplanation, Layer, LayerContext
 from navstack.plugins import LAYERS
 
 MAX_CELLS = 253
@@ -169,17 +169,17 @@ class InflationLayer(Layer):
         write = unknown & (costs >= self._unknown_from)
         old[write] = costs[write]
 
-    def explain(self, ix: int, iy: int, master: Costmap) -> LayerSays:
+    def explain(self, ix: int, iy: int, master: Costmap) -> CellExplanation:
         """The nearest lethal cell and what its distance costs."""
         nearest = nearest_lethal(master.data, ix, iy, self.radius_cells)
         if nearest is None:
-            return LayerSays(0, f"no obstacle within {self.params.inflation_radius:g} m")
+            return CellExplanation(0, f"no obstacle within {self.params.inflation_radius:g} m")
         resolution = master.geometry.resolution
         distance = math.hypot(nearest[0] - ix, nearest[1] - iy) * resolution
         cost = int(inflation_cost(distance, self.inscribed_radius, self.params.cost_scaling_factor))
         x, y = master.geometry.cell_to_world(*nearest)
         where = "in this cell" if distance == 0.0 else f"{distance:.3f} m away at ({x:.3f}, {y:.3f})"
-        return LayerSays(
+        return CellExplanation(
             cost,
             f"the nearest obstacle is {where}; inscribed radius {self.inscribed_radius:.3f} m, {describe_cost(cost)}",
             data={"obstacle": [x, y], "obstacle_cell": list(nearest), "distance_m": distance},

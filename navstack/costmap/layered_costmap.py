@@ -24,12 +24,11 @@ from navstack.core import (
 from navstack.core.errors import InputError, InternalError
 from navstack.core.frames import clean_frame
 from navstack.costmap import _kernels
-from navstack.costmap.mask_layers import SpeedLimit, SpeedMaskLayer
-from navstack.costmap.provenance import CellProvenance, explain_cell
+from navstack.costmap.provenance import explain_cell
 from navstack.costmap.reconfigure import apply_reconfigure, check_reconfigure
 from navstack.costmap.regions import shift_cells, window_shift
 from navstack.costmap.static_layer import StaticLayer
-from navstack.interfaces import Layer, LayerContext
+from navstack.interfaces import CellProvenance, Layer, LayerContext
 from navstack.parameters.models.costmap import CostmapParams
 
 NOTHING: Final = Bounds()
@@ -92,6 +91,7 @@ class LayeredCostmap:
             )
             self._layers.append(spec.cls(spec.params, context))
         self._listeners = [x for x in self._layers if type(x).observe is not Layer.observe]
+        self._limiters = [x for x in self._layers if type(x).speed_limit is not Layer.speed_limit]
         geometry = self._initial_geometry()
         self.master = Costmap(geometry, frame=self.frame)
         self.master.data.fill(self.default_cost)
@@ -163,17 +163,36 @@ class LayeredCostmap:
         """False when a layer's sensor is silent for too long."""
         return all(layer.is_current(now) for layer in self._layers)
 
-    def explain_cell(self, x: float, y: float) -> CellProvenance:
-        """Which layer and which source set the cell at a world point (m), when, and what every layer says there.
+    def explain(self, ix: int, iy: int) -> CellProvenance:
+        """Explain which layer and observation source set the cost of a cell, and when; see `explain_cell`.
 
-        Raises InputError for a point off the costmap. Updates pay nothing for it: the layers are asked to write the
-        cell's surroundings once more, into a copy.
+        Computed on request only: the layers write the cell's surroundings once more, into a copy.
         """
-        return explain_cell(self, x, y)
+        return explain_cell(self, ix, iy)
 
-    def speed_limit(self, x: float, y: float) -> SpeedLimit | None:
-        """The lowest limit that a speed mask sets at a point (m); None without."""
-        limits = [layer.limit_at(x, y) for layer in self._layers if isinstance(layer, SpeedMaskLayer)]
+    def explain_cell(self, x: float, y: float) -> CellProvenance:
+        """Explain the cell at a point (m) of the costmap's frame. Raises InputError for a point outside the costmap."""
+        cell = self.master.geometry.world_to_cell(x, y)
+        if cell is None:
+            left, right, bottom, top = self.master.geometry.extent
+            raise InputError(
+                f"({x:g}, {y:g}) is outside {self.name}, which covers x {left:.2f} .. {right:.2f}, "
+                f"y {bottom:.2f} .. {top:.2f} m",
+                at=[x, y],
+            )
+        return explain_cell(self, *cell)
+
+    @property
+    def limits_speed(self) -> bool:
+        """True if a layer may limit the speed."""
+        return bool(self._limiters)
+
+    def speed_limit(self, x: float, y: float, max_speed: float) -> float | None:
+        """Return the lowest speed limit (m/s) of all layers at a point (m); None without a limit.
+
+        `max_speed` (m/s) is the robot's unlimited speed, for limits in percent.
+        """
+        limits = [layer.speed_limit(x, y, max_speed) for layer in self._limiters]
         return min((limit for limit in limits if limit is not None), default=None)
 
     # --- changes ------------------------------------------------------------------------------------------------------

@@ -16,7 +16,7 @@ from navstack.core.parameters import ParamModel, param
 from navstack.costmap import _kernels
 from navstack.costmap.regions import EVERYWHERE
 from navstack.costmap.static_layer import cell_affine, map_from_frame
-from navstack.interfaces import Layer, LayerContext, LayerSays
+from navstack.interfaces import CellExplanation, Layer, LayerContext
 from navstack.plugins import LAYERS
 
 
@@ -129,12 +129,12 @@ class KeepoutMaskLayer(_MaskLayer):
         affine = cell_affine(self._to_mask(), master.geometry, self.mask.geometry)
         _kernels.look_up_map(master.data, self._costs, *window, affine, True)
 
-    def explain(self, ix: int, iy: int, master: Costmap) -> LayerSays:
+    def explain(self, ix: int, iy: int, master: Costmap) -> CellExplanation:
         """The value of the mask there."""
         value = self.value_at(*master.geometry.cell_to_world(ix, iy))
         if value is None:
-            return LayerSays(None, "the mask says nothing here")
-        return LayerSays(
+            return CellExplanation(None, "the mask says nothing here")
+        return CellExplanation(
             round(value * LETHAL / 100.0), f"the mask says {value}", source="mask", data={"mask_value": value}
         )
 
@@ -164,12 +164,17 @@ class SpeedMaskLayer(_MaskLayer):
             return None
         return SpeedLimit(limit, percent)
 
-    def explain(self, ix: int, iy: int, master: Costmap) -> LayerSays:
+    def speed_limit(self, x: float, y: float, max_speed: float) -> float | None:
+        """Return the limit (m/s) at a point (m) of the costmap's frame; None without a limit. As in Nav2, 0 is no limit."""
+        limit = self.limit_at(x, y)
+        return None if limit is None or limit.value == 0.0 else limit.of(max_speed)
+
+    def explain(self, ix: int, iy: int, master: Costmap) -> CellExplanation:
         """The limit there."""
         limit = self.limit_at(*master.geometry.cell_to_world(ix, iy))
         if limit is None:
-            return LayerSays(None, "no speed limit here")
-        return LayerSays(None, f"speed limit {limit.value:g} {'%' if limit.percent else 'm/s'}", source="mask")
+            return CellExplanation(None, "no speed limit here")
+        return CellExplanation(None, f"speed limit {limit.value:g} {'%' if limit.percent else 'm/s'}", source="mask")
 
 
 def mask_costs(mask: OccupancyGrid) -> NDArray[np.uint8]:

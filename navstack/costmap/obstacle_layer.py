@@ -16,7 +16,7 @@ from navstack.costmap.convex_parts import convex_parts
 from navstack.costmap.mark_log import MarkLog
 from navstack.costmap.observation_buffer import Observation, ObservationBuffer, ObservationSourceParams
 from navstack.costmap.regions import forget_region, shift_cells, window_shift
-from navstack.interfaces import Layer, LayerContext, LayerSays
+from navstack.interfaces import CellExplanation, Layer, LayerContext
 from navstack.plugins import LAYERS
 
 OVERWRITE, MAXIMUM = 0, 1
@@ -205,7 +205,7 @@ class ObstacleLayer(Layer):
             buffer.restart()
         return cleared
 
-    def explain(self, ix: int, iy: int, master: Costmap) -> LayerSays:
+    def explain(self, ix: int, iy: int, master: Costmap) -> CellExplanation:
         """Which source marked or freed the cell, and when, as far as it is remembered."""
         del master
         cost = int(self.costs[iy, ix])
@@ -213,18 +213,18 @@ class ObstacleLayer(Layer):
         if cost == LETHAL:
             known = self.log.look_up(self.serial_at(ix, iy))
             if known is None:
-                return LayerSays(cost, "marked by an observation that is no longer remembered", data=data)
+                return CellExplanation(cost, "marked by an observation that is no longer remembered", data=data)
             source, stamp = known
-            return LayerSays(cost, f'marked by "{source}" at {stamp:.3f} s', source, stamp, data)
+            return CellExplanation(cost, f'marked by "{source}" at {stamp:.3f} s', source, stamp, data)
         if cost == UNKNOWN:
-            return LayerSays(None, "nobody has looked, or it was cleared", data=data)
+            return CellExplanation(None, "nobody has looked, or it was cleared", data=data)
         for buffer in self._clearing:
             for seen in buffer.observations:
                 if self._passes(seen, ix, iy):
-                    return LayerSays(
+                    return CellExplanation(
                         cost, f'freed by "{buffer.name}" at {seen.stamp:.3f} s', buffer.name, seen.stamp, data
                     )
-        return LayerSays(cost, "free by default, under the robot, or freed by an earlier observation", data=data)
+        return CellExplanation(cost, "free by default, under the robot, or freed by an earlier observation", data=data)
 
     def is_current(self, now: float) -> bool:
         """False when a source with an expected_update_rate is silent for longer."""

@@ -18,7 +18,7 @@ from navstack.core.parameters import ParamModel, param
 from navstack.costmap import _kernels
 from navstack.costmap.regions import forget_region, shift_cells, window_shift
 from navstack.costmap.sensor_timeout import Silence
-from navstack.interfaces import Layer, LayerContext, LayerSays
+from navstack.interfaces import CellExplanation, Layer, LayerContext
 from navstack.plugins import LAYERS
 
 PENDING = 50
@@ -128,12 +128,12 @@ class RangeSensorLayer(Layer):
         """Fed by sensors."""
         return True
 
-    def explain(self, ix: int, iy: int, master: Costmap) -> LayerSays:
+    def explain(self, ix: int, iy: int, master: Costmap) -> CellExplanation:
         """The probability there."""
         del master
         chance = int(self.costs[iy, ix]) / LETHAL
         said = LETHAL if chance > self.params.mark_threshold else 0 if chance < self.params.clear_threshold else None
-        return LayerSays(said, f"occupied with probability {chance:.2f}", data={"probability": chance})
+        return CellExplanation(said, f"occupied with probability {chance:.2f}", data={"probability": chance})
 
     def _said(self, window: Window) -> NDArray[np.uint8]:
         out = np.full(self.costs.shape, UNKNOWN, np.uint8)

@@ -26,7 +26,7 @@ from navstack.core.errors import InputError
 from navstack.core.parameters import ParamModel, param
 from navstack.costmap import _kernels
 from navstack.costmap.regions import EVERYWHERE
-from navstack.interfaces import Layer, LayerContext, LayerSays
+from navstack.interfaces import CellExplanation, Layer, LayerContext
 from navstack.plugins import LAYERS
 
 
@@ -129,15 +129,15 @@ class StaticLayer(Layer):
             self.params.use_maximum,
         )
 
-    def explain(self, ix: int, iy: int, master: Costmap) -> LayerSays:
+    def explain(self, ix: int, iy: int, master: Costmap) -> CellExplanation:
         """The value of the map there."""
         a = cell_affine(self._to_map(), master.geometry, self.map.geometry)
         column, row = math.floor(a[0] + a[1] * ix + a[2] * iy), math.floor(a[3] + a[4] * ix + a[5] * iy)
         if not self.map.geometry.contains_cell(column, row):
-            return LayerSays(None, "off the map")
+            return CellExplanation(None, "off the map")
         cost = int(self.costs[row, column])
         value = int(self.map.data[row, column])
-        return LayerSays(
+        return CellExplanation(
             cost,
             f"the map says {value} in its cell ({column}, {row}): {describe_cost(cost)}",
             source="map",

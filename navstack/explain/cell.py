@@ -7,8 +7,8 @@ from typing import Any
 
 from navstack.core import FREE, UNKNOWN, Pose2D, describe_cost
 from navstack.core.errors import InputError
-from navstack.costmap.provenance import CellProvenance, LayerShare
 from navstack.explain.replay import Replay
+from navstack.interfaces import CellProvenance, LayerShare
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,9 +72,9 @@ def explain_cell_at(replayed: Replay, x: float, y: float, *, costmap: str = "glo
 def distance_of(told: CellProvenance) -> float | None:
     """Distance to the obstacle whose inflation the cell shows (m); None when it shows none."""
     share = _setter(told)
-    if told.obstacle is None or share is None or share.says is None:
+    if told.obstacle is None or share is None or share.explanation is None:
         return None
-    return float(share.says.data["distance_m"])
+    return float(share.explanation.data["distance_m"])
 
 
 def verdict_on(told: CellProvenance) -> str:
@@ -90,7 +90,11 @@ def verdict_on(told: CellProvenance) -> str:
 
 def _cause(told: CellProvenance, cost: int) -> str:
     if cost == FREE:
-        said = [f"{s.layer}: {s.says.text}" for s in told.layers if s.says is not None and s.says.cost == FREE]
+        said = [
+            f"{s.layer}: {s.explanation.text}"
+            for s in told.layers
+            if s.explanation is not None and s.explanation.cost == FREE
+        ]
         return "; ".join(said) or "no layer wrote here, and free is the default"
     share = _setter(told)
     if share is None:
@@ -106,12 +110,12 @@ def _cause(told: CellProvenance, cost: int) -> str:
 
 def _marked(share: LayerShare) -> str:
     """`obstacle_layer marked from "scan" at 12.300 s`."""
-    says = share.says
-    if says is None or says.source is None:
-        return f"{share.layer} wrote" + (f" ({says.text})" if says is not None else "")
-    if says.stamp is None:
-        return f"{share.layer} took from the {says.source}"
-    return f'{share.layer} marked from "{says.source}" at {says.stamp:.3f} s'
+    found = share.explanation
+    if found is None or found.source is None:
+        return f"{share.layer} wrote" + (f" ({found.text})" if found is not None else "")
+    if found.stamp is None:
+        return f"{share.layer} took from the {found.source}"
+    return f'{share.layer} marked from "{found.source}" at {found.stamp:.3f} s'
 
 
 def _setter(told: CellProvenance) -> LayerShare | None:

@@ -1,9 +1,10 @@
-"""Abstract base classes of everything that can be plugged in, and the values they exchange.
+"""Abstract base classes of all kinds of plugins, and the values that they exchange.
 
-Parameters come by constructor, data by argument, failures by exception (`navstack.core.errors`).
+Parameters are passed to the constructor, data as arguments, failures as exceptions (`navstack.core.errors`).
 """
 
-from navstack.interfaces.costmap import CostmapServer, Layer, LayerContext, LayerSays
+from navstack.interfaces.cell_explanation import CellExplanation, CellProvenance, LayerShare
+from navstack.interfaces.costmap import CostmapServer, Layer, LayerContext
 from navstack.interfaces.global_planner import GlobalPlanner, Plan
 from navstack.interfaces.local_planner import (
     ControlInput,
@@ -18,13 +19,15 @@ from navstack.interfaces.recovery import RecoveryBehavior, RecoveryContext, Reco
 from navstack.interfaces.robot import Robot
 
 __all__ = [
+    "CellExplanation",
+    "CellProvenance",
     "ControlInput",
     "CostmapServer",
     "Critic",
     "GlobalPlanner",
     "Layer",
     "LayerContext",
-    "LayerSays",
+    "LayerShare",
     "LocalPlan",
     "LocalPlanner",
     "Plan",

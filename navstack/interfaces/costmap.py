@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
 from navstack.core import (
@@ -19,41 +19,27 @@ from navstack.core import (
     Window,
 )
 from navstack.core.parameters import ParamModel
+from navstack.interfaces.cell_explanation import CellExplanation, CellProvenance
 
 
 @dataclass(frozen=True, slots=True)
 class LayerContext:
-    """What a layer may know of the costmap it belongs to."""
+    """The costmap that a layer belongs to, as far as the layer needs it."""
 
     name: str
-    """The layer's instance name, which is also its namespace: `inflation_layer`."""
+    """Instance name of the layer, which is also the namespace of its parameters: `inflation_layer`."""
     frame: str
     """The costmap's global frame."""
     frames: FrameTree
     footprint: Footprint
-    """As padded by the costmap."""
+    """The robot's footprint, with the costmap's padding."""
     rolling_window: bool = False
     track_unknown_space: bool = False
-    """The costmap's own setting, which obstacle layers take as their default."""
+    """The costmap's setting, the default of obstacle layers."""
     static_map: OccupancyGrid | None = None
-    """The map of map_server, None when the robot has none."""
+    """The map of map_server; None without a map."""
     read_map: Callable[[str], OccupancyGrid] | None = None
-    """Reads a map file by its path (`navstack.map_io.load_mask`), for layers that name one in their parameters."""
-
-
-@dataclass(frozen=True, slots=True)
-class LayerSays:
-    """What a layer has to say about one cell, and on whose word."""
-
-    cost: int | None
-    """The cost the layer itself holds there; None when it says nothing."""
-    text: str
-    """In words."""
-    source: str | None = None
-    """The observation source behind it."""
-    stamp: float | None = None
-    """When that source saw it (s)."""
-    data: dict[str, Any] = field(default_factory=dict[str, Any])
+    """Reads a map file by its path (`navstack.map_io.load_mask`), for layers with a map file in their parameters."""
 
 
 class Layer(ABC):
@@ -61,7 +47,7 @@ class Layer(ABC):
 
     Params: ClassVar[type[ParamModel]]
     LIVE: ClassVar[frozenset[str]] = frozenset()
-    """The parameters that may change while the layer is at work, by `set_params`."""
+    """Parameters that `set_params` may change at run time."""
 
     def __init__(self, params: Any, context: LayerContext) -> None:
         self.params = params
@@ -69,62 +55,70 @@ class Layer(ABC):
         self.name = context.name
 
     def set_params(self, params: Any) -> None:
-        """Other parameters, which differ in `LIVE` and `live_parts` only; the costmap is written anew after it."""
+        """Replace the parameters at run time. They differ in `LIVE` and `live_parts` only; a rewrite of the costmap follows."""
         self.params = params
 
     def live_parts(self, params: Any) -> frozenset[str]:
-        """Parameters beyond `LIVE` of which only such parts differ in `params` as may change: nested ones."""
+        """Return nested parameters, in addition to `LIVE`, whose differences in `params` may be applied at run time."""
         del params
         return frozenset()
 
     @abstractmethod
     def match_size(self, geometry: GridGeometry) -> None:
-        """The master grid has (had) this geometry from now on: allocate. Called before anything else."""
+        """Allocate for a master grid of this geometry. Called before anything else, and after each change of the size."""
 
     def shift_to(self, geometry: GridGeometry) -> None:
-        """The rolling window moved by whole cells to `geometry`; keep what overlaps. For layers that hold cells."""
+        """Move the layer's cells to `geometry`, by whole cells, and keep the overlap (rolling window)."""
         del geometry
 
     @abstractmethod
     def update_bounds(self, robot: Pose2D, now: float, bounds: Bounds) -> Bounds:
-        """Takes in what was observed; returns `bounds` (m) grown to hold every cell that may change."""
+        """Process the observations; return `bounds` (m) grown to contain every cell that may change."""
 
     @abstractmethod
     def update_costs(self, master: Costmap, window: Window) -> None:
-        """Writes this layer's costs into the window of the master grid."""
+        """Write the costs of this layer into the window of the master grid."""
 
     def observe(self, data: SensorData) -> bool:
-        """Offers a sensor message; True when a source of this layer takes it (by topic)."""
+        """Receive a sensor message; return True if an observation source of this layer accepts it (by topic)."""
         del data
         return False
 
     def reset(self, region: Bounds | None = None, *, invert: bool = False) -> int:
-        """Forgets what was observed in `region` (m), outside it with `invert`, everywhere when None: cells cleared."""
+        """Clear the observations in `region` (m), outside it with `invert`, everywhere if None; return the cells cleared."""
         del region, invert
         return 0
 
     def is_current(self, now: float) -> bool:
-        """False when an expected sensor is silent for too long at `now` (s)."""
+        """Return False if an expected sensor has timed out at `now` (s)."""
         del now
         return True
 
-    def explain(self, ix: int, iy: int, master: Costmap) -> LayerSays | None:
-        """What this layer says about a cell of `master`, and why; computed on request only. None: nothing to add."""
+    def explain(self, ix: int, iy: int, master: Costmap) -> CellExplanation | None:
+        """Explain this layer's cost of a cell of `master`; None without an explanation. Computed on request only."""
         del ix, iy, master
+        return None
+
+    def speed_limit(self, x: float, y: float, max_speed: float) -> float | None:
+        """Return the speed limit (m/s) at a point (m) of the costmap's frame; None without a limit.
+
+        `max_speed` (m/s) is the robot's unlimited speed, for limits in percent.
+        """
+        del x, y, max_speed
         return None
 
     @property
     def clearable(self) -> bool:
-        """True for layers fed by sensors: what clear_costmap_recovery clears when no layer is named (parity 18)."""
+        """True for layers with sensor data, which clear_costmap_recovery clears if no layer is named (parity 18)."""
         return False
 
     def set_footprint(self, footprint: Footprint) -> None:
-        """The robot's outline changed."""
+        """Replace the robot's footprint."""
         del footprint
 
 
 class CostmapServer(Protocol):
-    """A layered costmap as recovery behaviours and the goal manager see it (`navstack.costmap.LayeredCostmap`)."""
+    """A layered costmap as recovery behaviors and the goal manager see it (`navstack.costmap.LayeredCostmap`)."""
 
     name: str
     frame: str
@@ -134,25 +128,41 @@ class CostmapServer(Protocol):
 
     @property
     def layers(self) -> Sequence[Layer]:
-        """In the order in which they write."""
+        """The layers, in the order in which they write."""
+        ...
+
+    @property
+    def limits_speed(self) -> bool:
+        """True if a layer may limit the speed. Otherwise `speed_limit` need not be called."""
         ...
 
     def observe(self, data: SensorData) -> None:
-        """Hands a sensor message to every layer that listens to its topic."""
+        """Pass a sensor message to every layer that listens to its topic."""
         ...
 
     def robot_pose(self, now: float | None = None) -> Pose2D:
-        """The robot in this costmap's frame; raises FrameError."""
+        """Return the robot's pose in this costmap's frame at `now` (s), or the newest. Raises FrameError."""
         ...
 
     def update(self, now: float) -> Window:
-        """One update around the robot's present pose; the window of cells that was rewritten."""
+        """Update around the robot's pose at `now` (s); return the window of rewritten cells."""
         ...
 
     def is_current(self, now: float) -> bool:
-        """False when a layer's sensor is silent for too long."""
+        """Return False if a sensor of a layer has timed out at `now` (s)."""
         ...
 
     def reset(self) -> int:
-        """Resets every layer (move_base's clear_costmaps): cells cleared."""
+        """Reset every layer (move_base's clear_costmaps); return the cells cleared."""
+        ...
+
+    def explain(self, ix: int, iy: int) -> CellProvenance | None:
+        """Explain which layer and observation source set the cost of a cell; None if the costmap has no explanation."""
+        ...
+
+    def speed_limit(self, x: float, y: float, max_speed: float) -> float | None:
+        """Return the lowest speed limit (m/s) of all layers at a point (m) of the costmap's frame; None without a limit.
+
+        `max_speed` (m/s) is the robot's unlimited speed, for limits in percent.
+        """
         ...

@@ -11,9 +11,9 @@ import numpy as np
 
 from navstack.core import Bounds, Path, Pose2D
 from navstack.core.errors import FrameError, InputError, PlanningError
-from navstack.costmap.occupied import with_layer
 from navstack.interfaces import CostmapServer, GlobalPlanner, Plan
 from navstack.move_base import plugin_calls
+from navstack.move_base.occupied_cell import add_layer
 from navstack.parameters.models.move_base import MoveBaseParams
 
 
@@ -64,7 +64,7 @@ def make_plan(
             path = Path(np.vstack((path.poses, [tuple(goal)])), path.frame)
         note = f"the goal itself cannot be reached ({refused.name}); planned to {offset:.2f} m from it"
         return Plan(path, plan.cost, near, offset, plan.cells_expanded, plan.potential, (*plan.notes, note))
-    raise with_layer(costmap, refused)
+    raise add_layer(costmap, refused)
 
 
 def rings(goal: Pose2D, resolution: float, tolerance: float) -> list[tuple[Pose2D, float]]:

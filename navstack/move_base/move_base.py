@@ -15,7 +15,6 @@ from navstack.core import Event, Listener, Path, Pose2D, RobotState, Twist2D
 from navstack.core.errors import InputError, InternalError, NavError, PlanningTimeoutError
 from navstack.core.frames import clean_frame
 from navstack.core.poses import require_pose
-from navstack.costmap.occupied import with_layer
 from navstack.interfaces import (
     ControlInput,
     CostmapServer,
@@ -43,6 +42,7 @@ from navstack.move_base.feedback import Feedback, distance_remaining
 from navstack.move_base.goal import Goal, GoalHandle, Quaternion, yaw_of
 from navstack.move_base.goal_status import GoalStatus
 from navstack.move_base.make_plan import make_plan
+from navstack.move_base.occupied_cell import add_layer
 from navstack.move_base.plan_schedule import PlanSchedule
 from navstack.move_base.planning import InlinePlanning, PlanAnswer, Planning, PlanRequest
 from navstack.move_base.progress import Progress, ProgressChecker
@@ -684,7 +684,7 @@ class MoveBase:
         if answer.plan is not None and answer.plan.path.frame == self.global_costmap.frame:
             self._found_plan(active, answer.plan, now)
         elif answer.error is not None:
-            self._failed_plan(active, with_layer(self.global_costmap, answer.error), now)
+            self._failed_plan(active, add_layer(self.global_costmap, answer.error), now)
 
     def _found_plan(self, active: ActiveGoal, plan: Plan, now: float) -> None:
         active.statistics.plans += 1

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from navstack.costmap.mask_layers import SpeedMaskLayer
 from navstack.interfaces import CostmapServer, LocalPlanner
 
 
@@ -17,11 +16,7 @@ class SpeedLimiter:
 
     def __init__(self, costmaps: Sequence[CostmapServer], planner: LocalPlanner) -> None:
         self._planner = planner
-        self._masks = [
-            (costmap, layers)
-            for costmap in costmaps
-            if (layers := [layer for layer in costmap.layers if isinstance(layer, SpeedMaskLayer)])
-        ]
+        self._masks = [costmap for costmap in costmaps if costmap.limits_speed]
         limits = planner.limits if self._masks else None
         self._full = (
             0.0 if limits is None else min(limits.max_vel_trans, math.hypot(limits.max_vel_x, limits.max_vel_y))
@@ -51,10 +46,9 @@ class SpeedLimiter:
 
     def _limit(self, now: float) -> float | None:
         lowest = math.inf
-        for costmap, layers in self._masks:
+        for costmap in self._masks:
             pose = costmap.robot_pose(now)
-            for layer in layers:
-                limit = layer.limit_at(pose.x, pose.y)
-                if limit is not None and limit.value > 0.0:
-                    lowest = min(lowest, limit.of(self._full))
+            limit = costmap.speed_limit(pose.x, pose.y, self._full)
+            if limit is not None:
+                lowest = min(lowest, limit)
         return lowest if lowest < self._full else None

@@ -278,8 +278,8 @@ def test_who_set_a_cell(voxel: bool) -> None:
     assert (marked.cost, marked.set_by, marked.source, marked.stamp) == (254, "obstacle_layer", "scan", 3.0)
     assert marked.updated_at == 4.0
     assert [s.after for s in marked.layers] == [0, 254, 254]
-    assert marked.layers[0].says is not None
-    assert marked.layers[0].says.data["map_value"] == 0
+    assert marked.layers[0].explanation is not None
+    assert marked.layers[0].explanation.data["map_value"] == 0
     near = costmap.explain_cell(1.35, 0.05)
     assert (near.set_by, near.source, near.stamp) == ("inflation_layer", "scan", 3.0)
     assert near.obstacle is not None
@@ -291,7 +291,7 @@ def test_who_set_a_cell(voxel: bool) -> None:
     assert (free.cost, free.set_by) == (0, None)
     assert 'marked by "scan" at 3.000 s' in marked.text
     assert near.as_dict()["obstacle"]["set_by"] == "obstacle_layer"
-    with pytest.raises(InputError, match="is off global_costmap, which covers"):
+    with pytest.raises(InputError, match="is outside global_costmap, which covers"):
         costmap.explain_cell(10.0, 0.0)
 
 
@@ -307,8 +307,8 @@ def test_explaining_changes_nothing() -> None:
     np.testing.assert_array_equal(layer.costs, before[1])  # type: ignore[attr-defined]
     assert costmap.window == before[2]
     freed = costmap.explain_cell(0.5, 0.0)
-    assert freed.layers[0].says is not None
-    assert freed.layers[0].says.text == 'freed by "scan" at 0.000 s'
+    assert freed.layers[0].explanation is not None
+    assert freed.layers[0].explanation.text == 'freed by "scan" at 0.000 s'
 
 
 def test_old_marks_never_claim_a_new_time() -> None:
@@ -324,5 +324,5 @@ def test_old_marks_never_claim_a_new_time() -> None:
         layer._sign(layer.buffers[0])
     told = costmap.explain_cell(1.0, 0.0)
     assert (told.cost, told.source, told.stamp) == (254, None, None)
-    assert told.layers[0].says is not None
-    assert "no longer remembered" in told.layers[0].says.text
+    assert told.layers[0].explanation is not None
+    assert "no longer remembered" in told.layers[0].explanation.text

