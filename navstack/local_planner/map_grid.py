@@ -9,16 +9,16 @@ from numpy.typing import NDArray
 
 from navstack.core import Costmap, Pose2D
 from navstack.interfaces import Rollouts, ScoringContext
-from navstack.local_planner._grid_kernels import (
+from navstack.local_planner._map_grid_kernels import (
     BLOCKED,
     WAVE_SIZE,
-    centre_scores,
+    center_scores,
     nose_scores,
     queue_length,
     run_wave,
     start_wave,
 )
-from navstack.local_planner.cells import RolloutCells
+from navstack.local_planner.rollouts import RolloutCells
 
 
 @dataclass(slots=True, eq=False)
@@ -56,7 +56,7 @@ class MapGrid:
         out = np.where(reached, d, np.where((d == BLOCKED) & beside, g.nx * g.ny, g.nx * g.ny + 1))
         return out[1:-1, 1:-1].astype(np.float64)
 
-    def at_centre(
+    def at_center(
         self, rollouts: Rollouts, cells: RolloutCells, alive: NDArray[np.bool_], out: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """(K,) value at each trajectory's last point; -4, -3, -2 where one is off the map, in an obstacle, not reached.
@@ -64,7 +64,7 @@ class MapGrid:
         `cells`: those of the rollouts on this costmap. `out` (K,) is written where `alive`, and returned.
         """
         g = self.costmap.geometry
-        centre_scores(self.distances, self.queue, self.wave, g.nx, g.ny, cells.ringed, rollouts.counts, alive, out)
+        center_scores(self.distances, self.queue, self.wave, g.nx, g.ny, cells.ringed, rollouts.counts, alive, out)
         return out
 
     def at_nose(
@@ -96,7 +96,7 @@ class MapGrid:
         return out
 
 
-class GridBuffer:
+class MapGridBuilder:
     """Memory for one grid, kept from cycle to cycle."""
 
     def __init__(self) -> None:
@@ -139,7 +139,7 @@ class GridBuffer:
         return MapGrid(self._distances, self._queue, wave, costmap, np.array(start))
 
 
-def shared_path_grid(context: ScoringContext, buffer: GridBuffer) -> MapGrid:
+def shared_path_grid(context: ScoringContext, buffer: MapGridBuilder) -> MapGrid:
     """The grid of distances to the plan: built by the first critic that asks, used by the others."""
     grid = context.shared.get("path_grid")
     if grid is None:

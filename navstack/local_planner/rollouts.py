@@ -1,14 +1,14 @@
-"""Sampled velocities and their simulated trajectories, in buffers that are used again every cycle."""
+"""The cells of the points of trajectories, shared by the critics of one cycle."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Pose2D, Twist2D
 from navstack.core.errors import InputError
-from navstack.interfaces import Rollouts, VelocityLimits
-from navstack.local_planner._rollout_kernels import roll_out, sample_velocities
+from navstack.core.grid import GridGeometry
+from navstack.interfaces import Rollouts, ScoringContext
+from navstack.local_planner._rollout_kernels import point_cells
 
 MAX_POINTS = 20_000_000
 """More points a cycle than this (about half a gigabyte) is a mistake in the granularities or the limits."""
@@ -25,118 +25,54 @@ def check_points(samples: int, longest: int) -> None:
         )
 
 
-def velocity_window(velocity: Twist2D, limits: VelocityLimits, horizon: float) -> NDArray[np.float64]:
-    """(3, 2) lowest and highest vx, vy, wz that can be reached within `horizon` (s) and are within the limits.
+class RolloutCells:
+    """Cells of K trajectories of at most T points, in memory that is kept from cycle to cycle."""
 
-    A robot faster or slower than its limits allow gets the nearest limit alone.
-    """
-    vx, vy, wz = velocity
-    return np.array(
-        (
-            _reachable(vx, limits.min_vel_x, limits.max_vel_x, limits.acc_lim_x * horizon),
-            _reachable(vy, limits.min_vel_y, limits.max_vel_y, limits.acc_lim_y * horizon),
-            _reachable(wz, -limits.max_vel_theta, limits.max_vel_theta, limits.acc_lim_theta * horizon),
+    def __init__(self) -> None:
+        self._memory = np.empty((2, 0), np.int32)
+        self._poses: NDArray[np.float64] | None = None
+        self._geometry: GridGeometry | None = None
+        self.flat: NDArray[np.int32] = np.empty((0, 0), np.int32)
+        """(K, T) `iy * nx + ix`; -1 off the map."""
+        self.ringed: NDArray[np.int32] = np.empty((0, 0), np.int32)
+        """(K, T) the same in a grid with a ring of one cell around it (`MapGrid.distances`)."""
+        self.boxes: NDArray[np.int32] = np.empty((0, 4), np.int32)
+        """(K, 4) lowest ix, iy and highest ix, iy of a row's points; the lowest are negative where one is off the map."""
+
+    def forget(self) -> None:
+        """A new cycle: what was computed counts no more."""
+        self._poses = None
+
+    def compute(self, rollouts: Rollouts, geometry: GridGeometry) -> RolloutCells:
+        """Itself, of these trajectories; computed once until `forget`."""
+        if self._poses is rollouts.poses and self._geometry is geometry:
+            return self
+        k, t = rollouts.poses.shape[:2]
+        if self._memory.shape[1] < k * t:
+            self._memory = np.empty((2, k * t), np.int32)
+        if len(self.boxes) != k:
+            self.boxes = np.empty((k, 4), np.int32)
+        self.flat, self.ringed = (part[: k * t].reshape(k, t) for part in self._memory)
+        g = geometry
+        self.box = point_cells(
+            rollouts.poses,
+            rollouts.counts,
+            g.nx,
+            g.ny,
+            g.origin_x,
+            g.origin_y,
+            g.resolution,
+            self.flat,
+            self.ringed,
+            self.boxes,
         )
-    )
+        self._poses, self._geometry = rollouts.poses, g
+        return self
 
 
-def _reachable(value: float, low: float, high: float, change: float) -> tuple[float, float]:
-    bottom, top = max(low, value - change), min(high, value + change)
-    if bottom > top:
-        # ROS differs: C++ samples between the two, outside the limits (a vy of 0.001 for a robot that cannot strafe)
-        bottom = top = min(max(value, low), high)
-    return bottom, top
-
-
-class Simulator:
-    """Samples velocities on a lattice and simulates each for `sim_time` (s)."""
-
-    def __init__(
-        self,
-        numbers: tuple[int, int, int],
-        sim_time: float,
-        granularity: float,
-        angular_granularity: float,
-        *,
-        accelerate: bool,
-    ) -> None:
-        self.numbers = numbers
-        self.sim_time = sim_time
-        self.granularity = granularity
-        self.angular_granularity = angular_granularity
-        self.accelerate = accelerate
-        widest = [max(2, n) + 1 for n in numbers]
-        capacity = widest[0] * widest[1] * widest[2]
-        self._scratch = np.empty((3, max(widest)))
-        self._samples = np.empty((capacity, 3))
-        self._commands = np.empty((capacity, 3))
-        self._counts = np.empty(capacity, np.int64)
-        self._points = np.empty(0)
-        self._limits: VelocityLimits | None = None
-        self._limits_array = np.empty(6)
-
-    def lattice(self, window: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Velocities (K, 3) of the window, in C++'s order; valid until the next call."""
-        count = sample_velocities(window, *self.numbers, self._scratch, self._samples)
-        return self._samples[:count]
-
-    def run(self, samples: NDArray[np.float64], pose: Pose2D, velocity: Twist2D, limits: VelocityLimits) -> Rollouts:
-        """Trajectories of `samples` (K, 3) from `pose`; valid until the next call.
-
-        A sample that is too slow on both counts, or too fast, has no points.
-        """
-        k = len(samples)
-        if k > len(self._counts):
-            self._commands = np.empty((k, 3))
-            self._counts = np.empty(k, np.int64)
-        counts = self._counts[:k]
-        commands = self._commands[:k]
-        longest = self._roll_out(samples, pose, velocity, limits, counts, commands)
-        size = k * longest * 3
-        if size > len(self._points):
-            check_points(k, longest)
-            self._points = np.empty(size)
-            self._roll_out(samples, pose, velocity, limits, counts, commands)
-        return Rollouts(commands, self._points[:size].reshape(k, longest, 3), counts)
-
-    def _roll_out(
-        self,
-        samples: NDArray[np.float64],
-        pose: Pose2D,
-        velocity: Twist2D,
-        limits: VelocityLimits,
-        counts: NDArray[np.int64],
-        commands: NDArray[np.float64],
-    ) -> int:
-        if limits is not self._limits:
-            self._limits = limits
-            self._limits_array = np.array(
-                (
-                    limits.acc_lim_x,
-                    limits.acc_lim_y,
-                    limits.acc_lim_theta,
-                    limits.min_vel_trans,
-                    limits.max_vel_trans,
-                    limits.min_vel_theta,
-                ),
-                np.float64,
-            )
-        x, y, yaw = pose
-        vx, vy, wz = velocity
-        return roll_out(
-            samples,
-            float(x),
-            float(y),
-            float(yaw),
-            float(vx),
-            float(vy),
-            float(wz),
-            self._limits_array,
-            self.sim_time,
-            self.granularity,
-            self.angular_granularity,
-            self.accelerate,
-            counts,
-            commands,
-            self._points,
-        )
+def shared_cells(context: ScoringContext, rollouts: Rollouts) -> RolloutCells:
+    """The cells of `rollouts`: computed for the first critic that asks, used by the others."""
+    cells: RolloutCells | None = context.shared.get("cells")
+    if cells is None:
+        cells = context.shared["cells"] = RolloutCells()
+    return cells.compute(rollouts, context.costmap.geometry)

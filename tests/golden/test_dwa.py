@@ -19,9 +19,9 @@ from navstack.core import Costmap, Footprint, GridGeometry, Path, Pose2D, RobotS
 from navstack.core.errors import NoValidControlError
 from navstack.interfaces import LocalPlan
 from navstack.local_planner import DWAParams, DWAPlanner
-from navstack.local_planner._outline_kernels import perimeter_cost
-from navstack.local_planner._rollout_kernels import axis_values
+from navstack.local_planner._footprint_kernels import perimeter_cost
 from navstack.local_planner.critics import DEFAULT_CRITICS
+from navstack.local_planner.dwa._generator_kernels import axis_values
 from tests.conftest import golden_files
 
 RAW_RELATIVE = 1e-6

@@ -19,7 +19,7 @@ from navstack.local_planner import DWAParams, DWAPlanner
 from navstack.local_planner.critics import DEFAULT_CRITICS, ObstacleCritic, OscillationCritic
 from navstack.local_planner.critics.obstacle import ObstacleParams
 from navstack.local_planner.critics.oscillation import OscillationParams
-from navstack.local_planner.rollouts import velocity_window
+from navstack.local_planner.dwa.generator import velocity_window
 from navstack.local_planner.stop_rotate import braking_twist, turning_twist
 from navstack.plugins import CRITICS
 
@@ -174,7 +174,7 @@ def test_a_costly_cell_under_the_centre_hides_no_collision(dot: int) -> None:
     critic.prepare(ScoringContext(at(Pose2D(x, y)).state, costmap, FOOTPRINT, LINE, Pose2D(1.0, 0.0), limits))
     assert critic.score(rollouts, np.ones(2, np.bool_)).tolist() == [-6.0, dot]
     # the outline comes over the cell it has left behind a step before the wall
-    assert critic.first_contact.tolist() == [4 if dot >= LETHAL else 5, -1]
+    assert critic.first_collision.tolist() == [4 if dot >= LETHAL else 5, -1]
 
 
 def test_local_goal_in_an_inscribed_cell_moves_back_along_the_plan() -> None:

@@ -14,8 +14,8 @@ from navstack.core import LETHAL, Costmap, Footprint, GridGeometry, Path, Pose2D
 from navstack.core.errors import NoValidControlError
 from navstack.interfaces import ControlInput
 from navstack.local_planner import TrajectoryPlanner, TrajectoryPlannerParams
-from navstack.local_planner._toward_kernels import free_outline, heading_differences
-from navstack.local_planner.trajectory_rollout import y_speeds
+from navstack.local_planner.trajectory_rollout._kernels import clear_footprint, heading_errors
+from navstack.local_planner.trajectory_rollout.params import y_speeds
 
 FOOTPRINT = Footprint.from_radius(0.18)
 LINE = np.column_stack((np.linspace(0.0, 1.5, 31), np.zeros(31), np.zeros(31)))
@@ -150,13 +150,13 @@ def test_heading_difference_ends_at_walls() -> None:
     costs = np.zeros((20, 20), np.uint8)
     plan = np.array([[0.05, 0.55, 0.0], [0.95, 0.55, 0.0], [0.95, 0.95, 0.0]])
     pose, alive, out = np.array([[0.05, 0.05, 0.0]]), np.ones(1, np.bool_), np.zeros(1)
-    heading_differences(costs, 0.0, 0.0, 0.05, plan, pose, alive, out)
+    heading_errors(costs, 0.0, 0.0, 0.05, plan, pose, alive, out)
     assert out[0] == pytest.approx(math.pi / 4, abs=0.03)
     costs[5, 3:] = LETHAL
-    heading_differences(costs, 0.0, 0.0, 0.05, plan, pose, alive, out)
+    heading_errors(costs, 0.0, 0.0, 0.05, plan, pose, alive, out)
     assert out[0] == pytest.approx(math.pi / 2, abs=0.06)
     costs[5, :] = LETHAL
-    heading_differences(costs, 0.0, 0.0, 0.05, plan, pose, alive, out)
+    heading_errors(costs, 0.0, 0.0, 0.05, plan, pose, alive, out)
     assert math.isinf(out[0])
 
 
@@ -168,12 +168,12 @@ def test_simple_attractor_goes_straight_for_the_end() -> None:
 def test_cells_under_the_robot_are_passable() -> None:
     costs = np.full((40, 40), LETHAL, np.uint8)
     lows, highs = np.empty(40, np.int64), np.empty(40, np.int64)
-    free_outline(costs, -1.0, -1.0, 0.05, FOOTPRINT.vertices, np.array([0.0, 0.0, 0.3]), lows, highs)
+    clear_footprint(costs, -1.0, -1.0, 0.05, FOOTPRINT.vertices, np.array([0.0, 0.0, 0.3]), lows, highs)
     free = np.argwhere(costs < 253)
     assert (costs[18:22, 18:22] == 252).all()
     assert 3.14 * 3.6**2 * 0.8 < len(free) < 3.14 * 4.6**2 * 1.2
     off = np.full((40, 40), LETHAL, np.uint8)
-    free_outline(off, -1.0, -1.0, 0.05, FOOTPRINT.vertices, np.array([0.95, 0.0, 0.0]), lows, highs)
+    clear_footprint(off, -1.0, -1.0, 0.05, FOOTPRINT.vertices, np.array([0.95, 0.0, 0.0]), lows, highs)
     assert (off == LETHAL).all()
 
 

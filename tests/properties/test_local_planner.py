@@ -14,17 +14,17 @@ from navstack.core import Costmap, Footprint, GridGeometry, Path, Pose2D, RobotS
 from navstack.core.errors import ControlError, InvalidPathError, NoValidControlError
 from navstack.interfaces import ControlInput, LocalPlan, LocalPlanner, Rollouts, ScoringContext
 from navstack.local_planner import DWAParams, DWAPlanner
-from navstack.local_planner._obstacle_kernels import highest_around
-from navstack.local_planner._outline_kernels import perimeter_cost
-from navstack.local_planner.cells import RolloutCells
+from navstack.local_planner._footprint_kernels import perimeter_cost
 from navstack.local_planner.critics import ObstacleCritic, OscillationCritic
-from navstack.local_planner.critics._grid_critic import GridCritic
-from navstack.local_planner.default_critics import Scorer
-from navstack.local_planner.dwa import make_critics
-from navstack.local_planner.map_grid import GridBuffer
-from navstack.local_planner.rollouts import Simulator, velocity_window
+from navstack.local_planner.critics._map_grid_critic import MapGridCritic
+from navstack.local_planner.critics._obstacle_kernels import highest_around
+from navstack.local_planner.dwa.fused_scoring import Scorer
+from navstack.local_planner.dwa.generator import Simulator, velocity_window
+from navstack.local_planner.dwa.planner import make_critics
+from navstack.local_planner.map_grid import MapGridBuilder
+from navstack.local_planner.rejection_report import first_lethal_cell
+from navstack.local_planner.rollouts import RolloutCells
 from navstack.local_planner.scoring import ScoreTable, score
-from navstack.local_planner.verdict import cell_hit
 from navstack.plugins import LOCAL_PLANNERS
 
 PLANNERS = [entry.name for entry in LOCAL_PLANNERS]
@@ -110,7 +110,7 @@ def check(planner: LocalPlanner, plan: LocalPlan, measured: Twist2D) -> None:
 def check_outlines(planner: LocalPlanner, plan: LocalPlan, footprint: Footprint, costmap: Costmap, seed: int) -> None:
     """Never a legal verdict for an outline on a lethal or unknown cell, or off the map: of the winner, and of some others.
 
-    Against the walk of `verdict.cell_hit`, in Python. Where it backs out, the outline may stand where it stood.
+    Against the walk of `verdict.first_lethal_cell`, in Python. Where it backs out, the outline may stand where it stood.
     """
     if plan.mode not in ("follow", "rotate_to_goal", "brake") or plan.best < 0:
         return
@@ -121,7 +121,7 @@ def check_outlines(planner: LocalPlanner, plan: LocalPlan, footprint: Footprint,
         for row in told["poses"][k, : told["counts"][k]].tolist():
             pose = Pose2D(*row)
             assert all(costmap.cost_at(float(x), float(y)) is not None for x, y in footprint.at(pose))
-            assert cell_hit(costmap, footprint, pose, 1.0) is None
+            assert first_lethal_cell(costmap, footprint, pose, 1.0) is None
 
 
 @pytest.mark.parametrize("name", PLANNERS)
@@ -206,14 +206,14 @@ def test_a_wave_that_stops_and_goes_on_gives_the_same_scores(
     points[:, :, 1] += g.origin_y
     rollouts = Rollouts(np.zeros((12, 3)), points, rng.integers(1, 5, 12))
     alive = np.ones(12, np.bool_)
-    grid = GridBuffer().build(costmap, line, robot, last_only=last_only)
+    grid = MapGridBuilder().build(costmap, line, robot, last_only=last_only)
     cells = RolloutCells().compute(rollouts, g)
     ahead = 0.05 if nose else 0.0
 
     def scored() -> np.ndarray[Any, Any]:
         if nose:
             return grid.at_nose(rollouts, cells, alive, ahead, np.empty(12))
-        return grid.at_centre(rollouts, cells, alive, np.empty(12))
+        return grid.at_center(rollouts, cells, alive, np.empty(12))
 
     lazy = scored()
     whole = grid.values()
@@ -239,8 +239,8 @@ def test_a_wave_steered_towards_the_robot_has_the_distances_of_one_in_all_direct
 ) -> None:
     g = costmap.geometry
     end = np.array([[g.origin_x + at[0] * g.width_m * 0.999, g.origin_y + at[1] * g.height_m * 0.999, 0.0]])
-    steered = GridBuffer().build(costmap, end, robot, last_only=True)
-    everywhere = GridBuffer().build(costmap, end, robot, last_only=False)
+    steered = MapGridBuilder().build(costmap, end, robot, last_only=True)
+    everywhere = MapGridBuilder().build(costmap, end, robot, last_only=False)
     assert steered.seeds == everywhere.seeds
     np.testing.assert_array_equal(steered.values(), everywhere.values())
 
@@ -321,7 +321,7 @@ def test_the_seven_critics_at_once_say_what_they_say_one_by_one(data: st.DataObj
         for one, other in zip(at_once, one_by_one, strict=True):
             assert one.scale == other.scale
             if isinstance(one, ObstacleCritic) and isinstance(other, ObstacleCritic) and one.scale != 0.0:
-                np.testing.assert_array_equal(one.first_contact, other.first_contact)
-            if isinstance(one, GridCritic) and isinstance(other, GridCritic):
+                np.testing.assert_array_equal(one.first_collision, other.first_collision)
+            if isinstance(one, MapGridCritic) and isinstance(other, MapGridCritic):
                 assert one.grid is not None and other.grid is not None
                 np.testing.assert_array_equal(one.grid.values(), other.grid.values())

@@ -35,10 +35,12 @@ from navstack.core.errors import ControlError
 from navstack.interfaces import ControlInput, LocalPlanner, Rollouts, ScoringContext
 from navstack.local_planner import DWAParams, DWAPlanner
 from navstack.local_planner.critics import DEFAULT_CRITICS
-from navstack.local_planner.dwa import make_critics
+from navstack.local_planner.dwa.planner import make_critics
 from navstack.local_planner.scoring import score
-from navstack.local_planner.sequences import roll_out
 from navstack.plugins import CRITICS, LOCAL_PLANNERS
+
+sys.path.insert(0, str(FilePath(__file__).resolve().parents[2] / "examples" / "velocity_sequences"))
+from velocity_sequences import roll_out
 
 TURTLEBOT: dict[str, Any] = {
     "max_vel_trans": 0.5,

@@ -20,15 +20,15 @@ from unittest.mock import patch
 from navstack.bench.barn import barn_configuration, load_worlds, run_world
 from navstack.core import Pose2D
 from navstack.interfaces import Rollouts, ScoringContext
-from navstack.local_planner import trajectory_rollout
-from navstack.local_planner.getting_unstuck import Circles, Escape
+from navstack.local_planner.trajectory_rollout import planner as trajectory_rollout
+from navstack.local_planner.trajectory_rollout.escape import Escape, FullTurnDetector
 
 DATA = Path(os.environ.get("NAVSTACK_DATA") or Path(__file__).resolve().parents[3] / "shared" / "data")
 WAYS = ("circles", "check", "longer")
 CASES: tuple[tuple[str, ...], ...] = ((), ("circles",), ("check",), ("longer",), WAYS)
 
 
-def never_complete(self: Circles, pose: Pose2D, *, moved: bool) -> bool:
+def never_complete(self: FullTurnDetector, pose: Pose2D, *, moved: bool) -> bool:
     """No number of circles is enough."""
     del self, pose, moved
     return False
@@ -53,8 +53,10 @@ _begin = Escape.begin
 def without(ways: tuple[str, ...]) -> Iterator[None]:
     """Takes some of WAYS away."""
     with (
-        patch.object(Circles, "complete", never_complete if "circles" in ways else Circles.complete),
-        patch.object(trajectory_rollout, "way_out", whole_way if "check" in ways else trajectory_rollout.way_out),
+        patch.object(FullTurnDetector, "complete", never_complete if "circles" in ways else FullTurnDetector.complete),
+        patch.object(
+            trajectory_rollout, "backup_points", whole_way if "check" in ways else trajectory_rollout.backup_points
+        ),
         patch.object(Escape, "begin", always_short if "longer" in ways else Escape.begin),
     ):
         yield

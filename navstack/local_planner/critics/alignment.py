@@ -6,8 +6,8 @@ from typing import ClassVar
 
 from navstack.core.parameters import ParamModel, param
 from navstack.interfaces import ScoringContext
-from navstack.local_planner.critics._grid_critic import NOSE_CODES, GridCritic
-from navstack.local_planner.critics._scale import RosDistro, distance_scale
+from navstack.local_planner.critics._map_grid_critic import NOSE_CODES, MapGridCritic
+from navstack.local_planner.critics._weights import RosDistro, distance_scale
 from navstack.local_planner.map_grid import MapGrid, shared_path_grid
 from navstack.plugins import CRITICS
 
@@ -24,7 +24,7 @@ class AlignmentParams(ParamModel):
 
 
 @CRITICS.register("alignment")
-class AlignmentCritic(GridCritic):
+class AlignmentCritic(MapGridCritic):
     """Distance from the nose at the trajectory's last point to the plan.
 
     Skipped within `forward_point_distance` of the end of the plan in sight.

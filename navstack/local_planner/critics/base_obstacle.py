@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from navstack.core.parameters import ParamModel, param
 from navstack.interfaces import Critic, Rollouts, ScoringContext
-from navstack.local_planner._centre_kernels import centre_costs
-from navstack.local_planner.cells import shared_cells
+from navstack.local_planner.critics._base_obstacle_kernels import center_costs
+from navstack.local_planner.rollouts import shared_cells
 from navstack.plugins import CRITICS
 
 
@@ -53,5 +53,5 @@ class BaseObstacleCritic(Critic):
             self._out = np.empty(len(rollouts.counts))
         cells = shared_cells(self._context, rollouts)
         costs = self._context.costmap.data
-        centre_costs(costs, cells.flat, rollouts.counts, alive, self.params.sum_scores, self._out)
+        center_costs(costs, cells.flat, rollouts.counts, alive, self.params.sum_scores, self._out)
         return self._out

@@ -6,8 +6,8 @@ from typing import ClassVar
 
 from navstack.core.parameters import ParamModel, param
 from navstack.interfaces import ScoringContext
-from navstack.local_planner.critics._grid_critic import CENTRE_CODES, GridCritic
-from navstack.local_planner.critics._scale import RosDistro, distance_scale
+from navstack.local_planner.critics._map_grid_critic import CENTER_CODES, MapGridCritic
+from navstack.local_planner.critics._weights import RosDistro, distance_scale
 from navstack.local_planner.map_grid import MapGrid
 from navstack.plugins import CRITICS
 
@@ -22,11 +22,11 @@ class GoalParams(ParamModel):
 
 
 @CRITICS.register("goal")
-class GoalCritic(GridCritic):
+class GoalCritic(MapGridCritic):
     """Distance (cells, around obstacles) from the trajectory's last point to the plan's last cell in the window."""
 
     Params: ClassVar[type[ParamModel]] = GoalParams
-    CODES: ClassVar[dict[int, str]] = CENTRE_CODES
+    CODES: ClassVar[dict[int, str]] = CENTER_CODES
 
     def __init__(self, name: str, params: GoalParams) -> None:
         super().__init__(name, params)

@@ -8,8 +8,8 @@ from typing import ClassVar
 from navstack.core import Pose2D
 from navstack.core.parameters import ParamModel, param
 from navstack.interfaces import ScoringContext
-from navstack.local_planner.critics._grid_critic import NOSE_CODES, GridCritic
-from navstack.local_planner.critics._scale import RosDistro, distance_scale
+from navstack.local_planner.critics._map_grid_critic import NOSE_CODES, MapGridCritic
+from navstack.local_planner.critics._weights import RosDistro, distance_scale
 from navstack.local_planner.map_grid import MapGrid
 from navstack.plugins import CRITICS
 
@@ -25,7 +25,7 @@ class GoalFrontParams(ParamModel):
 
 
 @CRITICS.register("goal_front")
-class GoalFrontCritic(GridCritic):
+class GoalFrontCritic(MapGridCritic):
     """Distance from the nose at the trajectory's last point to the end of a plan that is pushed on past the goal.
 
     The plan's last pose is moved by `forward_point_distance` away from the robot.

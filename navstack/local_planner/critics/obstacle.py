@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from navstack.core.parameters import ParamModel, param
 from navstack.interfaces import Critic, Rollouts, ScoringContext
-from navstack.local_planner._obstacle_kernels import obstacle_scores
-from navstack.local_planner.cells import shared_cells
-from navstack.local_planner.critics._scale import RosDistro, obstacle_scale
+from navstack.local_planner.critics._obstacle_kernels import obstacle_scores
+from navstack.local_planner.critics._weights import RosDistro, obstacle_scale
+from navstack.local_planner.rollouts import shared_cells
 from navstack.plugins import CRITICS
 
 
@@ -42,7 +42,7 @@ class ObstacleCritic(Critic):
         self._rows = np.empty((0, 0), np.uint8)
         self._bounds = np.empty((2, 0, 0), np.uint8)
         self._out = np.empty(0)
-        self.first_contact: NDArray[np.int64] = np.empty(0, np.int64)
+        self.first_collision: NDArray[np.int64] = np.empty(0, np.int64)
         """(K,) index of the first point that collides, -1 without; of the last call of `score`."""
 
     @property
@@ -55,9 +55,9 @@ class ObstacleCritic(Critic):
         p = self.params
         return obstacle_scale(p.occdist_scale, context.costmap.geometry.resolution, p.ros_distro)
 
-    def take(self, context: ScoringContext, scale: float, first_contact: NDArray[np.int64]) -> None:
+    def take(self, context: ScoringContext, scale: float, first_collision: NDArray[np.int64]) -> None:
         """What this cycle's scoring found, where it was not done by `score`."""
-        self._context, self._scale, self.first_contact = context, scale, first_contact
+        self._context, self._scale, self.first_collision = context, scale, first_collision
 
     def prepare(self, context: ScoringContext) -> None:
         """Takes the costmap and the outline of this cycle."""
@@ -75,8 +75,8 @@ class ObstacleCritic(Critic):
         k = len(rollouts.counts)
         if len(self._out) != k:
             self._out = np.empty(k)
-        if len(self.first_contact) != k:
-            self.first_contact = np.empty(k, np.int64)
+        if len(self.first_collision) != k:
+            self.first_collision = np.empty(k, np.int64)
         g = context.costmap.geometry
         p = self.params
         outline = context.footprint
@@ -101,7 +101,7 @@ class ObstacleCritic(Critic):
             self._bounds,
             cells.flat,
             self._out,
-            self.first_contact,
+            self.first_collision,
         )
         return self._out
 

@@ -257,7 +257,7 @@ def grid_value(distances, queue, wave, cell, width, size):
 
 
 @kernel
-def centre_scores(distances, queue, wave, nx, ny, cells, counts, alive, out):
+def center_scores(distances, queue, wave, nx, ny, cells, counts, alive, out):
     """Value of the grid at the last point of each trajectory that is alive.
 
     `cells` (K, T): each point's cell in the ringed grid. -4: a point off the map, -3: in an obstacle, -2: that cannot be

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from navstack.core import Pose2D
 
 
-class Side:
+class AxisFlags:
     """Positive and negative speeds of one axis: one that was chosen twice is the only one left."""
 
     def __init__(self) -> None:
@@ -32,12 +32,12 @@ class Side:
         self._chosen, self._only = [False, False], [False, False]
 
 
-class Directions:
+class OscillationFlags:
     """Of turns in place and of strafing: a way chosen twice without moving is the only one until the robot has moved."""
 
     def __init__(self) -> None:
-        self.turn = Side()
-        self.strafe = Side()
+        self.turn = AxisFlags()
+        self.strafe = AxisFlags()
         self.since = Pose2D(0.0, 0.0)
         """Where the last command was given that did not drive forward."""
 

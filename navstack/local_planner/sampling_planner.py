@@ -20,14 +20,14 @@ from navstack.interfaces import (
     ScoringContext,
     VelocityLimits,
 )
-from navstack.local_planner.cells import RolloutCells
 from navstack.local_planner.critics.obstacle import ObstacleCritic
 from navstack.local_planner.goal_checker import GoalChecker
 from navstack.local_planner.map_grid import MapGrid
-from navstack.local_planner.plan_view import PlanView
+from navstack.local_planner.path_handler import PathHandler
+from navstack.local_planner.rejection_report import rejection_details, rejection_report
+from navstack.local_planner.rollouts import RolloutCells
 from navstack.local_planner.scoring import ScoreTable, score
 from navstack.local_planner.stop_rotate import braking_twist, turning_twist
-from navstack.local_planner.verdict import no_valid_control, sample_accounts
 
 DEFAULT_PERIOD_S = 0.05
 """The control period without a controller_frequency."""
@@ -35,7 +35,7 @@ SAME_GOAL = 1e-6
 """Goals nearer than this (m, rad) are one goal."""
 
 
-class PlanFollower(LocalPlanner):
+class SamplingPlanner(LocalPlanner):
     """Follows a plan by `search`; at the goal's position brakes, then turns in place.
 
     Stateful between cycles: the plan, whether the goal's position has been reached.
@@ -60,7 +60,7 @@ class PlanFollower(LocalPlanner):
         self._latch = latch
         self._prune = prune
         self._period = 1.0 / controller_frequency if controller_frequency > 0.0 else DEFAULT_PERIOD_S
-        self._plan = PlanView()
+        self._plan = PathHandler()
         self._cells = RolloutCells()
         self._goal: Pose2D | None = None
         self._latched = False
@@ -202,7 +202,7 @@ class PlanFollower(LocalPlanner):
         )
         self._last = context, rollouts, table, plan
         if best < 0:
-            text, data = no_valid_control(
+            text, data = rejection_report(
                 table, self.critics, rollouts, samples, context.costmap, context.footprint, self.limits.max_vel_trans
             )
             raise NoValidControlError(text, **data, plan=plan)
@@ -216,7 +216,7 @@ class PlanFollower(LocalPlanner):
     def explain_last(self) -> dict[str, Any]:
         """Of the last search, legal or not; empty before the first and where the robot has arrived.
 
-        `plan` the LocalPlan with its table, `poses` (K, T, 3), `counts` (K,), `commands` (K, 3), `first_contact` (K,), `grids`
+        `plan` the LocalPlan with its table, `poses` (K, T, 3), `counts` (K,), `commands` (K, 3), `first_collision` (K,), `grids`
         by critic, `costmap` and `footprint` as the critics saw them, `rejections` in a sentence, `accounts`: per sample what
         rejected it and where, `rule`: how the planner chooses, where that is not simply the lowest total.
         """
@@ -226,7 +226,7 @@ class PlanFollower(LocalPlanner):
         critics = self.critics if plan.mode in ("follow", "escape") else [self._guard]
         samples = plan.samples if plan.samples is not None else rollouts.samples
         fastest = self.limits.max_vel_trans
-        text, _ = no_valid_control(table, critics, rollouts, samples, context.costmap, context.footprint, fastest)
+        text, _ = rejection_report(table, critics, rollouts, samples, context.costmap, context.footprint, fastest)
         grids: dict[str, NDArray[np.float64]] = {}
         for critic in self.critics:
             grid = getattr(critic, "grid", None)
@@ -236,13 +236,13 @@ class PlanFollower(LocalPlanner):
             "poses": rollouts.poses.copy(),
             "counts": rollouts.counts.copy(),
             "commands": rollouts.samples.copy(),
-            "first_contact": self._guard.first_contact.copy(),
+            "first_collision": self._guard.first_collision.copy(),
             "grids": grids,
             "plan": plan,
             "costmap": context.costmap,
             "footprint": context.footprint,
             "rejections": text,
-            "accounts": sample_accounts(table, critics, rollouts, context.costmap, context.footprint, fastest),
+            "accounts": rejection_details(table, critics, rollouts, context.costmap, context.footprint, fastest),
             "rule": self.rule,
         }
 
@@ -313,7 +313,7 @@ class PlanFollower(LocalPlanner):
         )
         self._last = context, rollouts, table, local
         if not legal:
-            text, data = no_valid_control(
+            text, data = rejection_report(
                 table,
                 [self._guard],
                 rollouts,

@@ -9,7 +9,7 @@ HITS, LEAVES = -6.0, -4.0  # the critic's codes
 
 
 @kernel
-def centre_costs(costs, cells, counts, alive, sum_scores, out):
+def center_costs(costs, cells, counts, alive, sum_scores, out):
     """Cost of each trajectory's last cell, or the sum of all its points'; HITS or LEAVES, whichever comes first.
 
     `cells` (K, T): flat, -1 off the map.

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from navstack.core.jit import kernel
-from navstack.local_planner._outline_kernels import between, outline_cost
+from navstack.local_planner._footprint_kernels import between, footprint_cost
 
 ILLEGAL = -6.0  # the critic's code
 
@@ -151,7 +151,7 @@ def obstacle_scores(
         done = -1
         if not sum_scores and cells[k, first] >= 0:
             x, y, yaw = poses[k, first, 0], poses[k, first, 1], poses[k, first, 2]
-            cost = outline_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, middles, scratch)
+            cost = footprint_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, middles, scratch)
             if cost < 254:  # a collision is found again below, in order, unless an earlier point collides
                 highest = max(cost, np.int64(flat[cells[k, first]]))
                 done = first
@@ -161,7 +161,7 @@ def obstacle_scores(
             cost = np.int64(256)
             if cells[k, i] >= 0:
                 x, y, yaw = poses[k, i, 0], poses[k, i, 1], poses[k, i, 2]
-                cost = outline_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, middles, scratch)
+                cost = footprint_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, middles, scratch)
             if cost >= 254:
                 where[k] = i
                 break

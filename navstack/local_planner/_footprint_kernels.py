@@ -33,7 +33,7 @@ def between(nx, out):
 
 
 @kernel
-def outline_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, middles, cells):
+def footprint_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, middles, cells):
     """The highest cost under the outline at a pose, 254 and more when it collides; 256 off the map.
 
     Each edge is walked cell by cell from one corner's cell to the next one's (Bresenham, the longer axis leading).
@@ -97,14 +97,14 @@ def perimeter_cost(costs, origin_x, origin_y, resolution, vertices, x, y, yaw, s
     middles = np.empty(25, np.int64)
     between(costs.shape[1], middles)
     cells = np.empty((2, number), np.int32)
-    highest = outline_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, middles, cells)
+    highest = footprint_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, middles, cells)
     if highest < 254:
         return highest
-    return collision_code(costs, origin_x, origin_y, resolution, corners, x, y, yaw)
+    return collision_reason(costs, origin_x, origin_y, resolution, corners, x, y, yaw)
 
 
 @kernel
-def collision_code(costs, origin_x, origin_y, resolution, corners, x, y, yaw):
+def collision_reason(costs, origin_x, origin_y, resolution, corners, x, y, yaw):
     """ON_LETHAL, ON_UNKNOWN or OFF_MAP: what the walk along the outline meets first, known to meet one of them."""
     ny, nx = costs.shape
     c, s = math.cos(yaw), math.sin(yaw)

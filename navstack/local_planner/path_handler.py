@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 from navstack.core import Path, Pose2D, Transform2D
 from navstack.core.errors import InvalidPathError
 from navstack.core.grid import GridGeometry
-from navstack.local_planner._plan_kernels import plan_in_sight
+from navstack.local_planner._path_kernels import transform_nearby_plan
 
 PRUNE_DISTANCE_M = 1.0
 """Leading poses farther from the robot than this are passed, says prunePlan."""
 
 
-class PlanView:
+class PathHandler:
     """Holds the plan being followed."""
 
     def __init__(self) -> None:
@@ -51,7 +51,7 @@ class PlanView:
         reach = 0.5 * max(geometry.nx, geometry.ny) * geometry.resolution
         robot_in_plan = robot if to_costmap.is_identity() else to_costmap.inverse().apply(robot)
         out = np.empty((len(plan) - self._begin, 3))
-        first, count = plan_in_sight(
+        first, count = transform_nearby_plan(
             plan, self._begin, robot_in_plan.x, robot_in_plan.y, reach, to_costmap.x, to_costmap.y, to_costmap.yaw, out
         )
         seen = out[:count]

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.interfaces import Critic, Rollouts, ScoringContext
-from navstack.local_planner.cells import shared_cells
-from navstack.local_planner.map_grid import GridBuffer, MapGrid
+from navstack.local_planner.map_grid import MapGrid, MapGridBuilder
+from navstack.local_planner.rollouts import shared_cells
 
-CENTRE_CODES = {
+CENTER_CODES = {
     -2: "passes a cell from which its target cannot be reached",
     -3: "passes an obstacle cell",
     -4: "leaves the map",
@@ -19,7 +19,7 @@ CENTRE_CODES = {
 NOSE_CODES = {-4: "its nose leaves the map"}
 
 
-class GridCritic(Critic):
+class MapGridCritic(Critic):
     """Distance (cells, around obstacles) from a trajectory's last point, or the nose there, to a target."""
 
     def __init__(self, name: str, params: object, *, ahead: float | None = None) -> None:
@@ -27,7 +27,7 @@ class GridCritic(Critic):
         super().__init__(name, params)
         self._ahead = ahead
         self._scale = 0.0
-        self._buffer = GridBuffer()
+        self._buffer = MapGridBuilder()
         self._out = np.empty(0)
         self._context: ScoringContext | None = None
         self.grid: MapGrid | None = None
@@ -61,5 +61,5 @@ class GridCritic(Critic):
             self._out = np.empty(len(rollouts.counts))
         cells = shared_cells(self._context, rollouts)
         if self._ahead is None:
-            return self.grid.at_centre(rollouts, cells, alive, self._out)
+            return self.grid.at_center(rollouts, cells, alive, self._out)
         return self.grid.at_nose(rollouts, cells, alive, self._ahead, self._out)

@@ -10,17 +10,17 @@ from numpy.typing import NDArray
 
 from navstack.core import RobotState
 from navstack.interfaces import Rollouts, VelocityLimits
-from navstack.local_planner._toward_kernels import simulate_toward
 from navstack.local_planner.rollouts import check_points
+from navstack.local_planner.trajectory_rollout._kernels import simulate_accelerating
 
 if TYPE_CHECKING:
-    from navstack.local_planner.trajectory_rollout import TrajectoryPlannerParams
+    from navstack.local_planner.trajectory_rollout.params import TrajectoryPlannerParams
 
 STRAFE = 0.1
 """Speed (m/s) forward and to either side of the two strafing samples of a holonomic robot."""
 
 
-class RolloutSampler:
+class TrajectoryRolloutGenerator:
     """Samples for one set of parameters."""
 
     def __init__(self, params: TrajectoryPlannerParams, period: float) -> None:
@@ -84,7 +84,7 @@ class RolloutSampler:
         longest = int(counts.max())
         check_points(len(samples), longest)
         poses = np.empty((len(samples), longest, 3))
-        simulate_toward(
+        simulate_accelerating(
             samples,
             np.array(state.pose),
             np.array(state.velocity),

@@ -22,11 +22,11 @@ def rejections(table: ScoreTable, critics: Sequence[Critic]) -> dict[str, int]:
     return {name: n for name, n in sorted(counted.items(), key=lambda item: -item[1]) if n}
 
 
-def first_contact(
+def first_collision(
     critic: ObstacleCritic, rollouts: Rollouts, rejected: NDArray[np.bool_]
 ) -> tuple[int, int, float] | None:
     """(row, point, metres travelled) of the collision nearest to the robot among the rows `rejected`."""
-    where = critic.first_contact
+    where = critic.first_collision
     found: tuple[int, int, float] | None = None
     for k in np.flatnonzero(rejected & (where >= 0)):
         step = int(where[k])
@@ -37,7 +37,9 @@ def first_contact(
     return found
 
 
-def cell_hit(costmap: Costmap, footprint: Footprint, pose: Pose2D, scale: float) -> tuple[int, int, int] | None:
+def first_lethal_cell(
+    costmap: Costmap, footprint: Footprint, pose: Pose2D, scale: float
+) -> tuple[int, int, int] | None:
     """(ix, iy, cost) of the first cell of at least 254 on the walk along the outline; None when it only leaves the map.
 
     The same walk as the obstacle kernel's: from vertex to vertex (Bresenham), the longer axis leading.
@@ -59,7 +61,7 @@ def cell_hit(costmap: Costmap, footprint: Footprint, pose: Pose2D, scale: float)
     return None
 
 
-def no_valid_control(
+def rejection_report(
     table: ScoreTable,
     critics: Sequence[Critic],
     rollouts: Rollouts,
@@ -80,12 +82,12 @@ def no_valid_control(
             critic = critics[index]
             rejected = table.rejected_by == index
             if isinstance(critic, ObstacleCritic):
-                hit = first_contact(critic, rollouts, rejected)
+                hit = first_collision(critic, rollouts, rejected)
                 if hit is not None:
                     row, step, travelled = hit
                     pose = Pose2D(*(float(v) for v in rollouts.poses[row, step]))
                     speed = float(np.hypot(rollouts.samples[row, 0], rollouts.samples[row, 1]))
-                    cell = cell_hit(costmap, footprint, pose, critic.footprint_scale(speed, max_speed))
+                    cell = first_lethal_cell(costmap, footprint, pose, critic.footprint_scale(speed, max_speed))
                     on = f"on {describe_cost(cell[2])}" if cell else "off the map"
                     at = f"{travelled:.2f} m ahead" if travelled > 0.0 else "where it stands"
                     detail = f" (footprint {on} {at})"
@@ -106,7 +108,7 @@ def no_valid_control(
     return f"{total}: {', '.join(parts)}" if parts else total, data
 
 
-def sample_accounts(
+def rejection_details(
     table: ScoreTable,
     critics: Sequence[Critic],
     rollouts: Rollouts,
@@ -127,12 +129,12 @@ def sample_accounts(
         code = table.totals[k]
         reason = critic.CODES.get(int(code), "") if np.isfinite(code) else ""
         account: dict[str, Any] = {"rejected_by": critic.name, "reason": reason}
-        if isinstance(critic, ObstacleCritic) and critic.first_contact[k] >= 0:
-            step = int(critic.first_contact[k])
+        if isinstance(critic, ObstacleCritic) and critic.first_collision[k] >= 0:
+            step = int(critic.first_collision[k])
             along = rollouts.poses[k, : step + 1, :2]
             pose = Pose2D(*(float(v) for v in rollouts.poses[k, step]))
             speed = float(np.hypot(rollouts.samples[k, 0], rollouts.samples[k, 1]))
-            cell = cell_hit(costmap, footprint, pose, critic.footprint_scale(speed, max_speed))
+            cell = first_lethal_cell(costmap, footprint, pose, critic.footprint_scale(speed, max_speed))
             account |= {
                 "reason": f"footprint on {describe_cost(cell[2])}" if cell else "footprint off the map",
                 "step": step,

@@ -11,13 +11,13 @@ import numpy as np
 
 from navstack.core import Pose2D, angle_between
 from navstack.interfaces import Rollouts, ScoringContext
-from navstack.local_planner._outline_kernels import perimeter_cost
+from navstack.local_planner._footprint_kernels import perimeter_cost
 
 OUTLINES = tuple(round(1.0 - 0.05 * i, 2) for i in range(6))
 """How much of the outline must be free where the robot stands for it to back out: padding is no more than the rest."""
 
 
-class Circles:
+class FullTurnDetector:
     """Knows when the robot has turned a whole circle in place.
 
     ROS differs: where driving on costs more than it is worth, C++ turns in place for ever. All there is to see was seen in one
@@ -101,7 +101,7 @@ class Escape:
         self._before = None
 
 
-def way_out(context: ScoringContext, rollouts: Rollouts, distance: float) -> int:
+def backup_points(context: ScoringContext, rollouts: Rollouts, distance: float) -> int:
     """Points of the last trajectory, backing out, that come no nearer to anything than the robot already is; 0: it does.
 
     ROS differs: C++ backs up whatever is behind it. Here the outline may stand on lethal cells (it is padded, and cells are

@@ -7,14 +7,14 @@ import math
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from velocity_sequences import DIFFERENTIAL, OMNIDIRECTIONAL, MotionModel, ackermann, roll_out
 
 from navstack.core import LETHAL, Costmap, Footprint, GridGeometry, Pose2D, RobotState, Twist2D
 from navstack.core.errors import InputError
 from navstack.interfaces import ScoringContext
 from navstack.local_planner import DWAParams, DWAPlanner
-from navstack.local_planner._outline_kernels import perimeter_cost
+from navstack.local_planner._footprint_kernels import perimeter_cost
 from navstack.local_planner.scoring import score
-from navstack.local_planner.sequences import DIFFERENTIAL, OMNIDIRECTIONAL, MotionModel, ackermann, roll_out
 
 FOOTPRINT = Footprint.from_radius(0.18)
 STATE = RobotState(Pose2D(0.0, 0.0, 0.1), Twist2D(0.3, 0.0, 0.0))

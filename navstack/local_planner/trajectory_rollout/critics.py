@@ -9,20 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.interfaces import Critic, Rollouts, ScoringContext
-from navstack.local_planner._toward_kernels import free_outline, heading_differences
-from navstack.local_planner.critics._grid_critic import CENTRE_CODES, GridCritic
+from navstack.local_planner.critics._map_grid_critic import CENTER_CODES, MapGridCritic
 from navstack.local_planner.critics.goal import GoalCritic, GoalParams
 from navstack.local_planner.critics.obstacle import ObstacleCritic, ObstacleParams
 from navstack.local_planner.map_grid import MapGrid
+from navstack.local_planner.trajectory_rollout._kernels import clear_footprint, heading_errors
 
 HEADING_SCALE = 0.3
 """Weight of the heading difference with heading_scoring: a constant in C++."""
 
 
-class RolloutPath(GridCritic):
+class PathDistanceCritic(MapGridCritic):
     """Distance to the plan, in cells or metres; the cells under the robot count as free."""
 
-    CODES: ClassVar[dict[int, str]] = CENTRE_CODES
+    CODES: ClassVar[dict[int, str]] = CENTER_CODES
 
     def __init__(self, bias: float, per_metre: bool) -> None:
         super().__init__("path", None)
@@ -40,7 +40,7 @@ class RolloutPath(GridCritic):
         g = costmap.geometry
         if self._scratch.shape[1] != g.nx:
             self._scratch = np.empty((2, g.nx), np.int64)
-        free_outline(
+        clear_footprint(
             costmap.data,
             g.origin_x,
             g.origin_y,
@@ -53,7 +53,7 @@ class RolloutPath(GridCritic):
         return self._buffer.build(costmap, context.plan, context.state.pose, last_only=False)
 
 
-class RolloutGoal(GoalCritic):
+class GoalDistanceCritic(GoalCritic):
     """Distance to the local goal, in cells or metres."""
 
     def __init__(self, bias: float, per_metre: bool) -> None:
@@ -66,7 +66,7 @@ class RolloutGoal(GoalCritic):
         return self._bias * (context.costmap.geometry.resolution if self._per_metre else 1.0)
 
 
-class Attractor(Critic):
+class SimpleAttractorCritic(Critic):
     """simple_attractor: squared distance (m²) from the last point to the end of the plan in sight."""
 
     def __init__(self, weight: float) -> None:
@@ -89,7 +89,7 @@ class Attractor(Critic):
         return np.where(alive, ((last - self._end) ** 2).sum(axis=1), 0.0)
 
 
-class RolloutObstacle(ObstacleCritic):
+class UnscaledObstacleCritic(ObstacleCritic):
     """The highest cost under the outline, which does not grow with speed here."""
 
     def __init__(self, weight: float, per_metre: bool) -> None:
@@ -103,7 +103,7 @@ class RolloutObstacle(ObstacleCritic):
             self._scale = self.params.occdist_scale * context.costmap.geometry.resolution
 
 
-class Heading(Critic):
+class HeadingCritic(Critic):
     """heading_scoring: the turn (rad) to the farthest pose of the plan in free sight."""
 
     def __init__(self) -> None:
@@ -127,13 +127,13 @@ class Heading(Critic):
         out = np.zeros(len(alive))
         if rollouts.poses.shape[1]:
             at = np.ascontiguousarray(rollouts.poses[:, 0])
-            heading_differences(costmap.data, g.origin_x, g.origin_y, g.resolution, self._context.plan, at, alive, out)
+            heading_errors(costmap.data, g.origin_x, g.origin_y, g.resolution, self._context.plan, at, alive, out)
             # C++ adds the largest double there is
             out[np.isinf(out)] = 1e300
         return out
 
 
-class AtMoment(Critic):
+class SinglePointCritic(Critic):
     """heading_scoring: another critic, shown one point only, `seconds` along trajectories of `sim_time` (s)."""
 
     def __init__(self, inner: Critic, seconds: float, sim_time: float) -> None:

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.interfaces import Critic, Rollouts, ScoringContext
-from navstack.local_planner._default_critics_kernels import score_default
-from navstack.local_planner._grid_kernels import WAVE_SIZE, queue_length
+from navstack.local_planner._map_grid_kernels import WAVE_SIZE, queue_length
 from navstack.local_planner.critics import (
     AlignmentCritic,
     GoalCritic,
@@ -19,6 +18,7 @@ from navstack.local_planner.critics import (
     PathCritic,
     TwirlingCritic,
 )
+from navstack.local_planner.dwa._fused_scoring_kernels import score_default
 from navstack.local_planner.map_grid import MapGrid
 from navstack.local_planner.scoring import NEVER, ScoreTable, score
 

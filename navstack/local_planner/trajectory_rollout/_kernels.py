@@ -11,7 +11,7 @@ from navstack.core.jit import kernel
 
 
 @kernel
-def simulate_toward(samples, pose, velocity, acceleration, sim_time, counts, poses):
+def simulate_accelerating(samples, pose, velocity, acceleration, sim_time, counts, poses):
     """Trajectories into `poses` (K, T, 3) that accelerate toward their sample; the first point is `pose`.
 
     `counts` (K,): points per trajectory.
@@ -45,7 +45,7 @@ def approach(value, target, change):
 
 
 @kernel
-def heading_differences(costs, origin_x, origin_y, resolution, plan, poses, alive, out):
+def heading_errors(costs, origin_x, origin_y, resolution, plan, poses, alive, out):
     """Per row of `poses` (K, 3): the turn (rad) to the farthest cell of the plan in free sight; inf where none is."""
     ny, nx = costs.shape
     for k in range(len(poses)):
@@ -82,7 +82,7 @@ def heading_differences(costs, origin_x, origin_y, resolution, plan, poses, aliv
 
 
 @kernel
-def free_outline(costs, origin_x, origin_y, resolution, vertices, pose, lows, highs):
+def clear_footprint(costs, origin_x, origin_y, resolution, vertices, pose, lows, highs):
     """Makes the cells under the outline at `pose` passable (at most 252): the robot is where it is.
 
     Nothing changes when a vertex is off the map. `lows`, `highs` (nx,) int64 are scratch.

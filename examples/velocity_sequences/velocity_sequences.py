@@ -9,12 +9,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from _velocity_sequence_kernels import constrain, follow
 from numpy.typing import NDArray
 
 from navstack.core import RobotState
 from navstack.core.errors import InputError
 from navstack.interfaces import Rollouts, VelocityLimits
-from navstack.local_planner._sequence_kernels import constrain, follow
 from navstack.local_planner.rollouts import check_points
 
 

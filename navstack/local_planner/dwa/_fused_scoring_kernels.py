@@ -6,10 +6,10 @@ from __future__ import annotations
 import math
 
 from navstack.core.jit import kernel
-from navstack.local_planner._cell_kernels import point_cells
-from navstack.local_planner._grid_kernels import centre_scores, nose_scores, start_wave
-from navstack.local_planner._obstacle_kernels import obstacle_scores
+from navstack.local_planner._map_grid_kernels import center_scores, nose_scores, start_wave
+from navstack.local_planner._rollout_kernels import point_cells
 from navstack.local_planner._scoring_kernels import begin, fold, lowest
+from navstack.local_planner.critics._obstacle_kernels import obstacle_scores
 
 OSCILLATION, OBSTACLE, GOAL_FRONT, ALIGNMENT, PATH, GOAL, TWIRLING = range(7)
 TURNS_BACK = -5.0  # the code of the oscillation critic
@@ -68,7 +68,7 @@ def score_default(
     cells,
     boxes,
     raw,
-    first_contact,
+    first_collision,
     alive,
     table,
     totals,
@@ -80,7 +80,7 @@ def score_default(
     Three grids, in the order goal front, path, goal: `distances`, `queues` and `waves`, a row each: see `start_wave`,
     `seeds` (3, 2) what `start_wave` returned. `rows`, `bounds`: see `obstacle_scores`; `cells` (2, K * T) flat, then ringed;
     `boxes` (K, 4): see `point_cells`. `scales` (7,); `table` (K, 7), `totals`, `rejected_by`, `alive` (K,): see `fold`.
-    `raw` (K,) is scratch, `first_contact` (K,): see `obstacle_scores`.
+    `raw` (K,) is scratch, `first_collision` (K,): see `obstacle_scores`.
     """
     ny, nx = costs.shape
     number, longest = len(counts), poses.shape[1]
@@ -117,7 +117,7 @@ def score_default(
             bounds,
             flat,
             raw,
-            first_contact,
+            first_collision,
         )
         fold(raw, scales[OBSTACLE], OBSTACLE, alive, table, totals, rejected_by)
 
@@ -157,7 +157,7 @@ def score_default(
         if grid > 0:
             critic = PATH if grid == 1 else GOAL
             if scales[critic] != 0.0:
-                centre_scores(distance, queue, wave, nx, ny, ringed, counts, alive, raw)
+                center_scores(distance, queue, wave, nx, ny, ringed, counts, alive, raw)
                 fold(raw, scales[critic], critic, alive, table, totals, rejected_by)
 
     if scales[TWIRLING] != 0.0:

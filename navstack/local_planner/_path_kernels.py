@@ -9,7 +9,7 @@ from navstack.core.jit import kernel
 
 
 @kernel
-def plan_in_sight(plan, begin, x, y, reach, tx, ty, tyaw, out):
+def transform_nearby_plan(plan, begin, x, y, reach, tx, ty, tyaw, out):
     """Transforms the plan's poses near (x, y) by (tx, ty, tyaw) into `out`; (index of the first, how many).
 
     From the first pose within `reach` (m) up to and including the first one beyond (transformGlobalPlan). `begin` is where
