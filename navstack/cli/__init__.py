@@ -1,12 +1,5 @@
-"""The command line. Nothing heavy is imported before a command needs it."""
+"""The command line. Heavy modules are imported by the command that needs them."""
 
-from __future__ import annotations
+from navstack.cli.entry_point import main
 
-import sys
-
-
-def main() -> None:
-    """Entry point of the `navstack` command: runs it and exits with its code."""
-    from navstack.cli.app import run
-
-    sys.exit(run(sys.argv[1:]))
+__all__ = ["main"]

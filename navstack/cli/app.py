@@ -1,14 +1,13 @@
-"""The `navstack` command and what it does with failures.
+"""The `navstack` command: its subcommands, and how errors become messages and exit codes.
 
-Exit codes: 0 every goal SUCCEEDED (or the success conditions of a scenario held), 1 not so, 2 the input was wrong, 130
-interrupted.
+Exit codes: 0 success; 1 a goal failed or a success condition was not met; 2 invalid input; 130 interrupted.
 """
 
 from __future__ import annotations
 
 import json
 import sys
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import typer
 
@@ -17,6 +16,9 @@ from navstack.cli import bench, check, explain, info, params, plan, plot, simula
 EXIT_GOAL_FAILED = 1
 EXIT_WRONG_INPUT = 2
 EXIT_INTERRUPTED = 130
+_CODE, _NAME = 9001, "INVALID_INPUT"
+_LONGEST_NAME: Final = 200
+"""Longest file name that a message quotes in full (characters)."""
 
 app = typer.Typer(
     name="navstack",
@@ -24,8 +26,8 @@ app = typer.Typer(
     add_completion=False,
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
-    help="move_base without ROS: plan, simulate and understand navigation from the YAML files of your robot.",
-    epilog="Exit codes: 0 every goal SUCCEEDED (or a scenario's conditions held), 1 not so, 2 the input was wrong.",
+    help="move_base without ROS: plan paths, simulate and diagnose navigation with the YAML files of your robot.",
+    epilog="Exit codes: 0 success; 1 a goal failed or a success condition was not met; 2 invalid input; 130 interrupted.",
 )
 app.command("plan")(plan.plan)
 app.command("simulate")(simulate.simulate)
@@ -40,7 +42,7 @@ app.add_typer(explain.app, name="explain")
 app.add_typer(params.app, name="params")
 
 
-def _version(value: bool) -> None:
+def _print_version(value: bool) -> None:
     if value:
         from navstack import __version__
 
@@ -50,73 +52,79 @@ def _version(value: bool) -> None:
 
 @app.callback()
 def root(
-    version: bool = typer.Option(False, "--version", callback=_version, is_eager=True, help="Print the version."),
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
 ) -> None:
-    """Options of the command itself."""
-
-
-_LONG: Final = 200
+    """Options of `navstack` without a subcommand."""
 
 
 def run(arguments: list[str]) -> int:
-    """Runs one command line; the exit code."""
+    """Runs one command line and returns its exit code."""
     as_json = "--json" in arguments
     try:
         code = app(args=arguments, prog_name="navstack", standalone_mode=False)
         return code if isinstance(code, int) else 0
     except (typer.Abort, KeyboardInterrupt):
-        return _interrupted()
+        print("interrupted", file=sys.stderr)
+        return EXIT_INTERRUPTED
     except typer.TyperException as exc:
-        if not exc.format_message():  # `navstack` alone: typer has printed the help already
-            return EXIT_WRONG_INPUT
-        context = getattr(exc, "ctx", None)
-        hint = f'Try "{context.command_path} --help".' if context is not None else ""
-        return _report(as_json, 9001, "INVALID_INPUT", exc.format_message(), {}, hint)
+        return _usage_error(exc, as_json)
     except BrokenPipeError:
         return EXIT_WRONG_INPUT
     except OSError as exc:
-        # a name that cannot be one, or a folder that nobody may look into: whoever used it did not expect that
-        if exc.filename is None:
-            raise
-        name = str(exc.filename)
-        shown = name if len(name) <= _LONG else f"{name[:_LONG]}.."
-        return _report(as_json, 9001, "INVALID_INPUT", f"cannot use {shown}: {exc.strerror}", {"path": name}, "")
+        return _file_error(exc, as_json)
     except MemoryError as exc:
-        why = str(exc) or "this takes more than there is"
-        return _report(
-            as_json, 9001, "INVALID_INPUT", f"out of memory: {why}; a smaller map, costmap or sample count?", {}, ""
-        )
+        why = str(exc) or "not enough memory"
+        return _report(as_json, f"out of memory: {why}; use a smaller map or costmap, or fewer samples")
     except Exception as exc:
-        from navstack.core.errors import NavError
+        return _navstack_error(exc, as_json)
 
-        if not isinstance(exc, NavError):
-            raise
-        return _report(as_json, exc.code, exc.name, exc.message, exc.as_dict(), "", exit_code_of(exc))
+
+def _usage_error(exc: typer.TyperException, as_json: bool) -> int:
+    if not exc.format_message():  # `navstack` without arguments: typer has printed the help
+        return EXIT_WRONG_INPUT
+    context = getattr(exc, "ctx", None)
+    hint = f'Try "{context.command_path} --help".' if context is not None else ""
+    return _report(as_json, exc.format_message(), hint=hint)
+
+
+def _file_error(exc: OSError, as_json: bool) -> int:
+    """Reports an invalid file name or missing permission. Raises the error if it has no file name."""
+    if exc.filename is None:
+        raise exc
+    name = str(exc.filename)
+    shown = name if len(name) <= _LONGEST_NAME else f"{name[:_LONGEST_NAME]}.."
+    return _report(as_json, f"cannot use {shown}: {exc.strerror}", data={"path": name})
+
+
+def _navstack_error(exc: Exception, as_json: bool) -> int:
+    """Reports a NavError. Raises every other exception."""
+    from navstack.core.errors import NavError
+
+    if not isinstance(exc, NavError):
+        raise exc
+    data = exc.as_dict() | {"code": exc.code, "name": exc.name}
+    return _report(as_json, exc.message, data=data, exit_code=exit_code_of(exc))
 
 
 def exit_code_of(error: Exception) -> int:
-    """A planner that finds no way between two good places is a failed goal; everything else is wrong input."""
+    """1 for a planner that finds no path between valid poses (a failed goal), 2 for every other error."""
     from navstack.core.errors import NoValidPathError, PlanningTimeoutError
 
     return EXIT_GOAL_FAILED if isinstance(error, (NoValidPathError, PlanningTimeoutError)) else EXIT_WRONG_INPUT
 
 
-def _interrupted() -> int:
-    print("interrupted", file=sys.stderr)
-    return EXIT_INTERRUPTED
-
-
 def _report(
     as_json: bool,
-    code: int,
-    name: str,
     message: str,
-    data: dict[str, Any],
-    hint: str,
+    *,
+    data: dict[str, Any] | None = None,
+    hint: str = "",
     exit_code: int = EXIT_WRONG_INPUT,
 ) -> int:
     if as_json:
-        print(json.dumps({"error": {**data, "code": code, "name": name, "message": message}}))
+        print(json.dumps({"error": {"code": _CODE, "name": _NAME, **(data or {}), "message": message}}))
     else:
         from navstack.cli.output import print_error
 

@@ -1,4 +1,4 @@
-"""What users type: poses, obstacles, maps."""
+"""Parsers of command-line arguments: poses, points, obstacles, maps, scenario files."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 _MAP_KEY: Final = re.compile(
     rb"""^\W*(image|resolution|origin|negate|occupied_thresh|free_thresh)["']?[ \t]*:""", re.MULTILINE
 )
-_LOOKED_AT: Final = 1_000_000
-"""Bytes of a file that tell what it is."""
+_SEARCHED_BYTES: Final = 1_000_000
+"""Length of the part of a YAML file that is searched for keys of a map."""
 
 
 def _numbers(text: str, argument: str, shape: str, counts: tuple[int, ...]) -> list[float]:
@@ -46,7 +46,7 @@ def _numbers(text: str, argument: str, shape: str, counts: tuple[int, ...]) -> l
 
 
 def parse_pose(text: str, argument: str) -> Pose2D:
-    """`x,y` or `x,y,yaw` -> pose (m, rad); yaw 0 when left out."""
+    """`x,y` or `x,y,yaw` -> pose (m, rad); the default yaw is 0. Raises InputError."""
     from navstack.core import Pose2D, normalize_angle
 
     values = _numbers(text, argument, "x,y or x,y,yaw in metres and radians, such as 29.75,7.95,1.57", (2, 3))
@@ -54,16 +54,16 @@ def parse_pose(text: str, argument: str) -> Pose2D:
 
 
 def parse_point(text: str, argument: str) -> tuple[float, float]:
-    """`x,y` -> a point (m)."""
+    """`x,y` -> point (m). Raises InputError."""
     x, y = _numbers(text, argument, "x,y in metres, such as 29.75,7.95", (2,))
     return x, y
 
 
 def parse_obstacle(text: str) -> tuple[tuple[float, float, float], bool]:
-    """`x,y,r` or `x,y,r,low` -> a disc (m), and whether it is low."""
+    """`x,y,r` or `x,y,r,low` -> disc (x, y, radius in m), and True for a low one. Raises InputError."""
     head, comma, word = text.rpartition(",")
     low = bool(comma) and word.strip() == "low"
-    shape = "x,y,r in metres, such as 3.0,1.5,0.2, and ,low behind it for one that only bumpers and low lidars notice"
+    shape = "x,y,r in metres, such as 3.0,1.5,0.2; append ,low for an obstacle that only bumpers and low lidars detect"
     x, y, r = _numbers(head if low else text, "--obstacle", shape, (3,))
     if r <= 0.0:
         raise InputError(f'--obstacle "{text}": the radius must be positive', argument="--obstacle", value=text)
@@ -73,7 +73,7 @@ def parse_obstacle(text: str) -> tuple[tuple[float, float, float], bool]:
 def parse_obstacles(
     texts: Sequence[str],
 ) -> tuple[tuple[tuple[float, float, float], ...], tuple[Shape, ...]]:
-    """The discs (m) of all `--obstacle`: those that every lidar sees, and the low ones as shapes."""
+    """The values of all `--obstacle` -> discs (m) that every lidar detects, and low obstacles as shapes."""
     parsed = [parse_obstacle(text) for text in texts]
     low_ones = [disc for disc, low in parsed if low]
     if not low_ones:
@@ -84,44 +84,49 @@ def parse_obstacles(
 
 
 def map_of(name: str, *, others: Iterable[str] = (), what: str = "") -> tuple[Path, OccupancyGrid]:
-    """A map by file or by the name of a packaged one. Raises MapError.
+    """Loads a map file, or the packaged map of that name. Raises MapError.
 
-    `others`: names that would have done as well in its place, `what` they are: told when nothing has this name.
+    `others` are further names that the argument accepts (`what`: "scenario", ..); the error lists them.
     """
-    import difflib
-
     from navstack.core.files import is_file
     from navstack.map_io import load_map, map_names, map_path
 
     path = Path(name)
-    # a folder is no map: one that is called office must not hide the packaged one
+    # is_file: a folder called "office" must not hide the packaged map
     if not is_file(path) and path.suffix == "" and path.parent == Path():
-        known = map_names()
-        if name not in known:
-            others = sorted(others)
-            close = difflib.get_close_matches(name, [*known, *others], n=1)
-            raise MapError(
-                f'there is no file and no packaged map{f" or {what}" if others else ""} "{name}"; '
-                + (f'did you mean "{close[0]}"? ' if close else "")
-                + f"packaged maps: {', '.join(known)}"
-                + (f"; {what}s: {', '.join(others)}" if others else ""),
-                map=name,
-                known=known,
-            )
+        if name not in map_names():
+            raise _unknown_map(name, sorted(others), what)
         path = map_path(name)
     return path, load_map(path)
 
 
-def covered(grid: OccupancyGrid) -> str:
-    """What a map covers, as messages write it."""
+def _unknown_map(name: str, others: list[str], what: str) -> MapError:
+    import difflib
+
+    from navstack.map_io import map_names
+
+    known = map_names()
+    close = difflib.get_close_matches(name, [*known, *others], n=1)
+    return MapError(
+        f'no file, packaged map{f" or {what}" if others else ""} is called "{name}"; '
+        + (f'did you mean "{close[0]}"? ' if close else "")
+        + f"packaged maps: {', '.join(known)}"
+        + (f"; {what}s: {', '.join(others)}" if others else ""),
+        map=name,
+        known=known,
+    )
+
+
+def extent_text(grid: OccupancyGrid) -> str:
+    """The extent of a map, for messages."""
     left, right, bottom, top = grid.geometry.extent
     return f"x {left:g} .. {right:g}, y {bottom:g} .. {top:g} m"
 
 
 def note_off_the_map(grid: OccupancyGrid, start: Pose2D, goals: Sequence[Pose2D]) -> None:
-    """Says which places lie off the map before time is spent on them, and when x and y seem to be swapped.
+    """Prints a note for each pose outside the map, with a hint if x and y seem to be swapped.
 
-    A start off the map is an error later on; such a goal is tried all the same, as move_base does.
+    A start outside the map is an error later. A goal outside the map is sent nevertheless, as in move_base.
     """
     from navstack.cli.output import print_note
 
@@ -130,15 +135,18 @@ def note_off_the_map(grid: OccupancyGrid, start: Pose2D, goals: Sequence[Pose2D]
     for what, pose in [("start", start), *(("goal", goal) for goal in goals)]:
         if grid.geometry.world_to_cell(pose.x, pose.y) is None:
             swapped = grid.geometry.world_to_cell(pose.y, pose.x) is not None
-            hint = f"; are x and y swapped? {pose.y:g},{pose.x:g} lies on it" if swapped else ""
+            hint = f"; are x and y swapped? {pose.y:g},{pose.x:g} is inside" if swapped else ""
             if swapped or what == "goal":
-                print_note(f"the {what} {pose.x:g},{pose.y:g} lies outside the map, which covers {covered(grid)}{hint}")
+                print_note(
+                    f"the {what} {pose.x:g},{pose.y:g} is outside the map, which covers {extent_text(grid)}{hint}"
+                )
 
 
 def scenario_file(name: str) -> Path | None:
-    """The scenario file of that path, or of that name among those that come with navstack; None: it is none.
+    """Path of a scenario file, or of the packaged scenario of that name; None if the name is neither.
 
-    A YAML file with no word of a map in it is one, however broken: whoever reads scenarios knows what to say about it.
+    A YAML file without a key of a map counts as a scenario file even if it is broken: the scenario reader then reports
+    the errors.
     """
     from navstack.core.files import exists, is_file
     from navstack.map_io import map_names
@@ -146,15 +154,15 @@ def scenario_file(name: str) -> Path | None:
     from navstack.scenario.suites.catalogue import shipped
 
     path = Path(name)
-    if is_scenario_file(path) or (path.suffix in (".yaml", ".yml") and is_file(path) and not _speaks_of_a_map(path)):
+    if is_scenario_file(path) or (path.suffix in (".yaml", ".yml") and is_file(path) and not _has_map_key(path)):
         return path
     return None if exists(path) or name in map_names() else shipped().get(name)
 
 
-def _speaks_of_a_map(path: Path) -> bool:
-    """True for a file that has a key of map_server's YAML at the beginning of a line; it need not be YAML."""
+def _has_map_key(path: Path) -> bool:
+    """True for a file with a key of map_server's YAML at the beginning of a line; the file need not be valid YAML."""
     try:
         with path.open("rb") as stream:
-            return _MAP_KEY.search(stream.read(_LOOKED_AT)) is not None
+            return _MAP_KEY.search(stream.read(_SEARCHED_BYTES)) is not None
     except OSError:
-        return True  # whoever reads maps says why it cannot be read
+        return True  # the map reader reports why the file is unreadable

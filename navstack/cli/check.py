@@ -1,45 +1,65 @@
-"""`navstack check`: every finding about parameters, with file, line and column."""
+"""`navstack check`: report every problem of parameters or a scenario, with file, line and column."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from navstack.cli import options
+
+if TYPE_CHECKING:
+    from navstack.parameters.findings import Finding
 
 SEVERITY_STYLE = {"error": "bold red", "warning": "yellow", "info": "cyan"}
 
 
 def check(
-    params: list[str] = typer.Argument(
-        ...,
-        help="A packaged set, a folder, or files in the order of loading; or one scenario file, or the name of a shipped one.",
-    ),
-    set_: list[str] = typer.Option([], "--set", metavar="KEY=VALUE", help="Override a parameter."),
-    distro: str | None = typer.Option(None, "--distro", help="noetic or indigo: which scoring scale is meant."),
-    strict: bool = typer.Option(False, "--strict", help="Warnings are errors."),
-    allow_missing: bool = typer.Option(
-        False, "--allow-missing", help="Leave out layers and plugins that are not here."
-    ),
-    json_: bool = typer.Option(False, "--json", help="One JSON document on stdout."),
+    params: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="PARAMS..|SCENARIO.yaml",
+            help="Packaged set, folder, or files in loading order; or one scenario file, or the name of a packaged one.",
+        ),
+    ],
+    set_: options.Set = [],
+    distro: options.Distro = None,
+    strict: Annotated[bool, typer.Option("--strict", help="Treat warnings as errors.")] = False,
+    allow_missing: options.AllowMissing = False,
+    json_: options.Json = False,
 ) -> int:
-    """Load parameters, or a scenario file with its parameters, and say everything that can be said about them."""
-    from navstack.cli.output import print_json, stdout
+    """Check parameters, or a scenario file with its parameters, and report every finding with file, line and column.
+
+    Exit codes: 0 no errors, 2 errors.
+    """
+    from navstack.cli.output import print_json
+
+    findings = _findings(params, set_, distro, allow_missing)
+    if strict:
+        findings = [replace(f, severity="error") if f.severity == "warning" else f for f in findings]
+    if json_:
+        print_json({"findings": [f.as_dict() for f in findings]})
+    else:
+        _print(findings)
+    return 2 if any(f.severity == "error" for f in findings) else 0
+
+
+def _findings(params: list[str], overrides: list[str], distro: str | None, allow_missing: bool) -> list[Finding]:
     from navstack.parameters.configuration import check_parameters
     from navstack.scenario.file.spec import check_scenario
 
     file = _scenario(params[0]) if len(params) == 1 else None
     if file is not None:
-        findings = check_scenario(file, overrides=set_, distro=distro, allow_missing=allow_missing)
-    else:
-        findings = check_parameters(params, overrides=set_, distro=distro, allow_missing=allow_missing)
-    if strict:
-        findings = [replace(f, severity="error") if f.severity == "warning" else f for f in findings]
-    errors = sum(f.severity == "error" for f in findings)
-    if json_:
-        print_json({"findings": [f.as_dict() for f in findings]})
-        return 2 if errors else 0
+        return check_scenario(file, overrides=overrides, distro=distro, allow_missing=allow_missing)
+    return check_parameters(params, overrides=overrides, distro=distro, allow_missing=allow_missing)
+
+
+def _print(findings: list[Finding]) -> None:
     from rich.markup import escape
+
+    from navstack.cli.output import stdout
 
     out = stdout()
     for f in findings:
@@ -49,14 +69,15 @@ def check(
         )
         if f.suggestion:
             out.print(f"    [dim]->[/] {escape(f.suggestion)}")
-    warnings = sum(f.severity == "warning" for f in findings)
-    counts = ((errors, "error"), (warnings, "warning"), (len(findings) - errors - warnings, "note"))
-    out.print(", ".join(f"{n} {what}{'' if n == 1 else 's'}" for n, what in counts))
-    return 2 if errors else 0
+    counts = [
+        (sum(f.severity == severity for f in findings), word)
+        for severity, word in (("error", "error"), ("warning", "warning"), ("info", "note"))
+    ]
+    out.print(", ".join(f"{n} {word}{'' if n == 1 else 's'}" for n, word in counts))
 
 
 def _scenario(name: str) -> Path | None:
-    """The scenario file of that path, or of that name among the shipped ones where nothing else has it; None: no scenario."""
+    """The scenario file of that path, or the packaged scenario of that name; None if the name means parameters."""
     from navstack.core.files import exists
     from navstack.parameters.sources import packaged_sets
     from navstack.scenario.file.spec import is_scenario_file

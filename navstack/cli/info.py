@@ -1,30 +1,24 @@
-"""`navstack info`: what is installed and what there is to choose from."""
+"""`navstack info`: list versions, plugins, maps, parameter sets and scenarios."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import typer
+
+from navstack.cli import options
+
+_DEPENDENCIES = ("numpy", "numba", "scipy", "shapely", "matplotlib", "pydantic", "pillow", "pyyaml", "typer", "rich")
 
 
 def collect() -> dict[str, Any]:
     """Versions, plugins by kind, packaged maps, parameter sets, scenarios and suites."""
-    import platform
-    from importlib.metadata import PackageNotFoundError, version
-
-    from navstack import __version__
     from navstack.map_io import map_names
     from navstack.parameters import parameter_sets
     from navstack.plugins import REGISTRIES
     from navstack.scenario.suites.catalogue import shipped, suite_names
 
-    versions = {"navstack": __version__, "python": platform.python_version()}
-    for name in ("numpy", "numba", "scipy", "shapely", "matplotlib", "pydantic", "pillow", "pyyaml", "typer", "rich"):
-        try:
-            versions[name] = version(name)
-        except PackageNotFoundError:
-            versions[name] = "not installed"
     plugins = {
         registry.kind: [
             {"name": entry.name, "aliases": list(entry.aliases), "origin": entry.origin} for entry in registry
@@ -32,7 +26,7 @@ def collect() -> dict[str, Any]:
         for registry in REGISTRIES
     }
     return {
-        "versions": versions,
+        "versions": _versions(),
         "plugins": plugins,
         "maps": list(map_names()),
         "parameters": list(parameter_sets()),
@@ -41,37 +35,59 @@ def collect() -> dict[str, Any]:
     }
 
 
+def _versions() -> dict[str, str]:
+    import platform
+    from importlib.metadata import PackageNotFoundError, version
+
+    from navstack import __version__
+
+    versions = {"navstack": __version__, "python": platform.python_version()}
+    for name in _DEPENDENCIES:
+        try:
+            versions[name] = version(name)
+        except PackageNotFoundError:
+            versions[name] = "not installed"
+    return versions
+
+
 def info(
-    json_: bool = typer.Option(False, "--json", help="One JSON document on stdout."),
-    states: Path | None = typer.Option(
-        None,
-        "--states",
-        metavar="FILE",
-        help="Only this: the goal manager's state machine as a picture (.png, .svg, .pdf), or as a table (.md).",
-    ),
+    json_: options.Json = False,
+    states: Annotated[
+        Path | None,
+        typer.Option(
+            "--states",
+            metavar="FILE",
+            help="Write only the goal manager's state machine: a picture (.png, .svg, .pdf) or a table (.md).",
+        ),
+    ] = None,
 ) -> None:
-    """Versions, registered plugins with their ROS names, packaged maps, parameter sets and scenarios."""
-    from navstack.cli.output import print_json, stdout
+    """List versions, registered plugins with their ROS names, packaged maps, parameter sets, scenarios and suites."""
+    from navstack.cli.output import print_files, print_json
 
     if states is not None:
         _write_states(states)
-        document = {"states": str(states)}
         if json_:
-            print_json(document)
+            print_json({"states": str(states)})
         else:
-            stdout().print(f"states: {states}", markup=False)
+            print_files({"states": str(states)})
         return
     found = collect()
     if json_:
         print_json(found)
-        return
+    else:
+        _print(found)
+
+
+def _print(found: dict[str, Any]) -> None:
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
+
+    from navstack.cli.output import stdout
 
     out = stdout()
     out.print("  ".join(f"{name} {number}" for name, number in found["versions"].items()))
     table = Table("plugin", box=SIMPLE_HEAD, pad_edge=False)
-    table.add_column("also known as", overflow="fold")
+    table.add_column("aliases", overflow="fold")
     for kind, entries in found["plugins"].items():
         table.add_row(f"[bold]{kind}[/]")
         for i, entry in enumerate(entries):
@@ -92,12 +108,12 @@ def _write_states(file: Path) -> None:
         from navstack.move_base.state_machine import document_markdown
 
         write_text(file, document_markdown())
-    else:
-        if file.suffix.lower() not in FORMATS:
-            raise OutputError(
-                f"cannot write {file.name}: its ending must be one of {', '.join(FORMATS)} for a picture, .md for a table",
-                path=str(file),
-            )
+    elif file.suffix.lower() in FORMATS:
         from navstack.plot.states import plot_states
 
         plot_states(file)
+    else:
+        raise OutputError(
+            f"cannot write {file.name}: the suffix must be one of {', '.join(FORMATS)} for a picture, or .md for a table",
+            path=str(file),
+        )

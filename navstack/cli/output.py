@@ -1,10 +1,10 @@
-"""What every command prints with: tables on stdout, logs and progress on stderr, JSON alone on stdout."""
+"""Output of all commands: results on stdout, notes and progress on stderr; with --json one document on stdout."""
 
 from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @cache
 def stdout() -> Console:
-    """Where results go."""
+    """Console for results."""
     from rich.console import Console
 
     return Console(highlight=False, soft_wrap=True)
@@ -26,14 +26,14 @@ def stdout() -> Console:
 
 @cache
 def stderr() -> Console:
-    """Where everything else goes."""
+    """Console for notes, errors and progress."""
     from rich.console import Console
 
     return Console(stderr=True, highlight=False, soft_wrap=True)
 
 
 def print_error(message: str, hint: str = "") -> None:
-    """`error: ..` in red; the way out below it."""
+    """Prints `error: MESSAGE` to stderr, and the hint on a line of its own."""
     from rich.markup import escape
 
     stderr().print(f"[bold red]error:[/] {escape(message)}")
@@ -42,28 +42,47 @@ def print_error(message: str, hint: str = "") -> None:
 
 
 def print_note(message: str) -> None:
-    """A line for people, on stderr."""
+    """Prints `note: MESSAGE` to stderr."""
     from rich.markup import escape
 
     stderr().print(f"[dim]note:[/] {escape(message)}")
 
 
 def note_warnings(configuration: Configuration) -> None:
-    """What `navstack check` warns of, before the parameters are used."""
+    """Prints the warnings of a parameter set as notes."""
     for finding in configuration.findings:
         if finding.severity == "warning":
             print_note(f"{finding.location}: {finding.message}")
 
 
+def print_files(files: Mapping[str, str]) -> None:
+    """Prints the names of written files, one per line."""
+    for what, name in files.items():
+        stdout().print(f"{what}: {name}", markup=False)
+
+
+def titled_table(title: str, *, left: Sequence[str] = (), right: Sequence[str] = ()) -> Any:
+    """A rich table with left-aligned columns, then right-aligned ones."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
+    for name in left:
+        table.add_column(name, no_wrap=True)
+    for name in right:
+        table.add_column(name, justify="right", no_wrap=True)
+    return table
+
+
 def reason_of(goal: GoalOutcome, limit_s: float) -> str:
-    """Why a goal did not succeed, for people; `limit_s`: the time (s) after which the scenario cancels a goal."""
-    over = goal.state == "PREEMPTED" and goal.time_s >= limit_s
-    limit = f"; its time limit of {limit_s:g} s was over" if over else ""
+    """Why a goal did not succeed; `limit_s` is the time limit of a goal in the scenario (s)."""
+    expired = goal.state == "PREEMPTED" and goal.time_s >= limit_s
+    limit = f"; time limit of {limit_s:g} s exceeded" if expired else ""
     return f"{goal.error_name} ({goal.error_code}): {goal.message}{limit}"
 
 
 def print_json(document: Mapping[str, Any]) -> None:
-    """One JSON document on stdout; what is not finite becomes null."""
+    """Prints one JSON document to stdout; NaN and infinity become null."""
     from navstack.core.errors import jsonable
 
     json.dump(jsonable(dict(document)), sys.stdout, allow_nan=False)
@@ -72,16 +91,16 @@ def print_json(document: Mapping[str, Any]) -> None:
 
 @contextmanager
 def loading_kernels(*, quiet: bool = False) -> Generator[None]:
-    """Says on stderr what keeps the user waiting: the kernels are loaded or, the first time, compiled.
+    """Shows a status on stderr while the kernels are loaded or, on the first run, compiled.
 
-    Where there is no terminal the status would not show: the long wait is then said in a line, also with `quiet`.
+    Compilation is long, so it is also announced, by a note, with `quiet` or without a terminal.
     """
     from navstack.core.jit import kernels_are_cached
     from navstack.global_planner._kernels import wave
     from navstack.sim._lidar_kernels import sweep
 
     cached = kernels_are_cached(sweep, wave)
-    what = "loading the kernels" if cached else "compiling the kernels, this first time only: about half a minute"
+    what = "loading the kernels" if cached else "compiling the kernels (first run only, about 30 s)"
     if not cached and (quiet or not stderr().is_terminal):
         print_note(what)
     if quiet:
@@ -93,7 +112,7 @@ def loading_kernels(*, quiet: bool = False) -> Generator[None]:
 
 @contextmanager
 def counting_bar(what: str, *, quiet: bool) -> Generator[Callable[[int, int], None]]:
-    """A progress bar on stderr, headed `what`, for something that says how much of it is done: `progress(done, total)`."""
+    """A progress bar on stderr, labelled `what`; yields its callback `progress(done, total)`."""
     from rich.progress import Progress
 
     with Progress(console=stderr(), transient=True, disable=quiet or not stderr().is_terminal) as bar:

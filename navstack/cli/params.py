@@ -1,37 +1,33 @@
-"""`navstack params`: what a robot's parameters come to, and what may be written in them."""
+"""`navstack params`: effective parameters, their differences, schema, reference and migration."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from navstack.cli import options
 
 if TYPE_CHECKING:
     from navstack.parameters.report import Parameter
 
 app = typer.Typer(
-    no_args_is_help=True, rich_markup_mode="markdown", help="What parameters come to, and what may be written in them."
+    no_args_is_help=True,
+    rich_markup_mode="markdown",
+    help="Show, compare, document and migrate parameters.",
 )
-
-PARAMS: Any = typer.Argument(
-    ..., metavar="PARAMS..", help="A packaged set, a folder, or files in the order of loading."
-)
-SET: Any = typer.Option([], "--set", metavar="KEY=VALUE", help="Override a parameter (repeat).")
-DISTRO: Any = typer.Option(None, "--distro", help="noetic or indigo: which scoring scale is meant.")
-ALLOW_MISSING: Any = typer.Option(False, "--allow-missing", help="Leave out layers and plugins that are not here.")
-JSON: Any = typer.Option(False, "--json", help="One JSON document on stdout.")
 
 
 @app.command("show")
 def show(
-    params: list[str] = PARAMS,
-    set_: list[str] = SET,
-    distro: str | None = DISTRO,
-    allow_missing: bool = ALLOW_MISSING,
-    json_: bool = JSON,
+    params: options.ParamsArgument,
+    set_: options.Set = [],
+    distro: options.Distro = None,
+    allow_missing: options.AllowMissing = False,
+    json_: options.Json = False,
 ) -> None:
-    """Every parameter of every component in use, each with the place it was written: YAML that loads back to the same."""
+    """Print the effective parameters of every component as YAML that loads back, each with its origin."""
     from navstack.cli.output import print_json
     from navstack.parameters.configuration import load_configuration
     from navstack.parameters.report import as_dict, as_yaml, parameters_of
@@ -41,19 +37,22 @@ def show(
     if json_:
         print_json({"parameters": as_dict(found)})
         return
-    header = ("what these come to: " + " ".join(params), "behind each value where it was written, or `default`")
+    header = ("effective parameters of " + " ".join(params), "comments: origin of each value, or `default`")
     print(as_yaml(found, header), end="")
 
 
 @app.command("diff")
 def diff(
-    first: str = typer.Argument(..., metavar="A", help="A packaged set, a folder or a file."),
-    second: str = typer.Argument(..., metavar="B", help="Another one."),
-    allow_missing: bool = ALLOW_MISSING,
-    json_: bool = JSON,
+    first: Annotated[str, typer.Argument(metavar="A", help="Packaged set, folder or file.")],
+    second: Annotated[str, typer.Argument(metavar="B", help="Packaged set, folder or file to compare with.")],
+    allow_missing: options.AllowMissing = False,
+    json_: options.Json = False,
 ) -> None:
-    """Where two configurations differ, in what they come to: defaults, former names and layouts do not count."""
-    from navstack.cli.output import print_json, stdout
+    """Print the differences between the effective parameters of two sets.
+
+    Defaults written out, former names and the layout of the files make no difference.
+    """
+    from navstack.cli.output import print_json
     from navstack.parameters.configuration import load_configuration
     from navstack.parameters.report import as_dict, parameters_of
 
@@ -65,18 +64,23 @@ def diff(
     if json_:
         ours, theirs = as_dict(one.values()), as_dict(other.values())
         print_json({"differences": {n: {"a": ours.get(n), "b": theirs.get(n)} for n in names}})
-        return
+    else:
+        _print_differences({name: (one.get(name), other.get(name)) for name in names})
+
+
+def _print_differences(pairs: dict[str, tuple[Parameter | None, Parameter | None]]) -> None:
     from rich.markup import escape
 
+    from navstack.cli.output import stdout
+
     out = stdout()
-    for name in names:
+    for name, (a, b) in pairs.items():
         out.print(f"[bold]{escape(name)}[/]")
-        for style, sign, p in (("red", "-", one.get(name)), ("green", "+", other.get(name))):
+        for style, sign, p in (("red", "-", a), ("green", "+", b)):
             if p is not None:
-                out.print(
-                    f"  [{style}]{sign} {escape(_value(p))}[/]  [dim]# {escape('; '.join(t for t in (p.told, p.remark) if t))}[/]"
-                )
-    out.print(f"{len(names)} difference{'' if len(names) == 1 else 's'}")
+                origin = escape("; ".join(text for text in (p.told, p.remark) if text))
+                out.print(f"  [{style}]{sign} {escape(_value(p))}[/]  [dim]# {origin}[/]")
+    out.print(f"{len(pairs)} difference{'' if len(pairs) == 1 else 's'}")
 
 
 def _differ(a: Parameter | None, b: Parameter | None) -> bool:
@@ -86,40 +90,48 @@ def _differ(a: Parameter | None, b: Parameter | None) -> bool:
 def _value(p: Parameter) -> str:
     from navstack.parameters.report.document import value_text
 
-    text = "not given" if p.value is None else value_text(p.value)
+    text = "not set" if p.value is None else value_text(p.value)
     return f"{text} {p.unit}" if p.unit and p.value is not None else text
 
 
 @app.command("schema")
 def schema(
-    namespace: str | None = typer.Option(
-        None, "--namespace", help="Of the files of one namespace: local_costmap, DWAPlannerROS.."
-    ),
-    out: Path | None = typer.Option(None, "--out", metavar="FILE", help="Write it there."),
+    namespace: Annotated[
+        str | None,
+        typer.Option("--namespace", metavar="NAME", help="Only this namespace: local_costmap, DWAPlannerROS, .."),
+    ] = None,
+    out: options.TextFile = None,
 ) -> None:
-    """JSON Schema of the YAML, for editors: names, types, ranges and meanings while typing."""
+    """Print the JSON Schema of the YAML for editors: names, types, ranges, descriptions."""
     import json
 
-    from navstack.core.errors import InputError
     from navstack.parameters.report import json_schema
 
     document = json_schema()
     if namespace is not None:
-        at = document
-        for part in [p for p in namespace.split("/") if p]:
-            below: dict[str, Any] = at.get("properties", {}).get(part, {})
-            name = str(below.get("$ref", "")).rpartition("/")[2]
-            if name not in document["$defs"]:
-                known = ", ".join(k for k, v in at.get("properties", {}).items() if "$ref" in v or "anyOf" in v)
-                raise InputError(f'there is no schema of the namespace "{namespace}"; known: {known}')
-            at = document["$defs"][name]
-        document = {"$schema": document["$schema"], **at, "$defs": document["$defs"]}
+        part = _part_of_schema(document, namespace)
+        document = {"$schema": document["$schema"], **part, "$defs": document["$defs"]}
     _write(json.dumps(document, indent=2, ensure_ascii=False) + "\n", out)
 
 
+def _part_of_schema(document: dict[str, Any], namespace: str) -> dict[str, Any]:
+    """The schema of a namespace such as local_costmap/inflation_layer. Raises InputError."""
+    from navstack.core.errors import InputError
+
+    at = document
+    for part in [p for p in namespace.split("/") if p]:
+        below: dict[str, Any] = at.get("properties", {}).get(part, {})
+        name = str(below.get("$ref", "")).rpartition("/")[2]
+        if name not in document["$defs"]:
+            known = ", ".join(k for k, v in at.get("properties", {}).items() if "$ref" in v or "anyOf" in v)
+            raise InputError(f'no schema of the namespace "{namespace}"; known: {known}')
+        at = document["$defs"][name]
+    return at
+
+
 @app.command("reference")
-def reference(out: Path | None = typer.Option(None, "--out", metavar="FILE", help="Write it there.")) -> None:
-    """Every parameter there is, as Markdown: default, unit, range, meaning, what ROS does otherwise."""
+def reference(out: options.TextFile = None) -> None:
+    """Print the parameter reference as Markdown: default, unit, range, meaning, differences from ROS."""
     from navstack.parameters.report import reference as text
 
     _write(text(), out)
@@ -127,21 +139,21 @@ def reference(out: Path | None = typer.Option(None, "--out", metavar="FILE", hel
 
 @app.command("migrate")
 def migrate(
-    params: list[str] = PARAMS,
-    out: Path = typer.Option(..., "--out", metavar="DIR", help="A new folder for the files."),
-    set_: list[str] = SET,
-    distro: str | None = DISTRO,
-    allow_missing: bool = ALLOW_MISSING,
+    params: options.ParamsArgument,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="New folder for the migrated files.")],
+    set_: options.Set = [],
+    distro: options.Distro = None,
+    allow_missing: options.AllowMissing = False,
 ) -> None:
-    """Write the same configuration with today's names; comments stay where the layout does."""
+    """Write the same configuration with current parameter names; comments are kept where the layout is."""
     from navstack.cli.output import print_note, stdout
     from navstack.core.errors import OutputError
     from navstack.core.files import ensure_directory, write_text
-    from navstack.parameters.report import migrate as made
+    from navstack.parameters.report import migrate as migrated
 
-    migration = made(params, overrides=set_, distro=distro, allow_missing=allow_missing)
+    migration = migrated(params, overrides=set_, distro=distro, allow_missing=allow_missing)
     if out.is_dir() and any(out.iterdir()):
-        raise OutputError(f"{out} is not empty; name a new folder, so that nothing is overwritten")
+        raise OutputError(f"--out {out} is not empty; give a new folder, so that no file is overwritten")
     folder = ensure_directory(out)
     for name, text in migration.files.items():
         ensure_directory((folder / name).parent)

@@ -1,11 +1,13 @@
-"""`navstack plan`: a path on a map."""
+"""`navstack plan`: plan a path on a map."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
+
+from navstack.cli import options
 
 if TYPE_CHECKING:
     from navstack.bringup import PlannedPath
@@ -14,63 +16,31 @@ if TYPE_CHECKING:
     from navstack.parameters.configuration import Configuration, PluginChoice
 
 
-def plan(
-    map_: str = typer.Argument(..., metavar="MAP.yaml", help="A map_server YAML, or the name of a packaged map."),
-    start: str = typer.Option(..., "--start", metavar="X,Y[,YAW]", help="Where the robot stands (m, rad)."),
-    goal: str = typer.Option(..., "--goal", metavar="X,Y[,YAW]", help="Where it is to go (m, rad)."),
-    params: list[str] = typer.Option(
-        ["turtlebot"], "--params", metavar="NAME|DIR|FILE", help="A packaged set, a folder, or files in order (repeat)."
-    ),
-    planner: str | None = typer.Option(
-        None, "--planner", metavar="NAME", help="Another global planner than the YAML's."
-    ),
-    compare: str | None = typer.Option(
-        None,
-        "--compare",
-        metavar="NAME,NAME..",
-        help="Several planners in one table and one picture; --json gives a list.",
-    ),
-    set_: list[str] = typer.Option([], "--set", metavar="KEY=VALUE", help="Override a parameter (repeat)."),
-    allow_missing: bool = typer.Option(
-        False, "--allow-missing", help="Leave out layers and plugins that are not here."
-    ),
-    out: Path | None = typer.Option(None, "--out", metavar="DIR", help="Write plan.png and plan.json there."),
-    json_: bool = typer.Option(False, "--json", help="One JSON document on stdout."),
-) -> None:
-    """Plan a path on a map with the costmap and the planner of a robot's YAML."""
-    from navstack.cli.arguments import map_of, note_off_the_map, parse_pose
-    from navstack.cli.output import note_warnings, print_note
-    from navstack.core.errors import InputError
-    from navstack.core.files import ensure_directory
-    from navstack.parameters.configuration import choose_global_planner, load_configuration
+class PlanOptions(NamedTuple):
+    """What to plan, and with which planners."""
 
-    start_pose, goal_pose = parse_pose(start, "--start"), parse_pose(goal, "--goal")
-    path, grid = map_of(map_)
-    if compare is not None and planner is not None:
-        raise InputError(f'--compare "{compare}" and --planner "{planner}": give one of them', argument="--compare")
-    names = [n.strip() for n in compare.split(",") if n.strip()] if compare is not None else []
-    if compare is not None and not names:
-        raise InputError(
-            f'--compare "{compare}" names no planner; give names such as navfn,astar,theta_star', argument="--compare"
-        )
-    configuration = load_configuration(params, overrides=set_, allow_missing=allow_missing)
-    chosen = [choose_global_planner(configuration, n) for n in dict.fromkeys(names)]
-    if planner is not None:
-        chosen = [choose_global_planner(configuration, planner)]
-    note_warnings(configuration)
-    note_off_the_map(grid, start_pose, [goal_pose])
-    query = _Query(configuration, grid, start_pose, goal_pose, path)
-    folder = ensure_directory(out) if out is not None else None
-    if compare is not None:
-        _compare(query, list({c.name: c for c in chosen}.values()), folder, json_)
-    else:
-        _plan(query, chosen[0] if chosen else None, folder, json_)
-    if folder is None and not json_:
-        print_note("--out DIR writes the path and a picture of it")
+    map_: options.Map
+    start: Annotated[str, typer.Option("--start", metavar="X,Y[,YAW]", help="Start pose in the map frame (m, rad).")]
+    goal: Annotated[str, typer.Option("--goal", metavar="X,Y[,YAW]", help="Goal pose in the map frame (m, rad).")]
+    params: options.Params = ["turtlebot"]
+    planner: Annotated[
+        str | None,
+        typer.Option("--planner", metavar="NAME", help="Global planner to use. [default: the one of the parameters]"),
+    ] = None
+    compare: Annotated[
+        str | None,
+        typer.Option(
+            "--compare",
+            metavar="NAME,NAME..",
+            help="Compare planners in one table and one picture; --json prints a list.",
+        ),
+    ] = None
+    set_: options.Set = []
+    allow_missing: options.AllowMissing = False
 
 
 class _Query(NamedTuple):
-    """What is asked."""
+    """A planning request on a map with a configuration."""
 
     configuration: Configuration
     grid: OccupancyGrid
@@ -79,10 +49,70 @@ class _Query(NamedTuple):
     map: Path
 
 
+@options.with_options(chosen=PlanOptions)
+def plan(
+    chosen: PlanOptions,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Output folder for plan.png and plan.json.")
+    ] = None,
+    json_: options.Json = False,
+) -> None:
+    """Plan a path on a map with the global costmap and planner of a parameter set.
+
+    Exit codes: 0 a path was found, 1 start and goal are valid but no path connects them, 2 invalid input.
+    """
+    from navstack.cli.output import print_note
+    from navstack.core.files import ensure_directory
+
+    query, planners = _load(chosen)
+    folder = ensure_directory(out) if out is not None else None
+    if chosen.compare is not None:
+        _compare(query, planners, folder, json_)
+    else:
+        _plan(query, planners[0] if planners else None, folder, json_)
+    if folder is None and not json_:
+        print_note("--out DIR writes the path and a picture of it")
+
+
+def _load(chosen: PlanOptions) -> tuple[_Query, list[PluginChoice[GlobalPlanner]]]:
+    """The query, and the planners named on the command line. Raises InputError, MapError or ParameterError."""
+    from navstack.cli.arguments import map_of, note_off_the_map, parse_pose
+    from navstack.cli.output import note_warnings
+    from navstack.parameters.configuration import choose_global_planner, load_configuration
+
+    start, goal = parse_pose(chosen.start, "--start"), parse_pose(chosen.goal, "--goal")
+    path, grid = map_of(chosen.map_)
+    names = _planner_names(chosen.compare, chosen.planner)
+    configuration = load_configuration(chosen.params, overrides=chosen.set_, allow_missing=chosen.allow_missing)
+    planners = [choose_global_planner(configuration, name) for name in names]
+    note_warnings(configuration)
+    note_off_the_map(grid, start, [goal])
+    unique = list({planner.name: planner for planner in planners}.values())
+    return _Query(configuration, grid, start, goal, path), unique
+
+
+def _planner_names(compare: str | None, planner: str | None) -> list[str]:
+    from navstack.core.errors import InputError
+
+    if compare is None:
+        return [] if planner is None else [planner]
+    if planner is not None:
+        raise InputError(
+            f'--compare "{compare}" and --planner "{planner}" exclude each other; give one of them',
+            argument="--compare",
+        )
+    names = [name.strip() for name in compare.split(",") if name.strip()]
+    if not names:
+        raise InputError(
+            f'--compare "{compare}" contains no planner; give names such as navfn,astar,theta_star',
+            argument="--compare",
+        )
+    return names
+
+
 def _plan(query: _Query, choice: PluginChoice[GlobalPlanner] | None, folder: Path | None, json_: bool) -> None:
-    """One planner."""
     from navstack.bringup import plan_on_map
-    from navstack.cli.output import loading_kernels, print_json, print_note, stdout
+    from navstack.cli.output import loading_kernels, print_files, print_json, print_note
     from navstack.core.files import write_json
 
     with loading_kernels(quiet=json_):
@@ -99,37 +129,18 @@ def _plan(query: _Query, choice: PluginChoice[GlobalPlanner] | None, folder: Pat
     _print_table([document], f"plan on {query.map.name}")
     for note in found.plan.notes:
         print_note(note)
-    for what, name in document.get("files", {}).items():
-        stdout().print(f"{what}: {name}")
+    print_files(document.get("files", {}))
 
 
 def _compare(query: _Query, choices: list[PluginChoice[GlobalPlanner]], folder: Path | None, json_: bool) -> None:
-    """Several planners on the same costmap; those that find no plan say why. Raises the first error when none does."""
+    """Runs several planners on the same costmap. Raises the first error if every planner fails."""
     import json
 
-    from navstack.bringup import plan_on_map
-    from navstack.cli.output import loading_kernels, print_note, stdout
-    from navstack.core.errors import PlanningError, jsonable
+    from navstack.cli.output import print_files, print_note
+    from navstack.core.errors import jsonable
     from navstack.core.files import write_json
 
-    found: list[PlannedPath] = []
-    errors: list[PlanningError] = []
-    documents: list[dict[str, Any]] = []
-    for choice in choices:
-        keep = folder is not None and not found
-        try:
-            with loading_kernels(quiet=json_ or bool(found)):
-                one = plan_on_map(
-                    query.configuration, query.grid, query.start, query.goal, planner=choice, keep_potential=keep
-                )
-        except PlanningError as error:
-            errors.append(error)
-            documents.append({"planner": choice.name, "error": error.as_dict()})
-            continue
-        documents.append(_document(one, _planning_ms(query, one, choice)))
-        found.append(one)
-    if not found:
-        raise errors[0]
+    found, documents = _plans(query, choices, keep_potential=folder is not None, quiet=json_)
     files: dict[str, str] = {}
     if folder is not None:
         files = _draw(query, found, folder)
@@ -141,12 +152,40 @@ def _compare(query: _Query, choices: list[PluginChoice[GlobalPlanner]], folder: 
     for d in documents:
         for note in [d["error"]["message"]] if "error" in d else d["notes"]:
             print_note(f"{d['planner']}: {note}")
-    for what, name in files.items():
-        stdout().print(f"{what}: {name}")
+    print_files(files)
+
+
+def _plans(
+    query: _Query, choices: list[PluginChoice[GlobalPlanner]], *, keep_potential: bool, quiet: bool
+) -> tuple[list[PlannedPath], list[dict[str, Any]]]:
+    """The plans that were found, and a document for every planner, also for those that failed."""
+    from navstack.bringup import plan_on_map
+    from navstack.cli.output import loading_kernels
+    from navstack.core.errors import PlanningError
+
+    found: list[PlannedPath] = []
+    errors: list[PlanningError] = []
+    documents: list[dict[str, Any]] = []
+    for choice in choices:
+        keep = keep_potential and not found
+        try:
+            with loading_kernels(quiet=quiet or bool(found)):
+                one = plan_on_map(
+                    query.configuration, query.grid, query.start, query.goal, planner=choice, keep_potential=keep
+                )
+        except PlanningError as error:
+            errors.append(error)
+            documents.append({"planner": choice.name, "error": error.as_dict()})
+            continue
+        documents.append(_document(one, _planning_ms(query, one, choice)))
+        found.append(one)
+    if not found:
+        raise errors[0]
+    return found, documents
 
 
 def _planning_ms(query: _Query, found: PlannedPath, choice: PluginChoice[GlobalPlanner]) -> float:
-    """Once more with kernels loaded, by a planner that remembers nothing: what planning alone takes."""
+    """Planning time of a new planner without caches, with the kernels loaded (ms)."""
     import time
 
     fresh = choice.cls(choice.params)
@@ -156,7 +195,7 @@ def _planning_ms(query: _Query, found: PlannedPath, choice: PluginChoice[GlobalP
 
 
 def _draw(query: _Query, found: list[PlannedPath], folder: Path) -> dict[str, str]:
-    """Writes plan.png; the names of the files of this command."""
+    """Writes plan.png; returns the names of all files of this command."""
     from navstack.plot import plot_plan
 
     picture = folder / "plan.png"
@@ -173,15 +212,10 @@ def _draw(query: _Query, found: list[PlannedPath], folder: Path) -> dict[str, st
 
 
 def _print_table(documents: list[dict[str, Any]], title: str) -> None:
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
+    from navstack.cli.output import stdout, titled_table
 
-    from navstack.cli.output import stdout
-
-    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
-    table.add_column("planner", no_wrap=True)
-    for name in ("length", "clearance", "cost", "cells expanded", "time", "poses"):
-        table.add_column(name, justify="right", no_wrap=True)
+    columns = ("length", "clearance", "cost", "cells expanded", "time", "poses")
+    table = titled_table(title, left=("planner",), right=columns)
     for d in documents:
         if "error" in d:
             table.add_row(d["planner"], "no plan")
@@ -198,7 +232,7 @@ def _print_table(documents: list[dict[str, Any]], title: str) -> None:
     stdout().print(table)
 
 
-def _document(found: PlannedPath, took_ms: float) -> dict[str, Any]:
+def _document(found: PlannedPath, planning_ms: float) -> dict[str, Any]:
     import math
 
     plan = found.plan
@@ -208,7 +242,7 @@ def _document(found: PlannedPath, took_ms: float) -> dict[str, Any]:
         "length_m": plan.length_m,
         "clearance_m": clearance if math.isfinite(clearance) else None,
         "cost": plan.cost,
-        "time_ms": took_ms,
+        "time_ms": planning_ms,
         "cells_expanded": plan.cells_expanded,
         "goal_moved_m": plan.goal_moved_m,
         "notes": list(plan.notes),

@@ -1,26 +1,37 @@
-"""`navstack plot`: draw a recorded run again."""
+"""`navstack plot`: draw a recorded run."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
 import typer
 
+from navstack.cli import options
+
 
 def plot(
-    run: Path = typer.Argument(..., help="The folder of a run, or its run.npz."),
-    out: Path | None = typer.Option(
-        None, "--out", help="Picture to write (.png or .svg); beside the record if left out."
-    ),
-    animate: bool = typer.Option(False, "--animate", help="Also write an animation (run.gif beside the picture)."),
-    animation: Path | None = typer.Option(
-        None, "--animation", help="Name of the animation (.gif, or .mp4 with ffmpeg)."
-    ),
-    speed: float = typer.Option(4.0, "--speed", help="Simulated seconds a second of the animation shows.", min=0.1),
-    json_: bool = typer.Option(False, "--json", help="One JSON document on stdout."),
+    run: options.RunFolder,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", metavar="FILE", help="Write a picture (.png, .svg or .pdf). [default: run.png beside the record]"
+        ),
+    ] = None,
+    animate: Annotated[
+        bool, typer.Option("--animate", help="Also write an animation, with the picture's name and the suffix .gif.")
+    ] = False,
+    animation: Annotated[
+        Path | None,
+        typer.Option("--animation", metavar="FILE", help="Write the animation here (.gif, or .mp4 with ffmpeg)."),
+    ] = None,
+    speed: Annotated[
+        float, typer.Option("--speed", help="Simulated seconds per second of the animation.", min=0.1)
+    ] = 4.0,
+    json_: options.Json = False,
 ) -> None:
-    """Map, costmaps, planned and driven path, footprints and goals of a recorded run."""
-    from navstack.cli.output import counting_bar, print_json, stdout
+    """Draw map, costmaps, planned and driven paths, footprints and goals of a recorded run."""
+    from navstack.cli.output import counting_bar, print_files, print_json
     from navstack.plot import animate_run, plot_run
     from navstack.record import Record
 
@@ -36,6 +47,5 @@ def plot(
         files["animation"] = str(movie)
     if json_:
         print_json({"files": files})
-        return
-    for what, name in files.items():
-        stdout().print(f"{what}: {name}")
+    else:
+        print_files(files)

@@ -139,7 +139,7 @@ def test_the_long_wait_is_announced_without_a_terminal(
     monkeypatch.setattr("navstack.core.jit.kernels_are_cached", lambda *kernels: False)
     assert run(["plan", "office", "--start", "0.8,7.45", "--goal", "3,7.45", "--json"]) == 0
     captured = capfd.readouterr()
-    assert "compiling the kernels, this first time only" in captured.err
+    assert "compiling the kernels (first run only" in captured.err
     assert json.loads(captured.out)["planner"] == "navfn"
 
 
@@ -147,15 +147,15 @@ def test_a_time_limit_that_is_over_is_said(in_folder: Path, capfd: pytest.Captur
     assert run(["simulate", "--goal", "6.2,12", "--time-limit", "1", "--out", "out"]) == 1
     out = capfd.readouterr().out
     assert "goal 6.2, 12: CANCELED (9011): the goal was cancelled after" in out
-    assert "; its time limit of 1 s was over" in out
+    assert "; time limit of 1 s exceeded" in out
     Path("places.yaml").write_text("places: {desk: [6.2, 12.0, 1.57]}\n")
     assert run(["tour", "places.yaml", "office", "--start", "0.8,7.45", "--time-limit", "1", "--out", "out"]) == 1
     captured = capfd.readouterr()
     for said in (captured.err, captured.out):
-        assert "CANCELED (9011): the goal was cancelled after" in said and "; its time limit of 1 s was over" in said
+        assert "CANCELED (9011): the goal was cancelled after" in said and "; time limit of 1 s exceeded" in said
 
 
 def test_states_are_a_picture_or_a_table(in_folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert run(["info", "--states", "states.doc"]) == 2
-    assert "one of .png, .svg, .pdf for a picture, .md for a table" in capfd.readouterr().err
+    assert "one of .png, .svg, .pdf for a picture, or .md for a table" in capfd.readouterr().err
     assert not Path("states.doc").exists()

@@ -249,9 +249,8 @@ def test_x_and_y_swapped(navstack, tmp_path: Path) -> None:
     path = write_map(tmp_path)  # 6 x 4 m
     outcome = navstack("plan", path, "--start", "1,1", "--goal", "3,5")
     assert outcome.code == 2
-    assert (
-        "the goal 3,5 lies outside the map, which covers x 0 .. 6, y 0 .. 4 m; are x and y swapped? 5,3 lies on it"
-        in (outcome.err)
+    assert "the goal 3,5 is outside the map, which covers x 0 .. 6, y 0 .. 4 m; are x and y swapped? 5,3 is inside" in (
+        outcome.err
     )
     assert "swapped" not in navstack("plan", path, "--start", "1,1", "--goal", "30,50").err
 

@@ -201,7 +201,7 @@ def test_ctrl_c_stops_the_robot_and_keeps_the_log(
     assert signal.getsignal(signal.SIGINT) is before
     printed = capfd.readouterr()
     assert "interrupted" in printed.out
-    assert "2 goals left out" in printed.out
+    assert "2 goals skipped" in printed.out
     assert "PREEMPTED" in Path("out/run.log").read_text()
     record = Record.load(Path("out/run.npz"))
     assert [r["state"] for r in record.results] == ["PREEMPTED"]
@@ -210,9 +210,9 @@ def test_ctrl_c_stops_the_robot_and_keeps_the_log(
 def test_wrong_input_is_one_message(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     file = file_of(tmp_path, "places: {near: [2.8, 7.45]}\n")
     for arguments, what in (
-        ([str(file)], "which map"),
+        ([str(file)], "no map is given"),
         ([str(file), "office"], "--start"),
-        ([str(file), "office", "--place", "fra"], "no such place"),
+        ([str(file), "office", "--place", "fra"], "is not in places.yaml; its places: near"),
         ([str(tmp_path / "nowhere.yaml"), "office"], "cannot be read"),
         ([str(file), "atlantis", "--start", "2,7"], "atlantis"),
     ):

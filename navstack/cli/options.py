@@ -1,0 +1,104 @@
+"""Options that several commands share, and groups of options that a command takes as one argument."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, get_type_hints
+
+import typer
+
+PARAMS_HELP = "Packaged set, folder, or files in loading order (repeatable)."
+
+# parameters
+Params = Annotated[list[str], typer.Option("--params", metavar="NAME|DIR|FILE", help=PARAMS_HELP)]
+ParamsOrScenario = Annotated[
+    list[str],
+    typer.Option(
+        "--params",
+        metavar="NAME|DIR|FILE",
+        help=f"{PARAMS_HELP} [default: turtlebot, or those of the scenario]",
+        show_default=False,
+    ),
+]
+ParamsArgument = Annotated[
+    list[str], typer.Argument(metavar="PARAMS..", help="Packaged set, folder, or files in loading order.")
+]
+Set = Annotated[list[str], typer.Option("--set", metavar="KEY=VALUE", help="Override a parameter (repeatable).")]
+Distro = Annotated[
+    str | None,
+    typer.Option(
+        "--distro",
+        metavar="noetic|indigo",
+        help="DWA cost scaling: as in noetic, or as in indigo (releases before 2018). [default: noetic]",
+    ),
+]
+AllowMissing = Annotated[bool, typer.Option("--allow-missing", help="Skip layers and plugins that are not installed.")]
+
+# maps and poses
+Map = Annotated[str, typer.Argument(metavar="MAP.yaml", help="map_server YAML file, or name of a packaged map.")]
+Start = Annotated[
+    str | None, typer.Option("--start", metavar="X,Y[,YAW]", help="Start pose in the map frame (m, rad).")
+]
+Obstacles = Annotated[
+    list[str],
+    typer.Option(
+        "--obstacle",
+        metavar="X,Y,R[,low]",
+        help="Add a round obstacle that is not on the map (m); `low`: only bumpers and low lidars detect it (repeatable).",
+    ),
+]
+
+# records
+RunFolder = Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a recorded run, or its run.npz.")]
+Time = Annotated[
+    float | None, typer.Option("--time", metavar="T", help="Time in the run (s). [default: the end of the run]")
+]
+CostmapName = Annotated[str, typer.Option("--costmap", metavar="global|local", help="Costmap to use: global or local.")]
+
+# output
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON document to stdout.")]
+PictureFile = Annotated[
+    Path | None, typer.Option("--out", metavar="FILE", help="Write a picture (.png, .svg or .pdf).")
+]
+TextFile = Annotated[
+    Path | None, typer.Option("--out", metavar="FILE", help="Write to this file. [default: print to stdout]")
+]
+RunOutput = Annotated[
+    Path, typer.Option("--out", metavar="DIR", help="Output folder: record, log, summary and picture.")
+]
+
+
+def with_options(**groups: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Adds the options of NamedTuple classes to a command.
+
+    Each keyword names an argument of the command, its value the class. typer sees one option per field of the class, in
+    the place of the argument; the command receives an instance. Fields are annotated as parameters of a command are:
+    `json_: options.Json = False`.
+    """
+
+    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
+        expanded: list[inspect.Parameter] = []
+        for parameter in inspect.signature(command, eval_str=True).parameters.values():
+            group = groups.get(parameter.name)
+            if group is None:
+                expanded.append(parameter)
+                continue
+            hints = get_type_hints(group, include_extras=True)
+            expanded += [p.replace(annotation=hints[p.name]) for p in inspect.signature(group).parameters.values()]
+
+        @functools.wraps(command)
+        def combined(**values: Any) -> Any:
+            made = {
+                name: group(**{field: values.pop(field) for field in group._fields}) for name, group in groups.items()
+            }
+            return command(**made, **values)
+
+        parameters = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in expanded]
+        combined.__dict__["__signature__"] = inspect.Signature(parameters)
+        combined.__annotations__ = {p.name: p.annotation for p in parameters}
+        return combined
+
+    return decorate

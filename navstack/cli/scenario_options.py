@@ -1,0 +1,141 @@
+"""The options of `navstack simulate` that make up a scenario."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+import typer
+
+from navstack.cli import options
+
+if TYPE_CHECKING:
+    from navstack.core import OccupancyGrid, Pose2D
+    from navstack.scenario.run import Scenario
+
+TIME_LIMIT_S = 600.0
+"""Default time limit of a goal on a map without a scenario (simulated s)."""
+
+
+class ScenarioOptions(NamedTuple):
+    """A map with start and goals, or a scenario file with overrides."""
+
+    map_: Annotated[
+        str,
+        typer.Argument(
+            metavar="SCENARIO.yaml|MAP.yaml",
+            help="Scenario file or map_server YAML file, or name of a packaged scenario (narrow_door, ..) or map.",
+        ),
+    ] = "office"
+    start: options.Start = None
+    goal: Annotated[
+        list[str],
+        typer.Option("--goal", metavar="X,Y[,YAW]", help="Goal pose in the map frame (m, rad); repeatable, in order."),
+    ] = []
+    params: options.ParamsOrScenario = []
+    set_: options.Set = []
+    distro: options.Distro = None
+    allow_missing: options.AllowMissing = False
+    seed: Annotated[
+        int | None,
+        typer.Option(
+            "--seed",
+            help="Random seed of the simulated noise; equal seeds give equal runs. [default: 0, or that of the scenario]",
+            min=0,
+        ),
+    ] = None
+    obstacle: options.Obstacles = []
+    time_limit: Annotated[
+        float | None,
+        typer.Option(
+            "--time-limit",
+            help=f"Time limit per goal (simulated s). [default: {TIME_LIMIT_S:g}, or that of the scenario]",
+            min=0.1,
+        ),
+    ] = None
+
+    def build(self) -> Scenario:
+        """Loads the scenario and prints the warnings of its parameters.
+
+        Raises InputError, MapError, ParameterError or ScenarioError.
+        """
+        from navstack.cli.arguments import parse_pose, scenario_file
+
+        start = parse_pose(self.start, "--start") if self.start is not None else None
+        goals = tuple(parse_pose(goal, "--goal") for goal in self.goal)
+        file = scenario_file(self.map_)
+        if file is not None:
+            return self._from_file(file, start, goals)
+        return self._from_map(start, goals)
+
+    def _from_file(self, file: Path, start: Pose2D | None, goals: tuple[Pose2D, ...]) -> Scenario:
+        from navstack.cli.arguments import parse_obstacles
+        from navstack.cli.output import note_warnings
+        from navstack.scenario.file.spec import read_scenario
+
+        obstacles, shapes = parse_obstacles(self.obstacle)
+        spec = read_scenario(file)
+        scenario = spec.build(
+            params=self.params or None,
+            overrides=self.set_,
+            distro=self.distro,
+            allow_missing=self.allow_missing,
+            seed=self.seed,
+            time_limit_s=self.time_limit,
+            start=start,
+            goals=goals or None,
+            obstacles=obstacles,
+            shapes=shapes,
+        )
+        note_warnings(scenario.configuration)
+        spec.check_start(scenario)
+        return scenario
+
+    def _from_map(self, start: Pose2D | None, goals: tuple[Pose2D, ...]) -> Scenario:
+        from navstack.cli.arguments import map_of, note_off_the_map, parse_obstacles
+        from navstack.cli.output import note_warnings
+        from navstack.parameters.configuration import load_configuration
+        from navstack.parameters.sources import short_name
+        from navstack.scenario.run import Scenario
+        from navstack.scenario.suites.catalogue import shipped
+
+        obstacles, shapes = parse_obstacles(self.obstacle)
+        path, grid = map_of(self.map_, others=shipped(), what="scenario")
+        if start is None or not goals:
+            start, goals = self._packaged_poses(path, grid, start, goals)
+        params = self.params or ["turtlebot"]
+        configuration = load_configuration(
+            params, overrides=self.set_, distro=self.distro, allow_missing=self.allow_missing
+        )
+        note_warnings(configuration)
+        note_off_the_map(grid, start, goals)
+        return Scenario(
+            map=grid,
+            configuration=configuration,
+            start=start,
+            goals=goals,
+            obstacles=obstacles,
+            shapes=shapes,
+            seed=self.seed or 0,
+            time_limit_s=TIME_LIMIT_S if self.time_limit is None else self.time_limit,
+            names={"map": path.name, "params": [short_name(p) for p in params], "overrides": list(self.set_)},
+        )
+
+    def _packaged_poses(
+        self, path: Path, grid: OccupancyGrid, start: Pose2D | None, goals: tuple[Pose2D, ...]
+    ) -> tuple[Pose2D, tuple[Pose2D, ...]]:
+        """Start and goals, completed from the places of a packaged map."""
+        from navstack.cli.arguments import extent_text
+        from navstack.core.errors import InputError
+        from navstack.map_io import map_names
+        from navstack.places import load_places
+
+        if self.map_ in map_names():
+            packaged = load_places(self.map_)
+            return start or packaged.start, goals or packaged.goals
+        missing = [name for name, absent in (("--start", start is None), ("--goal", not goals)) if absent]
+        raise InputError(
+            f"{path.name} defines no start and no goals; give {' and '.join(f'{name} x,y[,yaw]' for name in missing)} "
+            f"(m, rad); the map covers {extent_text(grid)}",
+            argument=missing[0],
+        )

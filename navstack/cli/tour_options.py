@@ -1,0 +1,144 @@
+"""The options of `navstack tour` that make up a tour."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+import typer
+
+from navstack.cli import options
+
+if TYPE_CHECKING:
+    from navstack.core import Pose2D
+    from navstack.places import Places
+    from navstack.scenario.run import Scenario
+
+
+class TourOrder(StrEnum):
+    """Order in which the places are visited."""
+
+    given = "given"
+    sorted = "sorted"
+    random = "random"
+
+
+class TourOptions(NamedTuple):
+    """Places on a map, and how to visit them."""
+
+    places: Annotated[
+        str, typer.Argument(metavar="PLACES.yaml", help="File of named places, or name of a packaged map.")
+    ] = "office"
+    map_: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="MAP.yaml",
+            help="map_server YAML file, or name of a packaged map. [default: NAME.yaml beside NAME.places.yaml]",
+        ),
+    ] = None
+    place: Annotated[
+        list[str], typer.Option("--place", metavar="NAME", help="Visit only these places, in this order (repeatable).")
+    ] = []
+    every: Annotated[bool, typer.Option("--all", help="Visit every place of the file instead of its goals.")] = False
+    order: Annotated[
+        TourOrder, typer.Option("--order", help="Order of the visits: as given, by name, or shuffled by the seed.")
+    ] = TourOrder.given
+    loops: Annotated[int, typer.Option("--loops", help="How often to drive the tour.", min=1, max=1000)] = 1
+    rest: Annotated[float, typer.Option("--rest", help="Pause between two goals (simulated s).", min=0.0)] = 0.0
+    time_limit: Annotated[float, typer.Option("--time-limit", help="Time limit per goal (simulated s).", min=0.1)] = (
+        300.0
+    )
+    stop_on_failure: Annotated[
+        bool,
+        typer.Option("--stop-on-failure/--continue-on-failure", help="End the tour at a failed goal, or continue."),
+    ] = False
+    start: options.Start = None
+    params: options.Params = ["turtlebot"]
+    set_: options.Set = []
+    distro: options.Distro = None
+    seed: Annotated[
+        int, typer.Option("--seed", help="Random seed of the simulated noise and of --order random.", min=0)
+    ] = 0
+    obstacle: options.Obstacles = []
+
+    def build(self) -> tuple[Scenario, tuple[str, ...]]:
+        """Loads the tour: its scenario, and the place name of every goal.
+
+        Prints the warnings of the parameters. Raises InputError, MapError or ParameterError.
+        """
+        from navstack.cli.arguments import map_of, parse_obstacles
+        from navstack.cli.output import note_warnings
+        from navstack.parameters.configuration import load_configuration
+        from navstack.places import load_places
+        from navstack.scenario.run import Scenario
+
+        file, map_name = self._files()
+        places = load_places(file)
+        path, grid = map_of(map_name)
+        start, names = self._start(file, places), self._names(file, places)
+        configuration = load_configuration(self.params, overrides=self.set_, distro=self.distro)
+        note_warnings(configuration)
+        obstacles, shapes = parse_obstacles(self.obstacle)
+        scenario = Scenario(
+            map=grid,
+            configuration=configuration,
+            start=start,
+            goals=tuple(places.places[name] for name in names),
+            obstacles=obstacles,
+            shapes=shapes,
+            seed=self.seed,
+            time_limit_s=self.time_limit,
+            rest_s=self.rest,
+            stop_on_failure=self.stop_on_failure,
+            names={
+                "map": path.name,
+                "params": [Path(p).name for p in self.params],
+                "overrides": list(self.set_),
+                "places": list(names),
+            },
+        )
+        return scenario, names
+
+    def _files(self) -> tuple[Path, str]:
+        """The file of the places, and the file or packaged name of their map."""
+        from navstack.core.errors import InputError
+        from navstack.map_io import map_names, map_path
+
+        file, map_name = Path(self.places), self.map_
+        if not file.exists() and self.places in map_names():
+            map_name = map_name or self.places
+            file = map_path(self.places).with_name(f"{self.places}.places.yaml")
+        if map_name is not None:
+            return file, map_name
+        beside = file.with_name(file.name.removesuffix(".places.yaml") + ".yaml")
+        if file.exists() and (beside == file or not beside.exists()):
+            raise InputError(
+                f"no map is given for the places in {file.name}; add it after the file: "
+                f"navstack tour {self.places} MAP.yaml",
+                argument="MAP.yaml",
+            )
+        return file, str(beside)
+
+    def _start(self, file: Path, places: Places) -> Pose2D:
+        from navstack.cli.arguments import parse_pose
+        from navstack.core.errors import InputError
+
+        start = parse_pose(self.start, "--start") if self.start is not None else places.start_pose
+        if start is None:
+            raise InputError(f"{file.name} defines no start pose; give --start x,y[,yaw]", argument="--start")
+        return start
+
+    def _names(self, file: Path, places: Places) -> tuple[str, ...]:
+        """Names of the places in the order of the visits."""
+        from navstack.core.errors import InputError
+        from navstack.places import visit_order
+
+        unknown = [name for name in self.place if name not in places.places]
+        if unknown:
+            raise InputError(
+                f'--place "{unknown[0]}" is not in {file.name}; its places: {", ".join(places.places)}',
+                argument="--place",
+            )
+        names = tuple(self.place) or (tuple(places.places) if self.every else places.goal_names)
+        return visit_order(names, self.order.value, loops=self.loops, seed=self.seed)
