@@ -1,5 +1,5 @@
 # pyright: basic
-"""A fixed piece of work, whose time says how fast the machine is at the moment."""
+"""A fixed piece of work to measure the current speed of the machine."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from navstack.core.jit import kernel
 
 @kernel
 def flood(blocked, start, distance, queue):
-    """Breadth-first distances from a cell of a (ny, nx) bool grid whose rim is blocked; how many cells were reached.
+    """Breadth-first distances from a cell of a (ny, nx) bool grid whose border is blocked; the number of reached cells.
 
     `distance` int32 and `queue` int32 have ny * nx elements.
     """
@@ -35,7 +35,7 @@ def flood(blocked, start, distance, queue):
 
 @kernel
 def relax(field):
-    """One sweep in place over a (ny, nx) float32 field: each cell at most 0.7 above the least of its four neighbours."""
+    """One in-place sweep over a (ny, nx) float32 field: limits each cell to 0.7 above its smallest neighbour (of four)."""
     ny, nx = field.shape
     for iy in range(1, ny - 1):
         for ix in range(1, nx - 1):

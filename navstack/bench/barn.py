@@ -1,9 +1,9 @@
 """BARN: ten metres through a field of cylinders, without a map.
 
-Perille, Truong, Xiao, Stone, "Benchmarking Metric Ground Navigation", SSRR 2020; scored as the BARN Challenge does. A robot
-starts at the origin of its odometry, facing along y; the goal lies 10 m ahead. Success: within 1 m of the goal, without
-contact, in under 100 s, from when it has moved 0.1 m. The score of a world is `OT / clip(AT, 2 OT, 8 OT)`, OT the time
-that the shortest way takes at 2 m/s and AT the time taken, and 0 without success: 0.5 at most.
+Perille, Truong, Xiao, Stone, "Benchmarking Metric Ground Navigation", SSRR 2020; scored as in the BARN Challenge. The robot
+starts at the origin of its odometry, facing along y; the goal is 10 m ahead. Success: within 1 m of the goal, without a
+collision, in under 100 s, counted from when it has moved 0.1 m. The score of a world is `OT / clip(AT, 2 OT, 8 OT)`, where OT
+is the time of the shortest path at 2 m/s and AT the time taken; it is 0 without success and 0.5 at most.
 """
 
 from __future__ import annotations
@@ -30,8 +30,9 @@ __all__ = [
     "run_world",
 ]
 
-REACHED_M: Final = 1.0
-MOVED_M: Final = 0.1
+GOAL_RADIUS_M: Final = 1.0
+START_RADIUS_M: Final = 0.1
+"""The clock starts when the robot is this far from the start."""
 TIME_LIMIT_S: Final = 100.0
 
 
@@ -41,25 +42,25 @@ class BarnOutcome:
 
     world: int
     outcome: str
-    """success, collision, timeout, or the state in which the goal ended short of it (aborted, ..)."""
+    """success, collision, timeout, or the state of a goal that ended early (aborted, ..)."""
     time_s: float
-    """Since the robot had moved 0.1 m."""
+    """Time since the robot had moved 0.1 m."""
     length_m: float
     clearance_m: float
-    """Least distance between the robot's outline and a cylinder, at the control cycles."""
+    """Smallest distance between the robot's footprint and a cylinder, at the control cycles."""
     score: float
     turning_s: float
-    """Time spent turning in place (under 0.01 m/s)."""
+    """Time spent turning in place (below 0.01 m/s)."""
     jerk_rms_m_s3: float = math.nan
-    """As `RunMetrics` has it; NaN where nobody knows."""
+    """As in `RunMetrics`; NaN if unknown."""
     recoveries: int = 0
-    """Recovery behaviours run."""
+    """Number of recovery behaviours run."""
     text: str = ""
-    """What the goal's result said, where it ended."""
+    """Message of the goal's result, if the goal ended."""
 
     @property
     def succeeded(self) -> bool:
-        """True within 1 m of the goal, without contact and in time."""
+        """True within 1 m of the goal, without a collision and in time."""
         return self.outcome == "success"
 
 
@@ -71,9 +72,9 @@ def barn_configuration(
     noise_m: float | None = None,
     overrides: Sequence[str] = (),
 ) -> Configuration:
-    """The parameters of a robot as published, in the benchmark's simulator.
+    """The parameters of a robot in the simulator of the benchmark.
 
-    `noise_m`: standard deviation of the lidar's ranges (m), in the place of the simulator's own. Raises ParameterError.
+    `noise_m`: standard deviation of the lidar ranges (m), instead of the simulator's default. Raises ParameterError.
     """
     simulator = dict(ROUGH_JACKAL if rough else JACKAL)
     if noise_m is not None:
@@ -83,7 +84,7 @@ def barn_configuration(
 
 
 def barn_scenario(world: BarnWorld, configuration: Configuration, *, seed: int = 0) -> Scenario:
-    """The task of a world. The map is empty: it only says how far pictures reach."""
+    """The scenario of a world. Its map is empty and only sets the extent of pictures."""
     return Scenario(
         map=barn_map(world),
         configuration=configuration,
@@ -96,53 +97,66 @@ def barn_scenario(world: BarnWorld, configuration: Configuration, *, seed: int =
     )
 
 
-def run_world(
-    world: BarnWorld, configuration: Configuration, *, seed: int = 0, record: bool = False
-) -> tuple[BarnOutcome, RunRecorder | None]:
-    """Drives through `world` once: a pure function of its arguments. The recorder only with `record`.
+class _Monitor:
+    """Applies the rules of BARN while a run advances."""
 
-    Raises InputError or PlanningError when the robot cannot stand at the start.
-    """
-    run = Run(barn_scenario(world, configuration, seed=seed), record=record)
-    robot = run.robot
-    began: float | None = None
-    turning, last = 0.0, 0.0
-    ended = "timeout"
-    while True:
-        stepped = run.step()
+    def __init__(self, run: Run) -> None:
+        self._run = run
+        self._started: float | None = None
+        self._now = 0.0
+        self.turning_s = 0.0
+
+    @property
+    def time_s(self) -> float:
+        """Time since the robot had moved 0.1 m."""
+        return self._now - (self._started or 0.0)
+
+    def outcome_after_step(self, *, running: bool) -> str | None:
+        """The outcome if the run is over; `running`: whether the scenario itself has more steps."""
+        robot = self._run.robot
         pose, now = robot.pose, robot.time
         velocity = robot.state().velocity
         if velocity.speed < 0.01 and abs(velocity.wz) > 0.01:
-            turning += now - last
-        last = now
-        if began is None and pose.distance_to(START) >= MOVED_M:
-            began = now
+            self.turning_s += now - self._now
+        self._now = now
+        if self._started is None and pose.distance_to(START) >= START_RADIUS_M:
+            self._started = now
         if robot.collisions:
-            ended = "collision"
-            break
-        if began is not None and pose.distance_to(GOAL) <= REACHED_M:
-            ended = "success"
-            break
-        # a robot that never moves 0.1 m gets the same time
-        if now - (began or 0.0) >= TIME_LIMIT_S:
-            break
-        if not stepped:
-            ended = run.outcomes[-1].state.lower()
-            break
-    taken = last - (began or 0.0)
+            return "collision"
+        if self._started is not None and pose.distance_to(GOAL) <= GOAL_RADIUS_M:
+            return "success"
+        # the limit also holds for a robot that never moves 0.1 m
+        if self.time_s >= TIME_LIMIT_S:
+            return "timeout"
+        return None if running else self._run.outcomes[-1].state.lower()
+
+
+def run_world(
+    world: BarnWorld, configuration: Configuration, *, seed: int = 0, record: bool = False
+) -> tuple[BarnOutcome, RunRecorder | None]:
+    """Drives through `world` once; a pure function of its arguments. The recorder is None without `record`.
+
+    Raises InputError or PlanningError if the robot does not fit at the start.
+    """
+    run = Run(barn_scenario(world, configuration, seed=seed), record=record)
+    monitor = _Monitor(run)
+    ended: str | None = None
+    while ended is None:
+        ended = monitor.outcome_after_step(running=run.step())
     driven = run.result(0.0)
+    last = run.outcomes[-1] if run.outcomes else None
     outcome = BarnOutcome(
         world=world.number,
         outcome=ended,
-        time_s=taken,
-        length_m=robot.distance_travelled,
+        time_s=monitor.time_s,
+        length_m=run.robot.distance_travelled,
         clearance_m=0.0 if ended == "collision" else driven.nearest_m,
-        score=world.score(taken) if ended == "success" else 0.0,
-        turning_s=turning,
+        score=world.score(monitor.time_s) if ended == "success" else 0.0,
+        turning_s=monitor.turning_s,
         jerk_rms_m_s3=driven.metrics.jerk_rms_m_s3,
-        recoveries=run.outcomes[-1].recoveries if run.outcomes else run.move_base.feedback.recoveries,
-        text=run.outcomes[-1].message if run.outcomes else "",
+        recoveries=last.recoveries if last is not None else run.move_base.feedback.recoveries,
+        text=last.message if last is not None else "",
     )
     if run.recorder is not None and not run.outcomes:
-        run.recorder.finish([], robot.collisions)
+        run.recorder.finish([], run.robot.collisions)
     return outcome, run.recorder

@@ -1,4 +1,4 @@
-"""Random reachable pairs on maps, for every planner that searches, and a referee that looks at where their paths go."""
+"""Random reachable start and goal pairs on maps, planned by every search-based planner and checked for collisions."""
 
 from __future__ import annotations
 
@@ -20,32 +20,31 @@ from navstack.interfaces import GlobalPlanner, Plan
 from navstack.parameters.configuration import Configuration
 
 SEARCHING: Final = ("navfn", "global_planner", "astar", "theta_star")
-"""Built-in planners that find every reachable goal; carrot_planner goes straight and may stop short."""
-_PER_CELL: Final = 20
+"""Built-in planners that find every reachable goal; carrot_planner follows the straight line and may stop short."""
+_POINTS_PER_CELL: Final = 20
 
 
 @dataclass(frozen=True, slots=True)
 class PairResult:
-    """What a planner made of one pair."""
+    """The plan of one planner for one pair. All numbers are NaN or 0 without a plan."""
 
     planner: str
     start: Pose2D
     goal: Pose2D
     error: str | None
-    """Why there is no plan; None when there is one."""
+    """Why planning failed; None if it succeeded."""
     blocked: int
-    """Points of the path that lie in blocked cells."""
+    """Number of points of the path in blocked cells."""
     length_m: float = math.nan
-    """As all below, of a plan only."""
     time_ms: float = math.nan
     cost: float = math.nan
-    """In the planner's own unit."""
+    """In the unit of the planner."""
     clearance_m: float = math.nan
     expanded: int = 0
 
 
 def costmap_of(configuration: Configuration, grid: OccupancyGrid) -> Costmap:
-    """The global costmap of a robot that has seen nothing but the map."""
+    """The global costmap without any sensor data: the map and its inflation."""
     frames = FrameTree()
     params = configuration.global_costmap.params
     frames.set_static(params.global_frame, params.robot_base_frame, Transform2D(0.0, 0.0, 0.0))
@@ -55,9 +54,9 @@ def costmap_of(configuration: Configuration, grid: OccupancyGrid) -> Costmap:
 
 
 def reachable_pairs(costmap: Costmap, count: int, seed: int = 0) -> list[tuple[Pose2D, Pose2D]]:
-    """Pairs of cells below 253 in one 4-connected region that keeps off the outermost ring; empty when no region has two.
+    """Random pairs of cells with a cost below 253 in the same 4-connected region, the border cells excluded.
 
-    Poses are centres of cells (m, in the costmap's frame) of any yaw in -3 .. 3 rad; `seed` draws them.
+    Poses are cell centres (m, in the costmap's frame) with a yaw in -3 .. 3 rad. Empty if no region has two cells.
     """
     from scipy import ndimage
 
@@ -84,18 +83,17 @@ def reachable_pairs(costmap: Costmap, count: int, seed: int = 0) -> list[tuple[P
 
 
 def blocked_points(plan: Plan, costmap: Costmap, *, corners: bool) -> int:
-    """How many points of the path, 20 to a cell and its corners, lie in cells of cost 253 or 254 or outside.
+    """Number of points of the path, sampled 20 per cell, in cells of cost 253 or 254 or outside the costmap.
 
-    `corners`: the path's points stand for the cell they are the lower left corner of, as navfn's. A point on the very
-    edge of a cell lies in none.
+    `corners`: the poses are lower left corners of cells, as for navfn. Points on the edge between cells are ignored.
     """
     g = costmap.geometry
     xy = (plan.path.poses[:, :2] - (g.origin_x, g.origin_y)) / g.resolution
     if corners:
-        xy = xy[:-1] + 0.5  # the last is the goal itself
+        xy = xy[:-1] + 0.5  # the last pose is the goal itself
     pieces = [xy[:1]]
     for a, b in pairwise(xy):
-        n = max(1, int(np.ceil(np.hypot(*(b - a)) * _PER_CELL)))
+        n = max(1, int(np.ceil(np.hypot(*(b - a)) * _POINTS_PER_CELL)))
         pieces.append(a + (b - a) * (np.arange(1, n + 1) / n)[:, None])
     points = np.concatenate(pieces)
     points = points[np.abs(points - np.rint(points)).min(axis=1) > 1e-6]
@@ -106,7 +104,7 @@ def blocked_points(plan: Plan, costmap: Costmap, *, corners: bool) -> int:
 
 
 def forget_plans(planner: GlobalPlanner) -> None:
-    """Lets a planner that keeps something between plans forget it, so that the next plan is made from scratch."""
+    """Clears the caches of a planner, so that it makes the next plan from scratch."""
     forget = getattr(planner, "forget", None)
     if forget is not None:
         forget()
@@ -119,13 +117,13 @@ def run_pairs(
     *,
     footprint: Footprint | None = None,
 ) -> list[PairResult]:
-    """Every pair by every planner, from scratch, one planner after the other.
+    """Plans every pair with every planner, from scratch.
 
-    Kernels are compiled and arrays made before the first pair is timed; `time_ms` is wall time of `make_plan`.
+    `time_ms` is the wall time of `make_plan`, after an untimed first plan.
     """
     results: list[PairResult] = []
     for name, planner in planners.items():
-        for start, goal in pairs[:1]:  # allocates, and compiles on a first run: not to be timed
+        for start, goal in pairs[:1]:  # untimed: allocates, and compiles on the first run
             with suppress(PlanningError):
                 planner.make_plan(costmap, start, goal, footprint=footprint)
         for start, goal in pairs:

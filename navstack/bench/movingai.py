@@ -1,7 +1,7 @@
-"""N. Sturtevant's grid path finding benchmark (movingai.com): 8-connected shortest paths whose lengths are known.
+"""N. Sturtevant's grid path finding benchmark (movingai.com): 8-connected shortest paths of known length.
 
-A folder holds `maps/*.map` and `problems.tsv` (family, map, sx, sy, gx, gy, optimal). Passable are `.`, `G` and `S`; x counts
-columns, y rows from the top; a diagonal step costs sqrt 2 and needs both orthogonal neighbours.
+A folder contains `maps/*.map` and `problems.tsv` (family, map, sx, sy, gx, gy, optimal). `.`, `G` and `S` are passable; x
+counts columns, y rows from the top; a diagonal step costs sqrt 2 and needs both orthogonal neighbours.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.bench.files import read_table
+from navstack.bench.csv_reader import read_csv
 from navstack.bench.map_pairs import forget_plans
 from navstack.core import FREE, LETHAL, Costmap, GridGeometry, Pose2D
 from navstack.core.errors import InputError, PlanningError
@@ -26,11 +26,11 @@ from navstack.plugins import GLOBAL_PLANNERS
 
 PASSABLE: Final = b".GS"
 TOLERANCE: Final = 0.006
-"""The published optima are rounded: a length within this of them is optimal."""
+"""Rounding of the published optima: a length within this tolerance is optimal."""
 
 
 class Problem(NamedTuple):
-    """One query; cells as the benchmark counts them, y from the top."""
+    """One query, in the cells of the benchmark (y from the top)."""
 
     family: str
     map: str
@@ -43,23 +43,25 @@ class Problem(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What a planner made of a problem."""
+    """The plan of a problem."""
 
     problem: Problem
     length: float
-    """In cells; inf where it found none."""
+    """In cells; infinite without a path."""
     expanded: int
     time_ms: float
     xy: NDArray[np.float64]
-    """(n, 2) the path in cells as the benchmark counts them, centres at whole numbers."""
+    """(n, 2) path in the cells of the benchmark, with centres at whole numbers."""
 
 
 def read_problems(folder: Path) -> list[Problem]:
-    """All problems of a folder; raises InputError when it holds no table of them, or one that is wrong somewhere."""
+    """All problems of a folder. Raises InputError for a missing or invalid table."""
     file = folder / "problems.tsv"
     if not file.is_file():
-        raise InputError(f"{folder} holds no problems.tsv: give the folder of the movingai benchmark", path=str(folder))
-    return read_table(file, Problem._fields, _problem, delimiter="\t")
+        raise InputError(
+            f"{folder} contains no problems.tsv; give the folder of the movingai benchmark", path=str(folder)
+        )
+    return read_csv(file, Problem._fields, _problem, delimiter="\t")
 
 
 def _problem(r: Mapping[str, str]) -> Problem:
@@ -67,12 +69,12 @@ def _problem(r: Mapping[str, str]) -> Problem:
 
 
 def map_file(folder: Path, name: str) -> Path:
-    """Where a folder keeps the map of that name."""
+    """The file of a map."""
     return folder / "maps" / f"{name}.map"
 
 
 def read_map(file: Path) -> NDArray[np.bool_]:
-    """(height, width) what is passable, row 0 = the top; raises InputError for a file that is no such map."""
+    """(height, width) passable cells, row 0 = the top. Raises InputError for an invalid file."""
     try:
         head, _, body = file.read_bytes().replace(b"\r", b"").partition(b"\nmap\n")
         size = dict(line.split() for line in head.decode("ascii").splitlines())
@@ -80,20 +82,20 @@ def read_map(file: Path) -> NDArray[np.bool_]:
         rows = body.split(b"\n")[:height]
         cells = np.frombuffer(b"".join(rows), np.uint8).reshape(height, width)
     except (OSError, ValueError, KeyError, UnicodeDecodeError) as error:
-        raise InputError(f"{file} is no map of the movingai benchmark ({error})", path=str(file)) from None
+        raise InputError(f"{file} is not a map of the movingai benchmark ({error})", path=str(file)) from None
     return np.isin(cells, np.frombuffer(PASSABLE, np.uint8))
 
 
 def as_costmap(passable: NDArray[np.bool_]) -> Costmap:
-    """Free and lethal cells of 1 m, the first row of the map uppermost; a cell's centre at x + 0.5, height - y - 0.5."""
+    """Free and lethal cells of 1 m; cell (x, y) of the benchmark has its centre at (x + 0.5, height - y - 0.5)."""
     data = np.where(passable[::-1], np.uint8(FREE), np.uint8(LETHAL))
     return Costmap(GridGeometry(passable.shape[1], passable.shape[0], 1.0), np.ascontiguousarray(data))
 
 
 def build(name: str, **params: Any) -> GlobalPlanner:
-    """A planner that looks for the shortest path: for those that weigh the costmap's costs, without them.
+    """A planner that minimizes path length: costs of the costmap are ignored where the planner allows it.
 
-    Raises UnknownPluginError for a name that is none.
+    Raises UnknownPluginError for an unknown name.
     """
     entry = GLOBAL_PLANNERS.get(name)
     if {"neutral_cost", "cost_factor"} <= set(entry.cls.Params.model_fields) and name in ("astar", "theta_star"):
@@ -102,7 +104,7 @@ def build(name: str, **params: Any) -> GlobalPlanner:
 
 
 def solve(planner: GlobalPlanner, costmap: Costmap, problem: Problem) -> Answer:
-    """Plans one problem; the time is that of `make_plan`."""
+    """Plans one problem and times `make_plan`."""
     height = costmap.geometry.ny
     start = Pose2D(problem.sx + 0.5, height - problem.sy - 0.5)
     goal = Pose2D(problem.gx + 0.5, height - problem.gy - 0.5)
@@ -118,21 +120,21 @@ def solve(planner: GlobalPlanner, costmap: Costmap, problem: Problem) -> Answer:
 
 
 def run(folder: Path, planner: GlobalPlanner, problems: Iterable[Problem] | None = None) -> list[Answer]:
-    """Plans all problems of a folder, or those given; each map is read once, in the order of the problems."""
+    """Plans the problems, by default all of the folder; each map is read once, in the order of the problems."""
     wanted = read_problems(folder) if problems is None else list(problems)
     maps: dict[str, Costmap] = {}
     answers: list[Answer] = []
     for problem in wanted:
         if problem.map not in maps:
             maps[problem.map] = as_costmap(read_map(map_file(folder, problem.map)))
-            solve(planner, maps[problem.map], problem)  # allocates, and compiles on a first run: not to be timed
+            solve(planner, maps[problem.map], problem)  # untimed: allocates, and compiles on the first run
             forget_plans(planner)
         answers.append(solve(planner, maps[problem.map], problem))
     return answers
 
 
 def summary(answers: Sequence[Answer]) -> list[dict[str, Any]]:
-    """One row per map and one for all, in the order of the answers: problems, optimal ones, the excess, cells and times."""
+    """One row per map, in the order of the answers, and one for all: counts, excess length, expanded cells and times."""
     by_map: dict[str, list[Answer]] = {}
     for answer in answers:
         by_map.setdefault(answer.problem.map, []).append(answer)

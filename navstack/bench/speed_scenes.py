@@ -1,11 +1,11 @@
-"""Single stages in the scenes in which the C++ stack was timed: local costmap updates and cycles of DWA.
+"""Single stages in the scenes used to time the C++ stack: local costmap updates and DWA cycles.
 
-Costmaps: S x S m at 0.05 m around the robot; walls at 0.45 S; twelve discs of radius 0.02 S, number i at
-0.35 S (0.6 + 0.05 i) in direction 0.7 i + 0.2; one scan of 640 beams over a full circle. DWA: 4 x 4 m, walls at 1.9 m, three
-discs, seen within 3 m, inflated 0.5 m at 5 / m; a plan of 42 poses; the turtlebot's limits.
+Costmaps: S x S m at 0.05 m around the robot; walls at 0.45 S; twelve discs of radius 0.02 S, disc i at distance
+0.35 S (0.6 + 0.05 i) in direction 0.7 i + 0.2 (rad); one scan of 640 beams over a full circle. DWA: 4 x 4 m, walls at 1.9 m,
+three discs, range 3 m, inflation 0.5 m with cost scaling 5 / m; a plan of 42 poses; the turtlebot's limits.
 
-Global planners are not among them: C++ was timed on Willow Garage's map, which does not come with navstack, and on another
-map the same query would be other work. `tools/bench/global_planner.py` compares them where that map is.
+Global planners are missing: C++ was timed on the Willow Garage map, which is not part of navstack, and times on other maps do
+not compare. `tools/bench/global_planner.py` measures them where that map is available.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ from navstack.interfaces import ControlInput
 from navstack.local_planner import DWAParams, DWAPlanner
 
 Stage = Callable[[int], object]
-"""Does the work for the i-th time."""
+"""Performs the work; its argument is the number of the call."""
 Disc = tuple[float, float, float]
 
 BEAMS: Final = 640
 
 
 def scan(walls: float, discs: Sequence[Disc], stamp: float = 0.0) -> LaserScan:
-    """What a lidar at the origin sees of walls at +-`walls` m and of discs (x, y, radius)."""
+    """The scan of a lidar at the origin between walls at +-`walls` m and discs (x, y, radius)."""
     angles = -math.pi + np.arange(BEAMS) * (2.0 * math.pi / BEAMS)
     c, s = np.cos(angles), np.sin(angles)
     ranges: NDArray[np.float64] = walls / np.maximum(np.abs(c), np.abs(s))
@@ -63,7 +63,7 @@ def scan(walls: float, discs: Sequence[Disc], stamp: float = 0.0) -> LaserScan:
 
 
 def room(size: float) -> list[Disc]:
-    """The twelve discs of a costmap's scene of `size` (m)."""
+    """The twelve discs of a costmap scene of `size` (m)."""
     reaches = [(0.35 * size * (0.6 + 0.05 * i), 0.7 * i + 0.2) for i in range(12)]
     return [(reach * math.cos(angle), reach * math.sin(angle), 0.02 * size) for reach, angle in reaches]
 
@@ -73,7 +73,7 @@ def rolling_costmap(
 ) -> LayeredCostmap:
     """The local costmap of the scenes: `size` x `size` m at 0.05 m, marked and cleared within `reach` m by the topic `scan`.
 
-    `frames` know odom, base_link and the lidar's frame `laser`; without them the robot stands at the origin.
+    `frames` contains odom, base_link and the lidar's frame `laser`; by default, the robot is at the origin.
     """
     source = ObservationSourceParams(
         data_type="LaserScan", marking=True, clearing=True, obstacle_range=reach, raytrace_range=reach
@@ -99,7 +99,7 @@ def rolling_costmap(
 
 
 def frames_at_origin() -> FrameTree:
-    """Odom, base_link and the lidar's `laser`, all in one place at time 0."""
+    """odom, base_link and laser, all at the origin at time 0."""
     frames = FrameTree()
     frames.set_static("base_link", "laser", Transform2D())
     frames.set("odom", "base_link", Transform2D(), 0.0)
@@ -107,7 +107,7 @@ def frames_at_origin() -> FrameTree:
 
 
 def costmap_stage(size: float, reach: float, *, voxel: bool = False, whole: bool = False) -> Stage:
-    """A scan arrives: cleared and marked; with `whole`, the costmap rolls along and is inflated, too."""
+    """Clears and marks with a scan; with `whole`, also moves the rolling window and inflates."""
     costmap = rolling_costmap(size, reach, voxel=voxel, inflate=whole)
     seen = [scan(0.45 * size, room(size)) for _ in range(5)]
     layer = costmap.layer("obstacle_layer")
@@ -124,7 +124,7 @@ def costmap_stage(size: float, reach: float, *, voxel: bool = False, whole: bool
 
 
 def dwa_stage(vx_samples: int, vth_samples: int, sim_time: float) -> Stage:
-    """A cycle of DWA: the plan is set, samples are rolled out and scored, one is chosen."""
+    """A cycle of DWA: sets the plan, then rolls out, scores and selects."""
     costmap = rolling_costmap(4.0, 3.0, inflate=True)
     costmap.observe(scan(1.9, [(0.9, 0.6, 0.15), (0.8, -0.7, 0.15), (-0.9, 0.8, 0.2)]))
     costmap.update_at(Pose2D(0.0, 0.0), 0.0)
@@ -162,4 +162,4 @@ SCENES: Final[dict[str, Callable[[], Stage]]] = {
     "dwa_20x20": lambda: dwa_stage(20, 20, 1.7),
     "dwa_20x40": lambda: dwa_stage(20, 40, 1.7),
 }
-"""By the names that a file of reference times knows them by."""
+"""By their names in files of reference times."""

@@ -10,38 +10,39 @@ from typing import Any, NamedTuple
 from navstack.statistics import Correlation, Difference, Interval
 
 DIGITS = "_digits"
-"""A row's own number of digits, in the place of its columns'."""
+"""Key of a row that overrides the number of digits of its columns."""
 
 
 class Column(NamedTuple):
-    """One column: what it shows of a row and how."""
+    """One column of a table."""
 
     key: str
+    """Key of the value in a row."""
     head: str
     digits: int = 2
-    """Of numbers that are not whole."""
+    """Decimal places of floats."""
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Rows of values by name, and the columns that show them."""
+    """Rows of named values, and the columns to show."""
 
     title: str
     columns: Sequence[Column]
     rows: Sequence[Mapping[str, Any]]
 
     def texts(self) -> list[list[str]]:
-        """What stands in the cells, row by row."""
+        """The texts of the cells, row by row."""
         return [[text_of(row.get(c.key), row.get(DIGITS, c.digits)) for c in self.columns] for row in self.rows]
 
     def is_numeric(self, column: int) -> bool:
-        """True when a column is to be set to the right."""
+        """True for a column without text, which is right-aligned."""
         values = [row.get(self.columns[column].key) for row in self.rows]
         return not any(isinstance(v, str) for v in values)
 
     def markdown(self) -> str:
-        """The table as GitHub shows it, its title in bold above it."""
-        # a bar or a line end within a cell would make another one of it
+        """The table in GitHub's Markdown, below its title in bold."""
+        # a bar or a newline in a cell would start another cell
         texts = ([text.replace("|", "\\|").replace("\n", " ") for text in row] for row in self.texts())
         cells = [[c.head for c in self.columns], *texts]
         widths = [max(len(row[i]) for row in cells) for i in range(len(self.columns))]
@@ -57,7 +58,7 @@ class Table:
 
 
 def text_of(value: Any, digits: int = 2) -> str:
-    """A value as tables show it; a dash for nothing."""
+    """The text of a cell; a dash for None and NaN."""
     if value is None:
         return "-"
     if isinstance(value, (Interval, Difference)):
@@ -76,7 +77,7 @@ def text_of(value: Any, digits: int = 2) -> str:
 
 
 def as_json(value: Any) -> Any:
-    """Rows, intervals and tables for JSON."""
+    """Rows, intervals and tables as JSON values."""
     if isinstance(value, (Interval, Difference, Correlation)):
         return value.as_dict()
     if isinstance(value, Table):
@@ -86,3 +87,8 @@ def as_json(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [as_json(v) for v in value]
     return value
+
+
+def mean_of(values: Sequence[float]) -> float:
+    """The arithmetic mean; NaN for no values."""
+    return math.fsum(values) / len(values) if values else math.nan

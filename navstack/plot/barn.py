@@ -1,4 +1,4 @@
-"""BARN in pictures: how the runs of each world ended, and how long they took against what is best."""
+"""Pictures of BARN: the outcomes in each world, and the times against the optimum."""
 
 from __future__ import annotations
 
@@ -10,42 +10,45 @@ from typing import Any
 from navstack.plot import canvas, colors
 
 Row = Mapping[str, Any]
-"""A world: world, optimal_time_s, runs, success, collision, other, time_s; of C++, if known, cpp_outcome and cpp_time_s."""
+"""A world: world, optimal_time_s, runs, success, collision, other, time_s; if C++ is known, cpp_outcome and cpp_time_s."""
 
-_ENDS = (
+_OUTCOMES = (
     ("success", "success", colors.BLUE),
-    ("collision", "contact", colors.VERMILLION),
+    ("collision", "collision", colors.VERMILLION),
     ("other", "timeout or aborted", colors.ORANGE),
 )
+_SCORE_LINES = ((2.0, "0.5"), (4.0, "0.25"), (8.0, "0.125, the minimum of a success"))
+"""Multiples of the optimal time, and the score of a run that takes so long."""
 
 
-def plot_success(rows: Sequence[Row], path: str | os.PathLike[str], *, title: str, dpi: float = 130.0) -> Path:
-    """Draws a bar per world with the shares of its runs that ended so or so, C++'s single run as a square above it.
-
-    Raises OutputError. Returns the file.
-    """
+def _figure(size: tuple[float, float], title: str) -> tuple[Any, Any]:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
+    figure = Figure(figsize=size, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes: Any = figure.add_subplot()
+    axes.set_title(title)
+    return figure, axes
+
+
+def plot_success(rows: Sequence[Row], path: str | os.PathLike[str], *, title: str, dpi: float = 130.0) -> Path:
+    """Draws a bar per world with the shares of the outcomes, and the single run of C++ as a square above it.
+
+    Raises OutputError. Returns the file.
+    """
     out = Path(path)
     canvas.check_format(out)
     with canvas.style():
-        figure = Figure(figsize=(max(6.0, 2.6 + 0.19 * len(rows)), 3.6), layout="constrained")
-        FigureCanvasAgg(figure)
-        axes: Any = figure.add_subplot()
-        axes.set_title(title)
+        figure, axes = _figure((max(6.0, 2.6 + 0.19 * len(rows)), 3.6), title)
         at = list(range(len(rows)))
         below = [0.0] * len(rows)
-        for key, label, color in _ENDS:
+        for key, label, color in _OUTCOMES:
             shares = [row[key] / row["runs"] for row in rows]
             axes.bar(at, shares, bottom=below, color=color, width=0.8, label=label)
             below = [b + s for b, s in zip(below, shares, strict=True)]
         if any("cpp_outcome" in row for row in rows):
-            for key, label, color in _ENDS:
-                mine = [i for i, row in enumerate(rows) if _cpp_end(row) == key]
-                axes.plot(mine, [1.08] * len(mine), "s", ms=5.0, color=color, mec=colors.INK, mew=0.5)
-                if mine:
-                    axes.plot([], [], "s", ms=5.0, color=color, mec=colors.INK, mew=0.5, label=f"C++: {label}")
+            _draw_cpp_outcomes(axes, rows)
         axes.set_xticks(at, [str(row["world"]) for row in rows], rotation=90, fontsize=7)
         axes.set_xlim(-0.7, len(rows) - 0.3)
         axes.set_ylim(0.0, 1.18)
@@ -56,63 +59,56 @@ def plot_success(rows: Sequence[Row], path: str | os.PathLike[str], *, title: st
         return canvas.save(figure, out, dpi)
 
 
+def _draw_cpp_outcomes(axes: Any, rows: Sequence[Row]) -> None:
+    for key, label, color in _OUTCOMES:
+        worlds = [i for i, row in enumerate(rows) if _cpp_outcome(row) == key]
+        axes.plot(worlds, [1.08] * len(worlds), "s", ms=5.0, color=color, mec=colors.INK, mew=0.5)
+        if worlds:
+            axes.plot([], [], "s", ms=5.0, color=color, mec=colors.INK, mew=0.5, label=f"C++: {label}")
+
+
+def _cpp_outcome(row: Row) -> str | None:
+    outcome = row.get("cpp_outcome")
+    return outcome if outcome in (None, "success", "collision") else "other"
+
+
 def plot_times(rows: Sequence[Row], path: str | os.PathLike[str], *, title: str, dpi: float = 130.0) -> Path:
-    """Draws the time of each world's successes against what the shortest way takes at 2 m/s, with the lines of equal score.
+    """Draws the time of each world's successes against the time of the shortest path at 2 m/s, with lines of equal score.
 
     Raises OutputError. Returns the file.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     out = Path(path)
     canvas.check_format(out)
     with canvas.style():
-        figure = Figure(figsize=(7.6, 4.4), layout="constrained")
-        FigureCanvasAgg(figure)
-        axes: Any = figure.add_subplot()
-        axes.set_title(title)
+        figure, axes = _figure((7.6, 4.4), title)
         optimal = [row["optimal_time_s"] for row in rows]
         low, high = min(optimal) - 0.1, max(optimal) + 0.1
-        for factor, score in ((2.0, "0.5"), (4.0, "0.25"), (8.0, "0.125, the least of a success")):
-            axes.plot([low, high], [factor * low, factor * high], color=colors.FAINT, lw=0.8, ls=(0, (4, 2)), zorder=1)
-            axes.annotate(
-                f"score {score}",
-                (high, factor * high),
-                xytext=(0.0, 3.0),
-                textcoords="offset points",
-                color=colors.FAINT,
-                fontsize=7.5,
-                ha="right",
-            )
+        _draw_score_lines(axes, low, high)
         theirs = [row for row in rows if row.get("cpp_time_s") is not None]
         if theirs:
-            axes.plot(
-                [row["optimal_time_s"] for row in theirs],
-                [row["cpp_time_s"] for row in theirs],
-                "o",
-                ms=6.0,
-                mfc="none",
-                mec=colors.ORANGE,
-                mew=1.3,
-                label="C++, one run",
-            )
+            hollow = {"ms": 6.0, "mfc": "none", "mec": colors.ORANGE, "mew": 1.3}
+            times = [row["cpp_time_s"] for row in theirs]
+            axes.plot([row["optimal_time_s"] for row in theirs], times, "o", label="C++, one run", **hollow)
         won = [row for row in rows if row["success"] > 0]
-        axes.plot(
-            [row["optimal_time_s"] for row in won],
-            [row["time_s"] for row in won],
-            "o",
-            ms=4.0,
-            color=colors.BLUE,
-            label="navstack, mean",
-        )
+        times = [row["time_s"] for row in won]
+        axes.plot([row["optimal_time_s"] for row in won], times, "o", ms=4.0, color=colors.BLUE, label="navstack, mean")
         axes.set_xlim(low, high)
         axes.set_ylim(bottom=0.0)
-        axes.set_xlabel("shortest way at 2 m/s (s)")
+        axes.set_xlabel("time of the shortest path at 2 m/s (s)")
         axes.set_ylabel("time of the successes (s)")
         axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.0)
         return canvas.save(figure, out, dpi)
 
 
-def _cpp_end(row: Row) -> str | None:
-    ended = row.get("cpp_outcome")
-    return ended if ended in (None, "success", "collision") else "other"
+def _draw_score_lines(axes: Any, low: float, high: float) -> None:
+    for factor, score in _SCORE_LINES:
+        axes.plot([low, high], [factor * low, factor * high], color=colors.FAINT, lw=0.8, ls=(0, (4, 2)), zorder=1)
+        axes.annotate(
+            f"score {score}",
+            (high, factor * high),
+            xytext=(0.0, 3.0),
+            textcoords="offset points",
+            color=colors.FAINT,
+            fontsize=7.5,
+            ha="right",
+        )

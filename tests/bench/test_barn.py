@@ -1,4 +1,4 @@
-"""BARN's rules, on fields made for the purpose: who arrives, who touches, who runs out of time, and what it is worth."""
+"""The rules of BARN on small fields: success, collision, timeout, and scores."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from navstack.bench.barn import BarnWorld, barn_configuration, load_worlds, run_world
-from navstack.bench.barn_bench import BarnTask, barn_jobs, barn_report, read_cpp
-from navstack.bench.files import for_workers
+from navstack.bench.barn_bench import BarnTask, barn_jobs, barn_report
+from navstack.bench.barn_tables import read_cpp_results
+from navstack.bench.digests import for_workers
 from navstack.core.errors import InputError
 from navstack.jobs import SerialExecutor, run_jobs
 from navstack.tune.courses import BarnCourse
@@ -20,7 +21,7 @@ from navstack.tune.courses import BarnCourse
 def jackal(data_dir: Path) -> Path:
     folder = data_dir / "params" / "jackal_barn"
     if not folder.is_dir():
-        pytest.skip("no parameters of the Jackal here")
+        pytest.skip("the parameters of the Jackal are not available")
     return folder
 
 
@@ -28,13 +29,13 @@ def field(*discs: tuple[float, float, float]) -> BarnWorld:
     return BarnWorld(7, np.array(discs, np.float64).reshape(-1, 3), 10.0)
 
 
-def test_an_open_field_is_crossed_at_full_speed_and_the_same_every_time(jackal: Path) -> None:
+def test_an_open_field_is_crossed_at_full_speed_and_reproducibly(jackal: Path) -> None:
     configuration = barn_configuration(jackal)
     world = field((3.0, 5.0, 0.1))
     first, recorder = run_world(world, configuration)
     assert recorder is None
     assert first.outcome == "success" and first.world == 7
-    # 0.1 m are free and the last metre is not driven
+    # the first 0.1 m are not timed and the last metre is not driven
     assert first.time_s == pytest.approx((10.0 - 1.0 - 0.1) / 0.5, abs=0.5)
     assert first.length_m == pytest.approx(9.0, abs=0.1)
     assert first.score == pytest.approx(5.0 / first.time_s)
@@ -43,7 +44,7 @@ def test_an_open_field_is_crossed_at_full_speed_and_the_same_every_time(jackal: 
     assert run_world(world, configuration)[0] == first
 
 
-def test_a_wall_without_a_way_round_is_no_success(jackal: Path) -> None:
+def test_an_enclosed_robot_does_not_succeed(jackal: Path) -> None:
     ring = [(0.8 * np.cos(a), 0.8 * np.sin(a), 0.06) for a in np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)]
     outcome, recorder = run_world(
         field(*ring),
@@ -55,7 +56,7 @@ def test_a_wall_without_a_way_round_is_no_success(jackal: Path) -> None:
     assert recorder is not None and len(recorder.record().times) > 10
 
 
-def test_the_score_is_cut_at_both_ends() -> None:
+def test_the_score_is_clipped() -> None:
     world = field()
     assert world.optimal_time_s == 5.0
     assert world.score(1.0) == 0.5
@@ -63,7 +64,7 @@ def test_the_score_is_cut_at_both_ends() -> None:
     assert world.score(99.0) == 0.125
 
 
-def test_what_is_no_file_of_worlds(tmp_path: Path) -> None:
+def test_invalid_world_files(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="BARN"):
         load_worlds(tmp_path / "worlds.npz")
     good = {
@@ -88,7 +89,7 @@ def test_what_is_no_file_of_worlds(tmp_path: Path) -> None:
 
 
 def test_a_world_without_cylinders(jackal: Path, tmp_path: Path) -> None:
-    """Its clearance is infinite, which JSON cannot say."""
+    """Its clearance is infinite, which JSON cannot represent."""
     empty = {"world": [5], "cyl_xy": np.zeros((0, 2)), "cyl_offset": [0, 0], "cyl_radius": 0.1}
     np.savez(tmp_path / "worlds.npz", **empty, optimal_length_m=[10.0])
     task = BarnTask(tmp_path, (str(jackal),))
@@ -98,30 +99,30 @@ def test_a_world_without_cylinders(jackal: Path, tmp_path: Path) -> None:
     assert [o.clearance_m for o in report.outcomes] == [np.inf, np.inf]
     assert report.worlds.rows[0]["clearance_m"] == np.inf
     course = BarnCourse(load_worlds(tmp_path / "worlds.npz"), [0])
-    told = course.drive(course.cases[0], task.configuration)[0]
-    assert told.clearance_m == 0.0 and told.jerk > 0.0
+    outcome = course.drive(course.cases[0], task.configuration)[0]
+    assert outcome.clearance_m == 0.0 and outcome.jerk > 0.0
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("world,outcome\n", "cpp.csv:1: the table has no column AT; it must have world, outcome, AT"),
-        ("", "cpp.csv:1: the table has no column world"),
+        ("world,outcome\n", "cpp.csv:1: column AT is missing; the table needs world, outcome, AT"),
+        ("", "cpp.csv:1: column world is missing"),
         (
             "world,outcome,AT,length,clearance,score\n1,success,9,9,1,0.5\n2,success,nine,9,1,0.5\n",
             "cpp.csv:3: could not convert string to float: 'nine'; a line holds world",
         ),
-        ("world,outcome,AT,length,clearance,score\n1,success,9\n", "cpp.csv:2: the line ends before its last column"),
+        ("world,outcome,AT,length,clearance,score\n1,success,9\n", "cpp.csv:2: the line has too few columns"),
     ],
 )
-def test_a_wrong_table_is_told_with_its_line(text: str, message: str, tmp_path: Path) -> None:
+def test_an_invalid_table_is_reported_with_its_line(text: str, message: str, tmp_path: Path) -> None:
     (tmp_path / "cpp.csv").write_text(text)
     with pytest.raises(InputError, match=re.escape(message)):
-        read_cpp(tmp_path / "cpp.csv")
-    assert read_cpp(tmp_path / "absent.csv") == {}
+        read_cpp_results(tmp_path / "cpp.csv")
+    assert read_cpp_results(tmp_path / "absent.csv") == {}
 
 
-def test_a_source_as_workers_take_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_sources_for_workers_have_absolute_paths(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "me@home").mkdir()
     (tmp_path / "me@home" / "a.yaml").touch()
@@ -131,8 +132,8 @@ def test_a_source_as_workers_take_it(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert for_workers("me@home") == str(tmp_path / "me@home")
 
 
-def test_one_world_as_published(jackal: Path, data_dir: Path) -> None:
-    """World 31: C++ took 19.2 s for 9.25 m."""
+def test_one_world_as_in_the_cpp_results(jackal: Path, data_dir: Path) -> None:
+    """World 31: C++ needed 19.2 s for 9.25 m."""
     worlds = {world.number: world for world in load_worlds(data_dir / "barn" / "worlds.npz")}
     assert len(worlds) == 50
     outcome, _ = run_world(worlds[31], barn_configuration(jackal))

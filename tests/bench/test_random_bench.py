@@ -1,4 +1,4 @@
-"""`navstack bench random`: tables of what became of random scenarios, resumed, and an exit code for faults."""
+"""`navstack bench random`: tables of the outcomes, resuming, and the exit code for violations."""
 
 from __future__ import annotations
 
@@ -13,35 +13,35 @@ from navstack.jobs import JobResult
 
 
 def value(number: int, outcome: str, faults: list[str]) -> JobResult:
-    told = {"number": number, "outcome": outcome, "simulated_s": 36.0, "collisions": number, "faults": faults}
-    return JobResult(f"random {number}", told)
+    fields = {"number": number, "outcome": outcome, "simulated_s": 36.0, "collisions": number, "faults": faults}
+    return JobResult(f"random {number}", fields)
 
 
-def test_tables_count_ends_and_list_faults() -> None:
+def test_tables_count_outcomes_and_list_violations() -> None:
     results = [value(0, "SUCCEEDED ABORTED", []), value(1, "refused START_OCCUPIED", []), value(2, "PREEMPTED", ["oh"])]
-    counts, faults = random_tables(results)
-    assert {row["what"]: row["many"] for row in counts.rows} == {
+    counts, violations = random_tables(results)
+    assert {row["what"]: row["count"] for row in counts.rows} == {
         "scenarios": 3,
         "hours simulated": pytest.approx(0.03),
         "with collisions": 2,
-        "with faults": 1,
-        "goals that ended ABORTED": 1,
-        "goals that ended PREEMPTED": 1,
-        "goals that ended SUCCEEDED": 1,
+        "with violations": 1,
+        "goals ended ABORTED": 1,
+        "goals ended PREEMPTED": 1,
+        "goals ended SUCCEEDED": 1,
         "refused START_OCCUPIED": 1,
     }
-    assert faults.rows == [{"number": "2", "fault": "oh"}]
+    assert violations.rows == [{"number": "2", "fault": "oh"}]
     assert len(random_tables(results[:2])) == 1
 
 
-def test_the_command_drives_keeps_and_resumes(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_the_command_runs_saves_and_resumes(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     command = ["bench", "random", "2", "--first", "5", "--time-limit", "1", "--processes", "1", "--out", str(tmp_path)]
     assert run([*command, "--json"]) == 0
     document = json.loads(capfd.readouterr().out)
     assert document["count"] == 2 and document["failed"] == []
     before = (tmp_path / "results.jsonl").read_bytes()
     assert run([*command, "--resume"]) == 0
-    assert "with faults" in capfd.readouterr().out
+    assert "with violations" in capfd.readouterr().out
     assert (tmp_path / "results.jsonl").read_bytes() == before
     job = random_jobs(5, 1)[0]
     assert RandomTask(1.0)(job.input)["number"] == 5

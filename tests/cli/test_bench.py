@@ -1,4 +1,5 @@
-"""`navstack bench`: tables that do not depend on processes or kills, JSON alone on stdout, one message for wrong input."""
+"""`navstack bench`: tables do not depend on the number of processes or on interruptions, stdout has only JSON, and invalid
+input gives one message."""
 
 from __future__ import annotations
 
@@ -16,7 +17,9 @@ import pytest
 from PIL import Image
 from scipy import stats
 
-from navstack.bench.compare_bench import Pair, courses_table, measures_table, read_courses
+from navstack.bench.compare_bench import Pair
+from navstack.bench.compare_scenarios import read_scenarios
+from navstack.bench.compare_tables import measures_table, scenarios_table
 from navstack.bench.speed_bench import read_reference, speed_tables
 from navstack.bench.table import Column, Table
 from navstack.cli.app import run
@@ -49,7 +52,7 @@ def jackal(data_dir: Path) -> Path:
 
 @pytest.fixture
 def fields(tmp_path: Path) -> Path:
-    """Three BARN worlds in which little stands in the way; in the last a ring of them keeps the robot in."""
+    """Three BARN worlds with few cylinders; in the last, a ring of cylinders encloses the robot."""
     folder = tmp_path / "barn"
     folder.mkdir()
     ring = [(0.8 * math.cos(a) - 2.25, 0.8 * math.sin(a) + 3.0) for a in np.linspace(0.0, 2.0 * math.pi, 48)]
@@ -73,14 +76,14 @@ def fields(tmp_path: Path) -> Path:
 FAST = ("controller_patience=0.5", "planner_patience=0.5", "recovery_behavior_enabled=false",
         "controller_frequency=10.0", "TrajectoryPlannerROS/max_vel_x=2.0")  # fmt: skip
 QUICK = tuple(word for setting in FAST for word in ("--set", setting))
-"""A Jackal that is through with a world soon, one way or the other."""
+"""Settings with which a run of a Jackal ends early, with or without success."""
 
 
-def test_barn_killed_and_resumed_by_one_process_and_at_once_by_two(
+def test_barn_killed_and_resumed_by_one_process_equals_a_run_by_two(
     navstack, jackal: Path, fields: Path, tmp_path: Path
 ) -> None:
     command = ("bench", "barn", fields, "--params", jackal, *QUICK, "--noise", 0.002, "--seeds", 2, "--worlds", "9,8")
-    # killed when the first of four results is there
+    # killed after the first of four results
     command_line = [sys.executable, "-m", "navstack", *(str(a) for a in command), "--processes", "1", "--out", "one"]
     results = tmp_path / "one" / "results.jsonl"
     process = subprocess.Popen(command_line, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -91,7 +94,7 @@ def test_barn_killed_and_resumed_by_one_process_and_at_once_by_two(
         process.kill()
         process.wait()
     assert 2 <= len(results.read_text().splitlines()) < 1 + 4
-    assert "--resume goes on" in navstack(*command, "--out", "one", code=2)
+    assert "--resume" in navstack(*command, "--out", "one", code=2)
     message = navstack(*command, "--noise", 0.01, "--out", "one", "--resume", code=2)
     assert "noise_m was 0.002 and is 0.01 now" in message
 
@@ -109,20 +112,20 @@ def test_barn_killed_and_resumed_by_one_process_and_at_once_by_two(
     assert [0.3 < r["score"] <= 0.5 for r in one["runs"]] == [False, True, False, True]
 
 
-def test_barn_without_noise_counts_a_world_once_and_records_what_failed(
+def test_barn_without_noise_counts_each_world_once_and_records_failures(
     navstack, jackal: Path, fields: Path, tmp_path: Path
 ) -> None:
     command = ("bench", "barn", fields, "--params", jackal, *QUICK, "--worlds", 9, "--seeds", 2, "--record")
-    told = navstack(*command, "--out", "out", "--processes", 1, "--json")
-    assert told["worlds"][0]["success"] == 0
-    assert told["totals"][0]["score"]["value"] == 0.0
-    assert told["against_cpp"] is None
-    assert any("all seeds gave the same runs" in note for note in told["notes"])
+    document = navstack(*command, "--out", "out", "--processes", 1, "--json")
+    assert document["worlds"][0]["success"] == 0
+    assert document["totals"][0]["score"]["value"] == 0.0
+    assert document["against_cpp"] is None
+    assert any("all seeds gave the same runs" in note for note in document["notes"])
     assert (tmp_path / "out" / "records" / "world_9_seed_1").is_dir()
 
 
 def write_problems(folder: Path) -> Path:
-    """A room of 8 x 5 with a wall that leaves its top row open."""
+    """A room of 8 x 5 cells with a wall that leaves the top row open."""
     (folder / "maps").mkdir(parents=True)
     rows = ["........", "...@....", "...@....", "...@....", "...@...."]
     (folder / "maps" / "room.map").write_text("type octile\nheight 5\nwidth 8\nmap\n" + "\n".join(rows) + "\n")
@@ -133,9 +136,9 @@ def write_problems(folder: Path) -> Path:
 
 def test_movingai(navstack, tmp_path: Path) -> None:
     folder = write_problems(tmp_path / "movingai")
-    told = navstack("bench", "movingai", folder, "--processes", 1, "--json")
-    assert set(told["planners"]) == {"astar", "theta_star"}
-    row, everything = told["planners"]["astar"]
+    document = navstack("bench", "movingai", folder, "--processes", 1, "--json")
+    assert set(document["planners"]) == {"astar", "theta_star"}
+    row, everything = document["planners"]["astar"]
     assert (row["map"], row["problems"], row["found"], row["optimal"]) == ("room", 2, 2, 2)
     assert everything["map"] == "all"
     text = navstack("bench", "movingai", folder, "--planner", "astar", "--map", "room", "--processes", 1)
@@ -143,21 +146,21 @@ def test_movingai(navstack, tmp_path: Path) -> None:
 
 
 def test_planners(navstack, tmp_path: Path) -> None:
-    """The exit code tells that carrot_planner, which goes straight, misses a pair or ends in a wall."""
+    """The exit code is 1 because carrot_planner follows the straight line and misses a pair or hits a wall."""
     command = ("bench", "planners", "office", "--pairs", 3, "--planner", "navfn/NavfnROS", "--planner", "astar",
                "--planner", "carrot_planner", "--out", "out", "--json")  # fmt: skip
-    told = navstack(*command, "--processes", 1, code=1)
-    navfn, astar, carrot = told["rows"]
+    document = navstack(*command, "--processes", 1, code=1)
+    navfn, astar, carrot = document["rows"]
     for row, name in ((navfn, "navfn"), (astar, "astar")):
         assert (row["map"], row["planner"], row["found"], row["in_collision"]) == ("office", name, 3, 0)
         assert row["clearance_m"] > 0.0 and row["p99_ms"] >= row["p50_ms"] > 0.0
     assert carrot["found"] < 3 or carrot["in_collision"] > 0
-    assert len(told["plans"]["navfn on office"]) == 3
-    assert navstack(*command, "--resume", code=1)["rows"] == told["rows"]
+    assert len(document["plans"]["navfn on office"]) == 3
+    assert navstack(*command, "--resume", code=1)["rows"] == document["rows"]
 
 
 def write_map(file: Path, *, wall: bool = False, image: bool = True) -> Path:
-    """Four metres square, or nothing but wall."""
+    """A free or fully occupied map of 4 x 4 m."""
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text(
         f"image: {file.stem}.png\nresolution: 0.1\norigin: [0.0, 0.0, 0.0]\nnegate: 0\noccupied_thresh: 0.65\n"
@@ -168,7 +171,7 @@ def write_map(file: Path, *, wall: bool = False, image: bool = True) -> Path:
     return file
 
 
-def test_a_map_in_a_folder_that_cannot_be_read_is_named_and_the_others_are_measured(navstack, tmp_path: Path) -> None:
+def test_an_unreadable_map_in_a_folder_is_reported_and_skipped(navstack, tmp_path: Path) -> None:
     folder = tmp_path / "maps"
     for name in ("a/x/map.yaml", "b/x/m.yaml", "c/x/m.yml", "d/open.yaml"):
         write_map(folder / name)
@@ -177,30 +180,35 @@ def test_a_map_in_a_folder_that_cannot_be_read_is_named_and_the_others_are_measu
     (folder / "robot.yaml").write_text("images: 3\nimage_topic: scan\n")
     (folder / "places.yaml").mkdir()
     command = ("bench", "planners", folder, "--pairs", 1, "--planner", "astar", "--processes", 1, "--json")
-    told = navstack(*command, code=1)
-    # a name that several could have is none's
-    assert [row["map"] for row in told["rows"]] == ["x", str(folder / "b/x/m.yaml"), str(folder / "c/x/m.yml"), "open"]
-    assert all(row["found"] == 1 for row in told["rows"]) and told["failed"] == []
-    (unreadable,) = told["unreadable"]
+    document = navstack(*command, code=1)
+    # an ambiguous name is replaced by the path
+    assert [row["map"] for row in document["rows"]] == [
+        "x",
+        str(folder / "b/x/m.yaml"),
+        str(folder / "c/x/m.yml"),
+        "open",
+    ]
+    assert all(row["found"] == 1 for row in document["rows"]) and document["failed"] == []
+    (unreadable,) = document["unreadable"]
     assert "absent.yaml" in unreadable and "absent.png" in unreadable
-    assert [note.partition(":")[0] for note in told["notes"]] == [
-        "left out, since it cannot be read",
+    assert [note.partition(":")[0] for note in document["notes"]] == [
+        "skipped an unreadable map",
         "solid has no row",
     ]
     (folder / "absent.yaml").unlink()
     assert navstack(*command, "--out", "out")["unreadable"] == []
     Image.new("L", (40, 40), 253).save(folder / "d" / "open.png")
-    assert navstack(*command, "--out", "out", "--resume")["unreadable"] == []  # the same cells, by another grey
+    assert navstack(*command, "--out", "out", "--resume")["unreadable"] == []  # the same cells from another grey value
     Image.new("L", (40, 41), 254).save(folder / "d" / "open.png")
-    told = navstack(*command, "--out", "out", "--resume", code=2)
-    assert "maps.open was " in told["error"]["message"]
+    document = navstack(*command, "--out", "out", "--resume", code=2)
+    assert "maps.open was " in document["error"]["message"]
     write_map(tmp_path / "none" / "absent.yaml", image=False)
-    assert "there is no map that can be read: " in navstack("bench", "planners", "none", code=2)
+    assert "no map can be read: " in navstack("bench", "planners", "none", code=2)
     assert "absent.png" in navstack("bench", "planners", tmp_path / "none" / "absent.yaml", code=2)
 
 
 def write_scenario(file: Path, name: str = "trip", goal: str = "[4.0, 7.45, 0.0]") -> Path:
-    """Three metres along the corridor of the packaged office."""
+    """Writes a scenario of three metres along the corridor of the packaged office."""
     file.write_text(f"name: {name}\nmap: office\nstart: [1.0, 7.45, 0.0]\ngoals: [{goal}]\ntime_limit: 60\n")
     return file
 
@@ -210,17 +218,17 @@ def test_compare(navstack, tmp_path: Path) -> None:
     folder.mkdir()
     write_scenario(folder / "a.yaml")
     write_scenario(folder / "b.yaml", "nowhere", "[4.0, 30.0, 0.0]")
-    told = navstack("bench", "compare", "turtlebot", "turtlebot", folder, "--set-b", "DWAPlannerROS/max_vel_x=0.25",
+    document = navstack("bench", "compare", "turtlebot", "turtlebot", folder, "--set-b", "DWAPlannerROS/max_vel_x=0.25",
                     "--processes", 1, "--out", "out", "--json")  # fmt: skip
-    trip, nowhere = told["courses"]
+    trip, nowhere = document["by_scenario"]
     assert (trip["scenario"], trip["a_success"], trip["b_success"]) == ("trip", 1, 1)
     assert trip["difference_s"] > 2.0
     assert (nowhere["a_success"], nowhere["b_success"], nowhere["a_time_s"]) == (0, 0, None)
-    measures = {row["measure"]: row for row in told["measures"]}
+    measures = {row["measure"]: row for row in document["measures"]}
     assert measures["success"]["pairs"] == 2 and measures["success"]["verdict"] == "no difference shown"
     assert measures["time (s)"]["pairs"] == 1
-    assert measures["time (s)"]["verdict"] == "no difference shown"  # one pair proves nothing
-    assert told["B"] == {"params": ["turtlebot"], "set": ["DWAPlannerROS/max_vel_x=0.25"]}
+    assert measures["time (s)"]["verdict"] == "no difference shown"  # one pair is not enough
+    assert document["B"] == {"params": ["turtlebot"], "set": ["DWAPlannerROS/max_vel_x=0.25"]}
     assert (tmp_path / "out" / "compare.png").stat().st_size > 10_000
     message = navstack("bench", "compare", "turtlebot", "turtlebot", folder, "--out", "out", "--resume", code=2)
     assert "B.set.0 was" in message or "B.set was" in message
@@ -228,32 +236,32 @@ def test_compare(navstack, tmp_path: Path) -> None:
 
 def test_speed(navstack, tmp_path: Path) -> None:
     trip = write_scenario(tmp_path / "trip.yaml", goal="[2.0, 7.45, 0.0]")
-    told = navstack("bench", "speed", trip, "--repeats", 1, "--json")
-    (tmp_path / "then.json").write_text(json.dumps(told))
-    whole = told["measured"]["whole run"]
+    document = navstack("bench", "speed", trip, "--repeats", 1, "--json")
+    (tmp_path / "then.json").write_text(json.dumps(document))
+    whole = document["measured"]["whole run"]
     assert whole["states"] == ["SUCCEEDED"] and whole["factors"][0] > 0.0
-    stages = told["measured"]["stages of a run"]["stages"]
+    stages = document["measured"]["stages of a run"]["stages"]
     assert {"local planner", "global planner", "costmaps", "simulator", "recorder"} <= set(stages)
-    assert {"dwa_turtlebot", "costmap_update_4m", "voxel_update_4m"} <= set(told["cases"])
-    # what it told is a reference for the next time; the ratio is made with both calibrations
-    now = {name: {"ms": 2.0 * case["ms"]} for name, case in told["cases"].items()}
+    assert {"dwa_turtlebot", "costmap_update_4m", "voxel_update_4m"} <= set(document["cases"])
+    # the document is a reference for later runs; the ratio uses both calibrations
+    now = {name: {"ms": 2.0 * case["ms"]} for name, case in document["cases"].items()}
     results = [JobResult(name, {**case, "calibration_ms": 50.0}) for name, case in now.items()]
     then = read_reference(tmp_path / "then.json")
     rows = speed_tables(results, then)[-1].rows
-    assert [r["ratio"] for r in rows] == [pytest.approx(50.0 / told["calibration_ms"] / 2.0)] * len(now)
+    assert [r["ratio"] for r in rows] == [pytest.approx(50.0 / document["calibration_ms"] / 2.0)] * len(now)
 
 
-def test_a_bar_in_a_name_stays_in_its_cell() -> None:
+def test_markdown_escapes_a_bar_in_a_cell() -> None:
     table = Table("t", (Column("name", "name"), Column("n", "n")), [{"name": "a|b\nc", "n": 1}])
     assert table.markdown().splitlines()[-1] == "| a\\|b c | 1 |"
 
 
-def pair(course: str, a: float | None, b: float | None, seed: int = 0) -> Pair:
+def pair(scenario: str, a: float | None, b: float | None, seed: int = 0) -> Pair:
     sides = [{"success": t is not None, "time_s": t or 60.0, "recoveries": 0} for t in (a, b)]
-    return Pair(course, seed, *sides)
+    return Pair(scenario, seed, *sides)
 
 
-def test_what_a_comparison_shows() -> None:
+def test_verdicts_of_a_comparison() -> None:
     pairs = [pair(f"s{i}", 20.0 + i, 18.0 + i + 0.1 * (i % 3)) for i in range(12)]
     rows = {r["measure"]: r for r in measures_table(pairs).rows}
     assert rows["time (s)"]["verdict"] == "B is better"
@@ -262,10 +270,10 @@ def test_what_a_comparison_shows() -> None:
     rows = {r["measure"]: r for r in measures_table(pairs).rows}
     assert rows["success"]["verdict"] == "A is better"
     assert rows["time (s)"]["pairs"] == 5 and rows["time (s)"]["verdict"] == "no difference shown"
-    assert [r["b_success"] for r in courses_table(pairs).rows] == [0] * 7 + [1] * 5
+    assert [r["b_success"] for r in scenarios_table(pairs).rows] == [0] * 7 + [1] * 5
 
 
-def test_of_one_scenario_the_seeds_are_what_is_counted() -> None:
+def test_a_single_scenario_is_compared_over_its_seeds() -> None:
     a, b = [24.0, 24.5, 24.9, 24.1], [57.0, 58.2, 56.1, 57.7]
     pairs = [pair("one", x, y, seed) for seed, (x, y) in enumerate(zip(a, b, strict=True))]
     table = measures_table(pairs)
@@ -275,19 +283,19 @@ def test_of_one_scenario_the_seeds_are_what_is_counted() -> None:
     assert (interval.low, interval.high) == pytest.approx((wanted.low, wanted.high))
     assert time["verdict"] == "A is better"
     assert "seeds of one scenario" in table.title
-    # of two scenarios, they are
+    # several scenarios are compared over the scenarios
     more = measures_table([*pairs, *(pair("two", x, y, seed) for seed, (x, y) in enumerate(zip(a, a, strict=True)))])
     assert more.rows[1]["verdict"] == "no difference shown"
     assert "over scenarios" in more.title
 
 
-def test_scenarios_are_known_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_scenarios_are_found_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    (course,) = read_courses(["narrow_door"], None)
-    assert course.name == "narrow door"
-    write_scenario(Path("narrow_door"))  # a file of one's own comes first
-    (course,) = read_courses(["narrow_door"], None)
-    assert course.name == "trip"
+    (scenario,) = read_scenarios(["narrow_door"], None)
+    assert scenario.name == "narrow door"
+    write_scenario(Path("narrow_door"))  # a local file takes precedence
+    (scenario,) = read_scenarios(["narrow_door"], None)
+    assert scenario.name == "trip"
 
 
 @pytest.mark.parametrize(
@@ -296,25 +304,25 @@ def test_scenarios_are_known_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyP
         (("barn", "absent", "--params", "turtlebot"), "there is no .*absent/worlds.npz: give the folder"),
         (("barn", "FIELDS"), "--params"),
         (("barn", "FIELDS", "--params", "turtlebt"), "turtlebot"),
-        (("barn", "FIELDS", "--params", "turtlebot", "--worlds", "4"), "there is no world 4 in .*; there are 3, 8, 9"),
-        (("barn", "FIELDS", "--params", "turtlebot", "--worlds", "a"), '"a" is no whole number'),
+        (("barn", "FIELDS", "--params", "turtlebot", "--worlds", "4"), "has no world 4; it has 3, 8, 9"),
+        (("barn", "FIELDS", "--params", "turtlebot", "--worlds", "a"), '"a" is not a whole number'),
         (("barn", "FIELDS", "--params", "turtlebot", "--seeds", "0"), "--seeds"),
         (("barn", "FIELDS", "--params", "turtlebot", "--noise", "-1"), "--noise"),
         (("barn", "FIELDS", "--params", "turtlebot", "--distro", "hydro"), "noetic"),
         (("barn", "FIELDS", "--params", "turtlebot", "--processes", "0"), "--processes"),
         (("barn", "FIELDS", "--params", "turtlebot", "--resume"), "--out"),
         (("barn", "FIELDS", "--params", "turtlebot", "--record"), "--out"),
-        (("movingai", "absent"), "holds no problems.tsv"),
+        (("movingai", "absent"), "contains no problems.tsv"),
         (("movingai", "PROBLEMS", "--planner", "astr"), "astar"),
-        (("movingai", "PROBLEMS", "--map", "arena"), 'the problems.tsv has no problems on it; it has room'),
+        (("movingai", "PROBLEMS", "--map", "arena"), 'the problems.tsv has no problems for this map; its maps: room'),
         (("planners", "offic"), "office"),
         (("planners", "absent.yaml"), "absent.yaml"),
-        (("planners", "FIELDS"), "holds no map's YAML"),
+        (("planners", "FIELDS"), "contains no map YAML"),
         (("planners", "office", "--planner", "navfm"), "navfn"),
         (("planners", "office", "--pairs", "0"), "--pairs"),
         (("planners", "office", "--set", "nothing"), "--set"),
         (("planners", "office", "--out", "file/out"), "--out"),
-        (("compare", "turtlebot", "turtlebot"), "nothing to drive"),
+        (("compare", "turtlebot", "turtlebot"), "no scenarios; give"),
         (("compare", "turtlebot", "turtlebt", "SCENARIO"), "turtlebot"),
         (("compare", ",", "turtlebot", "SCENARIO"), 'A "," names no parameters'),
         (("compare", "turtlebot", ",", "SCENARIO"), 'B "," names no parameters'),
@@ -326,8 +334,8 @@ def test_scenarios_are_known_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyP
         (("speed", "offic"), "office"),
         (("speed", "office", "--repeats", "0"), "--repeats"),
         (("speed", "office", "--reference", "absent.json"), "cannot read absent.json"),
-        (("speed", "office", "--reference", "trip.yaml"), "holds no reference times"),
-        (("compare", "turtlebot", "turtlebot", "problems"), "holds neither scenario files nor"),
+        (("speed", "office", "--reference", "trip.yaml"), "contains no reference times"),
+        (("compare", "turtlebot", "turtlebot", "problems"), "contains neither scenario files nor"),
         (("compare", "turtlebot", "turtlebot", "SCENARIO", "--set-b", "DWAPlannerROS/max_vel_x=fast"), "max_vel_x"),
     ],
 )  # fmt: skip
@@ -344,8 +352,8 @@ def test_wrong_input(navstack, fields: Path, tmp_path: Path, arguments: tuple[st
 
 
 @pytest.mark.parametrize(("name", "hint"), [("narow_door", 'did you mean "narrow_door"?'), ("zzz", "shipped: ")])
-def test_a_scenario_that_is_none(name: str, hint: str, capfd: pytest.CaptureFixture[str]) -> None:
+def test_unknown_scenario_name(name: str, hint: str, capfd: pytest.CaptureFixture[str]) -> None:
     assert run(["bench", "compare", "turtlebot", "turtlebot", name]) == 2
     err = capfd.readouterr().err
-    assert f'no scenario file and no shipped scenario "{name}"' in err
+    assert f'no scenario file and no shipped scenario is named "{name}"' in err
     assert hint in err

@@ -1,27 +1,31 @@
-"""`navstack bench movingai`: shortest paths whose lengths are known."""
+"""`navstack bench movingai`: shortest paths of known length."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
 import typer
 
-from navstack.cli.bench import running
+from navstack.cli.bench.execution import BenchOutput, Processes
+from navstack.cli.options import with_options
 
 
+@with_options(output=BenchOutput)
 def movingai(
-    folder: Path = typer.Argument(..., metavar="DIR", help="Folder with maps/ and problems.tsv."),
-    planner: list[str] = typer.Option(
-        [], "--planner", metavar="NAME", help="astar and theta_star unless given (repeat)."
-    ),
-    map_: list[str] = typer.Option([], "--map", metavar="NAME", help="The problems of this map only (repeat)."),
-    processes: int | None = running.PROCESSES,
-    out: Path | None = running.OUT,
-    resume: bool = running.RESUME,
-    json_: bool = running.JSON,
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder with maps/ and problems.tsv.")],
+    planner: Annotated[
+        list[str], typer.Option("--planner", metavar="NAME", help="Default: astar and theta_star (repeatable).")
+    ] = [],
+    map_: Annotated[
+        list[str], typer.Option("--map", metavar="NAME", help="Only the problems of this map (repeatable).")
+    ] = [],
+    processes: Processes = None,
+    *,
+    output: BenchOutput,
 ) -> int:
-    """Plan N. Sturtevant's grid path finding problems: lengths against the published optima, a table per planner."""
-    from navstack.bench.files import digest_of_file
+    """Solve N. Sturtevant's grid path finding problems and compare path lengths with the published optima."""
+    from navstack.bench.digests import digest_of_file
     from navstack.bench.movingai import map_file
     from navstack.bench.movingai_bench import DEFAULT_PLANNERS, MovingaiTask, movingai_jobs, movingai_tables
 
@@ -33,8 +37,6 @@ def movingai(
         "problems": digest_of_file(task.folder / "problems.tsv"),
         "maps": {name: digest_of_file(map_file(task.folder, name)) for name in used},
     }
-    results = running.run(task, jobs, what, processes=processes, out=out, resume=resume)
+    results = output.run(task, jobs, what, processes=processes)
     tables = movingai_tables(task.folder, results, jobs)
-    document = {**what, "planners": {table.title: table for table in tables}}
-    failed = [r for r in results if r.failed]
-    return running.report(document, tables, failed=failed, out=out, name="movingai", json_=json_)
+    return output.report({**what, "planners": {table.title: table for table in tables}}, tables, results)

@@ -1,77 +1,59 @@
-"""`navstack bench planners`: every planner between the same random pairs."""
+"""`navstack bench planners`: every planner on the same random start and goal pairs."""
 
 from __future__ import annotations
 
-from pathlib import Path
+from typing import Annotated
 
 import typer
 
-from navstack.cli.bench import running
+from navstack.cli import options
+from navstack.cli.bench.execution import BenchOutput, Processes
+from navstack.cli.options import with_options
 
 
+@with_options(output=BenchOutput)
 def planners(
-    map_: list[str] = typer.Argument(
-        ..., metavar="MAP..", help="map_server YAMLs, folders of them, or names of packaged maps."
-    ),
-    pairs: int = typer.Option(25, "--pairs", metavar="N", min=1, help="Random reachable pairs per map."),
-    planner: list[str] = typer.Option(
-        [],
-        "--planner",
-        metavar="NAME",
-        help="All that search unless given: navfn, global_planner, astar, theta_star (repeat).",
-    ),
-    params: list[str] = typer.Option(["turtlebot"], "--params", metavar="NAME|DIR|FILE", help=running.PARAMS_HELP),
-    set_: list[str] = typer.Option([], "--set", metavar="KEY=VALUE", help="Override a parameter (repeat)."),
-    seed: int = typer.Option(0, "--seed", min=0, help="Of the pairs."),
-    processes: int | None = running.PROCESSES,
-    out: Path | None = running.OUT,
-    resume: bool = running.RESUME,
-    json_: bool = running.JSON,
+    map_: Annotated[
+        list[str],
+        typer.Argument(metavar="MAP..", help="map_server YAML files, folders of them, or names of packaged maps."),
+    ],
+    pairs: Annotated[
+        int, typer.Option("--pairs", metavar="N", min=1, help="Random reachable start and goal pairs per map.")
+    ] = 25,
+    planner: Annotated[
+        list[str],
+        typer.Option(
+            "--planner",
+            metavar="NAME",
+            help="Default: all search-based planners, navfn, global_planner, astar and theta_star (repeatable).",
+        ),
+    ] = [],
+    params: options.Params = ["turtlebot"],
+    set_: options.Set = [],
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Random seed of the pairs.")] = 0,
+    processes: Processes = None,
+    *,
+    output: BenchOutput,
 ) -> int:
-    """Plan between random reachable pairs: found, free of collision, length, cost, clearance, cells expanded and times.
+    """Plan between random reachable pairs: success, collisions, length, cost, clearance, expanded cells and times.
 
-    Lengths are means over the pairs for which every planner found a plan; times are of a plan from scratch.
+    Lengths are means over the pairs for which every planner found a plan; times are for planning from scratch.
 
-    A map in a folder that cannot be read is named, and the others are measured. The exit code is 1 when there is such a
-    map, when a planner misses a pair, or when a path meets a blocked cell: 0 says that every map was planned on, everywhere
-    and safely. A map that is named itself and cannot be read ends the bench before it begins (2).
+    A map in a folder that cannot be read is reported and skipped. The exit code is 1 if a map was skipped, if a planner
+    missed a pair, or if a path crosses a blocked cell. A map given by name or file that cannot be read is an error (exit
+    code 2).
     """
-    from navstack.bench.files import digest_of_configuration, digest_of_map, for_workers, short_names
+    from navstack.bench.digests import for_workers
     from navstack.bench.map_pairs import SEARCHING
-    from navstack.bench.planners_bench import (
-        PlannersTask,
-        map_files,
-        maps_without_pairs,
-        planners_jobs,
-        planners_tables,
-    )
-    from navstack.map_io import load_map
+    from navstack.bench.planners_bench import PlannersTask, map_files, planners_jobs, planners_report
     from navstack.parameters.configuration import choose_global_planner
 
     files, unreadable = map_files(map_)
     task = PlannersTask(tuple(for_workers(p) for p in params), tuple(set_), pairs, seed)
     names = [choose_global_planner(task.configuration, n).name for n in planner or SEARCHING]
     jobs = planners_jobs(files, list(dict.fromkeys(names)))
-    what = {
-        "bench": "planners",
-        "params": short_names(params),
-        "set": list(set_),
-        "parameters": digest_of_configuration(task.configuration),
-        "pairs": pairs,
-        "seed": seed,
-        "maps": {name: digest_of_map(load_map(file)) for name, file in files.items()},
-    }
-    results = running.run(task, jobs, what, processes=processes, out=out, resume=resume)
-    tables = planners_tables(files, results, jobs)
-    document = {**what, "rows": tables[0], "all_maps": tables[-1] if len(tables) > 1 else None}
-    document["plans"] = {r.key: r.value for r in results if not r.failed}
-    document["unreadable"] = unreadable
-    notes = [f"left out, since it cannot be read: {message}" for message in unreadable]
-    notes += [
-        f"{name} has no row: on it the robot finds no two poses to drive between"
-        for name in maps_without_pairs(files, results, jobs)
-    ]
-    failed = [r for r in results if r.failed]
-    code = running.report(document, tables, failed=failed, notes=notes, out=out, name="planners", json_=json_)
-    bad = any(row["found"] < row["pairs"] or row["in_collision"] for row in tables[0].rows)
-    return 1 if bad or unreadable else code
+    what = task.described(files)
+    results = output.run(task, jobs, what, processes=processes)
+    report = planners_report(files, unreadable, results, jobs)
+    code = output.report({**what, **report.document()}, report.tables, results, notes=report.notes)
+    return code if report.all_safe and not unreadable else 1
