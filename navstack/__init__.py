@@ -51,7 +51,7 @@ _WHERE = {
     "navstack.bringup": ("build_costmap", "build_move_base", "plan_on_map", "simulated_robot"),
     "navstack.plugins": ("CRITICS", "GLOBAL_PLANNERS", "LAYERS", "LOCAL_PLANNERS", "RECOVERY_BEHAVIORS"),
     "navstack.record": ("Record",),
-    "navstack.scenario.run": ("RunResult", "Scenario", "run_scenario"),
+    "navstack.scenario": ("RunResult", "Scenario", "run_scenario"),
     "navstack.sim": ("SimulatedRobot", "World"),
 }
 _MODULE_OF = {name: module for module, names in _WHERE.items() for name in names}
@@ -82,7 +82,7 @@ if TYPE_CHECKING:
     from navstack.places import load_places
     from navstack.plugins import CRITICS, GLOBAL_PLANNERS, LAYERS, LOCAL_PLANNERS, RECOVERY_BEHAVIORS
     from navstack.record import Record
-    from navstack.scenario.run import RunResult, Scenario, run_scenario
+    from navstack.scenario import RunResult, Scenario, run_scenario
     from navstack.sim import SimulatedRobot, World
 
 __all__ = [

@@ -8,7 +8,7 @@ import sys
 SCRIPT = """
 import navstack as nav
 from numba.core.dispatcher import Dispatcher
-from navstack.scenario.run import Scenario, run_scenario, warm_up
+from navstack.scenario import Scenario, run_scenario, warm_up
 
 loaded = []
 compile = Dispatcher.compile

@@ -26,16 +26,14 @@ from navstack.core import Pose2D
 from navstack.map_io import load_map
 from navstack.parameters.configuration import load_configuration
 from navstack.record.recorder import RunRecorder
-from navstack.scenario.file.spec import read_scenario
-from navstack.scenario.run import Scenario, run_scenario
+from navstack.scenario import Scenario, load_suite, read_scenario, run_scenario, shipped_scenarios
 from navstack.scenario.suites.barn_worlds import load_worlds
-from navstack.scenario.suites.catalogue import scenarios, shipped
 
 DATA = Path(os.environ.get("NAVSTACK_DATA") or Path(__file__).resolve().parents[2] / "shared" / "data")
 
 
 def _shipped(name: str, *overrides: str) -> Scenario:
-    return read_scenario(shipped()[name]).build(overrides=list(overrides))
+    return read_scenario(shipped_scenarios()[name]).build(overrides=list(overrides))
 
 
 def _willow() -> Scenario:
@@ -60,7 +58,7 @@ RUNS: dict[str, Callable[[], Scenario]] = {
     "maze_lanes": lambda: _shipped("maze_lanes"),
     "willow": _willow,
     "barn": _barn,
-    "crowd": lambda: scenarios("crowd", count=3)[2].build(),
+    "crowd": lambda: load_suite("crowd", count=3)[2].build(),
     "trajectory_rollout": lambda: _shipped(
         "warehouse_aisle", "base_local_planner=base_local_planner/TrajectoryPlannerROS"
     ),

@@ -16,7 +16,7 @@ from typing import Final
 
 from navstack.parameters.configuration import Configuration, load_configuration
 from navstack.record import RunRecorder
-from navstack.scenario.run import Run, Scenario
+from navstack.scenario import Run, Scenario
 from navstack.scenario.suites.barn_worlds import GOAL, JACKAL, ROUGH_JACKAL, START, BarnWorld, barn_map, load_worlds
 
 __all__ = [
@@ -150,7 +150,7 @@ def run_world(
         outcome=ended,
         time_s=monitor.time_s,
         length_m=run.robot.distance_travelled,
-        clearance_m=0.0 if ended == "collision" else driven.nearest_m,
+        clearance_m=0.0 if ended == "collision" else driven.min_clearance_m,
         score=world.score(monitor.time_s) if ended == "success" else 0.0,
         turning_s=monitor.turning_s,
         jerk_rms_m_s3=driven.metrics.jerk_rms_m_s3,

@@ -13,8 +13,8 @@ from navstack.core.errors import InputError
 from navstack.core.files import exists, is_dir, is_file
 from navstack.parameters.configuration import Configuration, load_configuration
 from navstack.parameters.unused import nearest
-from navstack.scenario.file.spec import ScenarioSpec, check_names, read_scenario, scenarios_in
-from navstack.scenario.run import Scenario, run_scenario
+from navstack.scenario import Scenario, ScenarioSpec, read_scenario, run_scenario
+from navstack.scenario.file.spec import check_unique_names, scenarios_in
 from navstack.scenario.suites.barn_worlds import WORLDS_FILE
 
 
@@ -117,7 +117,7 @@ def read_scenarios(names: Sequence[str], suite: str | None, count: int | None = 
 
     Raises InputError, ScenarioError.
     """
-    from navstack.scenario.suites.catalogue import scenarios
+    from navstack.scenario import load_suite
 
     if count is not None and suite is None:
         raise InputError("--count limits a suite; add --suite NAME", argument="--count")
@@ -128,15 +128,15 @@ def read_scenarios(names: Sequence[str], suite: str | None, count: int | None = 
         )
     found = [scenario for name in names for scenario in _read(name)]
     if suite is not None:
-        found += [ComparedScenario(spec.name, spec) for spec in scenarios(suite, count=count)]
+        found += [ComparedScenario(spec.name, spec) for spec in load_suite(suite, count=count)]
     if not found:
         raise InputError("no scenarios; give scenario files, or --suite NAME", argument="SCENARIO")
-    check_names([scenario.name for scenario in found])
+    check_unique_names([scenario.name for scenario in found])
     return found
 
 
 def _read(name: str) -> list[ComparedScenario]:
-    from navstack.scenario.suites.catalogue import shipped
+    from navstack.scenario import shipped_scenarios
 
     path = Path(name)
     if is_file(path / WORLDS_FILE):
@@ -149,9 +149,9 @@ def _read(name: str) -> list[ComparedScenario]:
             )
         return [ComparedScenario(spec.name, spec) for spec in specs]
     # as in `simulate`: a file, or one of the shipped scenarios
-    file = path if exists(path) else shipped().get(name)
+    file = path if exists(path) else shipped_scenarios().get(name)
     if file is None:
-        raise InputError(_unknown(name, list(shipped())), argument="SCENARIO", value=name)
+        raise InputError(_unknown(name, list(shipped_scenarios())), argument="SCENARIO", value=name)
     spec = read_scenario(file.resolve(), name)
     return [ComparedScenario(spec.name, spec)]
 

@@ -14,7 +14,7 @@ from navstack.core.errors import InputError
 from navstack.core.files import exists
 from navstack.parameters.configuration import Configuration
 from navstack.parameters.sources import short_name, split_namespace
-from navstack.scenario.run import Scenario
+from navstack.scenario import Scenario
 
 
 def _digest(*parts: bytes) -> str:
@@ -42,7 +42,7 @@ def digest_of_map(grid: OccupancyGrid) -> str:
 
 def digest_of_scenario(scenario: Scenario) -> str:
     """Digest of everything that affects a run of the scenario, including its parameters and its map."""
-    return _digest(_as_bytes(scenario.described()), digest_of_map(scenario.map).encode())
+    return _digest(_as_bytes(scenario.as_dict()), digest_of_map(scenario.map).encode())
 
 
 def _as_bytes(document: Any) -> bytes:

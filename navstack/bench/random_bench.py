@@ -9,7 +9,7 @@ from typing import Any
 
 from navstack.bench.table import Column, Table
 from navstack.jobs import Job, JobResult
-from navstack.scenario.suites.random_scenarios import check_random
+from navstack.scenario.suites.random_check import check_random
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,7 +22,7 @@ from navstack.bench.stage_times import stage_times
 from navstack.bench.table import Column, Table
 from navstack.core.errors import InputError
 from navstack.jobs import Job, JobResult
-from navstack.scenario.run import Scenario, run_scenario
+from navstack.scenario import Scenario, run_scenario
 
 WHOLE_RUN, STAGES_OF_RUN = "whole run", "stages of a run"
 _CALLS_PER_REPEAT: Final = 15

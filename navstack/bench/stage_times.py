@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.scenario.run import Run, Scenario
+from navstack.scenario import Run, Scenario
 
 
 class StageTimer:

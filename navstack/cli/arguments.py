@@ -150,13 +150,13 @@ def scenario_file(name: str) -> Path | None:
     """
     from navstack.core.files import exists, is_file
     from navstack.map_io import map_names
+    from navstack.scenario import shipped_scenarios
     from navstack.scenario.file.spec import is_scenario_file
-    from navstack.scenario.suites.catalogue import shipped
 
     path = Path(name)
     if is_scenario_file(path) or (path.suffix in (".yaml", ".yml") and is_file(path) and not _has_map_key(path)):
         return path
-    return None if exists(path) or name in map_names() else shipped().get(name)
+    return None if exists(path) or name in map_names() else shipped_scenarios().get(name)
 
 
 def _has_map_key(path: Path) -> bool:

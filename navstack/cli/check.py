@@ -48,7 +48,7 @@ def check(
 
 def _findings(params: list[str], overrides: list[str], distro: str | None, allow_missing: bool) -> list[Finding]:
     from navstack.parameters.configuration import check_parameters
-    from navstack.scenario.file.spec import check_scenario
+    from navstack.scenario import check_scenario
 
     file = _scenario(params[0]) if len(params) == 1 else None
     if file is not None:
@@ -87,6 +87,6 @@ def _scenario(name: str) -> Path | None:
         return path
     if exists(path) or name in packaged_sets():
         return None
-    from navstack.scenario.suites.catalogue import shipped
+    from navstack.scenario import shipped_scenarios
 
-    return shipped().get(name)
+    return shipped_scenarios().get(name)

@@ -17,7 +17,7 @@ def collect() -> dict[str, Any]:
     from navstack.map_io import map_names
     from navstack.parameters import parameter_sets
     from navstack.plugins import REGISTRIES
-    from navstack.scenario.suites.catalogue import shipped, suite_names
+    from navstack.scenario import shipped_scenarios, suite_names
 
     plugins = {
         registry.kind: [
@@ -30,7 +30,7 @@ def collect() -> dict[str, Any]:
         "plugins": plugins,
         "maps": list(map_names()),
         "parameters": list(parameter_sets()),
-        "scenarios": list(shipped()),
+        "scenarios": list(shipped_scenarios()),
         "suites": suite_names(),
     }
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from navstack.parameters.configuration import Configuration
-    from navstack.scenario.run import GoalOutcome
+    from navstack.scenario import GoalOutcome
 
 
 @cache

@@ -11,7 +11,7 @@ from navstack.cli import options
 
 if TYPE_CHECKING:
     from navstack.core import OccupancyGrid, Pose2D
-    from navstack.scenario.run import Scenario
+    from navstack.scenario import Scenario
 
 TIME_LIMIT_S = 600.0
 """Default time limit of a goal on a map without a scenario (simulated s)."""
@@ -71,7 +71,7 @@ class ScenarioOptions(NamedTuple):
     def _from_file(self, file: Path, start: Pose2D | None, goals: tuple[Pose2D, ...]) -> Scenario:
         from navstack.cli.arguments import parse_obstacles
         from navstack.cli.output import note_warnings
-        from navstack.scenario.file.spec import read_scenario
+        from navstack.scenario import read_scenario
 
         obstacles, shapes = parse_obstacles(self.obstacle)
         spec = read_scenario(file)
@@ -96,11 +96,10 @@ class ScenarioOptions(NamedTuple):
         from navstack.cli.output import note_warnings
         from navstack.parameters.configuration import load_configuration
         from navstack.parameters.sources import short_name
-        from navstack.scenario.run import Scenario
-        from navstack.scenario.suites.catalogue import shipped
+        from navstack.scenario import Scenario, shipped_scenarios
 
         obstacles, shapes = parse_obstacles(self.obstacle)
-        path, grid = map_of(self.map_, others=shipped(), what="scenario")
+        path, grid = map_of(self.map_, others=shipped_scenarios(), what="scenario")
         if start is None or not goals:
             start, goals = self._packaged_poses(path, grid, start, goals)
         params = self.params or ["turtlebot"]

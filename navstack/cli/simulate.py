@@ -13,7 +13,7 @@ from navstack.cli.scenario_options import ScenarioOptions
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from navstack.scenario.run import RunResult, Scenario
+    from navstack.scenario import RunResult, Scenario
 
 STATE_STYLE = {"SUCCEEDED": "green", "PREEMPTED": "yellow"}
 
@@ -60,7 +60,7 @@ def _run(scenario: Scenario, *, quiet: bool, timings: bool) -> RunResult:
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from navstack.cli.output import loading_kernels, stderr
-    from navstack.scenario.run import run_scenario, warm_up
+    from navstack.scenario import run_scenario, warm_up
 
     with loading_kernels(quiet=quiet):
         warm_up(scenario)

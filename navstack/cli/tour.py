@@ -12,8 +12,7 @@ from navstack.cli import options
 from navstack.cli.tour_options import TourOptions
 
 if TYPE_CHECKING:
-    from navstack.scenario.run import GoalOutcome, Scenario
-    from navstack.scenario.tour import TourResult, TourState
+    from navstack.scenario import GoalOutcome, Scenario, TourResult, TourState
 
 EXIT_INTERRUPTED = 130
 
@@ -31,7 +30,7 @@ def tour(
     from navstack.cli.output import loading_kernels, print_json
     from navstack.core.files import ensure_directory, write_json
     from navstack.plot import plot_run
-    from navstack.scenario.run import warm_up
+    from navstack.scenario import warm_up
 
     scenario, names = chosen.build()
     folder = ensure_directory(out)
@@ -57,7 +56,7 @@ def tour(
 def _drive(scenario: Scenario, names: tuple[str, ...], *, quiet: bool) -> TourResult:
     """Drives the tour; prints each goal's outcome to stderr unless `quiet`, and shows the state on a terminal."""
     from navstack.cli.output import reason_of, stderr
-    from navstack.scenario.tour import drive_tour
+    from navstack.scenario import drive_tour
 
     def print_outcome(name: str, outcome: GoalOutcome, state: TourState) -> None:
         if not quiet:

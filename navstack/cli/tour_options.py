@@ -13,7 +13,7 @@ from navstack.cli import options
 if TYPE_CHECKING:
     from navstack.core import Pose2D
     from navstack.places import Places
-    from navstack.scenario.run import Scenario
+    from navstack.scenario import Scenario
 
 
 class TourOrder(StrEnum):
@@ -71,7 +71,7 @@ class TourOptions(NamedTuple):
         from navstack.cli.output import note_warnings
         from navstack.parameters.configuration import load_configuration
         from navstack.places import load_places
-        from navstack.scenario.run import Scenario
+        from navstack.scenario import Scenario
 
         file, map_name = self._files()
         places = load_places(file)
@@ -89,7 +89,7 @@ class TourOptions(NamedTuple):
             shapes=shapes,
             seed=self.seed,
             time_limit_s=self.time_limit,
-            rest_s=self.rest,
+            pause_s=self.rest,
             stop_on_failure=self.stop_on_failure,
             names={
                 "map": path.name,

@@ -12,7 +12,7 @@ from navstack.core import Transform2D
 from navstack.core.errors import InputError, RecordError
 from navstack.costmap import LayeredCostmap
 from navstack.record import Record
-from navstack.scenario.run import Run, Scenario
+from navstack.scenario import Run, Scenario
 
 COSTMAPS = ("global", "local")
 _SLACK_S = 1e-3

@@ -129,7 +129,7 @@ class RunRecorder:
         self._sample_goal.append(goal_index)
         self._sample_state.append(state if isinstance(state, str) else str(state))
 
-    def ask_clearances(self, source: Callable[[], Sequence[float]]) -> None:
+    def set_clearance_source(self, source: Callable[[], Sequence[float]]) -> None:
         """`source` gives the clearances (m) of all samples so far, in place of those noted with them: asked at the end, and
         whenever the run so far is read.
         """

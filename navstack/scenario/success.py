@@ -1,4 +1,4 @@
-"""What makes a run a success: conditions, and whether a run met them."""
+"""Success conditions of a run and their evaluation."""
 
 from __future__ import annotations
 
@@ -9,68 +9,67 @@ from typing import Any, Final
 from navstack.core.errors import InputError
 from navstack.record.metrics import RunMetrics
 
-ENDS: Final = ("SUCCEEDED", "ABORTED", "PREEMPTED", "REJECTED", "RECALLED", "LOST")
+TERMINAL_STATES: Final = ("SUCCEEDED", "ABORTED", "PREEMPTED", "REJECTED", "RECALLED", "LOST")
 """States in which a goal can end."""
 RENAMED: Final = {"max_contacts": "max_collisions"}
 """Condition of an earlier version -> current name; both are read."""
 
 
-def not_an_end(state: str) -> str:
-    """Why no goal can be wanted to end in that state; nothing for one that can: one of `ENDS`, or `any`."""
-    if state in (*ENDS, "any"):
+def state_error(state: str) -> str:
+    """Returns a message if `state` is neither one of `TERMINAL_STATES` nor `any`, else an empty string."""
+    if state in (*TERMINAL_STATES, "any"):
         return ""
-    return f'"{state}" is no state that a goal ends in; write {", ".join(ENDS)} or any'
+    return f'"{state}" is not a terminal goal state; use {", ".join(TERMINAL_STATES)} or any'
 
 
 @dataclass(frozen=True, slots=True)
 class ConditionResult:
-    """One condition, and whether it holds."""
+    """The result of one success condition."""
 
     condition: str
     holds: bool
     text: str
-    """What was wanted and what was."""
+    """The measured value and the limit."""
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """Returns JSON data."""
         return asdict(self)
 
 
 @dataclass(frozen=True, slots=True)
 class SuccessConditions:
-    """What a run must keep to. The default: every goal SUCCEEDED, and nothing was touched."""
+    """Conditions that a run must meet. Default: every goal SUCCEEDED, no collision. None disables a limit."""
 
     goals: str | tuple[str, ...] = "SUCCEEDED"
-    """The state in which every goal must end, or one for each goal in turn; `any`: whichever, as long as it ends."""
+    """The terminal state required of every goal, or one state per goal; `any` accepts every state."""
     max_collisions: int | None = 0
-    """None: collisions do not matter."""
     max_time_s: float | None = None
-    """Simulated seconds for the whole run."""
+    """Simulated seconds of the whole run."""
     min_clearance_m: float | None = None
-    """Least distance (m) between the robot's true outline and an obstacle, at the control cycles."""
+    """Minimum distance (m) between the unpadded footprint and an obstacle, at the control cycles."""
     max_length_m: float | None = None
-    """Metres driven, over all goals."""
+    """Distance driven (m), over all goals."""
     max_recoveries: int | None = None
-    """Recovery behaviours run, over all goals."""
+    """Number of recovery behaviours run, over all goals."""
 
     def check_goals(self, count: int) -> None:
-        """Raises InputError when there is not one state for each of `count` goals, or one that is none."""
+        """Raises InputError unless `goals` has valid states, either one or `count` of them."""
         for state in (self.goals,) if isinstance(self.goals, str) else self.goals:
-            wrong = not_an_end(state)
-            if wrong:
-                raise InputError(f"success: goals: {wrong}", state=state)
+            error = state_error(state)
+            if error:
+                raise InputError(f"success: goals: {error}", state=state)
         if not isinstance(self.goals, str) and len(self.goals) != count:
             raise InputError(
-                f"success: goals lists {_many(len(self.goals), 'state')} for {_many(count, 'goal')}; give one for each, or "
-                "one for all",
+                f"success: goals lists {_plural(len(self.goals), 'state')} for {_plural(count, 'goal')}; list one state per "
+                "goal, or give a single state for all",
                 states=list(self.goals),
                 goals=count,
             )
 
-    def judge(self, states: Sequence[str], metrics: RunMetrics, goals: int) -> tuple[ConditionResult, ...]:
-        """Every condition against a run whose goals, `goals` in all, ended in `states` (those left out are missing)."""
-        found = [self._goals(states, goals)]
-        for name, limit, value, unit, above in (
+    def evaluate(self, states: Sequence[str], metrics: RunMetrics, goals: int) -> tuple[ConditionResult, ...]:
+        """Evaluates every condition for a run of `goals` goals whose first ones ended in `states` (the rest were skipped)."""
+        results = [self._evaluate_goals(states, goals)]
+        for name, limit, value, unit, is_minimum in (
             ("max_collisions", self.max_collisions, metrics.collisions, "collision", False),
             ("max_time", self.max_time_s, metrics.time_s, "s", False),
             ("min_clearance", self.min_clearance_m, metrics.clearance_min_m, "m", True),
@@ -78,25 +77,26 @@ class SuccessConditions:
             ("max_recoveries", self.max_recoveries, metrics.recoveries, "recovery", False),
         ):
             if limit is not None:
-                holds = value >= limit if above else value <= limit
-                bound = "at least" if above else "at most"
-                found.append(ConditionResult(name, holds, f"{_amount(value, limit, unit)}, {bound} {limit:g} wanted"))
-        return tuple(found)
+                holds = value >= limit if is_minimum else value <= limit
+                bound = "at least" if is_minimum else "at most"
+                text = f"{_format_value(value, limit, unit)}, {bound} {limit:g} required"
+                results.append(ConditionResult(name, holds, text))
+        return tuple(results)
 
-    def _goals(self, states: Sequence[str], goals: int) -> ConditionResult:
-        wanted = (self.goals,) * goals if isinstance(self.goals, str) else self.goals
-        wrong = [
-            f"goal {i} {'was not driven' if state is None else state}, {want} wanted"
-            for i, (state, want) in enumerate(zip([*states, *[None] * (goals - len(states))], wanted), 1)
-            if state is None or want not in (state, "any")
+    def _evaluate_goals(self, states: Sequence[str], goals: int) -> ConditionResult:
+        required = (self.goals,) * goals if isinstance(self.goals, str) else self.goals
+        failures = [
+            f"goal {i} {'was skipped' if state is None else f'ended {state}'}, {wanted} required"
+            for i, (state, wanted) in enumerate(zip([*states, *[None] * (goals - len(states))], required), 1)
+            if state is None or wanted not in (state, "any")
         ]
-        said = "ended as listed"
+        summary = "ended as required"
         if isinstance(self.goals, str):
-            said = {"SUCCEEDED": "reached", "any": "ended"}.get(self.goals, f"ended {self.goals}, as wanted")
-        return ConditionResult("goals", not wrong, "; ".join(wrong) or f"{goals} of {goals} {said}")
+            summary = {"SUCCEEDED": "reached", "any": "ended"}.get(self.goals, f"ended {self.goals}, as required")
+        return ConditionResult("goals", not failures, "; ".join(failures) or f"{goals} of {goals} {summary}")
 
     def as_dict(self) -> dict[str, Any]:
-        """For the record (JSON)."""
+        """Returns JSON data for the record."""
         out = asdict(self)
         out["goals"] = self.goals if isinstance(self.goals, str) else list(self.goals)
         return out
@@ -105,18 +105,18 @@ class SuccessConditions:
     def from_dict(cls, values: Mapping[str, Any]) -> SuccessConditions:
         """Inverts `as_dict`; reads keys of earlier versions too. Raises TypeError for unknown keys."""
         goals = values.get("goals", "SUCCEEDED")
-        rest: dict[str, Any] = {RENAMED.get(key, key): value for key, value in values.items() if key != "goals"}
-        return cls(goals=goals if isinstance(goals, str) else tuple(goals), **rest)
+        limits: dict[str, Any] = {RENAMED.get(key, key): value for key, value in values.items() if key != "goals"}
+        return cls(goals=goals if isinstance(goals, str) else tuple(goals), **limits)
 
 
-def _many(count: int, what: str) -> str:
-    return f"{count} {what}{'' if count == 1 else 's'}"
+def _plural(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
-def _amount(value: float, limit: float, unit: str) -> str:
-    """A measured value with its unit, with as many digits as tell it from the limit."""
+def _format_value(value: float, limit: float, unit: str) -> str:
+    """Formats a value with its unit, with enough digits to distinguish it from the limit."""
     text = next(
         (f"{value:.{n}g}" for n in range(4, 17) if (float(f"{value:.{n}g}") == limit) == (value == limit)), f"{value!r}"
     )
-    many = {"collision": "collisions", "recovery": "recoveries"}
-    return f"{text} {unit if value == 1 else many.get(unit, unit)}"
+    plurals = {"collision": "collisions", "recovery": "recoveries"}
+    return f"{text} {unit if value == 1 else plurals.get(unit, unit)}"

@@ -1,4 +1,4 @@
-"""A tour: named places, one after another, as MultiNav of the ROS tutorials does it."""
+"""Tours: several named places, driven to one after another, as the tutorial MultiNav for ROS does."""
 
 from __future__ import annotations
 
@@ -7,33 +7,35 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from navstack.scenario.run import GoalOutcome, Run, RunResult, Scenario
+from navstack.scenario.outcome import GoalOutcome, RunResult
+from navstack.scenario.run import Run
+from navstack.scenario.scenario import Scenario
 
 
 @dataclass(frozen=True, slots=True)
 class TourState:
-    """How a tour stands, while it runs and at the end."""
+    """The state of a tour, during the run and at the end."""
 
     total: int
-    """Goals of the whole tour."""
+    """Number of goals of the whole tour."""
     done: int
     succeeded: int
     running_s: float
     """Simulated seconds since the start."""
     distance_m: float
     place: str | None
-    """Where the robot is going; None between goals and at the end."""
+    """The place the robot is driving to; None between goals and at the end."""
 
     @property
     def success_rate(self) -> float | None:
-        """Of the goals that have ended; None before the first has."""
+        """Share of the ended goals that succeeded; None before the first goal has ended."""
         return self.succeeded / self.done if self.done else None
 
     def __str__(self) -> str:
         rate = self.success_rate
-        said = "" if rate is None else f" ({100.0 * rate:.0f} %)"
+        percent = "" if rate is None else f" ({100.0 * rate:.0f} %)"
         return (
-            f"{self.succeeded} of {self.done} goals reached{said}, {self.total - self.done} to go; "
+            f"{self.succeeded} of {self.done} goals reached{percent}, {self.total - self.done} to go; "
             f"{self.running_s:.1f} s, {self.distance_m:.1f} m"
         )
 
@@ -44,17 +46,17 @@ class TourResult:
 
     run: RunResult
     names: tuple[str, ...]
-    """Of the goals in `run.goals`, and of those that were left out."""
+    """Names of the places, those of skipped goals included."""
     state: TourState
     interrupted: bool
 
     @property
     def succeeded(self) -> bool:
-        """True when every goal of the tour was reached."""
+        """True if every goal of the tour was reached."""
         return self.state.succeeded == self.state.total
 
     def as_dict(self) -> dict[str, Any]:
-        """The document of `navstack tour --json`, without its files."""
+        """Returns the document of `navstack tour --json`, without the file names."""
         goals = [{"place": name, **goal.as_dict()} for name, goal in zip(self.names, self.run.goals)]
         return {
             **self.run.as_dict(),
@@ -75,30 +77,30 @@ def drive_tour(
     on_step: Callable[[TourState], None] | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> TourResult:
-    """Drives the scenario's goals, whose places are called `names`; `stop` is asked before every cycle.
+    """Drives to the scenario's goals; `names` are the names of their places. `stop` is called before every cycle.
 
-    A stopped tour keeps its record: the goal at hand is cancelled and the robot stands.
+    When `stop` returns True, the current goal is cancelled, the robot stops and the record is complete.
     """
     wall_start = time.perf_counter()
     run = Run(scenario)
-    told, interrupted, succeeded = 0, False, 0
+    reported, interrupted, succeeded = 0, False, 0
 
     def state() -> TourState:
-        going = None if run.done or run.is_resting else names[run.goal_index]
-        return TourState(len(names), told, succeeded, run.robot.time, run.robot.distance_travelled, going)
+        place = None if run.done or run.is_paused else names[run.goal_index]
+        return TourState(len(names), reported, succeeded, run.robot.time, run.robot.distance_travelled, place)
 
     while True:
         interrupted = stop is not None and stop()
         if interrupted:
             run.stop()
-        goes_on = not interrupted and run.step()
-        while told < len(run.outcomes):
-            outcome = run.outcomes[told]
-            told += 1
+        running = not interrupted and run.step()
+        while reported < len(run.outcomes):
+            outcome = run.outcomes[reported]
+            reported += 1
             succeeded += outcome.succeeded
             if on_goal is not None:
-                on_goal(names[told - 1], outcome, state())
-        if not goes_on:
+                on_goal(names[reported - 1], outcome, state())
+        if not running:
             break
         if on_step is not None:
             on_step(state())

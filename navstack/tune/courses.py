@@ -12,7 +12,7 @@ from navstack.bench.barn import BarnWorld, run_world
 from navstack.core.errors import NavError
 from navstack.parameters.configuration import Configuration
 from navstack.record import RunRecorder
-from navstack.scenario.run import Run, Scenario
+from navstack.scenario import Run, Scenario
 
 FAILED_SCORE: Final = -1.0
 """Score of a run over a scenario that did not get to its goals, or touched something."""

@@ -16,10 +16,9 @@ from navstack.core.files import is_dir, is_file
 from navstack.parameters.configuration import Configuration
 from navstack.parameters.sources import Source
 from navstack.parameters.yaml_reader import DictNode, plain
-from navstack.scenario.file.spec import ScenarioSpec, check_names, read_scenario, scenarios_in
-from navstack.scenario.run import Scenario
+from navstack.scenario import Scenario, ScenarioSpec, load_suite, read_scenario, suite_names
+from navstack.scenario.file.spec import check_unique_names, scenarios_in
 from navstack.scenario.suites.barn_worlds import WORLDS_FILE
-from navstack.scenario.suites.catalogue import scenarios, suite_names
 from navstack.tune.courses import BarnCourse, Course, NamedScenario, ScenarioCourse
 
 
@@ -73,14 +72,14 @@ def _packaged(suite: str, count: int | None) -> Place:
             f"--suite barn: BARN's worlds are not part of navstack; give the folder of their {WORLDS_FILE}", suite=suite
         )
     try:
-        files = _named(scenarios(suite, count=count))
+        files = _named(load_suite(suite, count=count))
     except InputError as error:
         raise InputError(f"--suite {suite}: no such file or folder, and {error.message}", suite=suite) from error
     return Place(suite, files=files, held_out=tuple(f.name for f in files[1::2]))
 
 
 def _named(files: Sequence[ScenarioSpec]) -> tuple[ScenarioSpec, ...]:
-    check_names([file.name for file in files])
+    check_unique_names([file.name for file in files])
     return tuple(files)
 
 
@@ -129,7 +128,7 @@ def course_of(
 
 def _scenario(file: ScenarioSpec, configuration: Configuration, speed: float) -> NamedScenario:
     scenario = file.build(params=[configuration.tree.as_dict()], distro=configuration.navstack.ros_distro)
-    over = tuple(plain(node) if isinstance(node, DictNode) else node for node in file.over)
+    over = tuple(plain(node) if isinstance(node, DictNode) else node for node in file.overlays)
     assert all(isinstance(o, dict) for o in over)
     return NamedScenario(
         file.name, scenario, reference_time(scenario, speed), cast("tuple[Mapping[str, Any], ...]", over)

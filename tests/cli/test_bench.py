@@ -301,7 +301,7 @@ def test_scenarios_are_found_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyP
 @pytest.mark.parametrize(
     ("arguments", "match"),
     [
-        (("barn", "absent", "--params", "turtlebot"), "there is no .*absent/worlds.npz: give the folder"),
+        (("barn", "absent", "--params", "turtlebot"), "absent/worlds.npz does not exist; give the folder"),
         (("barn", "FIELDS"), "--params"),
         (("barn", "FIELDS", "--params", "turtlebt"), "turtlebot"),
         (("barn", "FIELDS", "--params", "turtlebot", "--worlds", "4"), "has no world 4; it has 3, 8, 9"),
@@ -327,7 +327,7 @@ def test_scenarios_are_found_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyP
         (("compare", ",", "turtlebot", "SCENARIO"), 'A "," names no parameters'),
         (("compare", "turtlebot", ",", "SCENARIO"), 'B "," names no parameters'),
         (("compare", "turtlebot", "turtlebot", "absent.yaml"), "absent.yaml"),
-        (("compare", "turtlebot", "turtlebot", "SCENARIO", "SCENARIO"), 'two scenarios are called "trip"'),
+        (("compare", "turtlebot", "turtlebot", "SCENARIO", "SCENARIO"), 'two scenarios have the name "trip"'),
         (("compare", "turtlebot", "turtlebot", "SCENARIO", "--count", "3"), "--suite"),
         (("compare", "turtlebot", "turtlebot", "--suite", "ofice"), "office"),
         (("compare", "turtlebot", "turtlebot", "--suite", "barn"), "give the folder of their worlds.npz as a SCENARIO"),

@@ -11,7 +11,7 @@ from PIL import Image
 from navstack.cli.app import run
 from navstack.map_io import save_map
 from navstack.record import Record
-from navstack.scenario.run import run_scenario
+from navstack.scenario import run_scenario
 from tests.cli.test_wrong_input import Outcome, navstack  # noqa: F401  (a fixture)
 from tests.explain.conftest import scenario
 from tests.explain.rooms import two_rooms

@@ -285,7 +285,10 @@ def test_plan_leaves_out_what_is_missing_only_when_told(navstack, tmp_path: Path
         ("map: office\n\tstart: [0.8, 7.45]\n", "2:1: a tab stands here"),
         ("start: [0.8, 7.45]\ngaols: [[2, 7.45]]\n", 'a.yaml:2:1: a scenario has no key "gaols"; did you mean goals?'),
         ("", "a.yaml:1:1: map is missing"),
-        ("map: office\nstart: [0.16, 7.45]\ngoals: [[2, 7.45]]\n", "a.yaml:2:8: the robot does not fit at the start"),
+        (
+            "map: office\nstart: [0.16, 7.45]\ngoals: [[2, 7.45]]\n",
+            "a.yaml:2:8: the robot at the start",
+        ),
         ("map: office\nstart: [0.8, 7.45]\ngoals: [" + "[2, 7.45]," * 120_000 + "]\n", "larger than 1 MB"),
     ],
 )
@@ -308,7 +311,7 @@ def test_more_samples_than_memory_holds(navstack, monkeypatch: pytest.MonkeyPatc
     def allocate(*_: object, **__: object) -> None:
         raise MemoryError("Unable to allocate 671. GiB")
 
-    monkeypatch.setattr("navstack.scenario.run.warm_up", allocate)
+    monkeypatch.setattr("navstack.scenario.warm_up", allocate)
     outcome = navstack("simulate", "--out", "out")
     assert outcome.code == 2
     assert "out of memory: Unable to allocate 671. GiB" in outcome.err

@@ -9,7 +9,7 @@ import pytest
 from navstack.core import Pose2D
 from navstack.parameters.configuration import load_configuration
 from navstack.record import Record
-from navstack.scenario.run import Scenario, run_scenario
+from navstack.scenario import Scenario, run_scenario
 from tests.explain.rooms import two_rooms
 
 OBSTACLE = (1.2, 1.6, 0.15)

@@ -15,7 +15,7 @@ from navstack.explain.command import explain_command
 from navstack.parameters.configuration import load_configuration
 from navstack.plot.fan import plot_fan
 from navstack.record import Record
-from navstack.scenario.run import Scenario, run_scenario
+from navstack.scenario import Scenario, run_scenario
 
 GEOMETRY = GridGeometry(120, 80, 0.05)
 

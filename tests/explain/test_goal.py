@@ -17,7 +17,7 @@ from navstack.core.errors import InputError, RecordError
 from navstack.explain.goal import GoalAccount, Line, explain_goal, explain_goals
 from navstack.parameters.configuration import load_configuration
 from navstack.record import Record
-from navstack.scenario.run import Run, Scenario
+from navstack.scenario import Run, Scenario
 from tests.explain.conftest import scenario
 
 WALL = Pose2D(2.0, 0.0, 0.0)

@@ -12,7 +12,7 @@ import pytest
 from navstack.core.errors import InputError, RecordError
 from navstack.explain import replay
 from navstack.record import Record
-from navstack.scenario.run import Run, Scenario, run_scenario
+from navstack.scenario import Run, Scenario, run_scenario
 from tests.explain.conftest import scenario
 
 

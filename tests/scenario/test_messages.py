@@ -8,12 +8,13 @@ import pytest
 from PIL import Image
 
 from navstack.core.errors import ScenarioError
-from navstack.scenario.file.spec import check_scenario, load_scenario, read_scenario, scenarios_in
+from navstack.scenario import check_scenario, load_scenario, read_scenario
+from navstack.scenario.file.spec import scenarios_in
 
 GOOD = "map: office\nstart: corridor_west\ngoals: [office_2]\n"
 
 KEYS = (
-    "name, description, distro, allow_missing, seed, time_limit, rest, stop_on_failure, map, places, params, set, sim, start, "
+    "name, description, distro, allow_missing, seed, time_limit, pause, stop_on_failure, map, places, params, set, sim, start, "
     "goals, tour, shapes, success"
 )
 POSE = "[x, y], [x, y, yaw] (m, rad) or the name of a place"
@@ -45,37 +46,37 @@ CASES = {
     "other word": (GOOD + "obstacles: []\n", '4:1: a scenario has no key "obstacles"; did you mean shapes?'),
     "a tour of nothing": (
         "map: office\nstart: corridor_west\ntour: {places: []}\n",
-        "3:16: the tour lists no places; name some, or leave `places:` out for all of the map's",
+        "3:16: the tour lists no places; list some, or omit `places:` to visit all places of the map",
     ),
     "two places of a tour misspelt": (
         "map: office\nstart: corridor_west\ntour: [office_22, office_2, kitchn]\n",
-        '3:8: place "office_22" is no place; did you mean office_2?',
-        '3:29: place "kitchn" is no place; did you mean kitchen?',
+        '3:8: place "office_22" is not a known place; did you mean office_2?',
+        '3:29: place "kitchn" is not a known place; did you mean kitchen?',
     ),
     "one of two goals misspelt": (
         "map: office\nstart: corridor_west\ngoals: [kitchn, office_2]\nsuccess: {goals: [SUCCEEDED, ABORTED]}\n",
-        '3:9: goal 1 "kitchn" is no place; did you mean kitchen?',
+        '3:9: goal 1 "kitchn" is not a known place; did you mean kitchen?',
     ),
-    "foreign key": (GOOD + "colour: red\n", f'4:1: a scenario has no key "colour"; there are {KEYS}'),
+    "foreign key": (GOOD + "colour: red\n", f'4:1: a scenario has no key "colour"; known keys: {KEYS}'),
     "key twice": (
         GOOD + "seed: 1\nseed: 2\n",
         "5:1: seed is given twice (first on line 4), only the last counts; remove one",
     ),
     "map misspelt": (
         GOOD.replace("office\n", "offise\n"),
-        '1:6: there is no map "offise": no such file beside this one and no packaged map; did you mean "office"?',
-        '2:8: start "corridor_west" is a place, and no places are known here; write [x, y, yaw]',
-        '3:9: goal 1 "office_2" is a place, and no places are known here; write [x, y, yaw]',
+        '1:6: map "offise" is neither a file, relative to this file, nor a packaged map; did you mean "office"?',
+        '2:8: start "corridor_west" is the name of a place, but this scenario has no places; write [x, y, yaw]',
+        '3:9: goal 1 "office_2" is the name of a place, but this scenario has no places; write [x, y, yaw]',
     ),
     "map is a list": (
         "map: [office]\nstart: [1, 1]\ngoals: [[2, 2]]\n",
-        "1:6: map is a list; write the file of a map, relative to this one, or a packaged map (maze, office, warehouse)",
+        "1:6: map is a list; write the file of a map, relative to this file, or a packaged map (maze, office, warehouse)",
     ),
     "place misspelt": (
         GOOD.replace("office_2", "ofice_2"),
-        '3:9: goal 1 "ofice_2" is no place; did you mean office_2?',
+        '3:9: goal 1 "ofice_2" is not a known place; did you mean office_2?',
     ),
-    "no place": (GOOD.replace("office_2", "roof"), f'3:9: goal 1 "roof" is no place; there are {PLACES}'),
+    "no place": (GOOD.replace("office_2", "roof"), f'3:9: goal 1 "roof" is not a known place; known places: {PLACES}'),
     "start is a number": (GOOD.replace("corridor_west", "7"), f"2:8: start is 7, a number; write {POSE}"),
     "pose of one number": (
         GOOD.replace("corridor_west", "[7]"),
@@ -87,7 +88,7 @@ CASES = {
     ),
     "one pose as goals": (
         GOOD.replace("[office_2]", "[6.2, 12, 1.57]"),
-        "3:8: goals = [6.2, 12, 1.57] is one pose, not a list of poses; write goals: [[6.2, 12, 1.57]]",
+        "3:8: goals = [6.2, 12, 1.57] is a single pose, not a list of poses; write goals: [[6.2, 12, 1.57]]",
     ),
     "empty goals": (GOOD.replace("[office_2]", "[]"), f"3:8: goals is empty; write a list of {POSE}"),
     "goals are a text": (
@@ -96,7 +97,7 @@ CASES = {
     ),
     "goals and tour": (
         GOOD + "tour: {loops: 2}\n",
-        "4:1: the scenario has both goals and a tour; keep one of them",
+        "4:1: the scenario has both goals and a tour; remove one of them",
     ),
     "tour order": (
         "map: office\nstart: lounge\ntour: {order: sortd}\n",
@@ -104,20 +105,20 @@ CASES = {
     ),
     "tour place": (
         "map: office\nstart: lounge\ntour: [kitchen, kitchn]\n",
-        '3:17: place "kitchn" is no place; did you mean kitchen?',
+        '3:17: place "kitchn" is not a known place; did you mean kitchen?',
     ),
     "params misspelt": (
         GOOD + "params: turtlebott\n",
         (
-            '4:9: there are no parameters "turtlebott": no such file or folder beside this one and no packaged set; did you mean '
+            '4:9: params "turtlebott" is neither a file or folder, relative to this file, nor a packaged set; did you mean '
             '"turtlebot"?'
         ),
     ),
     "params missing": (
         GOOD + "params: [turtlebot, mine.yaml]\n",
         (
-            '4:21: there are no parameters "mine.yaml": no such file or folder beside this one and no packaged set; packaged '
-            "sets are turtlebot"
+            '4:21: params "mine.yaml" is neither a file or folder, relative to this file, nor a packaged set; packaged sets: '
+            "turtlebot"
         ),
     ),
     "set is a list": (
@@ -133,7 +134,7 @@ CASES = {
         GOOD + "time_limit: 0\n",
         "4:13: time_limit = 0 is out of range; it must be over 0 and at most 1e+06 s",
     ),
-    "rest in words": (GOOD + "rest: soon\n", '4:7: rest = "soon" is text; write a number (s)'),
+    "pause in words": (GOOD + "pause: soon\n", '4:8: pause = "soon" is text; write a number (s)'),
     "a truth value in quotes": (
         GOOD + "stop_on_failure: 'yes'\n",
         '4:18: stop_on_failure = "yes" is text; write true or false',
@@ -145,11 +146,11 @@ CASES = {
     ),
     "success of a state": (
         GOOD + "success: {goals: REACHED}\n",
-        '4:18: "REACHED" is no state that a goal ends in; write SUCCEEDED, ABORTED, PREEMPTED, REJECTED, RECALLED, LOST or any',
+        '4:18: "REACHED" is not a terminal goal state; use SUCCEEDED, ABORTED, PREEMPTED, REJECTED, RECALLED, LOST or any',
     ),
     "success of too many": (
         GOOD + "success: {goals: [ABORTED, SUCCEEDED]}\n",
-        "4:18: success lists 2 states for 1 goal; give one for each, or one for all",
+        "4:18: success lists 2 states for 1 goal; list one state per goal, or give a single state for all",
     ),
     "success below 0": (
         GOOD + "success: {min_clearance: -0.1}\n",
@@ -157,11 +158,11 @@ CASES = {
     ),
     "success is a text": (
         GOOD + "success: reached\n",
-        '4:10: success is the text "reached"; write conditions indented below it, such as `max_time: 60`',
+        '4:10: success is the text "reached"; write conditions indented below it, for example `max_time: 60`',
     ),
     "shapes is a mapping": (
         GOOD + "shapes: {radius: 1}\n",
-        "4:9: shapes is a mapping; write a list, such as {radius: 0.2, pose: [3.0, 1.5]}",
+        "4:9: shapes is a mapping; write a list, for example {radius: 0.2, pose: [3.0, 1.5]}",
     ),
     "shape without a look": (
         GOOD + "shapes:\n  - {pose: [3, 7]}\n",
@@ -185,7 +186,7 @@ CASES = {
     ),
     "motion of a wrong kind": (
         GOOD + "shapes:\n  - {radius: 0.2, motion: {kind: trak}}\n",
-        '5:34: the motion of shape 1 is of the kind "trak", which is none; did you mean track?',
+        '5:34: the motion of shape 1 has the unknown kind "trak"; did you mean track?',
     ),
     "track without points": (
         GOOD + "shapes:\n  - {radius: 0.2, motion: {kind: track}}\n",
@@ -201,22 +202,22 @@ CASES = {
     ),
     "start in a wall": (
         GOOD.replace("corridor_west", "[-0.05, 3.0]"),
-        "2:8: the start (-0.05, 3) lies in a wall of the map; move it",
+        "2:8: the start (-0.05, 3) is in a wall of the map; move it",
     ),
     "start at a wall": (
         GOOD.replace("corridor_west", "[0.16, 7.45]"),
         (
-            "2:8: the robot does not fit at the start (0.16, 7.45, 0): its outline touches a wall of the map at "
+            "2:8: the robot at the start (0.16, 7.45, 0) collides with a wall of the map at "
             "(-0.02, 7.33); move the start"
         ),
     ),
     "start at a shape": (
         GOOD + "shapes:\n  - {name: cart, box: [0.5, 0.5], pose: [1.2, 7.6, 0.7]}\n",
-        '2:8: the robot does not fit at the start (0.8, 7.45, 0): its outline touches shape 1 "cart"; move the start',
+        '2:8: the robot at the start (0.8, 7.45, 0) collides with shape 1 "cart"; move the start',
     ),
     "start outside": (
         GOOD.replace("corridor_west", "[-40, 9]"),
-        "2:8: the start (-40, 9) lies outside the map, which covers x -0.5 .. 23.5, y -0.5 .. 15.5 m; move it",
+        "2:8: the start (-40, 9) is outside the map, which covers x -0.5 .. 23.5, y -0.5 .. 15.5 m; move it",
     ),
     "noise out of range": (
         GOOD + "sim: {wheel_slip: -1}\n",
@@ -247,13 +248,13 @@ def test_a_wrong_file_is_told_what_where_and_the_way_out(
 
 def test_all_errors_are_in_one_message(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    Path("wrong.yaml").write_text(GOOD + "sede: 3\nrest: soon\n", encoding="utf-8")
+    Path("wrong.yaml").write_text(GOOD + "sede: 3\npause: soon\n", encoding="utf-8")
     with pytest.raises(ScenarioError) as caught:
         load_scenario("wrong.yaml")
     assert caught.value.message == (
-        "the scenario cannot be used (2 errors):\n"
+        "invalid scenario (2 errors):\n"
         'wrong.yaml:4:1: a scenario has no key "sede"; did you mean seed?\n'
-        'wrong.yaml:5:7: rest = "soon" is text; write a number (s)'
+        'wrong.yaml:5:8: pause = "soon" is text; write a number (s)'
     )
     assert [f["suggestion"] for f in caught.value.data["findings"]] == ["seed", None]
 
@@ -271,7 +272,7 @@ def test_a_name_that_no_file_can_have(key: str, tmp_path: Path) -> None:
     lines = {"map": "office", "start": "corridor_west", "goals": "[office_2]", key: "a" * 5000}
     file.write_text("".join(f"{k}: {v}\n" for k, v in lines.items()), encoding="utf-8")
     said = next(f for f in check_scenario(file) if f.key == key)
-    assert said.message.startswith("there")
+    assert said.message.startswith(("map", "params", "file"))
     assert said.column == len(key) + 3
 
 
@@ -292,7 +293,7 @@ def test_a_goal_that_cannot_be_reached_is_a_warning_unless_it_is_meant(tmp_path:
     file.write_text(text, encoding="utf-8")
     (said,) = (f for f in check_scenario(file) if f.severity == "warning")
     assert said.message == (
-        "goal 1 (-40, 9) lies outside the map, which covers x -0.5 .. 23.5, y -0.5 .. 15.5 m, so it cannot be reached; move "
+        "goal 1 (-40, 9) is outside the map, which covers x -0.5 .. 23.5, y -0.5 .. 15.5 m and cannot be reached; move "
         "it, or expect ABORTED under `success: goals:`"
     )
     file.write_text(text + "success: {goals: ABORTED}\n", encoding="utf-8")
@@ -316,9 +317,9 @@ def test_a_place_on_a_turned_map_is_looked_up_where_it_lies(tmp_path: Path) -> N
 
     assert said(4.0, 6.0) == []
     (outside,) = said(6.0, 6.0)  # inside, were the map not turned
-    assert "lies outside the map" in outside and "turned by 1.5708 rad" in outside
+    assert "is outside the map" in outside and "rotated by 1.5708 rad" in outside
     (wall,) = said(5.0 - 1.45, 5.0 + 3.05)
-    assert "lies in a wall of the map" in wall
+    assert "is in a wall of the map" in wall
 
 
 def test_the_scenarios_of_a_folder(tmp_path: Path) -> None:

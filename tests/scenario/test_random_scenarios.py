@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import pytest
 
-from navstack.scenario.suites.random_scenarios import check_random, random_scenario
+from navstack.scenario.suites.random_check import check_random
+from navstack.scenario.suites.random_scenarios import random_scenario
 
 SHORT_S = 2.0
 FOUR = 50
@@ -15,7 +16,7 @@ FOUR = 50
 
 def test_the_number_says_it_all() -> None:
     first, second = (random_scenario(7).build() for _ in range(2))
-    assert first.described() == second.described()
+    assert first.as_dict() == second.as_dict()
     assert (first.map.data == second.map.data).all()
     assert check_random(7, time_limit_s=SHORT_S) == check_random(7, time_limit_s=SHORT_S)
 

@@ -10,8 +10,7 @@ from pathlib import Path
 
 from navstack.core.parameters import ParamModel
 from navstack.parameters.report.reference import table_of
-from navstack.scenario.file.models import MOTIONS, Tour
-from navstack.scenario.file.spec import Success
+from navstack.scenario.file.models import MOTIONS, Success, Tour
 from navstack.sim import Shape
 
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "scenarios.md"

@@ -18,10 +18,17 @@ from navstack.map_io import map_path
 from navstack.places import load_places
 from navstack.record import Record
 from navstack.record.metrics import metrics_of
-from navstack.scenario.file.spec import check_scenario, is_scenario_file, load_scenario, read_scenario
-from navstack.scenario.run import Run, Scenario, run_scenario
-from navstack.scenario.success import SuccessConditions
-from navstack.scenario.suites.catalogue import shipped
+from navstack.scenario import (
+    Run,
+    Scenario,
+    SuccessConditions,
+    check_scenario,
+    load_scenario,
+    read_scenario,
+    run_scenario,
+    shipped_scenarios,
+)
+from navstack.scenario.file.spec import is_scenario_file
 
 SHORT = """
 name: short
@@ -138,9 +145,9 @@ def test_a_scenario_and_its_spec_go_to_other_processes(short: Path) -> None:
     spec = read_scenario(short)
     there = pickle.loads(pickle.dumps(spec))
     assert len(pickle.dumps(spec)) < 10_000
-    assert there.build().described() == spec.build().described()
+    assert there.build().as_dict() == spec.build().as_dict()
     scenario = pickle.loads(pickle.dumps(spec.build()))
-    assert scenario.described() == spec.build().described()
+    assert scenario.as_dict() == spec.build().as_dict()
 
 
 def test_the_length_is_that_of_the_record_s_columns_whatever_the_slip(short: Path) -> None:
@@ -161,7 +168,7 @@ def test_the_record_holds_all_of_it_and_its_metrics(short: Path, tmp_path: Path)
     record = Record.load(result.recorder.save(tmp_path / "out")["record"])
     assert metrics_of(record) == result.metrics
     again = Scenario.from_record(record)
-    assert again.described() == load_scenario(short).described()
+    assert again.as_dict() == load_scenario(short).as_dict()
     # without a record, the same numbers
     light = run_scenario(again, record=False)
     assert light.metrics == result.metrics and light.recorder is None and light.timings is None
@@ -178,8 +185,8 @@ def test_conditions_that_do_not_hold_are_said(short: Path) -> None:
     assert not result.succeeded
     said = {v.condition: v.text for v in result.conditions if not v.holds}
     assert set(said) == {"goals", "max_time", "min_clearance"}
-    assert said["goals"] == "goal 1 SUCCEEDED, ABORTED wanted"
-    assert said["max_time"].endswith("s, at most 1 wanted")
+    assert said["goals"] == "goal 1 ended SUCCEEDED, ABORTED required"
+    assert said["max_time"].endswith("s, at most 1 required")
 
 
 def test_a_condition_result_shows_enough_digits_to_differ_from_the_limit(short: Path) -> None:
@@ -187,17 +194,17 @@ def test_a_condition_result_shows_enough_digits_to_differ_from_the_limit(short: 
     wanted = SuccessConditions(max_time_s=100.0, max_collisions=0, max_recoveries=3)
 
     def said(**values: Any) -> list[str]:
-        return [v.text for v in wanted.judge(["SUCCEEDED"], replace(metrics, **values), 1)][1:]
+        return [v.text for v in wanted.evaluate(["SUCCEEDED"], replace(metrics, **values), 1)][1:]
 
     assert said(collisions=1, time_s=100.004, recoveries=1) == [
-        "1 collision, at most 0 wanted",
-        "100.004 s, at most 100 wanted",
-        "1 recovery, at most 3 wanted",
+        "1 collision, at most 0 required",
+        "100.004 s, at most 100 required",
+        "1 recovery, at most 3 required",
     ]
     assert said(collisions=0, time_s=100.0, recoveries=4) == [
-        "0 collisions, at most 0 wanted",
-        "100 s, at most 100 wanted",
-        "4 recoveries, at most 3 wanted",
+        "0 collisions, at most 0 required",
+        "100 s, at most 100 required",
+        "4 recoveries, at most 3 required",
     ]
 
 
@@ -211,7 +218,7 @@ def test_the_old_name_of_max_collisions_is_read_with_a_note(short: Path) -> None
 
 @pytest.mark.parametrize("wrong", [{"goals": []}, {"time_limit_s": 0.0}, {"time_limit_s": float("nan")}])
 def test_what_cannot_be_driven_is_refused_before_it_is_built(short: Path, wrong: dict[str, Any]) -> None:
-    with pytest.raises(InputError, match=r"needs a goal|must be above 0 s"):
+    with pytest.raises(InputError, match=r"goals is empty|must be above 0 s"):
         read_scenario(short).build(**wrong)
 
 
@@ -234,7 +241,7 @@ def test_simulate_takes_a_scenario_file(
     assert json.loads(Path("out/summary.json").read_text())["metrics"] == document["metrics"]
     Path("late.yaml").write_text(SHORT.replace("max_time: 20", "max_time: 1"))
     assert run(["simulate", "late.yaml", "--out", "out"]) == 1
-    assert "condition max_time not held: " in capfd.readouterr().out
+    assert "condition max_time not met: " in capfd.readouterr().out
     Path("wrong.yaml").write_text(SHORT + "sede: 1\n")
     assert run(["simulate", "wrong.yaml"]) == 2
     assert 'wrong.yaml:14:1: a scenario has no key "sede"; did you mean seed?' in capfd.readouterr().err
@@ -253,7 +260,7 @@ def test_check_takes_a_scenario_file(
 
 
 def test_those_that_are_shipped_say_what_they_show() -> None:
-    files = shipped()
+    files = shipped_scenarios()
     assert len(files) >= 8
     for path in files.values():
         spec = read_scenario(path)
@@ -265,7 +272,7 @@ def test_a_rest_ends_whatever_the_rounding_of_its_end(short: Path) -> None:
     short.write_text(SHORT.replace("goals: [[4.0, 7.4, 0.0]]", "goals: [[9.0, 7.4], [9.0, 7.4]]"))
     spec = read_scenario(short)
     for hundredths in range(2, 60, 3):
-        scenario = replace(spec.build(time_limit_s=0.1 + hundredths / 50.0), rest_s=hundredths / 100.0)
+        scenario = replace(spec.build(time_limit_s=0.1 + hundredths / 50.0), pause_s=hundredths / 100.0)
         driven = Run(scenario, record=False)
         cycles = 0
         while driven.step():
@@ -279,7 +286,7 @@ def test_a_run_whose_time_stands_still_is_told_not_driven_for_ever(short: Path) 
     for _ in range(5):
         driven.step()
     driven.robot.advance_to = lambda time: None  # type: ignore[method-assign,assignment,return-value]
-    with pytest.raises(InternalError, match=r"does not go on from .* took no time; .* please report it"):
+    with pytest.raises(InternalError, match=r"does not advance beyond .* took no simulated time; .* please report it"):
         while driven.step():
             pass
 

@@ -8,16 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from navstack.scenario.file.spec import check_scenario, load_scenario
-from navstack.scenario.run import run_scenario
-from navstack.scenario.suites.catalogue import shipped
+from navstack.scenario import check_scenario, load_scenario, run_scenario, shipped_scenarios
 
-NAMES = sorted(shipped())
+NAMES = sorted(shipped_scenarios())
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_shipped_scenario_is_sound_and_succeeds(name: str) -> None:
-    path = shipped()[name]
+    path = shipped_scenarios()[name]
     assert [str(f) for f in check_scenario(path) if f.severity != "info"] == []
     result = run_scenario(load_scenario(path), record=False)
     assert [str(v) for v in result.conditions if not v.holds] == []
@@ -27,7 +25,7 @@ def test_a_shipped_scenario_is_sound_and_succeeds(name: str) -> None:
 def record_of(job: tuple[str, str]) -> tuple[str, str]:
     """Drives a shipped scenario in whatever process this is; the digest of its record's bytes."""
     name, folder = job
-    result = run_scenario(load_scenario(shipped()[name]))
+    result = run_scenario(load_scenario(shipped_scenarios()[name]))
     assert result.recorder is not None
     files = result.recorder.save(Path(folder))
     return name, hashlib.sha256(files["record"].read_bytes() + files["log"].read_bytes()).hexdigest()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from navstack.core import Footprint, Pose2D
-from navstack.scenario.file.start import touched_at_start
+from navstack.scenario.file.start_check import collision_at_start
 from navstack.sim import Shape, World
 from tests.sim.worlds import random_map
 
@@ -33,7 +33,7 @@ def test_it_is_what_the_world_says(seed: int) -> None:
         for _ in range(150):
             x, y = (centre + rng.uniform(-5, 5, 2)).tolist()
             pose = Pose2D(x, y, float(rng.uniform(-math.pi, math.pi)))
-            said = touched_at_start(outline, pose, grid, shapes)
+            said = collision_at_start(outline, pose, grid, shapes)
             answers.add(said is None)
             assert (said is None) is world.is_free(outline, pose), (pose, said)
     assert answers == {True, False}

@@ -10,9 +10,8 @@ import pytest
 
 from navstack.cli.app import run
 from navstack.core.errors import InputError
-from navstack.scenario.file.spec import ScenarioSpec
-from navstack.scenario.suites import random_maps as maps_by_seed
-from navstack.scenario.suites.catalogue import scenarios, suite_names
+from navstack.scenario import ScenarioSpec, load_suite, suite_names
+from navstack.scenario.suites import random_maps
 
 
 def told(specs: list[ScenarioSpec]) -> list[object]:
@@ -21,20 +20,20 @@ def told(specs: list[ScenarioSpec]) -> list[object]:
 
 @pytest.mark.parametrize("name", ["office", "narrow", "crowd"])
 def test_a_suite_is_the_same_every_time_and_splits_by_number(name: str) -> None:
-    whole = scenarios(name, count=6)
-    assert told(scenarios(name, count=6)) == told(whole)
-    train, held_out = scenarios(name, split="train", count=3), scenarios(name, split="held_out", count=3)
+    whole = load_suite(name, count=6)
+    assert told(load_suite(name, count=6)) == told(whole)
+    train, held_out = load_suite(name, split="train", count=3), load_suite(name, split="held_out", count=3)
     assert told(train) == told(whole)[0::2] and told(held_out) == told(whole)[1::2]
     assert len({s.name for s in whole}) == 6 and len({s.parts.start for s in whole}) > 1
 
 
 def test_barn_needs_its_worlds(data_dir: Path) -> None:
     with pytest.raises(InputError, match=r"needs the folder of the BARN worlds"):
-        scenarios("barn")
+        load_suite("barn")
     folder = data_dir / "barn"
     if not folder.is_dir():
         pytest.skip("no BARN worlds here")
-    train, held_out = (scenarios("barn", split=s, directory=folder) for s in ("train", "held_out"))
+    train, held_out = (load_suite("barn", split=s, directory=folder) for s in ("train", "held_out"))
     assert len(train) == len(held_out) == 25
     assert not {s.name for s in train} & {s.name for s in held_out}
     built = train[0].build()
@@ -48,12 +47,12 @@ def test_a_shipped_scenario_is_simulated_by_its_name(tmp_path: Path, capfd: pyte
 
 
 def test_a_suite_that_is_none() -> None:
-    with pytest.raises(InputError, match=r'there is no suite "ofice"; did you mean "office"\?'):
-        scenarios("ofice")
-    with pytest.raises(InputError, match=r"a suite of 0 scenarios is none"):
-        scenarios("office", count=0)
-    with pytest.raises(InputError, match=r'there is no split "test"; there are train, held_out, all'):
-        scenarios("office", split="test")  # pyright: ignore[reportArgumentType]
+    with pytest.raises(InputError, match=r'unknown suite "ofice"; did you mean "office"\?'):
+        load_suite("ofice")
+    with pytest.raises(InputError, match=r"count is 0; it must be at least 1"):
+        load_suite("office", count=0)
+    with pytest.raises(InputError, match=r'unknown split "test"; known splits: train, held_out, all'):
+        load_suite("office", split="test")  # pyright: ignore[reportArgumentType]
     assert suite_names() == ["barn", "crowd", "narrow", "office", "shipped"]
 
 
@@ -63,8 +62,8 @@ def test_rooms_and_mazes_are_connected_and_walled_in(seed: int) -> None:
 
     rng = np.random.Generator(np.random.PCG64([seed, 1]))
     for grid in (
-        maps_by_seed.rooms(rng, rng.uniform(4, 10), rng.uniform(4, 10), (0.5, 1.0)),
-        maps_by_seed.maze(rng, rng.uniform(3, 8), rng.uniform(3, 8), rng.uniform(0.6, 1.3)),
+        random_maps.rooms(rng, rng.uniform(4, 10), rng.uniform(4, 10), (0.5, 1.0)),
+        random_maps.maze(rng, rng.uniform(3, 8), rng.uniform(3, 8), rng.uniform(0.6, 1.3)),
     ):
         found: tuple[object, int] = ndimage.label(grid.data == 0)
         assert found[1] == 1
@@ -73,6 +72,6 @@ def test_rooms_and_mazes_are_connected_and_walled_in(seed: int) -> None:
 
 def test_fields_and_caves_hold_free_ground_and_obstacles() -> None:
     rng = np.random.Generator(np.random.PCG64(5))
-    for grid in (maps_by_seed.discs(rng, 6.0, 5.0, 0.3, (0.1, 0.3)), maps_by_seed.caves(rng, 6.0, 5.0, 0.25)):
+    for grid in (random_maps.discs(rng, 6.0, 5.0, 0.3, (0.1, 0.3)), random_maps.caves(rng, 6.0, 5.0, 0.25)):
         inner = grid.data[1:-1, 1:-1]
         assert 0.02 < (inner == 100).mean() < 0.6

@@ -16,9 +16,7 @@ from navstack.core.errors import InputError
 from navstack.map_io import map_names, map_path
 from navstack.places import load_places, visit_order
 from navstack.record import Record
-from navstack.scenario import run as scenarios
-from navstack.scenario.run import Run, Scenario
-from navstack.scenario.tour import drive_tour
+from navstack.scenario import Run, Scenario, drive_tour
 
 
 def file_of(tmp_path: Path, text: str) -> Path:
@@ -120,7 +118,7 @@ def scenario_of(*goals: Pose2D, **more: object) -> Scenario:
 
 def test_it_rests_between_goals_and_tells_how_it_stands() -> None:
     told: list[tuple[str, float]] = []
-    scenario = scenario_of(NEAR, FAR, rest_s=3.0)
+    scenario = scenario_of(NEAR, FAR, pause_s=3.0)
     result = drive_tour(scenario, ("near", "far"), on_goal=lambda n, o, s: told.append((n, s.running_s)))
     assert result.succeeded
     assert not result.interrupted
@@ -165,7 +163,7 @@ def test_a_stopped_tour_stands_and_keeps_its_record() -> None:
     record = run.recorder.record()
     assert len(record.results) == 1
     again = Scenario.from_record(record)
-    assert (again.rest_s, again.stop_on_failure) == (0.0, False)
+    assert (again.pause_s, again.stop_on_failure) == (0.0, False)
 
 
 def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
@@ -186,7 +184,7 @@ def test_ctrl_c_stops_the_robot_and_keeps_the_log(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     steps = 0
-    step = scenarios.Run.step
+    step = Run.step
 
     def interrupting(self: Run) -> bool:
         nonlocal steps
@@ -195,7 +193,7 @@ def test_ctrl_c_stops_the_robot_and_keeps_the_log(
             signal.raise_signal(signal.SIGINT)
         return step(self)
 
-    monkeypatch.setattr(scenarios.Run, "step", interrupting)
+    monkeypatch.setattr(Run, "step", interrupting)
     before = signal.getsignal(signal.SIGINT)
     assert command(["tour", "office", "--out", "out"]) == 130
     assert signal.getsignal(signal.SIGINT) is before

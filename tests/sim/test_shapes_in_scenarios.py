@@ -15,7 +15,7 @@ from navstack.plot.animate import animate_run
 from navstack.plot.run import solid_patches
 from navstack.record import Record
 from navstack.record import format as fmt
-from navstack.scenario.run import Run, Scenario, run_scenario
+from navstack.scenario import Run, Scenario, run_scenario
 from navstack.sim import DoorMotion, OnTrack, PedestrianMotion, Shape
 
 SHAPES = (

@@ -19,7 +19,7 @@ from pathlib import Path
 from navstack.cli.arguments import map_of, parse_pose
 from navstack.parameters.configuration import load_configuration
 from navstack.places import load_places
-from navstack.scenario.run import Scenario, run_scenario
+from navstack.scenario import Scenario, run_scenario
 
 
 def calibration() -> str:

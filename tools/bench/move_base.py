@@ -23,7 +23,7 @@ from navstack.cli.arguments import map_of, parse_pose
 from navstack.move_base import MoveBase
 from navstack.parameters.configuration import load_configuration
 from navstack.places import load_places
-from navstack.scenario.run import Run, Scenario
+from navstack.scenario import Run, Scenario
 
 sys.path.insert(0, str(Path(__file__).parent))
 from end_to_end import calibration

@@ -21,7 +21,7 @@ from navstack.core import OccupancyGrid, Pose2D
 from navstack.core.errors import PlanningError
 from navstack.map_io import load_map
 from navstack.parameters.configuration import Configuration, load_configuration
-from navstack.scenario.run import Scenario, run_scenario
+from navstack.scenario import Scenario, run_scenario
 from navstack.sim import World
 
 DATA = Path(os.environ.get("NAVSTACK_DATA") or Path(__file__).resolve().parents[3] / "shared" / "data")

@@ -14,7 +14,7 @@ from collections.abc import Callable
 
 from navstack.jobs import JobResult, usable_cores
 from navstack.parameters.configuration import load_configuration
-from navstack.scenario.run import warm_up
+from navstack.scenario import warm_up
 from navstack.tune.sampling import candidates
 from navstack.tune.scenarios import course_of, read_place
 from navstack.tune.setup import Asked, prepare

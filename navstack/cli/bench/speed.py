@@ -12,7 +12,7 @@ from navstack.cli.bench.execution import BenchOutput
 from navstack.cli.options import with_options
 
 if TYPE_CHECKING:
-    from navstack.scenario.run import Scenario
+    from navstack.scenario import Scenario
 
 
 @with_options(output=BenchOutput)
@@ -70,14 +70,12 @@ def _scenario(name: str, params: list[str], overrides: list[str]) -> Scenario:
     from navstack.map_io import map_names
     from navstack.parameters.configuration import load_configuration
     from navstack.places import load_places
-    from navstack.scenario.file.spec import read_scenario
-    from navstack.scenario.run import Scenario
-    from navstack.scenario.suites.catalogue import shipped
+    from navstack.scenario import Scenario, read_scenario, shipped_scenarios
 
     file = scenario_file(name)
     if file is not None:
         return read_scenario(file).build(params=params or None, overrides=overrides)
-    _, grid = map_of(name, others=shipped(), what="scenario")
+    _, grid = map_of(name, others=shipped_scenarios(), what="scenario")
     if name not in map_names():
         raise InputError(
             f"{name} defines no start and no goals; give a scenario file, or a packaged map: {', '.join(map_names())}",

@@ -1,1 +1,1 @@
-"""Scenario files."""
+"""Scenario files: reading, checking and building."""

@@ -1,35 +1,47 @@
-"""What a scenario file may say, section by section."""
+"""Models of the sections of a scenario file, and its contents after reading."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Literal
 
 from pydantic import field_validator
 
+from navstack.core import OccupancyGrid, Pose2D
 from navstack.core.parameters import ParamModel, param
-from navstack.scenario.success import RENAMED, not_an_end
-from navstack.sim.shapes import DoorMotion, OnTrack, PedestrianMotion, Still
+from navstack.parameters.findings import Location
+from navstack.parameters.sources import Source
+from navstack.scenario.success import RENAMED, SuccessConditions, state_error
+from navstack.sim.shapes import DoorMotion, OnTrack, PedestrianMotion, Shape, Still
 
 
 class Settings(ParamModel):
-    """The plain values of a scenario file; its other keys are sections of their own."""
+    """The scalar values of a scenario file; the other keys are sections."""
 
-    name: str = param("", "what the scenario is called in tables; the file's name if left out")
-    description: str = param("", "what it shows, in a sentence or two")
-    distro: Literal["noetic", "indigo"] | None = param(None, "whose scoring scale; what the parameters say if left out")
-    allow_missing: bool = param(False, "layers and plugins that are not here are left out instead of refused")
-    seed: int = param(0, "of all noise; the same seed gives the same run", ge=0, le=2**63 - 1)
-    time_limit: float = param(600.0, "simulated time a goal may take; then it is cancelled", unit="s", gt=0.0, le=1e6)
-    rest: float = param(0.0, "simulated time that the robot stands between two goals", unit="s", ge=0.0, le=1e6)
-    stop_on_failure: bool = param(False, "the goals that follow one that did not SUCCEED are left out")
+    RENAMED = {"rest": "pause"}  # noqa: RUF012
+
+    name: str = param("", "name of the scenario in tables; default: the name of the file")
+    description: str = param("", "what the scenario shows, in one or two sentences")
+    distro: Literal["noetic", "indigo"] | None = param(
+        None, "ROS release whose DWA cost scaling is used; default: as the parameters say"
+    )
+    allow_missing: bool = param(False, "omit layers and plugins that are not installed instead of rejecting the file")
+    seed: int = param(0, "random seed of all noise; the same seed gives the same run", ge=0, le=2**63 - 1)
+    time_limit: float = param(
+        600.0, "simulated time allowed per goal; the goal is then cancelled", unit="s", gt=0.0, le=1e6
+    )
+    pause: float = param(0.0, "simulated time the robot waits between two goals", unit="s", ge=0.0, le=1e6)
+    stop_on_failure: bool = param(False, "skip the remaining goals after the first one that does not succeed")
 
 
 class Tour(ParamModel):
     """`tour:` places to visit, by name."""
 
-    places: list[str] | None = param(None, "names of places, in order; all places of the map if left out")
-    order: Literal["given", "sorted", "random"] = param("given", "as given, by name, or shuffled by the seed")
-    loops: int = param(1, "how often the tour is driven", ge=1, le=1000)
+    places: list[str] | None = param(None, "names of places, in order; default: all places of the map")
+    order: Literal["given", "sorted", "random"] = param("given", "as listed, by name, or shuffled with the seed")
+    loops: int = param(1, "number of repetitions of the tour", ge=1, le=1000)
 
 
 class Success(ParamModel):
@@ -38,24 +50,35 @@ class Success(ParamModel):
     RENAMED = RENAMED
 
     goals: str | list[str] = param(
-        "SUCCEEDED", "the state in which every goal must end, or one for each goal in turn; any: whichever"
+        "SUCCEEDED", "terminal state required of every goal, or one state per goal; any: every state is accepted"
     )
     max_collisions: int | None = param(0, "maximum number of collisions with obstacles; null (~): no limit", ge=0)
-    max_time: float | None = param(None, "simulated time of the whole run", unit="s", gt=0.0)
+    max_time: float | None = param(None, "maximum simulated time of the whole run", unit="s", gt=0.0)
     min_clearance: float | None = param(
-        None, "least distance between the robot's outline and an obstacle", unit="m", ge=0.0
+        None, "minimum distance between the unpadded footprint and an obstacle", unit="m", ge=0.0
     )
-    max_length: float | None = param(None, "length of the way driven", unit="m", gt=0.0)
-    max_recoveries: int | None = param(None, "recovery behaviours run", ge=0)
+    max_length: float | None = param(None, "maximum distance driven", unit="m", gt=0.0)
+    max_recoveries: int | None = param(None, "maximum number of recovery behaviors run", ge=0)
 
     @field_validator("goals")
     @classmethod
     def _states(cls, value: str | list[str]) -> str | list[str]:
         for state in [value] if isinstance(value, str) else value:
-            wrong = not_an_end(state)
-            if wrong:
-                raise ValueError(wrong)
+            error = state_error(state)
+            if error:
+                raise ValueError(error)
         return value
+
+    def conditions(self) -> SuccessConditions:
+        """Returns the conditions in the form that a run evaluates."""
+        return SuccessConditions(
+            goals=self.goals if isinstance(self.goals, str) else tuple(self.goals),
+            max_collisions=self.max_collisions,
+            max_time_s=self.max_time,
+            min_clearance_m=self.min_clearance,
+            max_length_m=self.max_length,
+            max_recoveries=self.max_recoveries,
+        )
 
 
 MOTIONS: dict[str, type[ParamModel]] = {
@@ -65,3 +88,28 @@ MOTIONS: dict[str, type[ParamModel]] = {
     "pedestrian": PedestrianMotion,
 }
 """`kind` of a shape's motion -> its model."""
+
+
+@dataclass(slots=True)
+class Parts:
+    """The contents of a scenario file, as far as they could be read."""
+
+    settings: Settings = field(default_factory=Settings)
+    map_file: Path | None = None
+    grid: OccupancyGrid | None = None
+    """The map itself, if it does not come from a file."""
+    sources: list[Source] = field(default_factory=list[Source])
+    """Parameter sources: `params:`."""
+    overlays: list[Source] = field(default_factory=list[Source])
+    """Parameters that override the sources: `set:`, then `sim:`."""
+    start: Pose2D | None = None
+    start_location: Location = Location("")
+    goals: tuple[Pose2D, ...] = ()
+    goal_names: tuple[str, ...] = ()
+    goal_locations: tuple[Location, ...] = ()
+    tour: Tour | None = None
+    tour_names: tuple[str, ...] = ()
+    """Places of the tour as listed; `tour` has the order in which they are visited."""
+    places: Mapping[str, Pose2D] = field(default_factory=dict[str, Pose2D])
+    shapes: tuple[Shape, ...] = ()
+    success: Success = field(default_factory=Success)

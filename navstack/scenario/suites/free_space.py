@@ -1,4 +1,4 @@
-"""Where a robot can stand on a map, and what is connected there."""
+"""The free space of a map: where a robot fits, by connected region."""
 
 from __future__ import annotations
 
@@ -13,44 +13,44 @@ from navstack.sim.world import OCCUPIED
 
 
 class FreeSpace:
-    """The free cells of a map whose centres keep `clearance_m` from every occupied one, by 8-connected region."""
+    """The free cells of a map at least `clearance_m` from every occupied cell, by 8-connected region."""
 
     def __init__(self, grid: OccupancyGrid, clearance_m: float) -> None:
         from scipy import ndimage
 
         self._geometry = grid.geometry
         resolution = grid.geometry.resolution
-        # from centre to centre; half a cell's diagonal more is surely enough
+        # distances are between centres: half a cell's diagonal is subtracted to be safe
         cells: Any = ndimage.distance_transform_edt(grid.data < OCCUPIED)
-        away = cells * resolution - 0.71 * resolution
-        free = (away >= clearance_m) & (grid.data == 0)
-        found: Any = ndimage.label(free, np.ones((3, 3)))
-        labels, count = found
+        distance = cells * resolution - 0.71 * resolution
+        free = (distance >= clearance_m) & (grid.data == 0)
+        labelled: Any = ndimage.label(free, np.ones((3, 3)))
+        labels, count = labelled
         sizes = np.bincount(labels.ravel(), minlength=count + 1)[1:]
         self._regions: list[NDArray[np.int64]] = []
-        """Cells (n, 2) ix, iy of each region, the largest first."""
+        """Cells (n, 2) ix, iy of each region, the largest region first."""
         for label in np.argsort(-sizes, kind="stable").tolist():
             iy, ix = np.nonzero(labels == label + 1)
             self._regions.append(np.column_stack((ix, iy)))
 
     @property
     def is_empty(self) -> bool:
-        """True when the robot fits nowhere."""
+        """True if the robot fits nowhere."""
         return not self._regions
 
     def draw(self, rng: np.random.Generator, region: int = 0) -> Pose2D:
-        """A pose of any direction in a region, 0 being the largest."""
+        """Draws a pose with any yaw in a region; 0 is the largest."""
         cells = self._regions[region]
         ix, iy = cells[int(rng.integers(len(cells)))].tolist()
         x, y = self._geometry.cell_to_world(ix, iy)
         return Pose2D(round(x, 3), round(y, 3), round(rng.uniform(-math.pi, math.pi), 4))
 
     def draw_pair(
-        self, rng: np.random.Generator, nearest_m: float, farthest_m: float, *, across: bool = False
+        self, rng: np.random.Generator, min_distance_m: float, max_distance_m: float, *, across: bool = False
     ) -> tuple[Pose2D, Pose2D]:
-        """Two poses so far apart as the crow flies; where 100 attempts find none such, those of the last one.
+        """Draws two poses within a range of Euclidean distance; after 100 failed attempts, the last two drawn.
 
-        Of the largest region; or `across` regions, of two that the clearance keeps apart, where there are two.
+        Both are in the largest region; with `across`, in two different regions if there are several.
         """
         sizes = np.array([len(cells) for cells in self._regions])
         shares = sizes / sizes.sum()
@@ -60,6 +60,6 @@ class FreeSpace:
             if across and len(self._regions) > 1:
                 first, second = rng.choice(len(sizes), 2, replace=False, p=shares).tolist()
             start, goal = self.draw(rng, first), self.draw(rng, second)
-            if nearest_m <= start.distance_to(goal) <= farthest_m:
+            if min_distance_m <= start.distance_to(goal) <= max_distance_m:
                 break
         return start, goal

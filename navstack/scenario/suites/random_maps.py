@@ -1,4 +1,4 @@
-"""Maps made by seed: rooms, mazes, scattered discs, caves. Free 0, occupied 100, one cell of wall around them."""
+"""Random maps: rooms, mazes, scattered discs, caves. Free cells are 0, occupied 100; a wall one cell wide encloses them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ WALL: Final = 2
 
 
 def rooms(rng: np.random.Generator, width_m: float, height_m: float, door_m: tuple[float, float]) -> OccupancyGrid:
-    """Rooms by cutting rooms in two, each wall with a door whose width (m) is drawn from `door_m`; all are connected."""
+    """Divides rooms recursively; each wall has a door whose width (m) is drawn from `door_m`. All rooms are connected."""
     walls = _empty(width_m, height_m)
     smallest = max(1.5, 2.0 * door_m[1])
 
@@ -26,12 +26,12 @@ def rooms(rng: np.random.Generator, width_m: float, height_m: float, door_m: tup
         if room < 2.0 * smallest:
             return
         door = round(rng.uniform(*door_m) / RESOLUTION)
-        # views in which the wall stands upright: rows along it
+        # a view whose rows run along the wall
         view = walls[y0 - 1 : y1 + 1, x0:x1] if across else walls[y0:y1, x0 - 1 : x1 + 1].T
         for _ in range(20):
             at = round((smallest + rng.random() * (room - 2.0 * smallest)) / RESOLUTION)
             ends = view[[0, -1], max(at - door, 0) : at + WALL + door]
-            if ends.all():  # no door of another wall is near its ends
+            if ends.all():  # no door of another wall near the ends
                 break
         else:
             return
@@ -51,7 +51,7 @@ def rooms(rng: np.random.Generator, width_m: float, height_m: float, door_m: tup
 
 
 def maze(rng: np.random.Generator, width_m: float, height_m: float, lane_m: float, loops: float = 0.1) -> OccupancyGrid:
-    """A maze of lanes `lane_m` wide; of the walls that it could do without, the share `loops` is left out."""
+    """A maze with lanes `lane_m` wide; the share `loops` of the walls not needed for a spanning tree is removed."""
     lane = round(lane_m / RESOLUTION)
     pitch = lane + WALL
     columns, lines = max(2, int(width_m / RESOLUTION) // pitch), max(2, int(height_m / RESOLUTION) // pitch)
@@ -78,11 +78,11 @@ def maze(rng: np.random.Generator, width_m: float, height_m: float, lane_m: floa
     stack = [(0, 0)]
     seen = {(0, 0)}
     while stack:
-        ways = [cell for cell in neighbours(*stack[-1]) if cell not in seen]
-        if not ways:
+        choices = [cell for cell in neighbours(*stack[-1]) if cell not in seen]
+        if not choices:
             stack.pop()
             continue
-        chosen = ways[int(rng.integers(len(ways)))]
+        chosen = choices[int(rng.integers(len(choices)))]
         open_between(stack[-1], chosen)
         seen.add(chosen)
         stack.append(chosen)
@@ -97,7 +97,7 @@ def maze(rng: np.random.Generator, width_m: float, height_m: float, lane_m: floa
 def discs(
     rng: np.random.Generator, width_m: float, height_m: float, per_m2: float, radius_m: tuple[float, float]
 ) -> OccupancyGrid:
-    """Discs scattered over a field, so many per square metre, radii drawn from `radius_m`."""
+    """Scatters `per_m2` discs per square metre; their radii (m) are drawn from `radius_m`."""
     walls = _empty(width_m, height_m)
     ny, nx = walls.shape
     x = (np.arange(nx) + 0.5) * RESOLUTION
@@ -109,10 +109,10 @@ def discs(
 
 
 def caves(rng: np.random.Generator, width_m: float, height_m: float, fill: float, rounds: int = 4) -> OccupancyGrid:
-    """A cellular automaton on squares of 0.15 m, as BARN's worlds are made.
+    """Runs the cellular automaton of the BARN worlds on squares of 0.15 m.
 
-    Perille, Truong, Xiao, Stone, "Benchmarking Metric Ground Navigation", SSRR 2020: cells are filled with the probability
-    `fill`; in each round a cell with five and more filled neighbours fills, one with fewer than two empties.
+    Perille, Truong, Xiao, Stone, "Benchmarking Metric Ground Navigation", SSRR 2020: cells are filled with probability
+    `fill`; in each round a cell with at least five filled neighbours is filled, one with fewer than two is cleared.
     """
     coarse = 3
     shape = (math.ceil(height_m / RESOLUTION / coarse), math.ceil(width_m / RESOLUTION / coarse))
@@ -129,7 +129,7 @@ def caves(rng: np.random.Generator, width_m: float, height_m: float, fill: float
 
 
 def _empty(width_m: float, height_m: float) -> NDArray[np.bool_]:
-    """Nothing but the wall around it."""
+    """Returns an empty map with its enclosing wall."""
     walls = np.zeros((round(height_m / RESOLUTION), round(width_m / RESOLUTION)), np.bool_)
     return _enclosed(walls)
 

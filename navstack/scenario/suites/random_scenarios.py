@@ -1,7 +1,6 @@
-"""Scenarios drawn by number: maps, starts, goals, robots, parameters, noise and obstacles, sensible and not so sensible.
+"""Random scenarios by number: maps, robots, parameters, noise and obstacles, including unusual combinations.
 
-They ask what no course of thought-out scenarios does: whether any of them brings an exception, a goal without an end, a run
-that does not stop at its time limit, or a success that touched something.
+`navstack.scenario.suites.random_check` drives them and looks for invariant violations.
 """
 
 from __future__ import annotations
@@ -14,10 +13,8 @@ from typing import Any, Final
 import numpy as np
 
 from navstack.core import OccupancyGrid, Pose2D
-from navstack.core.errors import InputError, PlanningError
-from navstack.scenario.file.spec import Parts, ScenarioSpec, Settings, Success
-from navstack.scenario.run import Run, RunResult, Scenario
-from navstack.scenario.success import ENDS
+from navstack.scenario.file.models import Parts, Settings
+from navstack.scenario.file.spec import ScenarioSpec
 from navstack.scenario.suites import random_maps
 from navstack.scenario.suites.free_space import FreeSpace
 from navstack.sim.shapes import DoorMotion, OnTrack, PedestrianMotion, Shape
@@ -27,15 +24,12 @@ GLOBAL_PLANNERS: Final = (
 )
 LOCAL_PLANNERS: Final = ("dwa_local_planner/DWAPlannerROS", "base_local_planner/TrajectoryPlannerROS")
 
-SLACK_S: Final = 5.0
-"""How long after its time limit a goal may take to end: a cancel takes effect within a control cycle."""
-
 
 def random_scenario(number: int, *, time_limit_s: float = 12.0) -> ScenarioSpec:
-    """The scenario of that number, always the same. `time_limit_s`: simulated seconds that a goal may take at most."""
+    """Returns the scenario with that number, always the same. `time_limit_s`: maximum simulated seconds per goal."""
     rng = np.random.Generator(np.random.PCG64([number, 20]))
     kind, grid = _map(rng)
-    outline, radius = _robot(rng)
+    footprint, radius = _footprint(rng)
     space = FreeSpace(grid, radius + 0.02)
     if space.is_empty:
         grid = random_maps.discs(rng, 6.0, 6.0, 0.02, (0.1, 0.2))
@@ -48,87 +42,18 @@ def random_scenario(number: int, *, time_limit_s: float = 12.0) -> ScenarioSpec:
             name=f"random {number} ({kind}, {kinematics})",
             seed=int(rng.integers(1 << 31)),
             time_limit=time_limit_s * float(rng.uniform(0.6, 1.0)),
-            rest=_pick(rng, (0.0, 0.0, 0.5)),
+            pause=_pick(rng, (0.0, 0.0, 0.5)),
             stop_on_failure=bool(rng.random() < 0.2),
         ),
         grid=grid,
         sources=["turtlebot"],
-        over=[_parameters(rng, outline, kinematics), {"navstack": {"sim": _body(rng, kinematics)}}],
+        overlays=[_parameters(rng, footprint, kinematics), {"navstack": {"sim": _body(rng, kinematics)}}],
         start=start,
         goals=goals,
         goal_names=("",) * len(goals),
         shapes=_shapes(rng, space, start, radius),
-        success=Success(),
     )
     return ScenarioSpec(parts)
-
-
-@dataclass(frozen=True, slots=True)
-class Checked:
-    """What became of a random scenario."""
-
-    number: int
-    outcome: str
-    """The states in which its goals ended, or `refused` for one that cannot begin."""
-    simulated_s: float
-    collisions: int
-    faults: tuple[str, ...]
-    """What must never be; empty when all is well."""
-
-
-def check_random(number: int, *, time_limit_s: float = 12.0) -> Checked:
-    """Drives the random scenario of that number and looks for what must never be. An exception is a fault too."""
-    faults: list[str] = []
-    run: Run | None = None
-    try:
-        scenario = random_scenario(number, time_limit_s=time_limit_s).build()
-        run = Run(scenario, record=False)
-        # so many cycles are more than any of them needs; a run that makes more would never end
-        budget = math.ceil(100.0 * len(scenario.goals) * (scenario.time_limit_s + scenario.rest_s + SLACK_S))
-        while run.step():
-            budget -= 1
-            if budget < 0:
-                faults.append(f"no end: still driving at {run.robot.time:.1f} s")
-                break
-        result = run.result(0.0)
-    except (InputError, PlanningError) as refused:
-        # a start that a shape stands on, parameters that contradict each other: said, not driven
-        if run is None:
-            return Checked(number, f"refused {refused.name}", 0.0, 0, ())
-        return Checked(number, "exception", run.robot.time, 0, (f"{type(refused).__name__}: {refused}",))
-    except Exception as exc:
-        # whatever it is: that it got here is the fault
-        time = 0.0 if run is None else run.robot.time
-        return Checked(number, "exception", time, 0, (f"{type(exc).__name__}: {exc}",))
-    faults += _faults(scenario, result)
-    return Checked(
-        number, " ".join(goal.state for goal in result.goals), result.simulated_s, result.collisions, tuple(faults)
-    )
-
-
-def _faults(scenario: Scenario, result: RunResult) -> list[str]:
-    faults: list[str] = []
-    for i, goal in enumerate(result.goals, 1):
-        if goal.state not in ENDS:
-            faults.append(f"goal {i} has no end: {goal.state}")
-        if goal.state != "SUCCEEDED" and not (goal.message or goal.text):
-            faults.append(f"goal {i} ended {goal.state} without a reason")
-        if goal.time_s > scenario.time_limit_s + SLACK_S:
-            faults.append(f"goal {i} took {goal.time_s:.1f} s of {scenario.time_limit_s:.1f} s")
-    left_out = scenario.stop_on_failure and any(not goal.succeeded for goal in result.goals)
-    if len(result.goals) < len(scenario.goals) and not left_out:
-        faults.append(f"{len(scenario.goals) - len(result.goals)} goals were never driven")
-    if result.succeeded and result.collisions:
-        faults.append(f"{result.collisions} collisions reported as success")
-    if result.nearest_m == 0.0 and not result.collisions:
-        faults.append("the outline stood in an obstacle, and no collision was reported")
-    for name, value in result.metrics.as_dict().items():
-        if isinstance(value, float) and math.isnan(value) and name != "clearance_mean_m":
-            faults.append(f"the metric {name} is not a number")
-    return faults
-
-
-# --- what is drawn ----------------------------------------------------------------------------------------------------
 
 
 def _pick(rng: np.random.Generator, choices: tuple[Any, ...]) -> Any:
@@ -147,8 +72,8 @@ def _map(rng: np.random.Generator) -> tuple[str, OccupancyGrid]:
     return kind, random_maps.caves(rng, width, height, rng.uniform(0.1, 0.3))
 
 
-def _robot(rng: np.random.Generator) -> tuple[dict[str, Any], float]:
-    """Its outline as parameters, and its circumscribed radius (m)."""
+def _footprint(rng: np.random.Generator) -> tuple[dict[str, Any], float]:
+    """Returns the footprint as parameters, and its circumscribed radius (m)."""
     shape = _pick(rng, ("round", "round", "box", "polygon"))
     if shape == "round":
         radius = round(rng.uniform(0.1, 0.3), 3)
@@ -158,7 +83,7 @@ def _robot(rng: np.random.Generator) -> tuple[dict[str, Any], float]:
         points = [[ahead + a, b], [ahead - a, b], [ahead - a, -b], [ahead + a, -b]]
     else:
         turns = np.sort(rng.uniform(0.0, 2.0 * math.pi, 7)) + np.arange(7) * 1e-3
-        # all round, so that the centre lies inside
+        # spread over the full circle, so that the centre is inside
         turns = 0.3 * turns + 0.7 * np.arange(7) * (2.0 * math.pi / 7)
         points = [[r * math.cos(t), r * math.sin(t)] for t, r in zip(turns, rng.uniform(0.12, 0.28, 7), strict=True)]
     points = [[round(x, 3), round(y, 3)] for x, y in points]
@@ -166,7 +91,7 @@ def _robot(rng: np.random.Generator) -> tuple[dict[str, Any], float]:
 
 
 def _goal(rng: np.random.Generator, space: FreeSpace, grid: OccupancyGrid) -> Pose2D:
-    """Mostly where the robot can stand; now and then anywhere, and outside the map."""
+    """Draws a goal: usually in the free space, sometimes anywhere on the map, rarely outside of it."""
     chance = rng.random()
     if chance < 0.8:
         return space.draw(rng)
@@ -177,7 +102,7 @@ def _goal(rng: np.random.Generator, space: FreeSpace, grid: OccupancyGrid) -> Po
 
 
 def _shapes(rng: np.random.Generator, space: FreeSpace, start: Pose2D, radius: float) -> tuple[Shape, ...]:
-    """Things that are not on the map: standing, on tracks, doors, people; not where the robot starts."""
+    """Draws up to five obstacles that are not on the map, away from the start."""
     found: list[Shape] = []
     for _ in range(int(rng.integers(6))):
         at = space.draw(rng)
@@ -199,85 +124,108 @@ def _shapes(rng: np.random.Generator, space: FreeSpace, start: Pose2D, radius: f
             style = _pick(rng, ("hinged", "sliding"))
             found.append(Shape(segment=ends, motion=DoorMotion(style=style, open=[[2.0, 6.0]], period=9.0)))
         elif kind == "pedestrian":
-            way = PedestrianMotion(goals=[[other.x, other.y], [at.x, at.y]], notices_robot=bool(rng.random() < 0.8))
-            found.append(Shape(radius=0.2, pose=place, motion=way))
+            walk = PedestrianMotion(goals=[[other.x, other.y], [at.x, at.y]], notices_robot=bool(rng.random() < 0.8))
+            found.append(Shape(radius=0.2, pose=place, motion=walk))
     return tuple(found)
 
 
-def _parameters(rng: np.random.Generator, outline: Mapping[str, Any], kinematics: str) -> dict[str, Any]:
+def _parameters(rng: np.random.Generator, footprint: Mapping[str, Any], kinematics: str) -> dict[str, Any]:
+    """Draws the parameters of move_base, its costmaps and its planners. The order of the draws determines the scenario."""
     inflation = {
         "inflation_radius": round(rng.uniform(0.1, 0.8), 2),
         "cost_scaling_factor": round(rng.uniform(1.0, 15.0), 1),
     }
-    fast = round(rng.uniform(0.2, 1.0), 2)
-    turning = round(rng.uniform(0.5, 3.0), 2)
-    aside = round(rng.uniform(0.1, 0.5), 2) if kinematics == "holonomic" else 0.0
-    backward = _pick(rng, (0.0, 0.0, -0.1, -0.3))
-    acc = round(rng.uniform(0.3, 3.0), 2)
+    limits = _Limits(
+        max_vel_x=round(rng.uniform(0.2, 1.0), 2),
+        max_vel_theta=round(rng.uniform(0.5, 3.0), 2),
+        max_vel_y=round(rng.uniform(0.1, 0.5), 2) if kinematics == "holonomic" else 0.0,
+        min_vel_x=_pick(rng, (0.0, 0.0, -0.1, -0.3)),
+        acceleration=round(rng.uniform(0.3, 3.0), 2),
+    )
     window = round(rng.uniform(2.0, 5.0), 1)
     planner = _pick(rng, GLOBAL_PLANNERS)
-    driver = _pick(rng, LOCAL_PLANNERS)
+    controller = _pick(rng, LOCAL_PLANNERS)
     return {
         "base_global_planner": planner,
-        "base_local_planner": driver,
+        "base_local_planner": controller,
         "controller_frequency": _pick(rng, (2.0, 4.0, 5.0, 10.0)),
         "planner_frequency": _pick(rng, (0.0, 0.5, 1.0, 3.0)),
         "planner_patience": round(rng.uniform(0.5, 3.0), 1),
         "controller_patience": round(rng.uniform(0.5, 3.0), 1),
         "oscillation_timeout": _pick(rng, (0.0, 2.0, 5.0)),
         "recovery_behavior_enabled": bool(rng.random() < 0.7),
-        "global_costmap": {**outline, "inflation_layer": inflation, "update_frequency": _pick(rng, (0.5, 1.0, 5.0))},
+        "global_costmap": {**footprint, "inflation_layer": inflation, "update_frequency": _pick(rng, (0.5, 1.0, 5.0))},
         "local_costmap": {
-            **outline,
+            **footprint,
             "inflation_layer": inflation,
             "update_frequency": _pick(rng, (1.0, 5.0)),
             "width": window,
             "height": window,
             "resolution": _pick(rng, (0.05, 0.05, 0.1)),
         },
-        "DWAPlannerROS": {
-            "max_vel_x": fast,
-            "min_vel_x": backward,
-            "max_vel_y": aside,
-            "min_vel_y": -aside,
-            "max_vel_trans": fast,
-            "max_vel_theta": turning,
-            "acc_lim_x": acc,
-            "acc_lim_y": acc,
-            "acc_lim_theta": 2.0 * acc,
-            "sim_time": round(rng.uniform(0.7, 2.5), 1),
-            "vx_samples": 1 + int(rng.integers(8)),
-            "vy_samples": 1 + int(rng.integers(5)),
-            "vth_samples": 1 + int(rng.integers(20)),
-            "path_distance_bias": round(rng.uniform(0.0, 64.0), 1),
-            "goal_distance_bias": round(rng.uniform(0.0, 32.0), 1),
-            "occdist_scale": round(rng.uniform(0.0, 0.5), 3),
-            "xy_goal_tolerance": round(rng.uniform(0.05, 0.4), 2),
-            "yaw_goal_tolerance": round(rng.uniform(0.05, 1.0), 2),
-            "latch_xy_goal_tolerance": bool(rng.integers(2)),
-        },
-        "TrajectoryPlannerROS": {
-            "max_vel_x": fast,
-            "min_vel_x": 0.1,
-            "max_vel_theta": turning,
-            "min_vel_theta": -turning,
-            "min_in_place_vel_theta": 0.3,
-            "acc_lim_x": acc,
-            "acc_lim_y": acc,
-            "acc_lim_theta": 2.0 * acc,
-            "holonomic_robot": kinematics == "holonomic",
-            "dwa": bool(rng.integers(2)),
-            "meter_scoring": True,
-            "vx_samples": 2 + int(rng.integers(5)),
-            "vtheta_samples": 2 + int(rng.integers(15)),
-            "sim_time": round(rng.uniform(0.7, 2.0), 1),
-            "xy_goal_tolerance": round(rng.uniform(0.05, 0.4), 2),
-            "yaw_goal_tolerance": round(rng.uniform(0.05, 1.0), 2),
-        },
+        "DWAPlannerROS": _dwa(rng, limits),
+        "TrajectoryPlannerROS": _trajectory_rollout(rng, limits, holonomic=kinematics == "holonomic"),
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class _Limits:
+    """Velocity and acceleration limits that both local planners share (m/s, rad/s, m/s²)."""
+
+    max_vel_x: float
+    max_vel_theta: float
+    max_vel_y: float
+    min_vel_x: float
+    acceleration: float
+
+
+def _dwa(rng: np.random.Generator, limits: _Limits) -> dict[str, Any]:
+    return {
+        "max_vel_x": limits.max_vel_x,
+        "min_vel_x": limits.min_vel_x,
+        "max_vel_y": limits.max_vel_y,
+        "min_vel_y": -limits.max_vel_y,
+        "max_vel_trans": limits.max_vel_x,
+        "max_vel_theta": limits.max_vel_theta,
+        "acc_lim_x": limits.acceleration,
+        "acc_lim_y": limits.acceleration,
+        "acc_lim_theta": 2.0 * limits.acceleration,
+        "sim_time": round(rng.uniform(0.7, 2.5), 1),
+        "vx_samples": 1 + int(rng.integers(8)),
+        "vy_samples": 1 + int(rng.integers(5)),
+        "vth_samples": 1 + int(rng.integers(20)),
+        "path_distance_bias": round(rng.uniform(0.0, 64.0), 1),
+        "goal_distance_bias": round(rng.uniform(0.0, 32.0), 1),
+        "occdist_scale": round(rng.uniform(0.0, 0.5), 3),
+        "xy_goal_tolerance": round(rng.uniform(0.05, 0.4), 2),
+        "yaw_goal_tolerance": round(rng.uniform(0.05, 1.0), 2),
+        "latch_xy_goal_tolerance": bool(rng.integers(2)),
+    }
+
+
+def _trajectory_rollout(rng: np.random.Generator, limits: _Limits, *, holonomic: bool) -> dict[str, Any]:
+    return {
+        "max_vel_x": limits.max_vel_x,
+        "min_vel_x": 0.1,
+        "max_vel_theta": limits.max_vel_theta,
+        "min_vel_theta": -limits.max_vel_theta,
+        "min_in_place_vel_theta": 0.3,
+        "acc_lim_x": limits.acceleration,
+        "acc_lim_y": limits.acceleration,
+        "acc_lim_theta": 2.0 * limits.acceleration,
+        "holonomic_robot": holonomic,
+        "dwa": bool(rng.integers(2)),
+        "meter_scoring": True,
+        "vx_samples": 2 + int(rng.integers(5)),
+        "vtheta_samples": 2 + int(rng.integers(15)),
+        "sim_time": round(rng.uniform(0.7, 2.0), 1),
+        "xy_goal_tolerance": round(rng.uniform(0.05, 0.4), 2),
+        "yaw_goal_tolerance": round(rng.uniform(0.05, 1.0), 2),
     }
 
 
 def _body(rng: np.random.Generator, kinematics: str) -> dict[str, Any]:
+    """Draws the parameters of the simulated robot: kinematics, noise and lidar."""
     noisy = rng.random() < 0.6
     laser = {
         "beams": _pick(rng, (1, 40, 90, 180)),
@@ -308,5 +256,5 @@ def _body(rng: np.random.Generator, kinematics: str) -> dict[str, Any]:
         }
     if kinematics == "ackermann":
         body |= {"wheelbase": 0.25, "max_steering_angle": 0.6}
-    # a limit that is None is one that is not written
+    # None means that the parameter is not set
     return {name: value for name, value in body.items() if value is not None}
