@@ -1,8 +1,8 @@
-"""Costmaps: layers of costs over a grid, and the sensors that feed them."""
+"""Layered costmaps and their sensors."""
 
 from navstack.costmap.denoise_layer import DenoiseLayer, DenoiseLayerParams
 from navstack.costmap.inflation_layer import InflationLayer, InflationLayerParams, inflation_cost
-from navstack.costmap.layered_costmap import LayeredCostmap, LayerSpec, footprint_of, parse_footprint
+from navstack.costmap.layered_costmap import LayeredCostmap, LayerSpec
 from navstack.costmap.mask_layers import (
     KeepoutMaskLayer,
     MaskLayerParams,
@@ -40,7 +40,5 @@ __all__ = [
     "StaticLayerParams",
     "VoxelLayer",
     "VoxelLayerParams",
-    "footprint_of",
     "inflation_cost",
-    "parse_footprint",
 ]

@@ -1,4 +1,4 @@
-"""A polygon as convex parts: costmap_2d fills convex polygons only, and fills the notches of others as if they were robot."""
+"""Convex parts of a polygon: costmap_2d fills convex polygons only, and fills the notches of others too."""
 
 from __future__ import annotations
 
@@ -7,31 +7,31 @@ from numpy.typing import NDArray
 
 
 def is_convex(vertices: NDArray[np.float64]) -> bool:
-    """True when the outline (n, 2) turns one way only."""
+    """Return True if the polygon (n, 2) turns in one direction only."""
     turns = _turns(vertices)
     slack = 1e-12 * max(1.0, float(np.abs(turns).max(initial=0.0)))
     return bool((turns >= -slack).all() or (turns <= slack).all())
 
 
 def convex_parts(vertices: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """The outline itself when it is convex, otherwise triangles that make it up, (3, 2) each, cut off ear by ear.
+    """Return the polygon itself if it is convex, otherwise a triangulation of it, (3, 2) each, by ear clipping.
 
-    The outline must not cross itself (`Footprint` sees to that).
+    The polygon must not cross itself (`Footprint` checks that).
     """
-    outline = np.array(vertices, np.float64)
-    if is_convex(outline):
-        return [outline]
-    if _area(outline) < 0.0:
-        outline = outline[::-1].copy()
-    left = list(range(len(outline)))
+    polygon = np.array(vertices, np.float64)
+    if is_convex(polygon):
+        return [polygon]
+    if _area(polygon) < 0.0:
+        polygon = polygon[::-1].copy()
+    left = list(range(len(polygon)))
     parts: list[NDArray[np.float64]] = []
     while len(left) > 3:
-        ear = next((i for i in range(len(left)) if _is_ear(outline, left, i)), None)
-        if ear is None:  # only corners in line are left
+        ear = next((i for i in range(len(left)) if _is_ear(polygon, left, i)), None)
+        if ear is None:  # the remaining corners are collinear
             break
-        parts.append(outline[[left[ear - 1], left[ear], left[(ear + 1) % len(left)]]])
+        parts.append(polygon[[left[ear - 1], left[ear], left[(ear + 1) % len(left)]]])
         del left[ear]
-    parts.append(outline[left])
+    parts.append(polygon[left])
     return parts
 
 
@@ -46,13 +46,13 @@ def _area(vertices: NDArray[np.float64]) -> float:
     return 0.5 * float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())
 
 
-def _is_ear(outline: NDArray[np.float64], left: list[int], i: int) -> bool:
-    """True when the corner turns left and no other corner lies in the triangle it makes with its neighbours."""
-    a, b, c = outline[left[i - 1]], outline[left[i]], outline[left[(i + 1) % len(left)]]
+def _is_ear(polygon: NDArray[np.float64], left: list[int], i: int) -> bool:
+    """Return True if the corner turns left and its triangle with its neighbours contains no other corner."""
+    a, b, c = polygon[left[i - 1]], polygon[left[i]], polygon[left[(i + 1) % len(left)]]
     if _side(a, b, c) <= 0.0:
         return False
     for k in left:
-        p = outline[k]
+        p = polygon[k]
         if any(p is q or (p == q).all() for q in (a, b, c)):
             continue
         if _side(a, b, p) >= 0.0 and _side(b, c, p) >= 0.0 and _side(c, a, p) >= 0.0:

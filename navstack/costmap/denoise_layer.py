@@ -1,4 +1,4 @@
-"""Drops obstacles of a few cells: what a lidar sees in dust and rain (semantics of nav2_costmap_2d's DenoiseLayer)."""
+"""Removes obstacles of a few cells, such as dust and rain in a lidar scan (semantics of nav2_costmap_2d's DenoiseLayer)."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ class DenoiseLayerParams(ParamModel):
     """`<costmap>/denoise_layer:`."""
 
     enabled: bool = param(True, "apply this layer")
-    minimal_group_size: int = param(2, "obstacles of fewer cells are dropped", ge=1, le=1000)
+    minimal_group_size: int = param(2, "obstacles of fewer cells are removed", ge=1, le=1000)
     group_connectivity_type: Literal[4, 8] = param(
-        8, "cells that touch by sides (4), or by corners too (8), are one obstacle"
+        8, "cells that share a side (4), or a side or a corner (8), form one obstacle"
     )
 
 
 @LAYERS.register("denoise", aliases=("nav2_costmap_2d/DenoiseLayer",))
 class DenoiseLayer(Layer):
-    """Sets small groups of lethal cells free. List it after the obstacle layers and before the inflation layer."""
+    """Clears small groups of lethal cells. List it after the obstacle layers and before the inflation layer."""
 
     Params: ClassVar[type[ParamModel]] = DenoiseLayerParams
 
@@ -38,11 +38,11 @@ class DenoiseLayer(Layer):
         self._last = Bounds()
 
     def match_size(self, geometry: GridGeometry) -> None:
-        """Holds no cells."""
+        """Set the margin; the layer stores no cells."""
         self._margin = self.params.minimal_group_size * geometry.resolution
 
     def update_bounds(self, robot: Pose2D, now: float, bounds: Bounds) -> Bounds:
-        """A cell that changed can make or break groups as far away as a group is long."""
+        """Grow the bounds by the size of a group: a changed cell can join or split groups that far away."""
         del robot, now
         if not self.params.enabled or self.params.minimal_group_size == 1:
             return bounds
@@ -51,7 +51,7 @@ class DenoiseLayer(Layer):
         return changed if changed.is_empty else changed.grown(self._margin)
 
     def update_costs(self, master: Costmap, window: Window) -> None:
-        """Frees the window's groups that are too small, counting their cells beyond the window too."""
+        """Clear the groups in the window that are too small; cells outside the window count too."""
         size = self.params.minimal_group_size
         if not self.params.enabled or size == 1:
             return
@@ -60,7 +60,7 @@ class DenoiseLayer(Layer):
         y0, x0 = max(0, window.y0 - size), max(0, window.x0 - size)
         around = master.data[y0 : window.y1 + size, x0 : window.x1 + size]
         corners = np.ones((3, 3)) if self.params.group_connectivity_type == 8 else None
-        label: Any = ndimage.label  # its stubs do not know that it returns an array and a number
+        label: Any = ndimage.label  # the stubs lack the return type: an array and a number
         groups: NDArray[np.int32] = label(around == LETHAL, corners)[0]
         small = np.bincount(groups.ravel()) < size
         small[0] = False
@@ -68,6 +68,6 @@ class DenoiseLayer(Layer):
         around[inside][small[groups[inside]]] = FREE
 
     def explain(self, ix: int, iy: int, master: Costmap) -> CellExplanation:
-        """What it would do."""
+        """Explain the effect of the layer."""
         del ix, iy, master
-        return CellExplanation(None, f"drops obstacles of fewer than {self.params.minimal_group_size} cells")
+        return CellExplanation(None, f"removes obstacles of fewer than {self.params.minimal_group_size} cells")

@@ -1,8 +1,8 @@
-"""costmap_2d::InflationLayer: cost that falls off with the distance to the nearest obstacle (plugins/inflation_layer.cpp).
+"""costmap_2d::InflationLayer: costs that decrease with the distance to the nearest obstacle (plugins/inflation_layer.cpp).
 
-ROS spreads nearest-source labels over the 4-neighbourhood, which misses the nearest obstacle of a few cells per map; here
-the distance is the exact Euclidean one (Felzenszwalb & Huttenlocher, "Distance Transforms of Sampled Functions", 2012: a
-pass along the columns, then one along the rows; both cut at the inflation radius).
+ROS propagates the nearest obstacle over the 4-neighbourhood, which misses it for a few cells per map. Here the distance is the
+exact Euclidean one (Felzenszwalb & Huttenlocher, "Distance Transforms of Sampled Functions", 2012: one pass along the columns,
+then one along the rows; both limited to the inflation radius).
 """
 
 from __future__ import annotations
@@ -26,22 +26,24 @@ from navstack.core import (
     describe_cost,
 )
 from navstack.core.parameters import ParamModel, param
-from navstack.costmap import _kernels
+from navstack.costmap._inflation_kernels import inflate
 from navstack.costmap.regions import EVERYWHERE
 from navstack.interfaces import CellExplanation, Layer, LayerContext
 from navstack.plugins import LAYERS
 
 MAX_CELLS = 253
-"""Largest inflation radius in cells for the fast kernel, which keeps distances along a column in a byte."""
+"""Largest inflation radius in cells of the kernel, which stores distances along a column in a byte."""
 
 
 class InflationLayerParams(ParamModel):
     """`<costmap>/inflation_layer:`."""
 
     enabled: bool = param(True, "apply this layer")
-    cost_scaling_factor: float = param(10.0, "how fast the cost falls off", unit="1/m", ge=0.0, le=100.0)
-    inflation_radius: float = param(0.55, "no cost farther from an obstacle than this", unit="m", ge=0.0, le=50.0)
-    inflate_unknown: bool = param(False, "write into unknown cells too")
+    cost_scaling_factor: float = param(10.0, "rate of the cost's exponential decay", unit="1/m", ge=0.0, le=100.0)
+    inflation_radius: float = param(
+        0.55, "cells farther from every obstacle are not inflated", unit="m", ge=0.0, le=50.0
+    )
+    inflate_unknown: bool = param(False, "inflate unknown cells too")
 
     FROM_PARENT: ClassVar[frozenset[str]] = frozenset({"cost_scaling_factor", "inflation_radius"})
 
@@ -49,17 +51,17 @@ class InflationLayerParams(ParamModel):
 def inflation_cost(
     distance: NDArray[np.float64] | float, inscribed_radius: float, cost_scaling_factor: float
 ) -> NDArray[np.uint8]:
-    """Cost at a distance (m) from a lethal cell: 254 at 0, 253 up to the inscribed radius, then
+    """Return the cost at a distance (m) from a lethal cell: 254 at 0, 253 up to the inscribed radius, beyond it
     trunc(252 * exp(-cost_scaling_factor * (distance - inscribed_radius))).
     """
     d = np.asarray(distance, np.float64)
-    falloff = np.exp(np.minimum(-cost_scaling_factor * (d - inscribed_radius), 0.0))
-    cost = np.where(d <= inscribed_radius, float(INSCRIBED), np.floor((INSCRIBED - 1) * falloff))
+    decay = np.exp(np.minimum(-cost_scaling_factor * (d - inscribed_radius), 0.0))
+    cost = np.where(d <= inscribed_radius, float(INSCRIBED), np.floor((INSCRIBED - 1) * decay))
     return np.where(d == 0.0, float(LETHAL), cost).astype(np.uint8)
 
 
 def nearest_lethal(costs: NDArray[np.uint8], ix: int, iy: int, radius: int) -> tuple[int, int] | None:
-    """The lethal cell nearest to (ix, iy) within `radius` cells; the lowest row, then column, of equals."""
+    """Return the lethal cell nearest to (ix, iy) within `radius` cells. Ties go to the lowest row, then column."""
     x0, y0 = max(0, ix - radius), max(0, iy - radius)
     rows, columns = np.nonzero(costs[y0 : iy + radius + 1, x0 : ix + radius + 1] == LETHAL)
     if not len(rows):
@@ -71,7 +73,7 @@ def nearest_lethal(costs: NDArray[np.uint8], ix: int, iy: int, radius: int) -> t
 
 @LAYERS.register("inflation", aliases=("costmap_2d/InflationLayer", "nav2_costmap_2d/InflationLayer"))
 class InflationLayer(Layer):
-    """Keeps the robot's centre away from obstacles, the nearer the dearer. 1 byte a cell."""
+    """Costs around obstacles, higher the nearer, which keep the robot's centre away. 1 byte per cell."""
 
     Params: ClassVar[type[ParamModel]] = InflationLayerParams
     LIVE: ClassVar[frozenset[str]] = frozenset(
@@ -92,33 +94,25 @@ class InflationLayer(Layer):
         self._everything = True
 
     def match_size(self, geometry: GridGeometry) -> None:
-        """Allocates and tabulates the costs."""
+        """Allocate; tabulate the costs."""
         self._geometry = geometry
         self._below = np.zeros(geometry.shape, np.uint8)
-        self._inflate = _kernels.inflate.compiled()
+        self._inflate = inflate.compiled()
         self._tabulate()
 
     def set_footprint(self, footprint: Footprint) -> None:
-        """The inscribed radius changed: everything is inflated anew."""
+        """Replace the inscribed radius; inflate everything again."""
         self.inscribed_radius = footprint.inscribed_radius
         self._tabulate()
 
     def set_params(self, params: Any) -> None:
-        """Other parameters at run time: everything is inflated anew."""
+        """Replace the parameters; inflate everything again."""
         self.params = params
         self._unknown_from = np.uint8(1 if params.inflate_unknown else INSCRIBED)
         self._tabulate()
 
-    def set_inflation(self, inflation_radius: float, cost_scaling_factor: float) -> None:
-        """Only these two of the parameters: everything is inflated anew."""
-        self.set_params(
-            self.params.model_copy(
-                update={"inflation_radius": inflation_radius, "cost_scaling_factor": cost_scaling_factor}
-            )
-        )
-
     def update_bounds(self, robot: Pose2D, now: float, bounds: Bounds) -> Bounds:
-        """What changed now or in the last update, grown by the inflation radius."""
+        """Grow the bounds of this and of the last update by the inflation radius."""
         del robot, now
         if not self.params.enabled:
             return bounds
@@ -130,7 +124,7 @@ class InflationLayer(Layer):
         return changed if changed.is_empty else changed.grown(self._margin)
 
     def update_costs(self, master: Costmap, window: Window) -> None:
-        """Raises the costs around every lethal cell in the window or near it."""
+        """Raise the costs around every lethal cell in or near the window."""
         if not self.params.enabled or self.radius_cells == 0:
             return
         if self.radius_cells > MAX_CELLS:
@@ -139,7 +133,6 @@ class InflationLayer(Layer):
         self._inflate(
             master.data,
             *window,
-            self.radius_cells,
             self._ahead,
             self._behind,
             self._below,
@@ -150,7 +143,7 @@ class InflationLayer(Layer):
         )
 
     def _inflate_far(self, master: Costmap, window: Window) -> None:
-        """The same for radii that the kernel cannot count in a byte: scipy's distance transform around the window."""
+        """Inflate with scipy's distance transform, for radii above the kernel's limit."""
         from scipy import ndimage
 
         reach = self.radius_cells
@@ -170,7 +163,7 @@ class InflationLayer(Layer):
         old[write] = costs[write]
 
     def explain(self, ix: int, iy: int, master: Costmap) -> CellExplanation:
-        """The nearest lethal cell and what its distance costs."""
+        """Explain the cost by the distance to the nearest lethal cell."""
         nearest = nearest_lethal(master.data, ix, iy, self.radius_cells)
         if nearest is None:
             return CellExplanation(0, f"no obstacle within {self.params.inflation_radius:g} m")
@@ -186,7 +179,7 @@ class InflationLayer(Layer):
         )
 
     def reset(self, region: Bounds | None = None, *, invert: bool = False) -> int:
-        """Inflates everything anew at the next update; it holds nothing to forget."""
+        """Inflate everything again at the next update; there are no observations to clear."""
         self._everything = True
         return 0
 
@@ -197,18 +190,18 @@ class InflationLayer(Layer):
         self._everything = True
         resolution = geometry.resolution
         if self.context.static_map is not None and not self.context.rolling_window:
-            # a costmap that takes its size from a map gets its resolution through a message that holds a float32, which
-            # decides how many cells 0.55 m are, and whether 0.25 m reach the fifth cell
+            # ROS passes the resolution of a map in a float32 message field: this decides how many cells 0.55 m are, and
+            # whether 0.25 m reach the fifth cell
             resolution = float(np.float32(resolution))
         radius = self.params.inflation_radius
-        # farther than the grid is wide there is nothing
+        # no cell of the grid is farther away than its width plus its height
         cells = max(0, math.ceil(radius / resolution))
         self.radius_cells = min(cells, geometry.nx + geometry.ny)
         self._resolution = resolution
         self._margin = max(radius, cells * geometry.resolution)
         if self.radius_cells > MAX_CELLS:
             return
-        # cost at `row` cells across and 1 .. n cells along, the cost right across last; n in whole vectors of 16 bytes
+        # cost at `row` cells across and 1 .. n cells along, then 0 cells along; n in whole vectors of 16 bytes
         across = np.arange(self.radius_cells + 1.0)
         along = np.append(np.arange(1.0, 16 * math.ceil(max(self.radius_cells, 1) / 16) + 1.0), 0.0)
         cells_away = np.hypot(across[:, None], along[None, :])
@@ -216,7 +209,6 @@ class InflationLayer(Layer):
         costs[cells_away > self.radius_cells] = 0
         self._ahead = np.ascontiguousarray(costs)
         self._behind = np.ascontiguousarray(costs[:, ::-1])
-        longest = geometry.nx + 2 * costs.shape[1] + 16
-        self._rows = np.zeros((2, longest), np.uint8)
+        self._rows = np.zeros((2, geometry.nx + 2 * costs.shape[1] + 16), np.uint8)
         self._near = np.zeros(8 * (geometry.nx // 8 + 4), np.uint8)
         self._near_words = self._near.view(np.uint64)

@@ -1,6 +1,6 @@
-"""Masks drawn over the map: where not to go and where to go slowly.
+"""Keepout and speed masks: areas that the robot must avoid or cross slowly.
 
-Semantics of Nav2's costmap filters (nav2_costmap_2d/plugins/costmap_filters), with the mask given as a map_server file.
+Semantics of Nav2's costmap filters (nav2_costmap_2d/plugins/costmap_filters); the mask is a map_server file.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from navstack.core import LETHAL, UNKNOWN, Bounds, Costmap, GridGeometry, OccupancyGrid, Pose2D, Transform2D, Window
 from navstack.core.errors import InputError
 from navstack.core.parameters import ParamModel, param
-from navstack.costmap import _kernels
+from navstack.costmap._window_kernels import look_up_map
 from navstack.costmap.regions import EVERYWHERE
 from navstack.costmap.static_layer import cell_affine, map_from_frame
 from navstack.interfaces import CellExplanation, Layer, LayerContext
@@ -21,34 +21,34 @@ from navstack.plugins import LAYERS
 
 
 class MaskLayerParams(ParamModel):
-    """What every mask has."""
+    """Parameters of every mask: `<costmap>/keepout_mask:`."""
 
     enabled: bool = param(True, "apply this layer")
-    mask: str = param("", "the mask's map YAML")
+    mask: str = param("", "map YAML of the mask")
 
 
 class SpeedMaskLayerParams(MaskLayerParams):
     """`<costmap>/speed_mask:`."""
 
-    type: Literal["percent", "absolute"] = param("percent", "limits are percents of the full speed, or m/s")
+    type: Literal["percent", "absolute"] = param("percent", "unit of the limits: percent of the full speed, or m/s")
     base: float = param(0.0, "limit = base + multiplier * value of the mask")
     multiplier: float = param(1.0, "limit = base + multiplier * value of the mask")
 
 
 class SpeedLimit(NamedTuple):
-    """A limit set by a mask; the lower of two compares as smaller when both are of one kind."""
+    """A speed limit of a mask. Two limits in the same unit compare by value."""
 
     value: float
-    """Percent of the full speed, or m/s."""
+    """In percent of the full speed, or in m/s."""
     percent: bool
 
     def of(self, full_speed: float) -> float:
-        """The limit in m/s for a robot whose full speed (m/s) is given."""
+        """Return the limit (m/s) for a robot with this full speed (m/s)."""
         return full_speed * self.value / 100.0 if self.percent else min(full_speed, self.value)
 
 
 class _MaskLayer(Layer):
-    """A mask and the way to its cells."""
+    """A mask and the lookup of its values."""
 
     def __init__(self, params: Any, context: LayerContext) -> None:
         super().__init__(params, context)
@@ -58,24 +58,24 @@ class _MaskLayer(Layer):
         if params.mask:
             if context.read_map is None:
                 raise InputError(
-                    f'the layer "{context.name}" names the mask {params.mask}, but its costmap was given nothing to read maps '
-                    "with: pass read_map=navstack.map_io.load_map, or hand the mask over with set_mask",
+                    f'the layer "{context.name}" names the mask {params.mask}, but its costmap has no read_map function; '
+                    "pass read_map=navstack.map_io.load_mask, or set the mask with set_mask",
                     layer=context.name,
                 )
             self.set_mask(context.read_map(params.mask))
 
     def set_mask(self, mask: OccupancyGrid) -> None:
-        """The mask to apply from now on."""
+        """Replace the mask."""
         self.mask = mask
         self._fresh = True
 
     def match_size(self, geometry: GridGeometry) -> None:
-        """Masks keep their own size."""
+        """Write the mask again at the next update; it keeps its own size."""
         del geometry
         self._fresh = True
 
     def value_at(self, x: float, y: float) -> int | None:
-        """Value of the mask (0 .. 100) at a point (m) of the costmap's frame; None where it is unknown or off the mask."""
+        """Return the value (0 .. 100) at a point (m) of the costmap's frame; None if it is unknown or outside the mask."""
         if self.mask is None:
             return None
         at = self._to_mask().apply(Pose2D(x, y))
@@ -90,7 +90,7 @@ class _MaskLayer(Layer):
         return map_from_frame(self.mask, self.context.frames, self.context.frame, None)
 
     def reset(self, region: Bounds | None = None, *, invert: bool = False) -> int:
-        """A mask is not observed: nothing to forget, but it is written again."""
+        """Write the mask again at the next update; there are no observations to clear."""
         del region, invert
         self._fresh = True
         return 0
@@ -98,19 +98,21 @@ class _MaskLayer(Layer):
 
 @LAYERS.register("keepout_mask", aliases=("nav2_costmap_2d/KeepoutFilter",))
 class KeepoutMaskLayer(_MaskLayer):
-    """Where the robot must not go: 100 of the mask is lethal, 1 .. 99 costs in proportion, 0 and unknown change nothing
-    that is dearer. List it before the inflation layer to keep the whole robot out, after it to keep its centre out.
+    """Areas that the robot must avoid: 100 in the mask is lethal, 1 .. 99 are costs in proportion, 0 and unknown change nothing.
+
+    The larger cost counts. List the layer before the inflation layer to keep out the whole robot, after it to keep out its
+    centre.
     """
 
     Params: ClassVar[type[ParamModel]] = MaskLayerParams
 
     def set_mask(self, mask: OccupancyGrid) -> None:
-        """The mask to apply from now on."""
+        """Replace the mask."""
         super().set_mask(mask)
         self._costs = mask_costs(mask)
 
     def update_bounds(self, robot: Pose2D, now: float, bounds: Bounds) -> Bounds:
-        """Everything, when the mask is new."""
+        """Grow the bounds to everywhere if the mask is new."""
         del robot, now
         if not (self.params.enabled and self._fresh and self.mask is not None):
             return bounds
@@ -118,43 +120,43 @@ class KeepoutMaskLayer(_MaskLayer):
         return bounds.union(EVERYWHERE)
 
     def shift_to(self, geometry: GridGeometry) -> None:
-        """What rolls into the window has to be masked too."""
+        """Write the mask again at the next update, in the new part of the window too."""
         del geometry
         self._fresh = True
 
     def update_costs(self, master: Costmap, window: Window) -> None:
-        """The larger of master and mask; unknown cells of the master are overwritten."""
+        """Write the larger cost of master and mask; overwrite unknown cells of the master."""
         if not self.params.enabled or self.mask is None:
             return
         affine = cell_affine(self._to_mask(), master.geometry, self.mask.geometry)
-        _kernels.look_up_map(master.data, self._costs, *window, affine, True)
+        look_up_map(master.data, self._costs, *window, affine, True)
 
     def explain(self, ix: int, iy: int, master: Costmap) -> CellExplanation:
-        """The value of the mask there."""
+        """Explain the value of the mask at the cell."""
         value = self.value_at(*master.geometry.cell_to_world(ix, iy))
         if value is None:
-            return CellExplanation(None, "the mask says nothing here")
+            return CellExplanation(None, "no mask value here")
         return CellExplanation(
-            round(value * LETHAL / 100.0), f"the mask says {value}", source="mask", data={"mask_value": value}
+            round(value * LETHAL / 100.0), f"mask value {value}", source="mask", data={"mask_value": value}
         )
 
 
 @LAYERS.register("speed_mask", aliases=("nav2_costmap_2d/SpeedFilter",))
 class SpeedMaskLayer(_MaskLayer):
-    """Where the robot must go slowly. It writes no costs: ask the costmap for `speed_limit(x, y)`."""
+    """Areas with a speed limit. The layer writes no costs; the costmap's `speed_limit` returns the limit."""
 
     Params: ClassVar[type[ParamModel]] = SpeedMaskLayerParams
 
     def update_bounds(self, robot: Pose2D, now: float, bounds: Bounds) -> Bounds:
-        """Nothing changes."""
+        """Return the bounds unchanged."""
         del robot, now
         return bounds
 
     def update_costs(self, master: Costmap, window: Window) -> None:
-        """No costs."""
+        """Write no costs."""
 
     def limit_at(self, x: float, y: float) -> SpeedLimit | None:
-        """The limit at a point (m) of the costmap's frame; None for 0, unknown, off the mask, and limits out of range."""
+        """Return the limit at a point (m) of the costmap's frame; None for 0, unknown, outside the mask or out of range."""
         value = self.value_at(x, y) if self.params.enabled else None
         if not value:
             return None
@@ -170,7 +172,7 @@ class SpeedMaskLayer(_MaskLayer):
         return None if limit is None or limit.value == 0.0 else limit.of(max_speed)
 
     def explain(self, ix: int, iy: int, master: Costmap) -> CellExplanation:
-        """The limit there."""
+        """Explain the speed limit at the cell."""
         limit = self.limit_at(*master.geometry.cell_to_world(ix, iy))
         if limit is None:
             return CellExplanation(None, "no speed limit here")
@@ -178,7 +180,7 @@ class SpeedMaskLayer(_MaskLayer):
 
 
 def mask_costs(mask: OccupancyGrid) -> NDArray[np.uint8]:
-    """0 .. 100 -> 0 .. 254 in proportion, rounded; the rest is unknown, which changes nothing."""
+    """Convert mask values 0 .. 100 to costs 0 .. 254 in proportion, rounded; other values to unknown, which changes nothing."""
     values = np.arange(256)
     table = np.full(256, UNKNOWN, np.uint8)
     table[:101] = np.rint(values[:101] * (LETHAL / 100.0)).astype(np.uint8)

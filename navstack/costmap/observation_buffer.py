@@ -1,7 +1,7 @@
-"""Observation sources: what a sensor of a layer delivered, as points in the costmap's frame.
+"""Observation sources of a layer: sensor messages as points in the costmap's frame.
 
 Source of the rules: costmap_2d/src/observation_buffer.cpp, plugins/obstacle_layer.cpp (laserScanCallback),
-laser_geometry and tf2_sensor_msgs (where they round to float32).
+laser_geometry and tf2_sensor_msgs (for the rounding to float32).
 """
 
 from __future__ import annotations
@@ -16,36 +16,34 @@ from numpy.typing import NDArray
 from navstack.core import DeferredScan, FrameTree, LaserScan, PointCloud, SensorData, Transform2D
 from navstack.core.errors import FrameError, InputError
 from navstack.core.parameters import ParamModel, param
-from navstack.costmap import _kernels
-from navstack.costmap.sensor_timeout import Silence
+from navstack.costmap._projection_kernels import project_points, project_scan
+from navstack.costmap.sensor_timeout import SensorTimeout
 
 PENDING: Final = 50
-"""Messages kept while their transform is awaited (the queue length of obstacle_layer.cpp)."""
+"""Largest number of messages that wait for their transform (queue length of obstacle_layer.cpp)."""
 FARTHEST: Final = 1e30
-"""Distances beyond are no distances (m); a float32 could not hold them."""
+"""Largest valid distance (m); a float32 can store it."""
 MAX_POINTS: Final = 10_000_000
-"""Beams or points of a message beyond which it is a mistake."""
+"""Largest number of beams or points of a valid message."""
 
 
 class ObservationSourceParams(ParamModel):
     """One source of an obstacle or voxel layer: `<layer>/<source>:`."""
 
-    topic: str = param("", "topic of the messages; the source's name when empty")
-    sensor_frame: str = param("", "frame of the sensor's origin; that of the message when empty")
-    observation_persistence: float = param(
-        0.0, "how long an observation is kept; 0 = only the latest", unit="s", ge=0.0
-    )
+    topic: str = param("", "topic of the messages; the source's name if empty")
+    sensor_frame: str = param("", "frame of the sensor's origin; the message's frame if empty")
+    observation_persistence: float = param(0.0, "lifetime of an observation; 0 = only the latest", unit="s", ge=0.0)
     expected_update_rate: float = param(
-        0.0, "longest time between two messages, a period in spite of its name; 0 = any", unit="s", ge=0.0
+        0.0, "longest time between two messages (a period, despite its name); 0 = no limit", unit="s", ge=0.0
     )
     data_type: Literal["PointCloud", "PointCloud2", "LaserScan"] = param("PointCloud", "type of the messages")
-    min_obstacle_height: float = param(0.0, "points below are dropped", unit="m")
-    max_obstacle_height: float = param(2.0, "points above are dropped", unit="m")
-    inf_is_valid: bool = param(False, "beams that hit nothing clear the space out to range_max (LaserScan)")
-    clearing: bool = param(False, "free the space between sensor and points")
-    marking: bool = param(True, "make the points obstacles")
-    obstacle_range: float = param(2.5, "points farther away are no obstacles", unit="m", ge=0.0)
-    raytrace_range: float = param(3.0, "space farther away is not freed", unit="m", ge=0.0)
+    min_obstacle_height: float = param(0.0, "points below are ignored", unit="m")
+    max_obstacle_height: float = param(2.0, "points above are ignored", unit="m")
+    inf_is_valid: bool = param(False, "beams without a hit clear the space up to range_max (LaserScan)")
+    clearing: bool = param(False, "clear the space between sensor and points")
+    marking: bool = param(True, "mark the points as obstacles")
+    obstacle_range: float = param(2.5, "points farther away are not marked", unit="m", ge=0.0)
+    raytrace_range: float = param(3.0, "space farther away is not cleared", unit="m", ge=0.0)
 
     SEARCHED: ClassVar[frozenset[str]] = frozenset({"obstacle_range", "raytrace_range"})
 
@@ -69,8 +67,8 @@ class Observation:
 class ObservationBuffer:
     """The observations of one source, newest first.
 
-    Messages are turned into points when the costmap updates, not when they arrive: a costmap that updates once a second
-    has no use for nine scans out of ten.
+    Messages are converted to points when the costmap updates, not when they arrive: a costmap that updates once per second
+    uses one scan in ten.
     """
 
     def __init__(
@@ -84,16 +82,16 @@ class ObservationBuffer:
         self.last_stamp: float | None = None
         """Stamp (s) of the newest message received."""
         self.dropped = 0
-        """Messages that no transform came for in time."""
+        """Number of messages dropped because their transform did not arrive in time."""
         self._frames = frames
         self._tolerance_s = tolerance_s
         self._is_scan = params.data_type == "LaserScan"
         self._keep_one = params.observation_persistence == 0.0
         self._pending: deque[LaserScan | PointCloud] = deque()
-        self._silence = Silence()
+        self._timeout = SensorTimeout()
         self._directions: NDArray[np.float64] | None = None
         self._directions_key = (0, 0.0, 0.0)
-        self._project_scan = _kernels.project_scan.compiled()
+        self._project_scan = project_scan.compiled()
         self._height = math.nan
         self._height_fits = False
 
@@ -103,24 +101,24 @@ class ObservationBuffer:
             *("obstacle_range", "raytrace_range"),
         }
     )
-    """The parameters that may change while it listens."""
+    """Parameters that may change at run time."""
 
     def may_become(self, params: ObservationSourceParams) -> bool:
-        """True when these differ in `LIVE` only."""
+        """Return True if the parameters differ in `LIVE` only."""
         old = self.params
         return all(name in self.LIVE or getattr(old, name) == getattr(params, name) for name in type(old).model_fields)
 
     def set_params(self, params: ObservationSourceParams) -> None:
-        """Other parameters of that kind."""
+        """Replace the parameters; they differ in `LIVE` only."""
         self.params = params
         self._height = math.nan
 
     def listens_to(self, topic: str) -> bool:
-        """True for this source's topic, with or without a slash in front."""
+        """Return True for this source's topic, with or without a leading slash."""
         return topic == self.topic or topic.removeprefix("/") == self.topic
 
-    def take(self, data: SensorData) -> bool:
-        """Takes a message of this source's topic when its type is this source's too; InputError for one that is no use."""
+    def receive(self, data: SensorData) -> bool:
+        """Receive a message; return False if its type is not the source's data_type. Raises InputError if it is invalid."""
         if isinstance(data, LaserScan):
             if not self._is_scan:
                 return False
@@ -135,23 +133,23 @@ class ObservationBuffer:
             self._pending.popleft()
             self.dropped += 1
         self._pending.append(data)
-        self._silence.arrived(data.stamp)
+        self._timeout.received(data.stamp)
         if self.last_stamp is None or data.stamp > self.last_stamp:
             self.last_stamp = data.stamp
         return True
 
     @property
     def has_pending(self) -> bool:
-        """True when messages wait to be turned into observations."""
+        """True if messages wait for their conversion to observations."""
         return bool(self._pending)
 
     def refresh(self) -> list[Observation]:
-        """Turns what arrived into observations where the frames allow it; those that are new, oldest first."""
+        """Convert the messages whose transform is known to observations; return the new ones, oldest first."""
         pending = self._pending
         fresh: list[Observation] = []
         if pending:
             if self._keep_one:
-                # the newest that can be placed; older ones would be dropped at once
+                # the newest message with a transform; older ones would be dropped at once
                 for at in range(len(pending) - 1, -1, -1):
                     observation = self._observation(pending[at])
                     if observation is not None:
@@ -172,17 +170,17 @@ class ObservationBuffer:
                 self._pending = waiting
         if not self._keep_one and self.last_stamp is not None and self.observations:
             oldest = self.last_stamp - self.params.observation_persistence
-            # as in ROS age counts from the newest message, not from now
+            # as in ROS, the age counts from the newest message, not from the present
             self.observations = [o for o in self.observations if o.stamp >= oldest]
         return fresh
 
     def is_current(self, now: float) -> bool:
-        """False when no message came for longer than expected_update_rate (s)."""
-        return self._silence.is_within(self.params.expected_update_rate, now)
+        """Return False if no message was received within expected_update_rate (s)."""
+        return self._timeout.is_within(self.params.expected_update_rate, now)
 
     def restart(self) -> None:
-        """Gives the sensor its full time again (after a reset)."""
-        self._silence.restart()
+        """Restart the sensor's timeout (after a reset)."""
+        self._timeout.restart()
 
     def _observation(self, data: LaserScan | PointCloud) -> Observation | None:
         try:
@@ -214,13 +212,13 @@ class ObservationBuffer:
         key = (n, scan.angle_min, scan.angle_increment)
         directions = self._directions
         if directions is None or key != self._directions_key:
-            with np.errstate(all="ignore"):  # angles that overflow give points that are no numbers: passed over later
+            with np.errstate(all="ignore"):  # angles may overflow: their points are NaN and skipped later
                 angles = scan.angle_min + np.arange(n) * scan.angle_increment
                 directions = self._directions = np.column_stack((np.cos(angles), np.sin(angles)))
             self._directions_key = key
         inf_range = math.nan
         if self.params.inf_is_valid:
-            # ROS adds in float32
+            # ROS subtracts in float32
             beyond = scan.range_max > FARTHEST
             inf_range = math.inf if beyond else float(np.float32(scan.range_max) - np.float32(0.0001))
         out = np.empty((n, 3), np.float32)
@@ -241,7 +239,7 @@ class ObservationBuffer:
     def _cloud_points(self, cloud: PointCloud, at: Transform2D) -> tuple[NDArray[np.float32], int]:
         out = np.empty((len(cloud.points), 3), np.float32)
         params = self.params
-        count = _kernels.project_points(
+        count = project_points(
             cloud.points, at.x, at.y, at.yaw, params.min_obstacle_height, params.max_obstacle_height, out
         )
         return out, count
@@ -250,18 +248,18 @@ class ObservationBuffer:
 def _check_ranges(ranges: NDArray[np.float32], topic: str) -> None:
     if ranges.ndim != 1 or ranges.dtype != np.float32 or not ranges.flags.c_contiguous:
         raise InputError(
-            f"a scan's ranges must be a flat, contiguous float32 array, not {ranges.dtype} of shape {ranges.shape}; "
+            f"a scan's ranges must be a one-dimensional, contiguous float32 array, not {ranges.dtype} of shape {ranges.shape}; "
             "use np.ascontiguousarray(ranges, np.float32).ravel()",
             topic=topic,
         )
     if len(ranges) > MAX_POINTS:
-        raise InputError(f"a scan of {len(ranges):,} beams is beyond {MAX_POINTS:,}", topic=topic)
+        raise InputError(f"a scan has {len(ranges):,} beams; the limit is {MAX_POINTS:,}", topic=topic)
 
 
 def _check_scan(scan: LaserScan) -> None:
-    if not isinstance(scan, DeferredScan):  # those are checked when they are measured
+    if not isinstance(scan, DeferredScan):  # checked when its ranges are computed
         _check_ranges(scan.ranges, scan.topic)
-    # one sum instead of five tests: it is finite only when each is
+    # one sum instead of five tests: it is finite only if each term is
     total = scan.angle_min + scan.angle_increment + scan.range_min + scan.stamp + scan.height
     if total - total != 0.0 or scan.range_max != scan.range_max or abs(scan.height) > FARTHEST:
         numbers = (scan.angle_min, scan.angle_increment, scan.range_min, scan.stamp, scan.height)
@@ -280,6 +278,6 @@ def _check_cloud(cloud: PointCloud) -> None:
             topic=cloud.topic,
         )
     if len(points) > MAX_POINTS:
-        raise InputError(f"a cloud of {len(points):,} points is beyond {MAX_POINTS:,}", topic=cloud.topic)
+        raise InputError(f"a cloud has {len(points):,} points; the limit is {MAX_POINTS:,}", topic=cloud.topic)
     if not math.isfinite(cloud.stamp):
         raise InputError(f"a cloud's stamp must be a finite time, not {cloud.stamp}", topic=cloud.topic)

@@ -1,4 +1,4 @@
-"""Sonars and infrared sensors: a probability per cell, updated by Bayes' rule over the cone of each reading.
+"""Sonars and infrared sensors: an occupancy probability per cell, updated by Bayes' rule over the cone of each reading.
 
 Source of the sensor model: range_sensor_layer (D. V. Lu), after "Probabilistic Robotics" (Thrun, Burgard, Fox), chapter 9.
 """
@@ -15,41 +15,39 @@ from numpy.typing import NDArray
 from navstack.core import LETHAL, UNKNOWN, Bounds, Costmap, GridGeometry, Pose2D, RangeReading, SensorData, Window
 from navstack.core.errors import FrameError, InputError
 from navstack.core.parameters import ParamModel, param
-from navstack.costmap import _kernels
-from navstack.costmap.regions import forget_region, shift_cells, window_shift
-from navstack.costmap.sensor_timeout import Silence
+from navstack.costmap._window_kernels import combine_max
+from navstack.costmap.regions import clear_region, shift_cells, window_shift
+from navstack.costmap.sensor_timeout import SensorTimeout
 from navstack.interfaces import CellExplanation, Layer, LayerContext
 from navstack.plugins import LAYERS
 
 PENDING = 50
-EVEN = 127
-"""Cost of a cell as likely free as not."""
+UNDECIDED = 127
+"""Cost of a cell with an occupancy probability of one half."""
 
 
 class RangeSensorLayerParams(ParamModel):
     """`<costmap>/range_sensor_layer:`."""
 
     enabled: bool = param(True, "apply this layer")
-    ns: str = param("", "namespace before every topic")
+    ns: str = param("", "namespace of all topics")
     topics: list[str] = param(["/sonar"], "topics of the readings")
-    phi: float = param(1.2, "distance up to which a reading is trusted", unit="m", ge=0.0)
-    inflate_cone: float = param(
-        1.0, "1: only the cone itself; 0: everything the triangle around it touches", ge=0.0, le=1.0
-    )
+    phi: float = param(1.2, "distance up to which readings are reliable", unit="m", ge=0.0)
+    inflate_cone: float = param(1.0, "1: only the cone itself; 0: all cells of the triangle around it", ge=0.0, le=1.0)
     no_readings_timeout: float = param(
-        0.0, "longest silence before the layer counts as stale; 0 = any", unit="s", ge=0.0
+        0.0, "longest time without a reading before the layer is stale; 0 = no limit", unit="s", ge=0.0
     )
-    clear_threshold: float = param(0.2, "less likely cells are free", ge=0.0, le=1.0)
-    mark_threshold: float = param(0.8, "likelier cells are obstacles", ge=0.0, le=1.0)
-    clear_on_max_reading: bool = param(False, "a reading of the largest distance frees the cone")
+    clear_threshold: float = param(0.2, "cells with a lower probability are free", ge=0.0, le=1.0)
+    mark_threshold: float = param(0.8, "cells with a higher probability are obstacles", ge=0.0, le=1.0)
+    clear_on_max_reading: bool = param(False, "a reading of max_range clears the cone")
     input_sensor_type: Literal["ALL", "VARIABLE", "FIXED"] = param(
-        "ALL", "kind of the sensors: with distances, yes or no"
+        "ALL", "sensors that report distances (VARIABLE), only detections (FIXED), or both"
     )
 
 
 @LAYERS.register("range_sensor", aliases=("range_sensor_layer/RangeSensorLayer",))
 class RangeSensorLayer(Layer):
-    """Obstacles seen by cones. 1 byte a cell: the probability times 254."""
+    """Obstacles seen by range sensors. 1 byte per cell: the probability times 254."""
 
     Params: ClassVar[type[ParamModel]] = RangeSensorLayerParams
 
@@ -61,35 +59,35 @@ class RangeSensorLayer(Layer):
         self.costs: NDArray[np.uint8] = np.zeros((1, 1), np.uint8)
         self.geometry = GridGeometry(1, 1, 1.0)
         self._pending: deque[RangeReading] = deque(maxlen=PENDING)
-        self._silence = Silence()
+        self._timeout = SensorTimeout()
         self._extra = Bounds()
 
     def match_size(self, geometry: GridGeometry) -> None:
-        """Allocates; all cells are even."""
+        """Allocate; set all cells to a probability of one half."""
         self.geometry = geometry
-        self.costs = np.full(geometry.shape, EVEN, np.uint8)
+        self.costs = np.full(geometry.shape, UNDECIDED, np.uint8)
 
     def shift_to(self, geometry: GridGeometry) -> None:
-        """Keeps the cells that the old and the new window share."""
-        shift_cells(self.costs, *window_shift(self.geometry, geometry), EVEN)
+        """Move the cells; keep the overlap of the old and the new window."""
+        shift_cells(self.costs, *window_shift(self.geometry, geometry), UNDECIDED)
         self.geometry = geometry
 
     def observe(self, data: SensorData) -> bool:
-        """Takes readings of its topics; raises InputError for one that is not a number."""
+        """Receive a reading of one of the topics. Raises InputError if it is invalid."""
         if not isinstance(data, RangeReading) or data.topic.strip("/") not in self.topics:
             return False
         cone = (data.field_of_view, data.min_range, data.max_range, data.stamp)
         if math.isnan(data.range_m) or not all(map(math.isfinite, cone)) or data.field_of_view <= 0.0:
             raise InputError(
-                f"a range reading's distance, cone and stamp must be numbers and its cone wider than 0, not {data}",
+                f"a range reading's distance, limits and stamp must be numbers and its field of view above 0, not {data}",
                 topic=data.topic,
             )
         self._pending.append(data)
-        self._silence.arrived(data.stamp)
+        self._timeout.received(data.stamp)
         return True
 
     def update_bounds(self, robot: Pose2D, now: float, bounds: Bounds) -> Bounds:
-        """Works the readings in; the box grows to hold their cones."""
+        """Apply the readings; grow the bounds to contain their cones."""
         del robot, now
         if not self.params.enabled:
             return bounds
@@ -97,7 +95,7 @@ class RangeSensorLayer(Layer):
         waiting: list[RangeReading] = []
         for reading in self._pending:
             try:
-                bounds = bounds.union(self._work_in(reading))
+                bounds = bounds.union(self._apply(reading))
             except FrameError:
                 waiting.append(reading)
         self._pending.clear()
@@ -105,37 +103,37 @@ class RangeSensorLayer(Layer):
         return bounds
 
     def update_costs(self, master: Costmap, window: Window) -> None:
-        """Likely cells are lethal, unlikely ones free, the rest says nothing; the larger of master and layer."""
+        """Write the larger cost of master and layer: lethal above mark_threshold, free below clear_threshold, else unknown."""
         if not self.params.enabled:
             return
-        _kernels.combine_max(master.data, self._said(window), *window)
+        combine_max(master.data, self._thresholded(window), *window)
 
     def reset(self, region: Bounds | None = None, *, invert: bool = False) -> int:
-        """Forgets; returns how many cells were obstacles."""
+        """Reset the probabilities; return the number of obstacle cells cleared."""
         marked = np.where(self.costs > self.params.mark_threshold * LETHAL, LETHAL, 0)
-        cleared, touched = forget_region(marked, self.geometry, region, invert, 0)
-        forget_region(self.costs, self.geometry, region, invert, EVEN)
-        self._extra = self._extra.union(touched)
-        self._silence.restart()
+        cleared, changed = clear_region(marked, self.geometry, region, invert, 0)
+        clear_region(self.costs, self.geometry, region, invert, UNDECIDED)
+        self._extra = self._extra.union(changed)
+        self._timeout.restart()
         return cleared
 
     def is_current(self, now: float) -> bool:
-        """False when no reading came for longer than no_readings_timeout."""
-        return self._silence.is_within(self.params.no_readings_timeout, now)
+        """Return False if no reading was received within no_readings_timeout."""
+        return self._timeout.is_within(self.params.no_readings_timeout, now)
 
     @property
     def clearable(self) -> bool:
-        """Fed by sensors."""
+        """True: the layer holds sensor data."""
         return True
 
     def explain(self, ix: int, iy: int, master: Costmap) -> CellExplanation:
-        """The probability there."""
+        """Explain the probability of the cell."""
         del master
         chance = int(self.costs[iy, ix]) / LETHAL
-        said = LETHAL if chance > self.params.mark_threshold else 0 if chance < self.params.clear_threshold else None
-        return CellExplanation(said, f"occupied with probability {chance:.2f}", data={"probability": chance})
+        cost = LETHAL if chance > self.params.mark_threshold else 0 if chance < self.params.clear_threshold else None
+        return CellExplanation(cost, f"occupied with probability {chance:.2f}", data={"probability": chance})
 
-    def _said(self, window: Window) -> NDArray[np.uint8]:
+    def _thresholded(self, window: Window) -> NDArray[np.uint8]:
         out = np.full(self.costs.shape, UNKNOWN, np.uint8)
         part = self.costs[window.slices]
         view = out[window.slices]
@@ -143,14 +141,14 @@ class RangeSensorLayer(Layer):
         view[part < self.params.clear_threshold * LETHAL] = 0
         return out
 
-    def _work_in(self, reading: RangeReading) -> Bounds:
-        """Bayes' rule over the cells of one cone; the box (m) that holds them."""
+    def _apply(self, reading: RangeReading) -> Bounds:
+        """Apply Bayes' rule to the cells of one cone; return its bounds (m)."""
         distance, clears_all = reading.range_m, False
         fixed = reading.min_range == reading.max_range
         kind = self.params.input_sensor_type
         if (kind == "FIXED") != fixed and kind != "ALL":
             return Bounds()
-        if fixed:  # yes (-inf) or no (+inf)
+        if fixed:  # reports a detection (-inf) or none (+inf)
             clears_all = distance > 0.0
             if clears_all and not self.params.clear_on_max_reading:
                 return Bounds()
@@ -190,7 +188,7 @@ class RangeSensorLayer(Layer):
     def _likelihood(
         self, distance: float, away: NDArray[np.float64], aside: NDArray[np.float64], half: float, width: float
     ) -> NDArray[np.float64]:
-        """Chance that a cell is occupied given the reading alone: low before the arc, high on it, even behind."""
+        """Return the occupancy probability given the reading alone: low before the arc, high on it, one half behind it."""
         trust = 1.0 - 0.5 * (1.0 + np.tanh(2.0 * (away - self.params.phi)))
         trust = trust * np.where(aside > half, 0.0, 1.0 - (aside / half) ** 2)
         thickness = width * max(distance, 1e-9)

@@ -1,4 +1,4 @@
-"""Parts of a grid: what lies in a region or outside it, how far a rolling window moved."""
+"""Regions of a grid and shifts of a rolling window."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ EVERYWHERE = Bounds(-np.inf, -np.inf, np.inf, np.inf)
 
 
 def window_shift(old: GridGeometry, new: GridGeometry) -> tuple[int, int]:
-    """Whole cells (dx, dy) from the old to the new corner, at most the grid's own size in each direction."""
+    """Return the shift (dx, dy) from the old to the new corner in whole cells, at most the size of the grid."""
     dx = round((new.origin_x - old.origin_x) / old.resolution)
     dy = round((new.origin_y - old.origin_y) / old.resolution)
     return max(-old.nx, min(old.nx, dx)), max(-old.ny, min(old.ny, dy))
 
 
 def shift_cells(cells: NDArray[Any], dx: int, dy: int, fill: int) -> None:
-    """Moves a contiguous grid by whole cells, in place: cell (x, y) takes the value of (x + dx, y + dy), `fill` from outside."""
+    """Shift a contiguous grid in place: cell (x, y) gets the value of (x + dx, y + dy), or `fill` from outside the grid."""
     ny, nx = cells.shape
     if abs(dx) >= nx or abs(dy) >= ny:
         cells.fill(fill)
         return
-    # all rows as one, by so many cells: what comes round the ends of the rows is then overwritten
+    # shift the flat array: the cells that wrap around the ends of the rows are overwritten below
     flat = cells.reshape(-1)
     by = dy * nx + dx
     if by > 0:
@@ -42,12 +42,12 @@ def shift_cells(cells: NDArray[Any], dx: int, dy: int, fill: int) -> None:
         cells[:, :-dx] = fill
 
 
-def forget_region(
+def clear_region(
     cells: NDArray[Any], geometry: GridGeometry, region: Bounds | None, invert: bool, value: int
 ) -> tuple[int, Bounds]:
-    """Sets the cells in `region` (m), outside it with `invert`, everywhere when None.
+    """Set the cells in `region` (m) to `value`; outside it with `invert`; all cells if it is None.
 
-    Returns how many of them were lethal and the box (m) that holds all cells that were set.
+    Returns the number of lethal cells among them and the bounds (m) of the cells that were set.
     """
     if region is None:
         if invert:
@@ -69,9 +69,9 @@ def forget_region(
 
 
 def _cells_of(region: Bounds, geometry: GridGeometry) -> tuple[slice, slice]:
-    """The cells that a region touches; none when it lies off the grid (`window_of` would clip it onto the border)."""
+    """Return the cells that a region touches; none if it is outside the grid (`window_of` would clip it onto the border)."""
     left, right, bottom, top = geometry.extent
-    off = region.max_x < left or region.min_x >= right or region.max_y < bottom or region.min_y >= top
-    if region.is_empty or off:
+    outside = region.max_x < left or region.min_x >= right or region.max_y < bottom or region.min_y >= top
+    if region.is_empty or outside:
         return slice(0, 0), slice(0, 0)
     return geometry.window_of(region).slices

@@ -1,38 +1,38 @@
-"""For how long nothing was heard of a sensor."""
+"""Timeout of a sensor."""
 
 from __future__ import annotations
 
 
-class Silence:
-    """Counts from the first question, from the newest message, or from a restart, whichever is the latest.
+class SensorTimeout:
+    """Time since the newest message, the last restart or the first check, whichever is the latest.
 
-    A stamp from the future counts as now: a clock that is wrong must not hide that the sensor fell silent.
+    A stamp from the future counts as the present: a wrong clock must not hide that a sensor has stopped.
     """
 
-    __slots__ = ("_arrival", "_heard", "_restarted", "_since")
+    __slots__ = ("_arrival", "_newest", "_restarted", "_since")
 
     def __init__(self) -> None:
         self._since: float | None = None
-        self._heard: float | None = None
+        self._newest: float | None = None
         self._arrival: float | None = None
         self._restarted = False
 
-    def arrived(self, stamp: float) -> None:
-        """A message of that stamp (s) came."""
+    def received(self, stamp: float) -> None:
+        """Record a message with this stamp (s)."""
         self._arrival = stamp
 
     def restart(self) -> None:
-        """The sensor gets its full time again."""
+        """Start the full timeout again."""
         self._since, self._restarted = None, True
 
     def is_within(self, allowed: float, now: float) -> bool:
-        """True while no more than `allowed` seconds passed without a message; 0 = any number."""
+        """Return True if at most `allowed` seconds have passed without a message; 0 allows any time."""
         if allowed == 0.0:
             return True
         if self._arrival is not None:
-            heard, self._arrival = min(self._arrival, now), None
-            self._heard = heard if self._heard is None else max(heard, self._heard)
+            newest, self._arrival = min(self._arrival, now), None
+            self._newest = newest if self._newest is None else max(newest, self._newest)
         if self._since is None:
-            self._since = now if self._heard is None or self._restarted else self._heard
-        newest = self._since if self._heard is None else max(self._heard, self._since)
+            self._since = now if self._newest is None or self._restarted else self._newest
+        newest = self._since if self._newest is None else max(self._newest, self._since)
         return now - newest <= allowed

@@ -1,4 +1,4 @@
-"""costmap_2d::StaticLayer: the map of map_server as costs (plugins/static_layer.cpp)."""
+"""costmap_2d::StaticLayer: costs of the map of map_server (plugins/static_layer.cpp)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from navstack.core import (
 )
 from navstack.core.errors import InputError
 from navstack.core.parameters import ParamModel, param
-from navstack.costmap import _kernels
+from navstack.costmap._window_kernels import combine_max, look_up_map
 from navstack.costmap.regions import EVERYWHERE
 from navstack.interfaces import CellExplanation, Layer, LayerContext
 from navstack.plugins import LAYERS
@@ -36,12 +36,14 @@ class StaticLayerParams(ParamModel):
     enabled: bool = param(True, "apply this layer")
     map_topic: str = param("map", "topic of the map")
     first_map_only: bool = param(False, "later maps are ignored")
-    subscribe_to_updates: bool = param(False, "listen to changes of the map")
+    subscribe_to_updates: bool = param(False, "receive updates of the map")
     track_unknown_space: bool = param(True, "unknown cells of the map are unknown, not free")
     use_maximum: bool = param(False, "take the larger cost instead of overwriting the layers below")
-    lethal_cost_threshold: int = param(100, "map values from here on are obstacles", ge=0, le=100)
-    unknown_cost_value: int = param(-1, "the map value that means unknown, read as a byte", ge=-128, le=255)
-    trinary_costmap: bool = param(True, "free, lethal and unknown only; otherwise map values become graded costs")
+    lethal_cost_threshold: int = param(100, "map values from here on are lethal", ge=0, le=100)
+    unknown_cost_value: int = param(-1, "map value of unknown cells, as a byte", ge=-128, le=255)
+    trinary_costmap: bool = param(
+        True, "free, lethal and unknown costs only; otherwise costs in proportion to the map values"
+    )
 
     FROM_PARENT: ClassVar[frozenset[str]] = frozenset(
         {"map_topic", "unknown_cost_value", "lethal_cost_threshold", "track_unknown_space"}
@@ -50,11 +52,10 @@ class StaticLayerParams(ParamModel):
 
 @LAYERS.register("static", aliases=("costmap_2d/StaticLayer", "nav2_costmap_2d/StaticLayer"))
 class StaticLayer(Layer):
-    """The building as it was mapped.
+    """Obstacles of the static map.
 
-    Without a rolling window the costmap takes the map's size and the layer writes only when the map is new. In a rolling
-    window, in another frame, or where the map is turned, each cell centre is looked up in the map through the frames.
-    1 byte per cell of the map.
+    Without a rolling window, the costmap has the size of the map and the layer writes only when the map is new. In a rolling
+    window, in another frame, or with a rotated map, each cell centre is looked up in the map. 1 byte per cell of the map.
     """
 
     Params: ClassVar[type[ParamModel]] = StaticLayerParams
@@ -65,21 +66,20 @@ class StaticLayer(Layer):
         self.params: Any = params
         if context.static_map is None:
             raise InputError(
-                f'the layer "{context.name}" needs a map and there is none; give a map, or take the layer off the plugins'
-                f" list",
+                f'the layer "{context.name}" requires a map; pass a map, or remove the layer from the plugins list',
                 layer=context.name,
             )
         self.map = context.static_map
         self.costs = interpret(self.map, params)
-        """(ny, nx) of the map, as costs."""
+        """(ny, nx) costs of the map."""
         self.geometry = covering_geometry(self.map)
-        """What a costmap takes as its own when it does not roll."""
+        """Geometry of a costmap without a rolling window."""
         self._table: NDArray[np.float64] | None = None
         self._stamp: float | None = None
         self._fresh = True
 
     def set_map(self, grid: OccupancyGrid) -> bool:
-        """A new map arrived; False when it is ignored (first_map_only). The costmap must be given its size."""
+        """Replace the map; return False if it is ignored (first_map_only). The costmap must then be resized."""
         if self.params.first_map_only:
             return False
         self.map = grid
@@ -89,16 +89,16 @@ class StaticLayer(Layer):
         return True
 
     def match_size(self, geometry: GridGeometry) -> None:
-        """The master's geometry: when it is the map's, cells are copied, otherwise looked up."""
+        """Write the map again at the next update."""
         self._master = geometry
         self._fresh = True
 
     def shift_to(self, geometry: GridGeometry) -> None:
-        """The rolling window moved."""
+        """Do nothing: the map does not move with the window."""
         self._master = geometry
 
     def update_bounds(self, robot: Pose2D, now: float, bounds: Bounds) -> Bounds:
-        """All of the map, when it is new or the window rolls."""
+        """Grow the bounds by the whole map if it is new or the window rolls."""
         if not self.params.enabled:
             return bounds
         self._now = now
@@ -111,17 +111,17 @@ class StaticLayer(Layer):
         return bounds
 
     def update_costs(self, master: Costmap, window: Window) -> None:
-        """Copies, or looks up, the window's cells."""
+        """Copy the cells of the window, or look them up if the geometries differ."""
         if not self.params.enabled:
             return
         to_map = self._to_map()
         if to_map.is_identity() and master.geometry == self.map.geometry:
             if self.params.use_maximum:
-                _kernels.combine_max(master.data, self.costs, *window)
+                combine_max(master.data, self.costs, *window)
             else:
                 master.data[window.slices] = self.costs[window.slices]
             return
-        _kernels.look_up_map(
+        look_up_map(
             master.data,
             self.costs,
             *window,
@@ -130,31 +130,31 @@ class StaticLayer(Layer):
         )
 
     def explain(self, ix: int, iy: int, master: Costmap) -> CellExplanation:
-        """The value of the map there."""
+        """Explain the value of the map at the cell."""
         a = cell_affine(self._to_map(), master.geometry, self.map.geometry)
         column, row = math.floor(a[0] + a[1] * ix + a[2] * iy), math.floor(a[3] + a[4] * ix + a[5] * iy)
         if not self.map.geometry.contains_cell(column, row):
-            return CellExplanation(None, "off the map")
+            return CellExplanation(None, "outside the map")
         cost = int(self.costs[row, column])
         value = int(self.map.data[row, column])
         return CellExplanation(
             cost,
-            f"the map says {value} in its cell ({column}, {row}): {describe_cost(cost)}",
+            f"map value {value} in its cell ({column}, {row}): {describe_cost(cost)}",
             source="map",
             data={"map_cell": [column, row], "map_value": value},
         )
 
     def reset(self, region: Bounds | None = None, *, invert: bool = False) -> int:
-        """Writes the map again at the next update; it forgets nothing."""
+        """Write the map again at the next update; there are no observations to clear."""
         self._fresh = True
         return 0
 
     def _to_map(self) -> Transform2D:
-        """The costmap's frame in the map's own: origin at the corner of the map's cell (0, 0), turned by its yaw."""
+        """Return the transform from the costmap's frame to the map's axes, rotated by the yaw of its origin."""
         return map_from_frame(self.map, self.context.frames, self.context.frame, None)
 
     def _extent(self) -> Bounds:
-        """The map's box in the costmap's frame."""
+        """Return the bounds of the map in the costmap's frame (m)."""
         g = self.map.geometry
         inverse = self._to_map().inverse()
         corners = inverse.apply_points(
@@ -167,7 +167,7 @@ class StaticLayer(Layer):
 
 
 def interpret(grid: OccupancyGrid, params: Any) -> NDArray[np.uint8]:
-    """Map values -> costs, by a table over the 256 values of a byte."""
+    """Convert map values to costs with a table over the 256 values of a byte."""
     values = np.arange(256)
     threshold = int(params.lethal_cost_threshold)
     table = np.zeros(256, np.uint8)
@@ -179,11 +179,11 @@ def interpret(grid: OccupancyGrid, params: Any) -> NDArray[np.uint8]:
 
 
 def covering_geometry(grid: OccupancyGrid) -> GridGeometry:
-    """The grid's own geometry, or, when it is turned, that of the upright grid around it."""
+    """Return the geometry of a map; for a rotated map, that of the axis-aligned grid around it."""
     g = grid.geometry
     if grid.origin_yaw == 0.0:
         return g
-    # ROS differs: it ignores the yaw and puts the map upright at its corner
+    # ROS differs: it ignores the yaw of the origin
     at = Transform2D(g.origin_x, g.origin_y, grid.origin_yaw)
     corners = at.apply_points(np.array([[0.0, 0.0], [g.width_m, 0.0], [0.0, g.height_m], [g.width_m, g.height_m]]))
     (min_x, min_y), (max_x, max_y) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
@@ -193,7 +193,7 @@ def covering_geometry(grid: OccupancyGrid) -> GridGeometry:
 
 
 def map_from_frame(grid: OccupancyGrid, frames: FrameTree, frame: str, stamp: float | None) -> Transform2D:
-    """Takes coordinates in `frame` to those in the grid's frame, turned back about the grid's corner by its yaw."""
+    """Return the transform from `frame` to the axes of the grid: its frame, rotated about its corner by the yaw of its origin."""
     to_map = frames.lookup(grid.frame, frame, stamp)
     if grid.origin_yaw == 0.0:
         return to_map
@@ -204,8 +204,8 @@ def map_from_frame(grid: OccupancyGrid, frames: FrameTree, frame: str, stamp: fl
 
 
 def cell_affine(transform: Transform2D, source: GridGeometry, target: GridGeometry) -> NDArray[np.float64]:
-    """(6,) a such that the centre of cell (ix, iy) of `source` lies at column a0 + a1 ix + a2 iy, row a3 + a4 ix + a5 iy
-    (real numbers) of `target`; `transform` takes coordinates of the source to those of the target.
+    """Return (6,) a such that the centre of cell (ix, iy) of `source` is at the real-valued column a0 + a1 ix + a2 iy and row
+    a3 + a4 ix + a5 iy of `target`; `transform` maps coordinates of the source to those of the target.
     """
     c, s = math.cos(transform.yaw), math.sin(transform.yaw)
     x, y = source.cell_to_world(0, 0)

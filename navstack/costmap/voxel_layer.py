@@ -1,4 +1,4 @@
-"""costmap_2d::VoxelLayer: an obstacle layer with up to 16 levels of height per column (plugins/voxel_layer.cpp)."""
+"""costmap_2d::VoxelLayer: an obstacle layer with up to 16 height levels per column (plugins/voxel_layer.cpp)."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from navstack.core import Bounds, GridGeometry
 from navstack.core.parameters import ParamModel, param
-from navstack.costmap import _kernels
+from navstack.costmap._voxel_kernels import VOXEL_GRID, clear_voxel_rays, mark_voxels
 from navstack.costmap.observation_buffer import Observation
 from navstack.costmap.obstacle_layer import ObstacleLayer, ObstacleLayerParams, cells_in
-from navstack.costmap.regions import forget_region, shift_cells
+from navstack.costmap.regions import clear_region, shift_cells
 from navstack.interfaces import LayerContext
 from navstack.plugins import LAYERS
 
@@ -30,12 +30,12 @@ class VoxelLayerParams(ObstacleLayerParams):
         ros_differs="ROS clamps 99 to 2, which writes nothing either",
     )
     origin_z: float = param(0.0, "bottom of the lowest voxel", unit="m", ge=0.0)
-    z_resolution: float = param(0.2, "height of a voxel", unit="m", gt=0.0, le=50.0, ros_differs="ROS takes 0 too")
+    z_resolution: float = param(0.2, "height of a voxel", unit="m", gt=0.0, le=50.0, ros_differs="ROS accepts 0 too")
     z_voxels: int = param(10, "voxels per column", ge=0, le=LEVELS)
     unknown_threshold: int = param(
-        15, "unknown voxels allowed in a column that counts as known, if it had 16 voxels", ge=0, le=LEVELS
+        15, "most unknown voxels of a known column, counted as if it had 16 voxels", ge=0, le=LEVELS
     )
-    mark_threshold: int = param(0, "marked voxels allowed in a free column", ge=0, le=LEVELS)
+    mark_threshold: int = param(0, "most marked voxels of a free column", ge=0, le=LEVELS)
     publish_voxel_map: bool = param(False, "publish the voxels")
 
     FROM_PARENT: ClassVar[frozenset[str]] = frozenset(
@@ -45,10 +45,10 @@ class VoxelLayerParams(ObstacleLayerParams):
 
 @LAYERS.register("voxel", aliases=("costmap_2d/VoxelLayer", "nav2_costmap_2d/VoxelLayer"))
 class VoxelLayer(ObstacleLayer):
-    """Obstacles in columns of voxels: what passes above or below an obstacle does not clear it.
+    """Obstacles in columns of voxels: rays above or below an obstacle do not clear it.
 
-    A column is a word of bits: per level "seen free" and "marked", above them the serial of the observation that
-    marked it last. 3 bytes a cell up to 8 levels, 5 beyond.
+    A column is a word of bits: "seen free" and "marked" per level, and above them the serial number of the observation that
+    marked it last. 3 bytes per cell for up to 8 levels, 5 bytes for more.
     """
 
     Params: ClassVar[type[ParamModel]] = VoxelLayerParams
@@ -58,37 +58,16 @@ class VoxelLayer(ObstacleLayer):
         self._word = np.dtype(np.uint16 if self.levels <= LEVELS // 2 else np.uint32)
         super().__init__(params, context)
         self.columns: NDArray[Any] = np.zeros((1, 1), self._word)
-        self._numbers_of: tuple[Any, Any] = None, None
-        # the parameter speaks of a column of 16
+        # the parameter refers to a column of 16 voxels
         self.unknown_threshold = int(params.unknown_threshold) + LEVELS - self.levels
-
-    def _serial_bits(self) -> int:
-        return min(8 * self._word.itemsize - 2 * self.levels, 16)
-
-    def _allocate_marks(self, geometry: GridGeometry) -> None:
-        self.columns = np.zeros(geometry.shape, self._word)
-        self._clear_voxel_rays, self._mark_voxels = (
-            _kernels.clear_voxel_rays.compiled(),
-            _kernels.mark_voxels.compiled(),
-        )
-
-    def _shift_marks(self, dx: int, dy: int) -> None:
-        shift_cells(self.columns, dx, dy, 0)
-
-    def _reset_marks(self, region: Bounds | None, invert: bool) -> None:
-        # ROS differs: clearArea leaves the voxels, so that a ray through a cleared column brings the obstacle back
-        forget_region(self.columns, self.geometry, region, invert, 0)
-
-    def _forget_serials(self, first: int, last: int) -> None:
-        serials = self.columns >> (2 * self.levels)
-        self.columns[(serials >= first) & (serials <= last)] &= (1 << (2 * self.levels)) - 1
+        self._settings = np.zeros(1, VOXEL_GRID)
 
     def serial_at(self, ix: int, iy: int) -> int:
-        """Serial of the observation that marked a column last, 0 when not known."""
+        """Return the serial number of the observation that marked a column last, 0 if unknown."""
         return int(self.columns[iy, ix]) >> (2 * self.levels)
 
     def column_at(self, ix: int, iy: int) -> str:
-        """A column from bottom to top: `#` marked, `.` free, `?` unknown."""
+        """Return a column from bottom to top: `#` marked, `.` free, `?` unknown."""
         word = int(self.columns[iy, ix])
         signs: list[str] = []
         for level in range(self.levels):
@@ -96,24 +75,39 @@ class VoxelLayer(ObstacleLayer):
             signs.append("#" if marked else "." if free else "?")
         return "".join(signs)
 
-    def _grid(self) -> NDArray[np.float64]:
-        g, p = self.geometry, self.params
-        if self._numbers_of[0] is not g or self._numbers_of[1] is not p:
-            self._numbers_of = g, p
-            self._numbers = np.array(
-                [g.origin_x, g.origin_y, p.origin_z, g.resolution, p.z_resolution, p.max_obstacle_height]
-            )
-        return self._numbers
+    def _serial_bits(self) -> int:
+        return min(8 * self._word.itemsize - 2 * self.levels, 16)
+
+    def _allocate_marks(self, geometry: GridGeometry) -> None:
+        self.columns = np.zeros(geometry.shape, self._word)
+        self._clear_voxel_rays, self._mark_voxels = clear_voxel_rays.compiled(), mark_voxels.compiled()
+
+    def _shift_marks(self, dx: int, dy: int) -> None:
+        shift_cells(self.columns, dx, dy, 0)
+
+    def _reset_marks(self, region: Bounds | None, invert: bool) -> None:
+        # ROS differs: clearArea keeps the voxels, so that a ray through a cleared column restores the obstacle
+        clear_region(self.columns, self.geometry, region, invert, 0)
+
+    def _remove_serials(self, first: int, last: int) -> None:
+        serials = self.columns >> (2 * self.levels)
+        self.columns[(serials >= first) & (serials <= last)] &= (1 << (2 * self.levels)) - 1
 
     def _details(self, ix: int, iy: int) -> dict[str, Any]:
         return {"column": self.column_at(ix, iy)}
 
-    def _passes(self, seen: Observation, ix: int, iy: int) -> bool:
-        held, self.columns = self.columns, np.zeros_like(self.columns)
+    def _passes(self, observation: Observation, ix: int, iy: int) -> bool:
+        columns, self.columns = self.columns, np.zeros_like(self.columns)
         try:
-            return super()._passes(seen, ix, iy)
+            return super()._passes(observation, ix, iy)
         finally:
-            self.columns = held
+            self.columns = columns
+
+    def _setting_values(self, g: GridGeometry, params: Any) -> tuple[Any, ...]:
+        return (
+            *(g.origin_x, g.origin_y, params.origin_z, g.resolution, params.z_resolution, params.max_obstacle_height),
+            *(self.levels, params.mark_threshold, self.unknown_threshold),
+        )
 
     def _clear(self, seen: Observation, box: NDArray[np.float64]) -> bool:
         if seen.count == 0:
@@ -124,15 +118,12 @@ class VoxelLayer(ObstacleLayer):
             self.costs,
             seen.points,
             seen.count,
-            self._grid(),
-            self.levels,
+            self._kernel_settings(),
             seen.x,
             seen.y,
             seen.z,
             reach,
             cells_in(reach, self.geometry.resolution),
-            self.params.mark_threshold,
-            self.unknown_threshold,
             box,
         )
 
@@ -143,12 +134,10 @@ class VoxelLayer(ObstacleLayer):
             seen.serial,
             seen.points,
             seen.count,
-            self._grid(),
-            self.levels,
+            self._kernel_settings(),
             seen.x,
             seen.y,
             seen.z,
             seen.source.params.obstacle_range,
-            self.params.mark_threshold,
             box,
         )

@@ -170,7 +170,7 @@ def test_masks_from_files(tmp_path: Path) -> None:
     layer = LayerSpec("keepout", KeepoutMaskLayer, MaskLayerParams(mask=str(yaml)))
     values: dict[str, Any] = {"footprint": Footprint.from_radius(0.2), "frames": FrameTree()}
     params = CostmapParams(width=4.0, height=1.0, resolution=1.0)
-    with pytest.raises(InputError, match="nothing to read maps"):
+    with pytest.raises(InputError, match="has no read_map function"):
         LayeredCostmap("c", params, [layer], **values)
     costmap = LayeredCostmap("c", params, [layer], read_map=load_map, **values)
     costmap.update_at(HERE, 0.0)

@@ -301,7 +301,7 @@ def test_columns_of_every_height(levels: int) -> None:
 @pytest.mark.parametrize(
     ("bad", "says"),
     [
-        (scan(np.zeros((2, 2), np.float32)), "flat, contiguous float32"),
+        (scan(np.zeros((2, 2), np.float32)), "one-dimensional, contiguous float32"),
         (scan([1.0], stamp=math.nan), "finite numbers"),
         (scan([1.0], range_max=math.nan), "finite numbers"),
         (scan([1.0], range_min=math.inf), "finite numbers"),

@@ -54,7 +54,7 @@ def test_inflation_names_its_obstacle_and_the_scan_behind_it(end: Replay) -> Non
 def test_a_free_cell_says_who_says_so(end: Replay) -> None:
     told = explain_cell_at(end, 2.5, -2.5)
     assert told.provenance.cost == 0
-    assert told.verdict.startswith("free (0): static_layer: the map says 0")
+    assert told.verdict.startswith("free (0): static_layer: map value 0")
 
 
 def test_the_account_is_about_its_time(record: Record) -> None:

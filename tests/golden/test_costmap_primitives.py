@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from navstack.core import Bounds, Footprint, FrameTree, GridGeometry, Pose2D
-from navstack.costmap import CostmapParams, LayeredCostmap, _kernels
+from navstack.core.line_kernels import clear_line
+from navstack.costmap import CostmapParams, LayeredCostmap
+from navstack.costmap._polygon_kernels import fill_convex
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +23,7 @@ def test_rays_pass_the_same_cells(primitives: dict[str, np.ndarray]) -> None:
     expected = np.split(primitives["ray_cells"], np.cumsum(primitives["ray_counts"])[:-1])
     for (x0, y0, x1, y1, longest), cells in zip(primitives["ray_query"].tolist(), expected, strict=True):
         grid = np.full(nx * ny, 255, np.uint8)
-        _kernels.clear_line(grid, nx, x0, y0, x1, y1, float(longest))
+        clear_line(grid, nx, x0, y0, x1, y1, float(longest))
         assert np.flatnonzero(grid == 0).tolist() == sorted(set(cells.tolist())), (x0, y0, x1, y1, longest)
 
 
@@ -33,7 +35,7 @@ def test_slope_in_fixed_point_is_exact() -> None:
         x0, x1 = rng.integers(0, nx, 2).tolist()
         y0, y1 = rng.integers(0, ny, 2).tolist()
         grid = np.full((ny, nx), 255, np.uint8)
-        _kernels.clear_line(grid.reshape(-1), nx, x0, y0, x1, y1, 1e9)
+        clear_line(grid.reshape(-1), nx, x0, y0, x1, y1, 1e9)
         da, db = abs(x1 - x0), abs(y1 - y0)
         steep = db > da
         if steep:
@@ -60,7 +62,7 @@ def test_polygons_fill_the_same_cells(primitives: dict[str, np.ndarray]) -> None
         outline = np.ascontiguousarray(vertices)
         # C++ fills every polygon as if it were convex
         spans = np.zeros((2, nx), np.int64)
-        done = _kernels.fill_convex(grid, outline, 0, len(outline), spans, -1.0, -0.5, 0.05, 0)
+        done = fill_convex(grid, outline, 0, len(outline), spans, -1.0, -0.5, 0.05, 0)
         assert done == bool(ok)
         assert np.flatnonzero(grid == 0).tolist() == sorted(set(cells.tolist()))
 

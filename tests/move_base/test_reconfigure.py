@@ -245,10 +245,10 @@ def test_another_footprint_while_driving() -> None:
     [
         (
             "global_costmap/robot_base_frame=base_link",
-            "global_costmap/robot_base_frame cannot change while the costmap runs",
+            "global_costmap/robot_base_frame cannot be changed at run time",
         ),
-        ("local_costmap/rolling_window=false", "local_costmap/rolling_window cannot change"),
-        ("global_costmap/obstacle_layer/scan/topic=other", "global_costmap/obstacle_layer/sources cannot change"),
+        ("local_costmap/rolling_window=false", "local_costmap/rolling_window cannot be changed"),
+        ("global_costmap/obstacle_layer/scan/topic=other", "global_costmap/obstacle_layer/sources cannot be changed"),
     ],
 )
 def test_what_a_running_costmap_cannot_take_changes_nothing(override: str, message: str) -> None:
