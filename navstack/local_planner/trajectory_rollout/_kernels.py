@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from navstack.core.jit import kernel
+from navstack.core.line_kernels import line_next, line_start
 
 
 @kernel
@@ -48,6 +49,7 @@ def approach(value, target, change):
 def heading_errors(costs, origin_x, origin_y, resolution, plan, poses, alive, out):
     """Per row of `poses` (K, 3): the turn (rad) to the farthest cell of the plan in free sight; inf where none is."""
     ny, nx = costs.shape
+    flat = costs.ravel()
     for k in range(len(poses)):
         if not alive[k]:
             continue
@@ -62,17 +64,14 @@ def heading_errors(costs, origin_x, origin_y, resolution, plan, poses, alive, ou
             if not (gx >= 0.0 and gy >= 0.0 and gx < nx and gy < ny):
                 continue
             x1, y1 = int(gx), int(gy)
-            steps = max(abs(x1 - x0), abs(y1 - y0))
-            along_x = abs(x1 - x0) >= abs(y1 - y0)
-            add = abs(y1 - y0) if along_x else abs(x1 - x0)
+            line = line_start(x0, y0, x1, y1, nx)
+            cell, error = y0 * nx + x0, line[0] // 2
             free = True
-            for m in range(steps + 1):
-                side = (steps // 2 + m * add) // max(steps, 1)
-                ix = x0 + (m if along_x else side) * (1 if x1 >= x0 else -1)
-                iy = y0 + (side if along_x else m) * (1 if y1 >= y0 else -1)
-                if costs[iy, ix] >= 253:
+            for _ in range(line[0] + 1):
+                if flat[cell] >= 253:
                     free = False
                     break
+                cell, error = line_next(cell, error, line)
             if free:
                 to_x = origin_x + (x1 + 0.5) * resolution - x
                 to_y = origin_y + (y1 + 0.5) * resolution - y
@@ -102,15 +101,14 @@ def clear_footprint(costs, origin_x, origin_y, resolution, vertices, pose, lows,
                 return
             x1, y1 = int(fx), int(fy)
             if i > 0 and pass_ == 1:
-                steps = max(abs(x1 - x0), abs(y1 - y0))
-                along_x = abs(x1 - x0) >= abs(y1 - y0)
-                add = abs(y1 - y0) if along_x else abs(x1 - x0)
-                for m in range(steps + 1):
-                    side = (steps // 2 + m * add) // max(steps, 1)
-                    ix = x0 + (m if along_x else side) * (1 if x1 >= x0 else -1)
-                    iy = y0 + (side if along_x else m) * (1 if y1 >= y0 else -1)
+                line = line_start(x0, y0, x1, y1, nx)
+                cell, error = y0 * nx + x0, line[0] // 2
+                for _ in range(line[0] + 1):
+                    iy = cell // nx
+                    ix = cell - iy * nx
                     lows[ix] = min(lows[ix], iy)
                     highs[ix] = max(highs[ix], iy)
+                    cell, error = line_next(cell, error, line)
             x0, y0 = x1, y1
     for ix in range(nx):
         for iy in range(lows[ix], highs[ix] + 1):
