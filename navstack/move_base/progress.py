@@ -6,7 +6,6 @@ import math
 from enum import Enum
 
 from navstack.core import Pose2D, angle_between
-from navstack.core.enums import plain_members
 
 PROGRESS_ANGLE = 0.5
 """rad; as Nav2's PoseProgressChecker."""
@@ -18,9 +17,6 @@ class Progress(Enum):
     NONE = "none"
     TURNED = "turned"
     MOVED = "moved"
-
-
-plain_members(Progress)
 
 
 class ProgressChecker:

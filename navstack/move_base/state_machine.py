@@ -16,7 +16,6 @@ from functools import lru_cache
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from navstack.core.enums import plain_members
 from navstack.core.errors import InternalError
 from navstack.move_base import status_messages
 
@@ -113,9 +112,6 @@ class IndexRule(Enum):
     KEEP = "keep"
     RESET = "0"
     NEXT = "+1"
-
-
-plain_members(Mode, Trigger, NavEvent, Action, Outcome, IndexRule)
 
 
 class NavState(NamedTuple):
