@@ -1,4 +1,4 @@
-"""Registries: plugins by name, with their ROS names as aliases, from this package and from others' entry points."""
+"""Registries of plugins by name and ROS alias, from this package and from the entry points of others."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import importlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib.metadata import entry_points
-from typing import Any, Generic, TypeVar, cast
+from typing import Any, Generic, NamedTuple, TypeVar, cast
 
 from navstack.core.errors import UnknownPluginError
 from navstack.interfaces import Critic, GlobalPlanner, Layer, LocalPlanner, RecoveryBehavior
@@ -24,32 +24,49 @@ class PluginEntry(Generic[T]):
     cls: type[T]
     aliases: tuple[str, ...]
     origin: str
-    """`navstack` or the distribution that brought it by entry point."""
+    """`navstack`, or the distribution that registered it by entry point."""
+
+    @property
+    def ros_name(self) -> str:
+        """The first ROS alias (`navfn/NavfnROS`), or the registered name."""
+        return next((a for a in self.aliases if "/" in a), self.name)
+
+
+class PluginChoice(NamedTuple, Generic[T]):
+    """A plugin to be made: instance name, class and parameters."""
+
+    name: str
+    """Instance name: the namespace of a layer or recovery behavior, the registered name of a planner."""
+    cls: type[T]
+    params: Any
+    """Parameters, of the model `cls.Params`."""
+    namespace: str = ""
+    """Namespace of the parameters, below move_base."""
 
 
 def normalize(name: str) -> str:
-    """`costmap_2d::StaticLayer` and `costmap_2d/StaticLayer` are one name."""
+    """Return a plugin name in one spelling: `costmap_2d::StaticLayer` and `costmap_2d/StaticLayer` are the same."""
     return name.strip().replace("::", "/")
 
 
 class Registry(Generic[T]):
     """Plugins of one kind.
 
-    Built-in ones register themselves by decorator when their room is imported, which happens at the first look-up;
-    others come by the entry point group `navstack.<kind>s`, each entry being a class and its name the plugin's. A third
-    party's class may have an attribute `PLUGIN_ALIASES` with further names.
+    Built-in plugins register themselves with a decorator when their package is imported, which happens at the first
+    look-up. Plugins of others are found through the entry point group `navstack.<kind>s`: each entry is a class, its name
+    the name of the plugin. The class attribute `PLUGIN_ALIASES` may list further names.
     """
 
-    def __init__(self, kind: str, group: str, room: str) -> None:
+    def __init__(self, kind: str, group: str, package: str) -> None:
         self.kind = kind
         self.group = group
-        self._room = room
+        self._package = package
         self._entries: dict[str, PluginEntry[T]] = {}
         self._lookup: dict[str, str] = {}
         self._loaded = False
 
     def register(self, name: str, *, aliases: tuple[str, ...] = ()) -> Callable[[C], C]:
-        """Class decorator, which gives the class back as it is. A name or alias that is taken is an error."""
+        """Class decorator that registers a class; see `add` for errors."""
 
         def decorate(cls: C) -> C:
             self.add(name, cast("type[T]", cls), aliases=aliases)
@@ -58,33 +75,30 @@ class Registry(Generic[T]):
         return decorate
 
     def add(self, name: str, cls: type[T], *, aliases: tuple[str, ...] = (), origin: str = "navstack") -> None:
-        """Registers `cls`; raises ValueError when a name is taken by another class."""
+        """Register `cls`; raise ValueError if a name or alias is already registered."""
         names = [normalize(n) for n in (name, *aliases)]
         for n in names:
             taken = self._lookup.get(n)
             if taken is not None:
                 other = self._entries[taken].cls
                 raise ValueError(
-                    f'the {self.kind} name "{n}" is taken by {other.__module__}.{other.__qualname__}; '
-                    f"{cls.__module__}.{cls.__qualname__} needs another"
+                    f'the {self.kind} name "{n}" of {cls.__module__}.{cls.__qualname__} is already registered by '
+                    f"{other.__module__}.{other.__qualname__}; choose another name"
                 )
         self._entries[names[0]] = PluginEntry(names[0], cls, tuple(names[1:]), origin)
         for n in names:
             self._lookup[n] = names[0]
 
     def get(self, name: str) -> PluginEntry[T]:
-        """The plugin of that name or alias; raises UnknownPluginError with what was meant and what there is."""
+        """Return the plugin of a name or alias; raise UnknownPluginError with a suggestion and the known names."""
         self._load()
         found = self._lookup.get(normalize(name))
         if found is None:
             known = sorted(self._entries)
             close = self.suggest(name)
-            hint = f'; did you mean "{close}"?' if close else ""
-            listed = ", ".join(known) or "none"
+            hint = f'did you mean "{close}"? ' if close else ""
             raise UnknownPluginError(
-                f'there is no {self.kind} "{name}"{hint} Known: {listed}'
-                if hint
-                else f'there is no {self.kind} "{name}"; known: {listed}',
+                f'unknown {self.kind} "{name}"; {hint}known: {", ".join(known) or "none"}',
                 kind=self.kind,
                 plugin=name,
                 known=known,
@@ -93,7 +107,7 @@ class Registry(Generic[T]):
         return self._entries[found]
 
     def suggest(self, name: str) -> str | None:
-        """The registered name or alias nearest to a misspelt one."""
+        """Return the registered name or alias closest to a misspelt one."""
         self._load()
         by_lower = {n.lower(): n for n in self._lookup}
         close = difflib.get_close_matches(normalize(name).lower(), list(by_lower), n=1, cutoff=0.6)
@@ -111,7 +125,7 @@ class Registry(Generic[T]):
         if self._loaded:
             return
         self._loaded = True
-        importlib.import_module(self._room)
+        importlib.import_module(self._package)
         for point in entry_points(group=self.group):
             cls: type[T] = point.load()
             origin = point.dist.name if point.dist else "entry point"

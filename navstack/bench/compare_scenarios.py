@@ -12,7 +12,7 @@ from navstack.bench.digests import digest_of_scenario, short_names
 from navstack.core.errors import InputError
 from navstack.core.files import exists, is_dir, is_file
 from navstack.parameters.configuration import Configuration, load_configuration
-from navstack.parameters.unused import nearest
+from navstack.parameters.spelling import nearest
 from navstack.scenario import Scenario, ScenarioSpec, read_scenario, run_scenario
 from navstack.scenario.file.spec import check_unique_names, scenarios_in
 from navstack.scenario.suites.barn_worlds import WORLDS_FILE

@@ -15,7 +15,7 @@ _DEPENDENCIES = ("numpy", "numba", "scipy", "shapely", "matplotlib", "pydantic",
 def collect() -> dict[str, Any]:
     """Versions, plugins by kind, packaged maps, parameter sets, scenarios and suites."""
     from navstack.map_io import map_names
-    from navstack.parameters import parameter_sets
+    from navstack.parameters import packaged_sets
     from navstack.plugins import REGISTRIES
     from navstack.scenario import shipped_scenarios, suite_names
 
@@ -29,7 +29,7 @@ def collect() -> dict[str, Any]:
         "versions": _versions(),
         "plugins": plugins,
         "maps": list(map_names()),
-        "parameters": list(parameter_sets()),
+        "parameters": packaged_sets(),
         "scenarios": list(shipped_scenarios()),
         "suites": suite_names(),
     }

@@ -78,7 +78,7 @@ def _print_differences(pairs: dict[str, tuple[Parameter | None, Parameter | None
         out.print(f"[bold]{escape(name)}[/]")
         for style, sign, p in (("red", "-", a), ("green", "+", b)):
             if p is not None:
-                origin = escape("; ".join(text for text in (p.told, p.remark) if text))
+                origin = escape("; ".join(text for text in (p.origin_text, p.remark) if text))
                 out.print(f"  [{style}]{sign} {escape(_value(p))}[/]  [dim]# {origin}[/]")
     out.print(f"{len(pairs)} difference{'' if len(pairs) == 1 else 's'}")
 

@@ -1,27 +1,29 @@
 """How a component declares its parameters: a pydantic model beside the plugin, one field per ROS parameter.
 
-The default of a field is the EFFECTIVE default: what a user of noetic really gets with an empty YAML.
+The default of a field is the EFFECTIVE default: the value that a user of noetic gets with an empty YAML.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from navstack.core.parameter_checks import CheckContext, Issue
+
 
 class ParamModel(BaseModel):
-    """Base of all parameter models: strict types (an int may stand for a float), no unknown keys, no NaN, immutable.
+    """Base of all parameter models: strict types (an int is accepted for a float), no unknown keys, no NaN, immutable.
 
-    What cannot be said by a field is said by class variables:
+    Class variables declare what a field cannot:
 
-    - `RENAMED`: a name of former releases -> today's name. Honoured, with a note.
-    - `NO_EFFECT`: a name that ROS reads or once read without any effect -> why. Accepted, with a note.
-    - `SEARCHED`: fields looked up in the enclosing namespaces when absent (ROS searchParam).
-    - `FROM_PARENT`: fields that the enclosing namespace overrides when it has them (costmap_2d copyParentParameters).
-    - `FROM_NAVSTACK`: fields taken from the `navstack:` section, which is ours (`ros_distro`).
-    - `CHILD_FIELD` with `child_models`: namespaces below this one whose names the values decide (observation sources).
+    - `RENAMED`: former name -> current name. The value is used, with a note.
+    - `NO_EFFECT`: a name that ROS reads, or read once, without any effect -> reason. Accepted, with a note.
+    - `SEARCHED`: fields looked up in the enclosing namespaces if absent (ROS searchParam).
+    - `FROM_PARENT`: fields that the enclosing namespace overrides (costmap_2d copyParentParameters).
+    - `FROM_NAVSTACK`: fields taken from the `navstack:` section, which ROS does not read (`ros_distro`).
+    - `CHILD_FIELD` with `child_models`: namespaces below this one whose names depend on values (observation sources).
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
@@ -35,12 +37,21 @@ class ParamModel(BaseModel):
 
     @classmethod
     def child_models(cls, values: Mapping[str, Any]) -> dict[str, type[ParamModel]]:
-        """Names of the namespaces below this one and the model of each, given this namespace's own raw values.
+        """Return the names of the namespaces below this one and their models, for this namespace's raw values.
 
-        The loader puts the loaded children, by name, into the field that `CHILD_FIELD` names.
+        The loader stores the loaded children, by name, in the field that `CHILD_FIELD` names.
         """
         del values
         return {}
+
+    def check(self, context: CheckContext) -> Iterator[Issue]:
+        """Yield the combinations of parameters, these and the robot's others, that do not work together.
+
+        Called for every plugin in use when parameters are loaded or checked. A rule belongs to the model of the plugin
+        that it concerns; each has a section in docs/RULES.md.
+        """
+        del context
+        return iter(())
 
 
 def param(
@@ -54,9 +65,9 @@ def param(
     lt: float | None = None,
     ros_differs: str = "",
 ) -> Any:
-    """A parameter: its effective default, its meaning in a sentence, unit and range (inclusive `ge`/`le`, else `gt`/`lt`).
+    """Declare a parameter: effective default, meaning in one sentence, unit and range (`ge`/`le` inclusive, `gt`/`lt` not).
 
-    `ros_differs` says what the original does otherwise (parity).
+    `ros_differs` describes a deliberate difference from ROS.
     """
     bounds: dict[str, Any] = {k: v for k, v in {"ge": ge, "gt": gt, "le": le, "lt": lt}.items() if v is not None}
     extra: dict[str, Any] = {"unit": unit, "ros_differs": ros_differs}

@@ -8,6 +8,7 @@ then one along the rows; both limited to the inflation radius).
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any, ClassVar
 
 import numpy as np
@@ -25,6 +26,7 @@ from navstack.core import (
     Window,
     describe_cost,
 )
+from navstack.core.parameter_checks import CheckContext, Issue, LayerTraits
 from navstack.core.parameters import ParamModel, param
 from navstack.costmap._inflation_kernels import inflate
 from navstack.costmap.regions import EVERYWHERE
@@ -46,6 +48,52 @@ class InflationLayerParams(ParamModel):
     inflate_unknown: bool = param(False, "inflate unknown cells too")
 
     FROM_PARENT: ClassVar[frozenset[str]] = frozenset({"cost_scaling_factor", "inflation_radius"})
+
+    def check(self, context: CheckContext) -> Iterator[Issue]:
+        """Yield what makes the inflated costs misleading: a small radius, no gradient, obstacles added afterwards."""
+        if self.enabled:
+            yield from self._check_radius(context)
+        yield from self._check_gradient(context)
+        late = context.costmap.layers_after(context.name)
+        if any(layer.traits.inflates for layer in late):
+            return
+        for layer in late:
+            if layer.traits.enabled:
+                message = (
+                    f"{layer.name} is listed after {context.name} in the plugins of {context.costmap.name}, so the obstacles "
+                    f"that it marks are not inflated; list {context.name} last"
+                )
+                yield Issue("warning", "inflation-not-last", (f"/{context.costmap.name}/plugins",), message)
+                return
+
+    def _check_radius(self, context: CheckContext) -> Iterator[Issue]:
+        footprint = context.costmap.footprint
+        inscribed, circumscribed = footprint.inscribed_radius, footprint.circumscribed_radius
+        if self.inflation_radius >= circumscribed:
+            return
+        least = f"{math.ceil(circumscribed * 100.0) / 100.0:g}"
+        effect = (
+            "cut through the edges of walls"
+            if self.inflation_radius < inscribed
+            else "pass where the robot's corners collide"
+        )
+        message = (
+            f"inflation_radius = {self.inflation_radius:g} m is less than the circumscribed radius of the footprint, "
+            f"{circumscribed:.3g} m (inscribed {inscribed:.3g} m), so plans may {effect}; set it to {least} m or more"
+        )
+        yield Issue("warning", "inflation-under-radius", ("inflation_radius",), message, least)
+
+    def _check_gradient(self, context: CheckContext) -> Iterator[Issue]:
+        factor, resolution = self.cost_scaling_factor, context.costmap.resolution
+        reach = math.log(INSCRIBED - 1) / factor if factor > 0.0 else math.inf
+        if factor == 0.0:
+            effect = "gives every inflated cell the same cost"
+        elif reach < resolution:
+            effect = f"lets the cost fall to 0 within {reach:.2g} m, less than a cell ({resolution:g} m)"
+        else:
+            return
+        message = f"cost_scaling_factor = {factor:g} {effect}, so plans keep no distance from obstacles; set it between 3 and 10"
+        yield Issue("warning", "no-gradient", ("cost_scaling_factor",), message)
 
 
 def inflation_cost(
@@ -79,6 +127,11 @@ class InflationLayer(Layer):
     LIVE: ClassVar[frozenset[str]] = frozenset(
         {"enabled", "cost_scaling_factor", "inflation_radius", "inflate_unknown"}
     )
+
+    @classmethod
+    def traits(cls, params: InflationLayerParams) -> LayerTraits:
+        """Inflation; no sensors."""
+        return LayerTraits(enabled=params.enabled, fed_by_sensors=False, inflates=True)
 
     def __init__(self, params: Any, context: LayerContext) -> None:
         super().__init__(params, context)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import LETHAL, UNKNOWN, Bounds, Costmap, Footprint, GridGeometry, Pose2D, SensorData, Window
+from navstack.core.parameter_checks import CheckContext, Issue, LayerTraits, SensorSource
 from navstack.core.parameters import ParamModel, param
 from navstack.costmap._polygon_kernels import fill_convex, place_footprint
 from navstack.costmap._ray_kernels import GRID, clear_rays, mark_points
@@ -52,6 +53,27 @@ class ObstacleLayerParams(ParamModel):
         """One namespace for each name in `observation_sources`."""
         return dict.fromkeys(str(values.get("observation_sources", "")).split(), ObservationSourceParams)
 
+    def check(self, context: CheckContext) -> Iterator[Issue]:
+        """Yield sources whose marks are never cleared or whose points are all dropped."""
+        del context
+        for name, source in self.sources.items():
+            if source.marking and source.obstacle_range > source.raytrace_range:
+                message = (
+                    f"obstacle_range = {source.obstacle_range:g} m of the source {name} exceeds its raytrace_range = "
+                    f"{source.raytrace_range:g} m, so obstacles marked between the two are never cleared; set raytrace_range "
+                    "to the larger value"
+                )
+                yield Issue(
+                    "warning", "marks-beyond-clearing", (f"{name}/obstacle_range", f"{name}/raytrace_range"), message
+                )
+            top = min(source.max_obstacle_height, self.max_obstacle_height)
+            if source.min_obstacle_height > top:
+                message = (
+                    f"the source {name} drops every point: min_obstacle_height {source.min_obstacle_height:g} m is above "
+                    f"max_obstacle_height {top:g} m (the lower one of source and layer); correct one of the heights"
+                )
+                yield Issue("warning", "drops-every-point", (f"{name}/min_obstacle_height",), message)
+
 
 @LAYERS.register("obstacle", aliases=("costmap_2d/ObstacleLayer", "nav2_costmap_2d/ObstacleLayer"))
 class ObstacleLayer(Layer):
@@ -69,6 +91,19 @@ class ObstacleLayer(Layer):
             *("obstacle_range", "raytrace_range"),  # the values of the sources count
         }
     )
+
+    @classmethod
+    def traits(cls, params: ObstacleLayerParams) -> LayerTraits:
+        """Sensors if the layer is enabled and has sources; unknown space as set."""
+        return LayerTraits(
+            enabled=params.enabled,
+            fed_by_sensors=params.enabled and bool(params.sources),
+            tracks_unknown_space=bool(params.track_unknown_space),
+            sources={
+                name: SensorSource(s.topic or name, s.data_type, s.min_obstacle_height, s.max_obstacle_height)
+                for name, s in params.sources.items()
+            },
+        )
 
     def __init__(self, params: Any, context: LayerContext) -> None:
         super().__init__(params, context)

@@ -23,6 +23,7 @@ from navstack.core import (
     describe_cost,
 )
 from navstack.core.errors import InputError
+from navstack.core.parameter_checks import LayerTraits
 from navstack.core.parameters import ParamModel, param
 from navstack.costmap._window_kernels import combine_max, look_up_map
 from navstack.costmap.regions import EVERYWHERE
@@ -60,6 +61,16 @@ class StaticLayer(Layer):
 
     Params: ClassVar[type[ParamModel]] = StaticLayerParams
     LIVE: ClassVar[frozenset[str]] = frozenset({"enabled", "use_maximum"})
+
+    @classmethod
+    def traits(cls, params: StaticLayerParams) -> LayerTraits:
+        """A static map, which may distinguish unknown from free cells; no sensors."""
+        return LayerTraits(
+            enabled=params.enabled,
+            fed_by_sensors=False,
+            has_static_map=True,
+            tracks_unknown_space=params.track_unknown_space,
+        )
 
     def __init__(self, params: Any, context: LayerContext) -> None:
         super().__init__(params, context)

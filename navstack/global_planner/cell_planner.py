@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from abc import abstractmethod
+from collections.abc import Iterator
 from functools import cache
 from typing import Final, NamedTuple, cast
 
@@ -12,12 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import INSCRIBED, LETHAL, UNKNOWN, Costmap, Footprint, Path, Pose2D
+from navstack.core.parameter_checks import CheckContext, Issue
 from navstack.core.parameters import param
 from navstack.global_planner import ends
 from navstack.global_planner.cell_search import EVERYTHING, CellSearch, Weights
 from navstack.global_planner.cost_rule import CostRule, rule_of
 from navstack.global_planner.departure import StartPolicy, depart
 from navstack.global_planner.orientation_filter import OrientationMode, orient
+from navstack.global_planner.parameter_checks import unknown_not_tracked
 from navstack.global_planner.replanning import Memory, Request
 from navstack.global_planner.search_params import SearchParams
 from navstack.interfaces import GlobalPlanner, Plan
@@ -56,6 +59,10 @@ class CellPlannerParams(SearchParams):
         ge=0,
         le=6,
     )
+
+    def check(self, context: CheckContext) -> Iterator[Issue]:
+        """Yield whether `allow_unknown` has an effect."""
+        return unknown_not_tracked(context, self.allow_unknown)
 
 
 class Found(NamedTuple):

@@ -7,19 +7,21 @@ grid_path.cpp (D. Lu); algorithms.md 4.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import ClassVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Costmap, GridGeometry, Pose2D
+from navstack.core.parameter_checks import CheckContext, Issue
 from navstack.core.parameters import param
 from navstack.global_planner import _trace_kernels as trace
 from navstack.global_planner import ends
 from navstack.global_planner.cost_rule import CostRule, global_planner_rule
 from navstack.global_planner.loops import without_loops
 from navstack.global_planner.orientation_filter import OrientationMode, orient
+from navstack.global_planner.parameter_checks import unknown_not_tracked
 from navstack.global_planner.search_params import SearchParams
 from navstack.global_planner.wave_planner import WavePlanner, WaveQuery
 from navstack.global_planner.wavefront import Guide, Wavefront
@@ -72,6 +74,10 @@ class GlobalPlannerParams(SearchParams):
         le=6,
     )
     orientation_window_size: int = param(1, "points before and after that a heading is taken from", ge=1, le=255)
+
+    def check(self, context: CheckContext) -> Iterator[Issue]:
+        """Yield whether `allow_unknown` has an effect."""
+        return unknown_not_tracked(context, self.allow_unknown)
 
 
 @GLOBAL_PLANNERS.register("global_planner", aliases=("global_planner/GlobalPlanner",))

@@ -6,18 +6,20 @@ Source of the method: navfn/src/navfn.cpp and navfn_ros.cpp (K. Konolige); algor
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import ClassVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Costmap, Pose2D
+from navstack.core.parameter_checks import CheckContext, Issue
 from navstack.core.parameters import param
 from navstack.global_planner import _trace_kernels as trace
 from navstack.global_planner import ends
 from navstack.global_planner.cost_rule import NAVFN_NEUTRAL, CostRule, navfn_rule
 from navstack.global_planner.loops import without_loops
+from navstack.global_planner.parameter_checks import unknown_not_tracked
 from navstack.global_planner.search_params import SearchParams
 from navstack.global_planner.wave_planner import WavePlanner, WaveQuery
 from navstack.global_planner.wavefront import Guide, Wavefront
@@ -43,6 +45,10 @@ class NavfnParams(SearchParams):
         "A* instead of Dijkstra: fewer cells for a path of the same cost (within 1 %)",
         ros_differs="C++ navfn has an A* that NavfnROS cannot reach; it gives paths up to 20 % costlier and fails on large maps",
     )
+
+    def check(self, context: CheckContext) -> Iterator[Issue]:
+        """Yield whether `allow_unknown` has an effect."""
+        return unknown_not_tracked(context, self.allow_unknown)
 
 
 def spread(

@@ -18,6 +18,7 @@ from navstack.core import (
     SensorData,
     Window,
 )
+from navstack.core.parameter_checks import LayerTraits
 from navstack.core.parameters import ParamModel
 from navstack.interfaces.cell_explanation import CellExplanation, CellProvenance
 
@@ -48,6 +49,11 @@ class Layer(ABC):
     Params: ClassVar[type[ParamModel]]
     LIVE: ClassVar[frozenset[str]] = frozenset()
     """Parameters that `set_params` may change at run time."""
+
+    @classmethod
+    def traits(cls, params: Any) -> LayerTraits:
+        """Return what a layer with these parameters does, for checks across parameters; default: fed by sensors."""
+        return LayerTraits(enabled=bool(getattr(params, "enabled", True)))
 
     def __init__(self, params: Any, context: LayerContext) -> None:
         self.params = params

@@ -1,24 +1,38 @@
-"""Robots' YAML files, read as ROS reads them, with file, line and column of every value; and what is to be said about them.
+"""Parameters: ROS YAML and launch files with the location of every value -> typed, checked configuration of a robot.
 
-`navstack.parameters.configuration` turns them into typed parameters of everything.
+- `load_configuration`, `check_parameters`, `choose_global_planner`: what most callers need.
+- `read_sources`, `read_yaml`, `Space`, `Leaf`: the tree of parameters before it is typed.
+- `navstack.parameters.report`: effective parameters, JSON schema, reference page, migration.
 """
 
+from navstack.parameters.configuration import (
+    Configuration,
+    CostmapConfiguration,
+    NavstackParams,
+    check_parameters,
+    choose_global_planner,
+    load_configuration,
+)
 from navstack.parameters.findings import Finding, Location, Severity
 from navstack.parameters.sources import Sources, packaged_folder, packaged_sets, read_sources
 from navstack.parameters.tree import Leaf, Space
 from navstack.parameters.yaml_reader import read_yaml
 
 __all__ = [
+    "Configuration",
+    "CostmapConfiguration",
     "Finding",
     "Leaf",
     "Location",
+    "NavstackParams",
     "Severity",
     "Sources",
     "Space",
+    "check_parameters",
+    "choose_global_planner",
+    "load_configuration",
     "packaged_folder",
-    "parameter_sets",
+    "packaged_sets",
     "read_sources",
     "read_yaml",
 ]
-
-parameter_sets = packaged_sets

@@ -1,19 +1,19 @@
-"""What is to be said about a parameter, and where it stands."""
+"""Findings: problems and notes about parameters, with their locations."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
-Severity = Literal["error", "warning", "info"]
+from navstack.core.parameter_checks import Severity
 
 MAX_TEXT = 1200
 _ORDER = {"error": 0, "warning": 1, "info": 2}
 
 
 class Location(NamedTuple):
-    """A place in a source: line and column count from 1; line 0 means the source as a whole."""
+    """A place in a source: line and column, counted from 1; line 0 stands for the whole source."""
 
     file: str
     line: int = 0
@@ -25,31 +25,31 @@ class Location(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing a user should know about the parameters. Errors stop, warnings and infos do not."""
+    """A problem or note about the parameters. Errors prevent loading, warnings and infos do not."""
 
     severity: Severity
     rule: str
-    """Short name of the rule, stable: `unknown`, `renamed`, `out-of-range`."""
+    """Short stable name of the rule: `unknown`, `renamed`, `out-of-range`."""
     file: str
     line: int
     column: int
     key: str
-    """Full name below move_base: `local_costmap/inflation_layer/inflation_radius`; empty for a source as a whole."""
+    """Full name below move_base: `local_costmap/inflation_layer/inflation_radius`; empty for a whole source."""
     message: str
-    """What, the value, the way out."""
+    """What is wrong with which value, then how to fix it."""
     suggestion: str | None = None
-    """The name or value to write instead, where there is one."""
+    """The name or value to write instead, if known."""
 
     @property
     def location(self) -> Location:
-        """Where it stands."""
+        """File, line and column."""
         return Location(self.file, self.line, self.column)
 
     def __str__(self) -> str:
         return f"{self.location}: {self.severity}: {self.message}"
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """Return the fields for JSON."""
         return {
             "severity": self.severity,
             "rule": self.rule,
@@ -65,12 +65,12 @@ class Finding:
 def finding(
     severity: Severity, rule: str, at: Location, key: str, message: str, suggestion: str | None = None
 ) -> Finding:
-    """A finding at a location, on one line whatever the user's text in it."""
+    """Make a finding at a location. Line breaks and control characters of the user's text are escaped."""
     return Finding(severity, rule, at.file, at.line, at.column, _line(key), _line(message), suggestion)
 
 
 def _line(text: str) -> str:
-    """`text` without line breaks and control characters, and not endless."""
+    """`text` on one line, without control characters, of limited length."""
     if len(text) > MAX_TEXT:
         text = f"{text[: MAX_TEXT // 2]} [...] {text[-MAX_TEXT // 2 :]}"
     if text.isprintable():
@@ -86,15 +86,15 @@ def _either(text: str) -> str:
 
 
 def in_order(findings: Iterable[Finding]) -> list[Finding]:
-    """By file, line and column; each said once.
+    """Return the findings sorted by file, line and column, without duplicates.
 
-    A file that is loaded into both costmaps says everything twice: the first key stands for both.
+    A file loaded into both costmaps causes every finding twice: the first one is kept for both.
     """
-    said: dict[tuple[Any, ...], Finding] = {}
+    kept: dict[tuple[Any, ...], Finding] = {}
     for f in findings:
         place = (f.file, f.line, f.column, f.rule, _either(f.key), _either(f.message))
-        before = said.setdefault(place, f)
+        before = kept.setdefault(place, f)
         if before.message != f.message and f"(and {_LOCAL})" not in before.message:
             both = before.message.replace(_GLOBAL, f"{_GLOBAL} (and {_LOCAL})", 1)
-            said[place] = replace(before, message=both)
-    return sorted(said.values(), key=lambda f: (f.file, f.line, f.column, _ORDER[f.severity], f.rule, f.key))
+            kept[place] = replace(before, message=both)
+    return sorted(kept.values(), key=lambda f: (f.file, f.line, f.column, _ORDER[f.severity], f.rule, f.key))

@@ -1,188 +1,114 @@
-"""What a roslaunch file would put on the parameter server for its move_base node.
+"""The parameters that a roslaunch file sets for its move_base node.
 
-Read: launch, group, arg, include, node, param, rosparam, remap, `if` and `unless`, and the substitutions arg, find, env,
-optenv, anon and dirname. `$(find package)` is looked for next to the file: in the folders above it, by the package's name
-and by the rest of the path. Nothing is executed: `$(eval ..)` and `command=` are refused.
+Supported: launch, group, arg, include, node, param, rosparam, remap, `if` and `unless`, and the substitutions arg, find, env,
+optenv, anon and dirname. `$(find package)` is searched next to the file: in the folders above it, by the name of the package
+and by the rest of the path. Nothing is executed: `$(eval ..)` and `command=` are rejected.
 """
 
 from __future__ import annotations
 
 import os
-import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
-from xml.parsers import expat
 
-from navstack.core.files import exists, is_file
 from navstack.parameters.findings import Finding, Location, Severity, finding
+from navstack.parameters.launch_substitution import find_file, launch_argument, param_value, substitute
+from navstack.parameters.launch_xml import Element, RejectedLaunchFileError, read_launch_xml
 from navstack.parameters.tree import Space, descend, overlay, parts_of, put
 from navstack.parameters.yaml_reader import MAX_BYTES, DictNode, Node, ScalarNode, parse_value, read_yaml, relocate
 
 MAX_INCLUDES = 50
-FOLDERS_UP = 5
-_SUBSTITUTION = re.compile(r"\$\(\s*([a-z]+)((?:\s+[^()]*)?)\)")
-_ARGUMENT = re.compile(r"([A-Za-z_][A-Za-z0-9_/]*):=(.*)\Z", re.DOTALL)
+
+__all__ = ["LaunchReader", "launch_argument"]
 
 
-def launch_argument(text: str) -> tuple[str, str] | None:
-    """`model:=burger` -> ("model", "burger"), as on roslaunch's command line."""
-    found = _ARGUMENT.match(text)
-    return (found[1], found[2]) if found else None
-
-
-@dataclass(slots=True)
-class Element:
-    """An XML element and where it stands."""
-
-    tag: str
-    attributes: dict[str, str]
-    line: int
-    column: int
-    children: list[Element] = field(default_factory=list["Element"])
-    text: str = ""
-    text_line: int = 0
-
-
-class _Stop(Exception):
-    """This element cannot be read; a finding says why."""
+class _SkipElement(Exception):
+    """An element cannot be read; a finding gives the reason."""
 
 
 @dataclass(slots=True)
 class _Scope:
-    """What an element sees: its file, the namespace, the arguments."""
+    """The environment of an element: its file, namespace and arguments."""
 
     path: Path
     shown: str
     namespace: tuple[str, ...] = ()
     arguments: dict[str, str] = field(default_factory=dict[str, str])
     passed: Mapping[str, str] = field(default_factory=dict[str, str])
-    """Arguments given from outside."""
+    """Arguments passed to the file."""
     private: tuple[str, ...] | None = None
-    """The node whose private names are meant."""
+    """The node of private names; None outside of a node."""
 
 
 class LaunchReader:
-    """One launch file with its includes -> the parameters below its move_base node."""
+    """Reads a launch file with its includes and returns the parameters below its move_base node."""
 
     def __init__(self, findings: list[Finding], files: list[str]) -> None:
         self.findings = findings
         self.files = files
-        self.server = Space("", Location(""))
-        self.nodes: list[tuple[tuple[str, ...], Location]] = []
-        self.includes = 0
-        self.remaps: list[tuple[str, str, Location]] = []
+        self._server = Space("", Location(""))
+        self._nodes: list[tuple[tuple[str, ...], Location]] = []
+        self._includes = 0
+        self._remaps: list[tuple[str, str, Location]] = []
 
     def read(self, path: Path, shown: str, arguments: Mapping[str, str]) -> Space | None:
-        """The namespace of the move_base node; None without one."""
-        used = set(arguments)
+        """Return the namespace of the move_base node; None if there is no such node or the file cannot be read."""
         root = self._parse(path, shown)
         if root is None:
             return None
         scope = _Scope(path, shown, passed=arguments)
         self._children(root, scope)
-        for name in sorted(used - scope.arguments.keys()):
-            at = Location(shown)
-            self.say(
-                "warning",
-                "launch",
-                at,
-                f"this launch file has no argument {name}; {name}:={arguments[name]} has no effect",
-            )
-        if not self.nodes:
-            self.say(
-                "error",
-                "launch",
-                Location(shown),
-                "this launch file starts no move_base node; name the launch file that does",
-            )
+        self._report(shown, [name for name in arguments if name not in scope.arguments], arguments)
+        if not self._nodes:
             return None
-        if len(self.nodes) > 1:
-            names = ", ".join("/".join(n) for n, _ in self.nodes)
-            at = self.nodes[1][1]
-            self.say("warning", "launch", at, f"there are several move_base nodes ({names}); the first is loaded")
-        for source, target, at in self.remaps:
-            message = f"the topic {source} is remapped to {target}; topics are taken here as the YAML writes them"
-            self.say("info", "remap", at, message)
-        space: Space | None = self.server
-        for name in self.nodes[0][0]:
+        space: Space | None = self._server
+        for name in self._nodes[0][0]:
             space = space.space(name) if space is not None else None
         return space or Space("", Location(shown))
 
-    def say(self, severity: Severity, rule: str, at: Location, message: str) -> None:
-        """Adds a finding about the launch file."""
+    def _report(self, shown: str, unused: list[str], arguments: Mapping[str, str]) -> None:
+        at = Location(shown)
+        for name in sorted(unused):
+            message = f"{name}:={arguments[name]} has no effect: the launch file has no argument {name}; remove it"
+            self.add_finding("warning", "launch", at, message)
+        if not self._nodes:
+            message = "the launch file starts no move_base node; name the launch file that starts it"
+            self.add_finding("error", "launch", at, message)
+            return
+        if len(self._nodes) > 1:
+            names = ", ".join("/".join(n) for n, _ in self._nodes)
+            message = f"the launch file starts several move_base nodes ({names}); the first one is loaded"
+            self.add_finding("warning", "launch", self._nodes[1][1], message)
+        for source, target, there in self._remaps:
+            message = (
+                f"the remapping of the topic {source} to {target} is ignored; topics are used as written in the YAML"
+            )
+            self.add_finding("info", "remap", there, message)
+
+    def add_finding(self, severity: Severity, rule: str, at: Location, message: str) -> None:
+        """Add a finding about the launch file."""
         self.findings.append(finding(severity, rule, at, "", message))
 
-    # --- XML --------------------------------------------------------------------------------------------------------
-
     def _parse(self, path: Path, shown: str) -> Element | None:
-        if exists(path) and not path.is_file():
-            self.say("error", "cannot-read", Location(shown), f"{shown} is no file; name a launch file")
-            return None
         try:
-            with path.open("rb") as stream:
-                data = stream.read(MAX_BYTES + 1)
-        except OSError as exc:
-            self.say("error", "cannot-read", Location(shown), f"{shown} cannot be read: {exc.strerror or exc}")
-            return None
+            root = read_launch_xml(path, shown)
+        except RejectedLaunchFileError as exc:
+            self.add_finding("error", exc.rule, exc.at, exc.message)
+            root = None
+            if exc.rule == "cannot-read":
+                return None
         self.files.append(shown)
-        if len(data) > MAX_BYTES:
-            self.say("error", "too-large", Location(shown), f"{shown} is larger than 1 MB: this is no launch file")
-            return None
-        root = Element("", {}, 1, 1)
-        stack = [root]
-        parser = expat.ParserCreate()
+        return root
 
-        def start(tag: str, attributes: dict[str, str]) -> None:
-            if len(stack) > MAX_INCLUDES:
-                raise _Stop("more than 50 levels deep")
-            made = Element(tag, attributes, parser.CurrentLineNumber, parser.CurrentColumnNumber + 1)
-            stack[-1].children.append(made)
-            stack.append(made)
-
-        def text(data: str) -> None:
-            top = stack[-1]
-            if not top.text:
-                top.text_line = parser.CurrentLineNumber
-            top.text += data
-
-        def refuse(*_: Any) -> None:
-            raise _Stop("a document type or entity is declared, which launch files do not need")
-
-        parser.buffer_text = True
-        parser.StartElementHandler = start
-        parser.EndElementHandler = lambda _: stack.pop()
-        parser.CharacterDataHandler = text
-        parser.StartDoctypeDeclHandler = refuse
-        try:
-            parser.Parse(data, True)
-        except expat.ExpatError as exc:
-            at = Location(shown, exc.lineno, exc.offset + 1)
-            self.say("error", "xml", at, f"this is not XML: {expat.errors.messages[exc.code]}")
-            return None
-        except _Stop as exc:
-            at = Location(shown, parser.CurrentLineNumber, parser.CurrentColumnNumber + 1)
-            self.say("error", "xml", at, f"{shown} is refused: {exc}")
-            return None
-        except (ValueError, LookupError) as exc:
-            self.say("error", "xml", Location(shown), f"{shown} cannot be read as XML: {exc}")
-            return None
-        top = root.children[0]
-        if top.tag != "launch":
-            at = Location(shown, top.line, top.column)
-            self.say("error", "xml", at, f"the file holds <{top.tag}>, not <launch>: it is no launch file")
-            return None
-        return top
-
-    # --- elements ---------------------------------------------------------------------------------------------------
+    # --- elements -----------------------------------------------------------------------------------------------------
 
     def _children(self, element: Element, scope: _Scope) -> None:
         for child in element.children:
             try:
-                if self._wanted(child, scope):
+                if self._is_active(child, scope):
                     self._element(child, scope)
-            except _Stop:
+            except _SkipElement:
                 continue
 
     def _element(self, element: Element, scope: _Scope) -> None:
@@ -190,15 +116,11 @@ class LaunchReader:
             case "arg":
                 self._arg(element, scope)
             case "group":
-                inner = _Scope(
-                    scope.path,
-                    scope.shown,
-                    self._namespace(element, scope),
-                    dict(scope.arguments),
-                    scope.passed,
-                    scope.private,
+                namespace = self._namespace(element, scope)
+                arguments = dict(scope.arguments)
+                self._children(
+                    element, _Scope(scope.path, scope.shown, namespace, arguments, scope.passed, scope.private)
                 )
-                self._children(element, inner)
             case "include":
                 self._include(element, scope)
             case "node":
@@ -210,33 +132,45 @@ class LaunchReader:
             case "remap":
                 source, target = self._get(element, "from", scope), self._get(element, "to", scope)
                 if scope.private is not None and source.strip("/") != target.strip("/"):
-                    self.remaps.append((source, target, self._at(element, scope)))
+                    self._remaps.append((source, target, self._at(element, scope)))
             case _:
                 pass
 
     def _at(self, element: Element, scope: _Scope) -> Location:
         return Location(scope.shown, element.line, element.column)
 
-    def _wanted(self, element: Element, scope: _Scope) -> bool:
-        for name, meant in (("if", True), ("unless", False)):
+    def _is_active(self, element: Element, scope: _Scope) -> bool:
+        """Evaluate `if` and `unless`."""
+        for name, wanted in (("if", True), ("unless", False)):
             if name not in element.attributes:
                 continue
             value = self._get(element, name, scope).strip().lower()
             if value not in ("true", "false", "1", "0"):
-                message = f'{name}="{value}" of <{element.tag}> is neither true nor false; the element is left out'
-                self.say("error", "launch", self._at(element, scope), message)
+                message = (
+                    f'{name}="{value}" of <{element.tag}> is neither true nor false, so the element is skipped; write true '
+                    "or false"
+                )
+                self.add_finding("error", "launch", self._at(element, scope), message)
                 return False
-            if (value in ("true", "1")) is not meant:
+            if (value in ("true", "1")) is not wanted:
                 return False
         return True
 
     def _get(self, element: Element, name: str, scope: _Scope, default: str | None = None) -> str:
-        """An attribute, substitutions made."""
+        """An attribute after substitution."""
         value = element.attributes.get(name, default)
         if value is None:
-            self.say("error", "launch", self._at(element, scope), f"<{element.tag}> needs the attribute {name}")
-            raise _Stop
+            message = f"<{element.tag}> lacks the attribute {name}; add it"
+            self.add_finding("error", "launch", self._at(element, scope), message)
+            raise _SkipElement
         return self._substitute(value, element, scope)
+
+    def _substitute(self, text: str, element: Element, scope: _Scope) -> str:
+        try:
+            return substitute(text, scope.arguments, scope.path.parent)
+        except ValueError as exc:
+            self.add_finding("error", "launch", self._at(element, scope), str(exc))
+            raise _SkipElement from exc
 
     def _namespace(self, element: Element, scope: _Scope) -> tuple[str, ...]:
         text = self._get(element, "ns", scope, "")
@@ -253,34 +187,40 @@ class LaunchReader:
             scope.arguments[name] = self._get(element, "default", scope)
 
     def _include(self, element: Element, scope: _Scope) -> None:
-        quiet = len(self.findings)
+        before = len(self.findings)
         try:
             text = self._get(element, "file", scope)
-        except _Stop:
-            del self.findings[quiet:]
+        except _SkipElement:
+            del self.findings[before:]
             text = ""
-        path = self._find(text, scope) if text else None
+        path = find_file(text, scope.path) if text else None
         if path is None:
-            what = text or element.attributes.get("file", "")
-            self.say("info", "launch", self._at(element, scope), f"{what} is not here; what it includes is left out")
+            name = text or element.attributes.get("file", "")
+            message = f"{name} was not found, so its include is skipped"
+            self.add_finding("info", "launch", self._at(element, scope), message)
             return
-        self.includes += 1
-        if self.includes > MAX_INCLUDES:
-            message = f"more than {MAX_INCLUDES} files are included: the files include each other"
-            self.say("error", "launch", self._at(element, scope), message)
+        self._includes += 1
+        if self._includes > MAX_INCLUDES:
+            message = f"more than {MAX_INCLUDES} files are included, so the files probably include each other; remove the cycle"
+            self.add_finding("error", "launch", self._at(element, scope), message)
             return
+        passed = self._passed(element, scope)
+        shown = _shown_name(scope, path)
+        root = self._parse(path, shown)
+        if root is not None:
+            self._children(root, _Scope(path, shown, self._namespace(element, scope), passed=passed))
+
+    def _passed(self, element: Element, scope: _Scope) -> dict[str, str]:
+        """The arguments that an include passes on."""
         passed = dict(scope.arguments) if element.attributes.get("pass_all_args") == "true" else {}
         inner = _Scope(scope.path, scope.shown, scope.namespace, dict(scope.arguments))
         for child in element.children:
-            if child.tag == "arg" and self._wanted(child, scope):
+            if child.tag == "arg" and self._is_active(child, scope):
                 self._arg(child, inner)
                 name = child.attributes.get("name", "")
                 if name in inner.arguments:
                     passed[name] = inner.arguments[name]
-        shown = _beside(scope, path)
-        root = self._parse(path, shown)
-        if root is not None:
-            self._children(root, _Scope(path, shown, self._namespace(element, scope), passed=passed))
+        return passed
 
     def _node(self, element: Element, scope: _Scope) -> None:
         kind = element.attributes.get("type", "")
@@ -289,21 +229,24 @@ class LaunchReader:
             return
         name = self._get(element, "name", scope)
         private = (*self._namespace(element, scope), *parts_of(name))
-        self.nodes.append((private, self._at(element, scope)))
+        self._nodes.append((private, self._at(element, scope)))
         self._children(element, _Scope(scope.path, scope.shown, private, dict(scope.arguments), scope.passed, private))
 
+    # --- parameters ---------------------------------------------------------------------------------------------------
+
     def _target(self, element: Element, scope: _Scope, name: str) -> tuple[tuple[str, ...], str]:
-        """The namespace and last name of a parameter."""
+        """The namespace and the last name of a parameter."""
         names = parts_of(name.removeprefix("~"))
         if not names:
-            self.say("error", "launch", self._at(element, scope), f'"{name}" is no parameter name')
-            raise _Stop
+            message = f'name = "{name}" is not a parameter name; correct it'
+            self.add_finding("error", "launch", self._at(element, scope), message)
+            raise _SkipElement
         if name.startswith("/"):
             return tuple(names[:-1]), names[-1]
         return (*self._namespace(element, scope), *names[:-1]), names[-1]
 
     def _space(self, names: tuple[str, ...], at: Location) -> Space:
-        space = self.server
+        space = self._server
         for name in names:
             space = descend(space, name, at, self.findings)
         return space
@@ -311,20 +254,21 @@ class LaunchReader:
     def _param(self, element: Element, scope: _Scope) -> None:
         at = self._at(element, scope)
         name = self._get(element, "name", scope)
-        for unread in ("textfile", "binfile", "command"):
-            if unread in element.attributes:
-                self.say("info", "launch", at, f"{name} comes from {unread}=, which is not read here")
+        for source in ("textfile", "binfile", "command"):
+            if source in element.attributes:
+                self.add_finding("info", "launch", at, f"{name} is ignored because {source}= is not supported")
                 return
         text = self._get(element, "value", scope)
+        kind = element.attributes.get("type", "auto")
         try:
-            value = _typed(text, element.attributes.get("type", "auto"))
+            value = param_value(text, kind)
         except ValueError:
-            kind = element.attributes["type"]
-            self.say("error", "launch", at, f'{name} = "{text}" is not of its type {kind}; correct one of them')
+            message = f'{name} = "{text}" does not have its type {kind}; correct the value or the type'
+            self.add_finding("error", "launch", at, message)
             return
         namespace, last = self._target(element, scope, name)
         node: Node = ScalarNode(value, at, isinstance(value, str), text)
-        if element.attributes.get("type") == "yaml":
+        if kind == "yaml":
             made, findings = parse_value(text, scope.shown)
             self.findings += findings
             if made is None:
@@ -335,8 +279,7 @@ class LaunchReader:
 
     def _rosparam(self, element: Element, scope: _Scope) -> None:
         at = self._at(element, scope)
-        command = self._get(element, "command", scope, "load")
-        if command != "load":
+        if self._get(element, "command", scope, "load") != "load":
             return
         root = self._rosparam_content(element, scope)
         name = self._get(element, "param", scope, "")
@@ -348,96 +291,42 @@ class LaunchReader:
         if isinstance(root, DictNode):
             overlay(self._space(self._namespace(element, scope), at), root, self.findings)
         elif root is not None and not (isinstance(root, ScalarNode) and root.value is None):
-            self.say("error", "launch", root.at, "this is one value, not `name: value` lines; say whose with param=")
+            message = "<rosparam> contains one value instead of `name: value` lines; name its parameter with param="
+            self.add_finding("error", "launch", root.at, message)
 
     def _rosparam_content(self, element: Element, scope: _Scope) -> Node | None:
         fill = element.attributes.get("subst_value", "false").lower() in ("true", "1")
-        at = self._at(element, scope)
         if "file" in element.attributes:
-            text = self._get(element, "file", scope)
-            path = self._find(text, scope)
-            if path is None:
-                message = f"{text} is not here; put it beside the launch file, under its package's name"
-                self.say("error", "launch", at, message)
-                return None
-            shown = _beside(scope, path)
-            if not fill:
-                read = read_yaml(path, shown)
-                self.findings += read.findings
-                self.files.append(shown)
-                return read.root
-            content = path.read_bytes()[: MAX_BYTES + 1].decode("utf-8-sig", "replace")
+            return self._rosparam_file(element, scope, fill)
+        text = self._substitute(element.text, element, scope) if fill else element.text
+        # keeps the line numbers of the launch file
+        return self._yaml("\n" * (element.text_line - 1) + text, scope.shown)
+
+    def _rosparam_file(self, element: Element, scope: _Scope, fill: bool) -> Node | None:
+        text = self._get(element, "file", scope)
+        path = find_file(text, scope.path)
+        if path is None:
+            message = f"{text} was not found; place it next to the launch file, in a folder named like its package"
+            self.add_finding("error", "launch", self._at(element, scope), message)
+            return None
+        shown = _shown_name(scope, path)
+        if not fill:
+            read = read_yaml(path, shown)
+            self.findings += read.findings
             self.files.append(shown)
-            node, findings = parse_value(self._substitute(content, element, scope), shown)
-            self.findings += findings
-            return node
-        content = "\n" * (element.text_line - 1) + (
-            self._substitute(element.text, element, scope) if fill else element.text
-        )
-        node, findings = parse_value(content, scope.shown)
+            return read.root
+        content = path.read_bytes()[: MAX_BYTES + 1].decode("utf-8-sig", "replace")
+        self.files.append(shown)
+        return self._yaml(self._substitute(content, element, scope), shown)
+
+    def _yaml(self, text: str, shown: str) -> Node | None:
+        node, findings = parse_value(text, shown)
         self.findings += findings
         return node
 
-    # --- substitution -----------------------------------------------------------------------------------------------
 
-    def _substitute(self, text: str, element: Element, scope: _Scope) -> str:
-        def value(found: re.Match[str]) -> str:
-            command, rest = found[1], found[2].split()
-            match command, rest:
-                case "arg", [name]:
-                    if name in scope.arguments:
-                        return scope.arguments[name]
-                    problem = f"the argument {name} has no value; give it with {name}:=VALUE beside the launch file"
-                case "find", [_]:
-                    return found[0]
-                case "env", [name]:
-                    if name in os.environ:
-                        return os.environ[name]
-                    problem = f"the environment variable {name} is not set"
-                case "optenv", [name, *default]:
-                    return os.environ.get(name, " ".join(default))
-                case "anon", [name]:
-                    return name
-                case "dirname", []:
-                    return str(scope.path.parent)
-                case _:
-                    problem = f"{found[0]} is not evaluated here; write its value"
-            self.say("error", "launch", self._at(element, scope), problem)
-            raise _Stop
-
-        return _SUBSTITUTION.sub(value, text)
-
-    def _find(self, text: str, scope: _Scope) -> Path | None:
-        """The file meant; `$(find package)` is looked for in the folders above the launch file."""
-        found = _SUBSTITUTION.match(text)
-        if found is None or found[1] != "find":
-            path = Path(text)
-            path = path if path.is_absolute() else scope.path.parent / path
-            return path if is_file(path) else None
-        package = found[2].strip()
-        rest = parts_of(text[found.end() :])
-        for path in _candidates(scope.path, package, rest):
-            if is_file(path):
-                return path
-        return None
-
-
-def _candidates(launch: Path, package: str, rest: list[str]) -> Iterator[Path]:
-    """Places of `$(find package)/rest`: a workspace's layout first, then ones with folders left out."""
-    folders = [launch.resolve().parent, *launch.resolve().parent.parents][:FOLDERS_UP]
-    for folder in folders:
-        yield folder.joinpath(package, *rest)
-        yield folder.joinpath(*rest)
-    # exported flat: package__launch__include__move_base.launch
-    yield folders[0] / "__".join([package, *rest])
-    for skipped in range(1, len(rest)):
-        for folder in folders[: FOLDERS_UP - 2]:
-            yield folder.joinpath(package, *rest[skipped:])
-            yield folder.joinpath(*rest[skipped:])
-
-
-def _beside(scope: _Scope, path: Path) -> str:
-    """A file's name for messages, relative as the launch file's was."""
+def _shown_name(scope: _Scope, path: Path) -> str:
+    """The name of a file in messages, relative if the launch file's is."""
     shown = Path(scope.shown)
     if shown.is_absolute():
         return str(path)
@@ -445,30 +334,3 @@ def _beside(scope: _Scope, path: Path) -> str:
         return os.path.relpath(path)
     except ValueError:
         return str(path)
-
-
-def _typed(text: str, kind: str) -> Any:
-    """A `<param>`'s value, as roslaunch converts it; raises ValueError."""
-    match kind:
-        case "str" | "string" | "yaml":
-            return text
-        case "int":
-            return int(text)
-        case "double":
-            return float(text)
-        case "bool" | "boolean":
-            if text.strip().lower() in ("true", "1"):
-                return True
-            if text.strip().lower() in ("false", "0"):
-                return False
-            raise ValueError(text)
-        case "auto":
-            for convert in (int, float):
-                try:
-                    return convert(text)
-                except ValueError:
-                    continue
-            lowered = text.strip().lower()
-            return lowered == "true" if lowered in ("true", "false") else text
-        case _:
-            raise ValueError(text)

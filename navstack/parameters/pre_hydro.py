@@ -1,4 +1,4 @@
-"""Costmap parameters from before ROS Hydro: no `plugins`, everything at the costmap's own level.
+"""Convert costmap parameters from before ROS Hydro: without `plugins`, with all parameters at the costmap's own level.
 
 Source: costmap_2d/src/costmap_2d_ros.cpp, loadOldParameters.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from navstack.parameters.findings import Finding, Location, finding
 from navstack.parameters.tree import Leaf, Space
-from navstack.parameters.yaml_reader import DictNode, ListNode, Node, ScalarNode
+from navstack.parameters.yaml_nodes import DictNode, ListNode, Node, ScalarNode
 
 _VOXEL = ("origin_z", "z_resolution", "z_voxels", "mark_threshold", "unknown_threshold", "publish_voxel_map")
 _STATIC = ("map_topic", "unknown_cost_value", "lethal_cost_threshold")
@@ -16,7 +16,7 @@ _INFLATION = ("cost_scaling_factor", "inflation_radius")
 
 
 def convert_pre_hydro(costmap: Space, findings: list[Finding]) -> None:
-    """Makes the `plugins` of a costmap that has none and moves the old parameters into the layers' namespaces."""
+    """Add `plugins` to a costmap that has none and move the parameters into the namespaces of the layers."""
     if "plugins" in costmap.children:
         return
     static = _take_flag(costmap, "static_map")
@@ -42,10 +42,10 @@ def convert_pre_hydro(costmap: Space, findings: list[Finding]) -> None:
     at = costmap.at
     costmap.put("plugins", at, _plugin_list(layers, at))
     listed = ", ".join(name for name, _ in layers)
-    also = f", which take {', '.join(moved)} from it" if moved else ""
+    also = f", which use its {', '.join(moved)}" if moved else ""
     message = (
-        f"{costmap.path} has no `plugins`, so it is read as before ROS Hydro, with the layers {listed}{also}; "
-        "list the layers under `plugins` to say which"
+        f"{costmap.path} has no `plugins`, so it is converted as before ROS Hydro to the layers {listed}{also}; list the "
+        "layers under `plugins`"
     )
     findings.append(finding("info", "pre-hydro", at, costmap.path, message, "plugins"))
 
@@ -67,7 +67,7 @@ def _take_text(space: Space, name: str) -> str:
 
 
 def _move(costmap: Space, layer: str, names: tuple[str, ...], moved: list[str]) -> None:
-    """Parameters and namespaces, over what the layer's own namespace has."""
+    """Move parameters and namespaces into the layer's namespace, replacing those of the same name."""
     for name in names:
         child = costmap.children.pop(name, None)
         if child is None:

@@ -1,4 +1,4 @@
-"""The parameter server's tree: namespaces and values, each with the place it came from."""
+"""The tree of the parameter server: namespaces and values with their locations."""
 
 from __future__ import annotations
 
@@ -6,28 +6,28 @@ from collections.abc import Iterator
 from typing import Any
 
 from navstack.parameters.findings import Finding, Location, finding
-from navstack.parameters.yaml_reader import DictNode, Node, plain
+from navstack.parameters.yaml_nodes import DictNode, Node, plain
 
 COSTMAPS = ("global_costmap", "local_costmap")
 """The namespaces of move_base's two costmaps."""
 
 
 class Leaf:
-    """A parameter: a value that is no namespace."""
+    """A parameter."""
 
     __slots__ = ("at", "node", "path", "used")
 
     def __init__(self, path: str, at: Location, node: Node) -> None:
         self.path = path
         self.at = at
-        """Where its key stands."""
+        """Location of its key."""
         self.node = node
         self.used = False
-        """True once something read it, or something was said about it."""
+        """True if it was read or reported."""
 
     @property
     def value(self) -> Any:
-        """As Python values."""
+        """The value as Python objects."""
         return plain(self.node)
 
     @property
@@ -47,7 +47,7 @@ class Space:
         self.parent = parent
         self.children: dict[str, Leaf | Space] = {}
         self.used = False
-        """True once something took its parameters from here."""
+        """True if a model was read from it."""
 
     @property
     def name(self) -> str:
@@ -55,21 +55,21 @@ class Space:
         return self.path.rpartition("/")[2]
 
     def join(self, name: str) -> str:
-        """Path of a child."""
+        """Return the path of a child."""
         return f"{self.path}/{name}" if self.path else name
 
     def leaf(self, name: str) -> Leaf | None:
-        """The parameter of that name in this namespace."""
+        """Return the parameter `name` of this namespace."""
         found = self.children.get(name)
         return found if isinstance(found, Leaf) else None
 
     def space(self, name: str) -> Space | None:
-        """The namespace of that name in this one."""
+        """Return the namespace `name` in this one."""
         found = self.children.get(name)
         return found if isinstance(found, Space) else None
 
     def search(self, name: str) -> Leaf | None:
-        """The nearest parameter of that name here or in the enclosing namespaces (ROS searchParam)."""
+        """Return the nearest parameter `name` in this or the enclosing namespaces (ROS searchParam)."""
         at: Space | None = self
         while at is not None:
             found = at.leaf(name)
@@ -79,7 +79,7 @@ class Space:
         return None
 
     def leaves(self) -> Iterator[Leaf]:
-        """Every parameter at and below this namespace."""
+        """Yield every parameter in and below this namespace."""
         for child in self.children.values():
             if isinstance(child, Leaf):
                 yield child
@@ -87,7 +87,7 @@ class Space:
                 yield from child.leaves()
 
     def ensure(self, name: str, at: Location) -> Space:
-        """The namespace of that name, made where it is missing."""
+        """Return the namespace `name`, created if it does not exist."""
         found = self.children.get(name)
         if isinstance(found, Space):
             return found
@@ -96,34 +96,34 @@ class Space:
         return made
 
     def put(self, name: str, at: Location, node: Node) -> Leaf:
-        """Sets a parameter, replacing what was there."""
+        """Set a parameter, replacing a parameter or namespace of that name."""
         made = Leaf(self.join(name), at, node)
         self.children.pop(name, None)
         self.children[name] = made
         return made
 
     def as_node(self) -> DictNode:
-        """The tree as a mapping, with its places."""
+        """Return the tree as a mapping with locations."""
         return DictNode(
             {k: (c.at, c.node if isinstance(c, Leaf) else c.as_node()) for k, c in self.children.items()}, self.at
         )
 
     def as_dict(self) -> dict[str, Any]:
-        """The tree as plain dictionaries."""
+        """Return the tree as plain dictionaries."""
         return {k: (c.value if isinstance(c, Leaf) else c.as_dict()) for k, c in self.children.items()}
 
 
 def parts_of(key: str) -> list[str]:
-    """`/a//b/` -> a, b."""
+    """Split a name at its slashes: `/a//b/` -> a, b."""
     return [p for p in key.split("/") if p]
 
 
 def overlay(space: Space, node: DictNode, findings: list[Finding]) -> None:
-    """Lays a mapping over a namespace as roslaunch does: value by value, the later one wins; lists are replaced whole."""
+    """Merge a mapping into a namespace as roslaunch does: later values win, lists are replaced as a whole."""
     for key, (at, child) in node.items.items():
         names = parts_of(key)
         if not names:
-            message = f'the key "{key}" is no parameter name; give it one or remove it'
+            message = f'the key "{key}" is not a parameter name; rename or remove it'
             findings.append(finding("error", "no-name", at, space.join(key), message))
             continue
         into = space
@@ -133,20 +133,20 @@ def overlay(space: Space, node: DictNode, findings: list[Finding]) -> None:
 
 
 def descend(space: Space, name: str, at: Location, findings: list[Finding]) -> Space:
-    """The namespace `name` in `space`; a parameter of that name gives way, which is said."""
+    """Return the namespace `name` in `space`; a parameter of that name is dropped, with a finding."""
     found = space.leaf(name)
     if found is not None:
         if found.value is not None:
-            message = f"{found.path} is a namespace here and was a value before ({found.at}); the value is dropped, remove one"
+            message = f"{found.path} is a namespace here but a value before ({found.at}), which is dropped; remove one of them"
             findings.append(finding("warning", "namespace-over-value", at, found.path, message))
         del space.children[name]
     return space.ensure(name, at)
 
 
 def put(space: Space, name: str, at: Location, node: Node, findings: list[Finding]) -> None:
-    """Sets a parameter or lays a mapping over the namespace of that name."""
+    """Set a parameter, or merge a mapping into the namespace of that name."""
     if isinstance(node, DictNode):
-        # an empty mapping is a namespace without parameters, which the parameter server forgets
+        # an empty mapping is a namespace without parameters, which the parameter server does not keep
         overlay(descend(space, name, at, findings), node, findings)
         return
     found = space.space(name)
@@ -155,8 +155,8 @@ def put(space: Space, name: str, at: Location, node: Node, findings: list[Findin
             return
         if next(found.leaves(), None) is not None:
             message = (
-                f"{found.path} is a value here and was a namespace before ({found.at}); "
-                "what stood in the namespace is dropped, remove one"
+                f"{found.path} is a value here but a namespace before ({found.at}), which is dropped with its parameters; "
+                "remove one of them"
             )
             findings.append(finding("warning", "value-over-namespace", at, found.path, message))
     space.put(name, at, node)

@@ -5,11 +5,12 @@ Source: clear_costmap_recovery/src/clear_costmap_recovery.cpp.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import ClassVar, Literal
 
 from navstack.core import Bounds, RobotState
 from navstack.core.errors import ParameterError
+from navstack.core.parameter_checks import CheckContext, Issue
 from navstack.core.parameters import ParamModel, param
 from navstack.interfaces import (
     CostmapServer,
@@ -41,6 +42,21 @@ class ClearCostmapRecoveryParams(ParamModel):
         ros_differs='ROS\'s default ["obstacles"] matches no layer of most robots, and nothing is cleared; '
         "a name that matches no layer is an error here",
     )
+
+    def check(self, context: CheckContext) -> Iterator[Issue]:
+        """Yield layer names that no affected costmap has: the recovery would clear nothing (parity 18)."""
+        affected = [
+            c for c in context.costmaps if self.affected_maps == "both" or c.name.startswith(self.affected_maps)
+        ]
+        known = list(dict.fromkeys(layer.name for costmap in affected for layer in costmap.layers))
+        costmaps = " or ".join(costmap.name for costmap in affected)
+        for name in self.layer_names or ():
+            if name not in known:
+                message = (
+                    f'layer_names of {context.name} contains "{name}", which is not a layer of {costmaps}; use one of: '
+                    f"{', '.join(known) or 'none'}; or remove layer_names to clear every layer fed by sensors"
+                )
+                yield Issue("error", "no-such-layer", ("layer_names",), message)
 
 
 def _last_name(name: str) -> str:

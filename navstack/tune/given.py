@@ -20,7 +20,7 @@ from navstack.core.errors import InputError
 from navstack.core.files import exists
 from navstack.parameters.configuration import Configuration
 from navstack.parameters.findings import Location
-from navstack.parameters.unused import nearest
+from navstack.parameters.spelling import nearest
 from navstack.parameters.yaml_reader import DictNode, ListNode, Node, ScalarNode, plain, read_yaml, scalar
 from navstack.tune.ready_made import SPACES
 from navstack.tune.space import (

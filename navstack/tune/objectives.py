@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from navstack.core.errors import InputError
-from navstack.parameters.unused import nearest
+from navstack.parameters.spelling import nearest
 
 Outcomes = Sequence[Mapping[str, Any]]
 """Runs as `RunOutcome.as_dict` tells them."""

@@ -9,7 +9,7 @@ from typing import Any
 from navstack.core.errors import InputError
 from navstack.parameters.configuration import Configuration, load_configuration
 from navstack.parameters.sources import Source
-from navstack.parameters.unused import nearest
+from navstack.parameters.spelling import nearest
 from navstack.tune.courses import Course
 from navstack.tune.given import search_space
 from navstack.tune.scenarios import Place, course_of, read_place

@@ -12,10 +12,10 @@ from pydantic.fields import FieldInfo
 
 from navstack.core.errors import InputError
 from navstack.core.parameters import ParamModel
-from navstack.parameters.binding import bounds_of
 from navstack.parameters.configuration import Configuration
+from navstack.parameters.model_fields import bounds_of
 from navstack.parameters.report import Parameter, parameters_of
-from navstack.parameters.unused import nearest
+from navstack.parameters.spelling import nearest
 from navstack.tune import ready_made
 from navstack.tune.ready_made import Choice, Range
 

@@ -121,7 +121,7 @@ def test_allow_missing(robot: Path, capfd: pytest.CaptureFixture[str]) -> None:
     for command in (["check", "robot"], ["params", "show", "robot"], plan):
         assert run(command) == 2
         told = capfd.readouterr()
-        assert "or leave depth out by --allow-missing" in told.out + told.err
+        assert "or leave depth out with --allow-missing" in told.out + told.err
     assert run(["check", "robot", "--allow-missing"]) == 0
     assert run(["params", "show", "robot", "--allow-missing"]) == 0
     assert "depth" not in capfd.readouterr().out.partition("robot_radius")[2]

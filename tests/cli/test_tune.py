@@ -86,7 +86,7 @@ def test_wrong_input(
         (["--sampler", "annealing"], "choose tpe"),
         (["--held-out", "1"], "give a share from 0 to below 1"),
         (["--storage", "nonsense://x"], "cannot be used"),
-        (["--against", "nobody"], 'no file, folder or packaged set "nobody"'),
+        (["--against", "nobody"], '"nobody" is not a file, folder or packaged set'),
     ],
 )
 def test_wrong_tuning(tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], said: str) -> None:

@@ -281,8 +281,8 @@ def test_plan_leaves_out_what_is_missing_only_when_told(navstack, tmp_path: Path
 @pytest.mark.parametrize(
     ("text", "match"),
     [
-        ("map: office\nstart: [0.8, 7.45\ngoals: [[2, 7.45]]\n", "3:6: this is not YAML"),
-        ("map: office\n\tstart: [0.8, 7.45]\n", "2:1: a tab stands here"),
+        ("map: office\nstart: [0.8, 7.45\ngoals: [[2, 7.45]]\n", "3:6: invalid YAML"),
+        ("map: office\n\tstart: [0.8, 7.45]\n", "2:1: the line contains a tab"),
         ("start: [0.8, 7.45]\ngaols: [[2, 7.45]]\n", 'a.yaml:2:1: a scenario has no key "gaols"; did you mean goals?'),
         ("", "a.yaml:1:1: map is missing"),
         (

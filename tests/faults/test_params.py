@@ -12,13 +12,13 @@ from navstack.parameters import packaged_folder
 from navstack.parameters.configuration import check_parameters, load_configuration
 
 FILES = {
-    "missing": (None, "no file, folder or packaged set"),
+    "missing": (None, "not a file, folder or packaged set"),
     "empty plugin list entry": ("local_costmap:\n  plugins:\n    -\n", "entry 1"),
     "tab": ("local_costmap:\n\twidth: 3\n", "tab"),
     "list": ("- a\n", "name: value"),
     "word": ("turtlebot\n", "name: value"),
-    "unclosed": ("footprint: [[1, 2]\n", "not YAML"),
-    "number key": ("1: a\n", "name must be text"),
+    "unclosed": ("footprint: [[1, 2]\n", "invalid YAML"),
+    "number key": ("1: a\n", "parameter name must be text"),
     "python object": ("a: !!python/object/apply:os.system ['true']\n", "tag"),
     "two documents": ("a: 1\n---\nb: 1\n", "second document"),
     "typo in a type": ("local_costmap:\n  plugins: [{name: i, type: costmap_2d::InflatonLayer}]\n", "InflationLayer"),

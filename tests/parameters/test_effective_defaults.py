@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from navstack.core.parameters import ParamModel
-from navstack.parameters.binding import bounds_of, iter_names
+from navstack.parameters.model_fields import bounds_of, iter_names
 from navstack.parameters.models.costmap import CostmapParams
 from navstack.parameters.models.move_base import MoveBaseParams
 from navstack.parameters.report.schema import children_of

@@ -123,14 +123,14 @@ def test_remaps_and_several_nodes_are_noted(tmp_path: Path) -> None:
     ("body", "words"),
     [
         ("", "starts no move_base node"),
-        (NODE.format('<rosparam file="$(find nowhere)/x.yaml"/>'), "not here"),
+        (NODE.format('<rosparam file="$(find nowhere)/x.yaml"/>'), "not found"),
         (NODE.format('<param name="a"/>'), "value"),
-        (NODE.format('<param name="a" type="int" value="x"/>'), "not of its type int"),
-        (NODE.format('<param name="a" value="$(eval 1+1)"/>'), "not evaluated"),
+        (NODE.format('<param name="a" type="int" value="x"/>'), "type int"),
+        (NODE.format('<param name="a" value="$(eval 1+1)"/>'), "not supported"),
         (NODE.format('<param name="a" value="$(env NOT_SET_ANYWHERE)"/>'), "not set"),
         (NODE.format('<param name="a" value="1" if="maybe"/>'), "neither true nor false"),
         (NODE.format("<rosparam>[1, 2]</rosparam>"), "param="),
-        (NODE.format("<rosparam>a: [1</rosparam>"), "not YAML"),
+        (NODE.format("<rosparam>a: [1</rosparam>"), "invalid YAML"),
     ],
 )
 def test_launch_files_that_cannot_be_used(tmp_path: Path, body: str, words: str) -> None:
@@ -140,8 +140,8 @@ def test_launch_files_that_cannot_be_used(tmp_path: Path, body: str, words: str)
 def test_xml_that_cannot_be_read(tmp_path: Path) -> None:
     path = tmp_path / "a.launch"
     for text, words in (
-        ("<launch>", "not XML"),
-        ("", "not XML"),
+        ("<launch>", "invalid XML"),
+        ("", "invalid XML"),
         ("<robot/>", "<launch>"),
         ('<!DOCTYPE x [<!ENTITY a "b">]><launch>&a;</launch>', "document type"),
         ("<launch>" + "<group>" * 100, "levels deep"),

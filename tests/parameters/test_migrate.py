@@ -9,7 +9,7 @@ import pytest
 from navstack.core.errors import ParameterError
 from navstack.parameters.configuration import Configuration, load_configuration
 from navstack.parameters.report import Migration, migrate, same_parameters
-from navstack.parameters.report.migrate import WHOLE
+from navstack.parameters.report.migrate import SINGLE_FILE
 from tests.parameters.robots import name_of, robots
 
 ROBOTS = [["turtlebot"], *robots()]
@@ -59,6 +59,6 @@ def test_only_names_change_and_comments_stay(tmp_path: Path) -> None:
 
 def test_a_file_by_itself_becomes_one_of_values(tmp_path: Path) -> None:
     migration = migrate(["turtlebot"], overrides=["DWAPlannerROS/max_vel_x=0.3"])
-    assert list(migration.files) == [WHOLE]
+    assert list(migration.files) == [SINGLE_FILE]
     assert "command line" in migration.why_whole
     assert written(migration, tmp_path).local_planner.params.max_vel_x == 0.3

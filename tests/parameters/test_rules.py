@@ -31,9 +31,9 @@ def test_the_scoring_scale_of_before_2018() -> None:
     # noetic: goal and goal_front 2 * 24 a metre; 0.5 * 252 at the inscribed radius
     for number in (
         "is worth 48",
-        "horizon 24",
+        "horizon of 0.5 m 24",
         "costs 126",
-        "24 a metre against 6.3",
+        "24 per metre, 6.3 per obstacle",
         "divide occdist_scale by 10",
         "indigo",
     ):
@@ -50,7 +50,7 @@ def test_the_scoring_scale_of_trajectory_rollout_with_meter_scoring() -> None:
     weights = {"meter_scoring": True, "goal_distance_bias": 1.0, "path_distance_bias": 0.75, "occdist_scale": 0.1}
     rollout = {"base_local_planner": "base_local_planner/TrajectoryPlannerROS"}
     one = found("scoring-scale", **rollout, TrajectoryPlannerROS={**weights, "sim_time": 2.0, "max_vel_x": 0.5})
-    for number in ("is worth 1 ", "costs 25.2", "1 a metre against 1.26", "divide occdist_scale by 20"):
+    for number in ("is worth 1 ", "costs 25.2", "1 per metre, 1.26 per obstacle", "divide occdist_scale by 20"):
         assert number in one.message
     old = {**rollout, "TrajectoryPlannerROS": {**weights, "sim_time": 2.0, "max_vel_x": 0.5}}
     assert "scoring-scale" not in rules_of(**old, navstack={"ros_distro": "indigo"})
@@ -129,15 +129,18 @@ def test_rules_keep_quiet_when_a_source_could_not_be_read() -> None:
 
 
 def test_every_rule_has_its_page() -> None:
-    """RULES.md has a section for each rule and none for others."""
+    """rules.md has a section for each rule, declared by a plugin or for the whole robot, and none for others."""
     root = Path(__file__).parents[2]
-    code = (root / "navstack" / "parameters" / "rules.py").read_text(encoding="utf-8")
-    rules = set(re.findall(r'"(?:error|warning|info)",\s*"([a-z-]+)"', code))
+    files = [(root / "navstack" / "parameters" / "rules.py").read_text(encoding="utf-8")]
+    files += [p.read_text(encoding="utf-8") for p in (root / "navstack").rglob("*.py")]
+    rules = set(re.findall(r'"(?:error|warning|info)",\s*"([a-z-]+)"', files[0]))
+    for code in files:
+        rules |= set(re.findall(r'Issue\(\s*"(?:error|warning|info)",\s*"([a-z-]+)"', code))
     sections = re.findall(
         r"^## (.+)$", (root / "docs" / "reference" / "rules.md").read_text(encoding="utf-8"), re.MULTILINE
     )
     assert len(rules) >= 20
-    assert sorted(sections) == sorted(rules)
+    assert sorted(sections) == sorted([*rules, "Your own rules"])
 
 
 def test_no_samples_to_the_side_count_as_one() -> None:

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from navstack.parameters import parameter_sets, read_sources
-from navstack.parameters.sources import role_of
+from navstack.parameters import packaged_sets, read_sources
+from navstack.parameters.folders import role_of
 
 
 def write(folder: Path, **files: str) -> Path:
@@ -185,7 +185,7 @@ def test_sources_that_are_not_there(tmp_path: Path) -> None:
 
 
 def test_the_packaged_sets_are_complete() -> None:
-    assert "turtlebot" in parameter_sets()
+    assert "turtlebot" in packaged_sets()
     read = read_sources(["turtlebot"])
     assert [f for f in read.findings if f.severity != "info"] == []
     assert [Path(f).name for f in read.files] == [

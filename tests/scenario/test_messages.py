@@ -34,13 +34,13 @@ CASES = {
     "not yaml": (
         "map: office\nstart: [0.8, 7.4\n",
         (
-            "3:1: this is not YAML: while parsing a flow sequence did not find expected ',' or ']'; look at this line and the "
-            "one above (indentation, colons, brackets)"
+            "3:1: invalid YAML: while parsing a flow sequence did not find expected ',' or ']'; check indentation, colons and "
+            "brackets of this line and the one above"
         ),
     ),
     "a tab": (
         "map: office\nset:\n\tx: 1\n",
-        "3:1: a tab stands here, which YAML does not allow; replace the tabs of this line by spaces",
+        "3:1: the line contains a tab, which YAML does not allow; replace its tabs by spaces",
     ),
     "misspelt key": (GOOD + "sede: 3\n", '4:1: a scenario has no key "sede"; did you mean seed?'),
     "other word": (GOOD + "obstacles: []\n", '4:1: a scenario has no key "obstacles"; did you mean shapes?'),
@@ -60,7 +60,7 @@ CASES = {
     "foreign key": (GOOD + "colour: red\n", f'4:1: a scenario has no key "colour"; known keys: {KEYS}'),
     "key twice": (
         GOOD + "seed: 1\nseed: 2\n",
-        "5:1: seed is given twice (first on line 4), only the last counts; remove one",
+        "5:1: seed is set twice (first on line 4), and the second value is used; remove one of them",
     ),
     "map misspelt": (
         GOOD.replace("office\n", "offise\n"),
@@ -101,7 +101,7 @@ CASES = {
     ),
     "tour order": (
         "map: office\nstart: lounge\ntour: {order: sortd}\n",
-        '3:15: order = "sortd" is none of its values; write "given" or "sorted" or "random"',
+        '3:15: order = "sortd" is not a valid value; write "given" or "sorted" or "random"',
     ),
     "tour place": (
         "map: office\nstart: lounge\ntour: [kitchen, kitchn]\n",
@@ -125,21 +125,21 @@ CASES = {
         GOOD + "set: [a=1]\n",
         "4:6: set is a list; write `NAME: VALUE` lines, for example `DWAPlannerROS/max_vel_x: 0.4`",
     ),
-    "seed with a fraction": (GOOD + "seed: 1.5\n", "4:7: seed = 1.5 is a number; write a whole number"),
+    "seed with a fraction": (GOOD + "seed: 1.5\n", "4:7: seed = 1.5 is a number; write an integer"),
     "seed below 0": (
         GOOD + "seed: -1\n",
         "4:7: seed = -1 is out of range; it must be at least 0 and at most 9.22337e+18",
     ),
     "time limit 0": (
         GOOD + "time_limit: 0\n",
-        "4:13: time_limit = 0 is out of range; it must be over 0 and at most 1e+06 s",
+        "4:13: time_limit = 0 is out of range; it must be greater than 0 and at most 1e+06 s",
     ),
     "pause in words": (GOOD + "pause: soon\n", '4:8: pause = "soon" is text; write a number (s)'),
     "a truth value in quotes": (
         GOOD + "stop_on_failure: 'yes'\n",
         '4:18: stop_on_failure = "yes" is text; write true or false',
     ),
-    "distro": (GOOD + "distro: humble\n", '4:9: distro = "humble" is none of its values; write "noetic" or "indigo"'),
+    "distro": (GOOD + "distro: humble\n", '4:9: distro = "humble" is not a valid value; write "noetic" or "indigo"'),
     "success misspelt": (
         GOOD + "success: {max_tim: 9}\n",
         '4:11: success has no key "max_tim"; did you mean max_time?',
@@ -174,7 +174,7 @@ CASES = {
     ),
     "radius below 0": (
         GOOD + "shapes:\n  - {radius: -0.2, pose: [3, 7]}\n",
-        "5:14: radius = -0.2 is out of range; it must be over 0 m",
+        "5:14: radius = -0.2 is out of range; it must be greater than 0 m",
     ),
     "polygon that crosses itself": (
         GOOD + "shapes:\n  - {polygon: [[0, 0], [1, 1], [1, 0], [0, 1]]}\n",
@@ -190,7 +190,7 @@ CASES = {
     ),
     "track without points": (
         GOOD + "shapes:\n  - {radius: 0.2, motion: {kind: track}}\n",
-        "5:27: points is missing here; add `points: ...`",
+        "5:27: points is required; add `points: ...`",
     ),
     "door that closes first": (
         GOOD + "shapes:\n  - {segment: [[0, 0], [1, 0]], motion: {kind: door, open: [[5, 2]]}}\n",
@@ -229,7 +229,7 @@ CASES = {
     ),
     "parameter of a wrong type": (
         GOOD + "set: {controller_frequency: fast}\n",
-        '4:29: controller_frequency = "fast" is text; write a number (Hz); ROS would ignore it and use 20',
+        '4:29: controller_frequency = "fast" is text (ROS ignores it and uses 20); write a number (Hz)',
     ),
 }
 
@@ -262,7 +262,7 @@ def test_all_errors_are_in_one_message(tmp_path: Path, monkeypatch: pytest.Monke
 @pytest.mark.parametrize("name", ["missing.yaml", "."])
 def test_a_file_that_is_none(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(ScenarioError, match=r"cannot be read|is no file"):
+    with pytest.raises(ScenarioError, match=r"cannot be read|is not a file"):
         read_scenario(name)
 
 
@@ -283,7 +283,7 @@ def test_a_warning_about_parameters_names_the_place_in_the_scenario(
     Path("a.yaml").write_text(GOOD + "set: {DWAPlannerROS/max_vel_xx: 1}\n", encoding="utf-8")
     (said,) = (f for f in check_scenario("a.yaml") if f.severity == "warning")
     assert str(said) == (
-        "a.yaml:4:7: warning: DWAPlannerROS has no parameter max_vel_xx, so 1 has no effect; did you mean max_vel_x?"
+        "a.yaml:4:7: warning: max_vel_xx = 1 is not a parameter of DWAPlannerROS and has no effect; did you mean max_vel_x?"
     )
 
 
@@ -330,5 +330,5 @@ def test_the_scenarios_of_a_folder(tmp_path: Path) -> None:
     (tmp_path / "folder.yaml").mkdir()
     assert [spec.name for spec in scenarios_in(tmp_path)] == ["a", "b"]
     (tmp_path / "c.yaml").write_text(GOOD + "goals: [\n", encoding="utf-8")
-    with pytest.raises(ScenarioError, match=r"c\.yaml:5:1: this is not YAML"):
+    with pytest.raises(ScenarioError, match=r"c\.yaml:5:1: invalid YAML"):
         scenarios_in(tmp_path)

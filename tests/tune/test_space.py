@@ -130,7 +130,7 @@ WRONG_FILES = [
     ("DWAPlannerROS: {sim_time: {low: 1, high: 2, log: 3}}", "log is true or false"),
     ("DWAPlannerROS: {vx_samples: {choices: 3}}", "are a list"),
     ("DWAPlannerROS: {sim_tme: [1, 2]}", 'did you mean "DWAPlannerROS/sim_time"?'),
-    ("a: [", "this is not YAML"),
+    ("a: [", "invalid YAML"),
 ]
 
 

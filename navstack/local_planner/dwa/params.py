@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar
 
+from navstack.core.parameter_checks import CheckContext, Issue
 from navstack.core.parameters import ParamModel, PluginSpec, param
+from navstack.local_planner import parameter_checks as checks
 from navstack.local_planner.critics._weights import RosDistro
 from navstack.plugins import CRITICS
 
@@ -124,3 +126,40 @@ class DWAParams(ParamModel):
             if isinstance(name, str) and isinstance(kind, str) and kind in CRITICS:
                 found[name] = CRITICS.get(kind).cls.Params
         return found
+
+    def check(self, context: CheckContext) -> Iterator[Issue]:
+        """Yield what keeps the robot from moving, from stopping or from reaching its goal."""
+        yield from self._check_scoring_scale(context)
+        yield from checks.window_too_small(context, self.sim_time, self.max_vel_x, self.forward_point_distance)
+        yield from checks.updates_too_slow(context, self.max_vel_x)
+        if self.use_dwa:
+            yield from checks.cannot_start(
+                context, self.acc_lim_x, self.acc_lim_theta, self.min_vel_trans, self.min_vel_theta
+            )
+        yield from checks.stopping_time(self.acc_lim_x, self.max_vel_x, self.sim_time)
+        yield from checks.minimum_over_maximum(
+            [
+                ("min_vel_x", self.min_vel_x, "max_vel_x", self.max_vel_x),
+                ("min_vel_y", self.min_vel_y, "max_vel_y", self.max_vel_y),
+                ("min_vel_trans", self.min_vel_trans, "max_vel_trans", self.max_vel_trans),
+                ("min_vel_theta", self.min_vel_theta, "max_vel_theta", self.max_vel_theta),
+            ]
+        )
+        yield from checks.vy_samples_zero(self.vy_samples)
+        yield from checks.min_vel_trans_zero(self.min_vel_trans, self.min_vel_theta)
+        yield from checks.goal_tolerances(context, self.xy_goal_tolerance, self.yaw_goal_tolerance, self.min_vel_theta)
+
+    def _check_scoring_scale(self, context: CheckContext) -> Iterator[Issue]:
+        resolution = context.local_costmap.resolution
+        obstacle = self.occdist_scale * checks.INSCRIBED_COST
+        # the goal and goal_front critics both fall by a metre's worth
+        noetic, indigo = (2.0 * self.goal_distance_bias, obstacle), (self.goal_distance_bias, obstacle * resolution)
+        return checks.scoring_scale(
+            context,
+            horizon=self.sim_time * self.max_vel_x,
+            goal_distance_bias=self.goal_distance_bias,
+            occdist_scale=self.occdist_scale,
+            score=indigo if context.ros_distro == "indigo" else noetic,
+            indigo_score=indigo,
+            factor=1.0 / (2.0 * resolution),
+        )

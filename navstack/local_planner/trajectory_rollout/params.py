@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import ClassVar
 
 from pydantic import field_validator
 
+from navstack.core.parameter_checks import CheckContext, Issue
 from navstack.core.parameters import ParamModel, param
+from navstack.local_planner import parameter_checks as checks
 from navstack.local_planner.critics._weights import RosDistro
 
 
@@ -107,6 +109,38 @@ class TrajectoryPlannerParams(ParamModel):
     def _speeds(cls, value: str | list[float]) -> str | list[float]:
         y_speeds(value)
         return value
+
+    def check(self, context: CheckContext) -> Iterator[Issue]:
+        """Yield what keeps the robot from moving, from stopping or from reaching its goal."""
+        yield from self._check_scoring_scale(context)
+        yield from checks.window_too_small(context, self.sim_time, self.max_vel_x)
+        yield from checks.updates_too_slow(context, self.max_vel_x)
+        yield from checks.stopping_time(self.acc_lim_x, self.max_vel_x, self.sim_time)
+        yield from checks.minimum_over_maximum(
+            [
+                ("min_vel_x", self.min_vel_x, "max_vel_x", self.max_vel_x),
+                ("min_vel_theta", self.min_vel_theta, "max_vel_theta", self.max_vel_theta),
+            ]
+        )
+        yield from checks.goal_tolerances(context, self.xy_goal_tolerance, self.yaw_goal_tolerance, self.min_vel_theta)
+
+    def _check_scoring_scale(self, context: CheckContext) -> Iterator[Issue]:
+        resolution = context.local_costmap.resolution
+        obstacle = self.occdist_scale * checks.INSCRIBED_COST
+        # indigo scaled obstacles by the resolution with meter_scoring only; without it, distances count cells
+        if self.meter_scoring:
+            noetic, indigo = (self.goal_distance_bias, obstacle), (self.goal_distance_bias, obstacle * resolution)
+        else:
+            noetic = indigo = (self.goal_distance_bias / resolution, obstacle)
+        return checks.scoring_scale(
+            context,
+            horizon=self.sim_time * self.max_vel_x,
+            goal_distance_bias=self.goal_distance_bias,
+            occdist_scale=self.occdist_scale,
+            score=indigo if context.ros_distro == "indigo" else noetic,
+            indigo_score=indigo,
+            factor=1.0 / resolution,
+        )
 
 
 def y_speeds(value: str | Sequence[float]) -> list[float]:

@@ -1,6 +1,10 @@
-"""What parameters come to: every value of every component in use with its origin, and what is written from it.
+"""Report on parameters: the effective value and origin of each, as YAML; JSON schema, reference page, migration.
 
-`show` (YAML that loads back), `diff`, JSON Schema for editors, the reference of all parameters, today's names.
+- `parameters_of`: the effective parameters of a configuration; `as_yaml` and `as_dict` write them.
+- `same_parameters`: whether two configurations are equal.
+- `json_schema`: a schema of the YAML for editors.
+- `reference`: the reference page of all parameters (docs/reference/parameters.md).
+- `migrate`: the files of a robot with current parameter names.
 """
 
 from navstack.parameters.report.document import Parameter, as_dict, as_yaml, parameters_of, same_parameters

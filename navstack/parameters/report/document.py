@@ -1,4 +1,4 @@
-"""A configuration as a list of parameters, and as YAML that loads back to the same configuration."""
+"""The effective parameters of a configuration, and YAML that loads to the same configuration."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ import yaml
 from pydantic.fields import FieldInfo
 
 from navstack.core.parameters import ParamModel
-from navstack.parameters import Location
-from navstack.parameters.configuration import Configuration, CostmapConfiguration
+from navstack.parameters.configuration_types import Configuration, CostmapConfiguration
+from navstack.parameters.findings import Location
+from navstack.parameters.model_fields import unit_of
 from navstack.parameters.models.move_base import builtin_recoveries
-from navstack.parameters.yaml_reader import scalar
+from navstack.parameters.yaml_scalars import scalar
 
 _PLAIN = re.compile(r"[A-Za-z_][A-Za-z0-9_./-]*\Z")
 
@@ -24,23 +25,22 @@ class Parameter:
     """One parameter of a component in use."""
 
     name: str
-    """Full, below move_base: `local_costmap/inflation_layer/inflation_radius`."""
+    """Full name below move_base: `local_costmap/inflation_layer/inflation_radius`."""
     value: Any
-    """Plain Python values; None where it is not given and nothing stands in for it."""
+    """Effective value as plain Python objects; None if it is not set and has no default."""
     origin: Location | None
-    """Where the value was written; None: the default."""
+    """Location of the value; None for the default."""
     info: FieldInfo
     remark: str = ""
-    """Why it is not to be written again: something else decides it."""
+    """Why it is not written to YAML: something else decides its value."""
 
     @property
     def unit(self) -> str:
-        """`m/s`; empty for what has none."""
-        extra = self.info.json_schema_extra
-        return str(extra.get("unit") or "") if isinstance(extra, dict) else ""
+        """Unit, for example `m/s`; empty if it has none."""
+        return unit_of(self.info)
 
     @property
-    def told(self) -> str:
+    def origin_text(self) -> str:
         """`file:line`, or `default`."""
         if self.origin is None:
             return "default"
@@ -48,18 +48,18 @@ class Parameter:
 
 
 def parameters_of(configuration: Configuration) -> list[Parameter]:
-    """Every parameter of every component in use, component by component."""
+    """Return the effective parameters of every component in use, component by component."""
     return list(_all(configuration))
 
 
 def same_parameters(a: Configuration, b: Configuration) -> bool:
-    """True when both come to the same, wherever it was written."""
+    """Return True if all effective values are equal, wherever they were written."""
 
-    def core(c: Configuration) -> tuple[Any, ...]:
+    def values(c: Configuration) -> tuple[Any, ...]:
         planners = (c.global_planner, c.local_planner)
         return (c.move_base, c.global_costmap, c.local_costmap, planners, c.recoveries, c.navstack)
 
-    return core(a) == core(b)
+    return values(a) == values(b)
 
 
 def _all(c: Configuration) -> Iterator[Parameter]:
@@ -74,14 +74,14 @@ def _all(c: Configuration) -> Iterator[Parameter]:
     imposed: dict[str, dict[str, str]] = {}
     if c.move_base.recovery_behaviors is None:
         for spec, values in builtin_recoveries(c.move_base, c.local_costmap.footprint.circumscribed_radius):
-            imposed[spec.name] = dict.fromkeys(values, "set by move_base's built-in list of recoveries")
+            imposed[spec.name] = dict.fromkeys(values, "set by the built-in list of recoveries")
     for recovery in {r.namespace: r for r in c.recoveries}.values():
         yield from walk.model(recovery.params, recovery.namespace, imposed.get(recovery.name))
     yield from walk.model(c.navstack, "navstack")
 
 
 def _left_to_layers(costmap: CostmapConfiguration) -> dict[str, str]:
-    """Parameters that, written at the costmap's own level, would override a layer that has another value."""
+    """Parameters that would override a layer's different value if they were written at the costmap's level."""
     found: dict[str, str] = {}
     for layer in costmap.layers:
         for name in layer.params.FROM_PARENT & costmap.params.__class__.model_fields.keys():
@@ -95,13 +95,13 @@ class _Walk:
         self.origins = origins
 
     def model(self, params: ParamModel, path: str, remarks: Mapping[str, str] | None = None) -> Iterator[Parameter]:
-        """The parameters of a namespace, those of the namespaces below it last."""
+        """Yield the parameters of a namespace, those of the namespaces below it last."""
         below: list[tuple[str, ParamModel]] = []
         cls = type(params)
         for name, info in cls.model_fields.items():
             value: Any = getattr(params, name)
             if name in cls.FROM_NAVSTACK:
-                continue  # stands in the section `navstack`
+                continue  # listed in the section `navstack`
             full = f"{path}/{name}" if path else name
             if name == cls.CHILD_FIELD:
                 below += [(f"{path}/{child}" if path else child, made) for child, made in value.items()]
@@ -115,7 +115,7 @@ class _Walk:
 
 
 def plain_value(value: Any) -> Any:
-    """A field's value as YAML has it."""
+    """Convert a field's value to plain objects for YAML."""
     if isinstance(value, ParamModel):
         return {k: plain_value(v) for k, v in value}
     if isinstance(value, (list, tuple)):
@@ -127,7 +127,7 @@ def plain_value(value: Any) -> Any:
 
 
 def as_dict(parameters: Iterable[Parameter]) -> dict[str, Any]:
-    """By full name: value, unit, origin (None: the default) and remark, for JSON."""
+    """Return value, unit, origin (None: the default) and remark by full name, for JSON."""
     return {
         p.name: {
             "value": p.value,
@@ -140,9 +140,9 @@ def as_dict(parameters: Iterable[Parameter]) -> dict[str, Any]:
 
 
 def as_yaml(parameters: Sequence[Parameter], header: Sequence[str] = (), *, written_only: bool = False) -> str:
-    """One YAML file for move_base's namespace, the origin of every value behind it.
+    """Return one YAML file for move_base's namespace with the origin of every value in a comment.
 
-    Loaded, it gives the configuration it was made from. `written_only` leaves the defaults out.
+    Loading it gives the same configuration. `written_only` omits the defaults.
     """
     root: dict[str, Any] = {}
     for p in parameters:
@@ -166,14 +166,14 @@ def _write(tree: Mapping[str, Any], depth: int, lines: list[str]) -> None:
     for p, text in texts:
         first, newline, rest = text.partition("\n")
         remark = f"; {p.remark}" if p.remark else ""
-        lines.append(f"{pad}{first.ljust(width)}  # {_comment(p.told + remark)}")
+        lines.append(f"{pad}{first.ljust(width)}  # {_comment(p.origin_text + remark)}")
         lines += [pad + line for line in rest.split("\n")] if newline else []
     for key, below in tree.items():
         if isinstance(below, Parameter):
             continue
         if not depth:
             lines.append("")
-        # a namespace of nothing but comments would be a key without a value
+        # a namespace that contains only comments would be a key without a value
         lines.append(f"{pad}{text_of(key)}:" if _holds_value(below) else f"{pad}# {text_of(key)}:")
         _write(below, depth + 1, lines)
 
@@ -186,7 +186,7 @@ def _holds_value(tree: Mapping[str, Any]) -> bool:
 
 def _leaf(key: str, p: Parameter) -> str:
     if p.value is None:
-        return f"# {text_of(key)}: not given"
+        return f"# {text_of(key)}: not set"
     if p.remark:
         return f"# {text_of(key)}: {value_text(p.value)}"
     if isinstance(p.value, list) and any(isinstance(v, dict) for v in p.value):
@@ -195,7 +195,7 @@ def _leaf(key: str, p: Parameter) -> str:
 
 
 def value_text(value: Any) -> str:
-    """A value on one line of YAML."""
+    """Return a value as one line of YAML."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, (int, float)):
@@ -208,7 +208,7 @@ def value_text(value: Any) -> str:
 
 
 def text_of(text: str) -> str:
-    """A text in YAML: plain where it cannot be taken for anything else."""
+    """Return a text as YAML, quoted where a plain scalar would be ambiguous."""
     if _PLAIN.match(text) and scalar(text) == text:
         return text
     dumped: str = yaml.safe_dump(text, default_style='"', width=1_000_000)

@@ -1,7 +1,7 @@
-"""The same configuration with today's names.
+"""Write a robot's parameters with current names.
 
-Where only names are old, they alone are replaced in copies of the files: comments, order and layout stay. A layout that
-is old (before ROS Hydro), a launch file or a mapping is written as one file of the values given, without comments.
+Renamed keys are replaced in copies of the files, which keep their comments, order and layout. The layout from before ROS Hydro,
+launch files and mappings are written as one file that contains the values set, without comments.
 """
 
 from __future__ import annotations
@@ -10,24 +10,25 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from navstack.parameters import Finding, packaged_folder, packaged_sets, read_sources
 from navstack.parameters.configuration import Configuration, load_configuration
+from navstack.parameters.findings import Finding
 from navstack.parameters.report.document import as_yaml, parameters_of
+from navstack.parameters.sources import packaged_folder, packaged_sets, read_sources
 
-WHOLE = "move_base_params.yaml"
-"""Name of the one file, which a folder's loading takes for move_base's own."""
+SINGLE_FILE = "move_base_params.yaml"
+"""Name of the single file; in a folder it has the role of move_base's own parameters."""
 
 
 @dataclass(frozen=True, slots=True)
 class Migration:
-    """What is to be written."""
+    """The files to write."""
 
     files: dict[str, str]
-    """Name relative to the new folder -> text."""
+    """Path relative to the new folder -> text."""
     renamed: tuple[tuple[str, str], ...]
-    """Former name, today's name; by file and line."""
+    """Former and current names, sorted by file and line."""
     why_whole: str = ""
-    """Why it is one file without comments; empty where the files stay as they are."""
+    """Why there is a single file without comments; empty if the files keep their layout."""
 
 
 def migrate(
@@ -37,7 +38,7 @@ def migrate(
     distro: str | None = None,
     allow_missing: bool = False,
 ) -> Migration:
-    """Today's names for a folder, or for files that make one folder; raises ParameterError as load_configuration."""
+    """Return the files of a robot with current names; raise ParameterError as `load_configuration`."""
     configuration = load_configuration(sources, overrides=overrides, distro=distro, allow_missing=allow_missing)
     notes = {
         (f.file, f.line, f.column): f for f in configuration.findings if f.rule == "renamed" and f.severity == "info"
@@ -50,11 +51,9 @@ def migrate(
         files = _copies(sources[0], renames)
         if files is not None:
             return Migration(files, renamed)
-        why = "a renamed key is not written where it was read (an anchor, or a key in another file)"
-    text = as_yaml(
-        parameters_of(configuration), [f"{why}:", "the values that were given, where each stood"], written_only=True
-    )
-    return Migration({WHOLE: text}, renamed, why)
+        why = "a renamed key cannot be replaced in place (it is an anchor or a key of another file)"
+    text = as_yaml(parameters_of(configuration), [f"{why}:", "the values set, with their origins"], written_only=True)
+    return Migration({SINGLE_FILE: text}, renamed, why)
 
 
 def _old_name(f: Finding) -> str:
@@ -62,18 +61,18 @@ def _old_name(f: Finding) -> str:
 
 
 def _why_whole(sources: Sequence[str], configuration: Configuration, changed: bool) -> str:
-    """Why the files cannot be kept; empty where they can."""
+    """Why the files cannot be kept; empty if they can."""
     if any(f.rule == "pre-hydro" for f in configuration.findings):
-        return "the layout from before ROS Hydro became lists of layers"
+        return "the layout from before ROS Hydro was converted to lists of layers"
     if changed:
         return "values were changed on the command line"
     if len(sources) != 1 or not (Path(sources[0]).is_dir() or sources[0] in packaged_sets()):
-        return "not one folder of files"
+        return "the source is not a single folder"
     return ""
 
 
 def _copies(source: str, renames: Sequence[Finding]) -> dict[str, str] | None:
-    """The folder's loaded files with the keys replaced; None when a key is not where the finding says."""
+    """The loaded files of the folder with the keys replaced; None if a key is not at the location of its finding."""
     folder = packaged_folder(source) if source in packaged_sets() else Path(source)
     shown = source if source in packaged_sets() else source.rstrip("/") or "/"
     files: dict[str, str] = {}
@@ -81,7 +80,7 @@ def _copies(source: str, renames: Sequence[Finding]) -> dict[str, str] | None:
         relative = name.removeprefix(f"{shown}/")
         text = (folder / relative).read_bytes().decode("utf-8-sig")
         lines = text.splitlines(keepends=True)
-        # from the end, so that the places of what comes before stay right
+        # from the end, so that earlier locations stay valid
         for f in reversed([r for r in renames if r.file == name]):
             old, new = _old_name(f), str(f.suggestion)
             line = lines[f.line - 1]

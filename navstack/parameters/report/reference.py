@@ -1,4 +1,4 @@
-"""The reference of all parameters, as Markdown, from the models: what a user may write and what it means."""
+"""The reference page of all parameters, as Markdown generated from the models."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ from typing import Any, Literal, get_args, get_origin
 from pydantic.fields import FieldInfo
 
 from navstack.core.parameters import ParamModel
-from navstack.parameters.binding import bounds_of, nested_model
-from navstack.parameters.configuration import NavstackParams, layer_names, planner_namespaces
+from navstack.parameters.configuration_types import NavstackParams
+from navstack.parameters.model_fields import bounds_of, nested_model, unit_of
 from navstack.parameters.models.costmap import CostmapParams
 from navstack.parameters.models.move_base import MoveBaseParams
+from navstack.parameters.namespaces import layer_names, planner_namespaces
 from navstack.parameters.report.document import plain_value, value_text
 from navstack.parameters.report.schema import children_of
 from navstack.plugins import CRITICS, GLOBAL_PLANNERS, LAYERS, LOCAL_PLANNERS, RECOVERY_BEHAVIORS, PluginEntry
@@ -27,7 +28,7 @@ Where a name has changed, the former one is honoured, with a note. Layers stand 
 
 
 def reference() -> str:
-    """The whole document. Plugins of other packages are left out: they have their own."""
+    """Return the page. Plugins of other packages are omitted: they have their own documentation."""
     parts = [_HEAD, *_sections()]
     return "\n".join(part.strip("\n") + "\n" for part in parts)
 
@@ -35,22 +36,22 @@ def reference() -> str:
 def _sections() -> Iterator[str]:
     yield _section("move_base", "the root of the YAML", MoveBaseParams)
     yield _section("Costmap", "`global_costmap`, `local_costmap`", CostmapParams)
-    said: set[type[ParamModel]] = set()
+    listed: set[type[ParamModel]] = set()
     for entry in LAYERS:
         if entry.origin != "navstack":
             continue
-        yield _plugin("Layer", entry, f"`<costmap>/{layer_names(entry)[0]}`", said)
+        yield _plugin("Layer", entry, f"`<costmap>/{layer_names(entry)[0]}`", listed)
     for title, registry in (("Global planner", GLOBAL_PLANNERS), ("Local planner", LOCAL_PLANNERS)):
         for entry in registry:
             if entry.origin == "navstack":
-                yield _plugin(title, entry, f"`{planner_namespaces(entry)[0]}`", said)
+                yield _plugin(title, entry, f"`{planner_namespaces(entry)[0]}`", listed)
     for title, registry, where in (
         ("Critic", CRITICS, "`<planner>/<name>`"),
         ("Recovery behaviour", RECOVERY_BEHAVIORS, "`<name>`"),
     ):
         for entry in registry:
             if entry.origin == "navstack":
-                yield _plugin(title, entry, where, said)
+                yield _plugin(title, entry, where, listed)
     yield _section("navstack", "`navstack`, which ROS does not read", NavstackParams)
     for name, info in NavstackParams.model_fields.items():
         inner = nested_model(info)
@@ -61,19 +62,19 @@ def _sections() -> Iterator[str]:
             yield _section(f"navstack/{name}/{child}", f"`navstack/{name}/<name>`", model)
 
 
-def _plugin(kind: str, entry: PluginEntry[Any], where: str, said: set[type[ParamModel]]) -> str:
+def _plugin(kind: str, entry: PluginEntry[Any], where: str, listed: set[type[ParamModel]]) -> str:
     ros = ", ".join(f"`{a}`" for a in entry.aliases if "/" in a)
     model: type[ParamModel] = entry.cls.Params
     text = _section(f"{kind} {entry.name}", f"{where}{'; type ' + ros if ros else ''}", model)
     for child in dict.fromkeys(children_of(model).values()):
-        if child not in said:
-            said.add(child)
+        if child not in listed:
+            listed.add(child)
             text += "\n" + _section(f"{kind} {entry.name}: an observation source", f"{where[:-1]}/<source>`", child)
     return text
 
 
 def table_of(model: type[ParamModel]) -> list[str]:
-    """A model's fields as the lines of a table: name, default, unit, range, meaning. A field that is a model is left out."""
+    """Return the lines of a table of a model's fields: name, default, unit, range, meaning; nested models are omitted."""
     fields = {
         n: i
         for n, i in model.model_fields.items()
@@ -88,7 +89,7 @@ def table_of(model: type[ParamModel]) -> list[str]:
         meaning += "".join(f" *{text}*" for text in _lookups(model, name))
         if extra.get("ros_differs"):
             meaning += f"<br>**ROS differs:** {extra['ros_differs']}"
-        cells = (f"`{name}`", _default(info), str(extra.get("unit") or ""), range_of(info), meaning)
+        cells = (f"`{name}`", _default(info), unit_of(info), range_of(info), meaning)
         lines.append("| " + " | ".join(c.replace("|", "\\|") for c in cells) + " |")
     return lines
 

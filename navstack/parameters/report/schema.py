@@ -1,7 +1,7 @@
-"""JSON Schema (2020-12) of move_base's YAML, for editors: names, types, ranges and meanings while typing.
+"""JSON Schema (2020-12) of move_base's YAML, for completion and checks in editors.
 
-An editor knows more than the loader in one respect only: it cannot see which plugins a list names, so layers and
-recoveries are known by their usual names, and a namespace of another name is taken as it is.
+A schema cannot depend on the plugins that a list names: layers and recoveries are known by their usual names, and other
+namespaces are accepted unchecked.
 """
 
 from __future__ import annotations
@@ -12,18 +12,19 @@ from typing import Any
 from pydantic.json_schema import models_json_schema
 
 from navstack.core.parameters import ParamModel
-from navstack.parameters.configuration import NavstackParams, layer_names, planner_namespaces
+from navstack.parameters.configuration_types import NavstackParams
 from navstack.parameters.models.costmap import CostmapParams
 from navstack.parameters.models.move_base import MoveBaseParams, builtin_recoveries
+from navstack.parameters.namespaces import layer_names, planner_namespaces
 from navstack.parameters.tree import COSTMAPS
-from navstack.plugins import CRITICS, GLOBAL_PLANNERS, LAYERS, LOCAL_PLANNERS, RECOVERY_BEHAVIORS
+from navstack.plugins import GLOBAL_PLANNERS, LAYERS, LOCAL_PLANNERS, RECOVERY_BEHAVIORS, REGISTRIES
 
 Schema = dict[str, Any]
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 def json_schema() -> Schema:
-    """Schema of a file loaded into move_base's own namespace; `$defs` has one for each namespace below."""
+    """Return the schema of a file loaded into move_base's own namespace; `$defs` has one for each namespace below."""
     models = list(dict.fromkeys(m for m in _models()))
     refs, document = models_json_schema([(m, "validation") for m in models])
     defs: dict[str, Schema] = document["$defs"]
@@ -40,7 +41,7 @@ def json_schema() -> Schema:
         for name in layer_names(entry):
             layers.setdefault(name, []).append(of(entry.cls.Params))
     costmap["properties"] |= {n: s[0] if len(s) == 1 else {"anyOf": s} for n, s in layers.items()}
-    # a layer has the name its list gives it; values from before ROS Hydro stand at the costmap's own level
+    # layers may have any name; values from before ROS Hydro are at the costmap's own level
     costmap["additionalProperties"] = True
     root = defs.pop("MoveBaseParams")
     properties: Schema = root["properties"]
@@ -59,7 +60,7 @@ def json_schema() -> Schema:
 
 def _models() -> Iterator[type[ParamModel]]:
     yield from (MoveBaseParams, CostmapParams)
-    for registry in (LAYERS, GLOBAL_PLANNERS, LOCAL_PLANNERS, CRITICS, RECOVERY_BEHAVIORS):
+    for registry in REGISTRIES:
         for entry in registry:
             yield entry.cls.Params
             yield from children_of(entry.cls.Params).values()
@@ -71,7 +72,7 @@ def _models() -> Iterator[type[ParamModel]]:
 
 
 def children_of(model: type[ParamModel]) -> dict[str, type[ParamModel]]:
-    """The namespaces below a model's that its defaults make, or an observation source by the name `scan`."""
+    """Return the namespaces below a model's for its default values, with an observation source named `scan`."""
     values = {n: i.get_default(call_default_factory=True) for n, i in model.model_fields.items() if not i.is_required()}
     if "observation_sources" in values:
         values["observation_sources"] = "scan"
@@ -79,14 +80,14 @@ def children_of(model: type[ParamModel]) -> dict[str, type[ParamModel]]:
 
 
 def _as_written(schema: Schema, model: type[ParamModel], children: Mapping[str, Schema]) -> None:
-    """Makes pydantic's schema of a model that of its namespace in YAML."""
+    """Turn pydantic's schema of a model into that of its namespace in YAML."""
     properties: Schema = schema.setdefault("properties", {})
     for name in [n for n in properties if n == model.CHILD_FIELD or n in model.FROM_NAVSTACK]:
         del properties[name]
     for old, new in model.RENAMED.items():
         if new in properties:
             today = {k: v for k, v in properties[new].items() if k not in ("title", "default")}
-            properties[old] = {**today, "deprecated": True, "description": f"called {new} today"}
+            properties[old] = {**today, "deprecated": True, "description": f"former name of {new}"}
     for name, why in model.NO_EFFECT.items():
         properties.setdefault(name, {"deprecated": True, "description": f"no effect: {why}"})
     for one in properties.values():

@@ -12,8 +12,8 @@ from navstack.core.errors import InputError
 from navstack.core.parameters import ParamModel
 from navstack.parameters.binding import Binder
 from navstack.parameters.findings import Finding, Location, finding
+from navstack.parameters.spelling import nearest
 from navstack.parameters.tree import Space, overlay
-from navstack.parameters.unused import nearest
 from navstack.parameters.yaml_reader import DictNode, ListNode, Node, ScalarNode, read_yaml
 from navstack.places import Places, pose_of
 from navstack.scenario.file.models import Parts

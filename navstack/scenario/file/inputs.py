@@ -11,7 +11,7 @@ from navstack.map_io import map_names, map_path
 from navstack.parameters import packaged_sets
 from navstack.parameters.findings import Location
 from navstack.parameters.launch import launch_argument
-from navstack.parameters.unused import nearest
+from navstack.parameters.spelling import nearest
 from navstack.parameters.yaml_reader import DictNode, ListNode
 from navstack.places import load_places
 from navstack.scenario.file.context import ReadContext

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from navstack.core.parameters import ParamModel
-from navstack.parameters.unused import nearest
+from navstack.parameters.spelling import nearest
 from navstack.parameters.yaml_reader import DictNode, ListNode, Node, ScalarNode
 from navstack.scenario.file.context import ReadContext, describe
 from navstack.scenario.file.models import MOTIONS, Success

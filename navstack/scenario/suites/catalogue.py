@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Final, Literal
 
 from navstack.core.errors import InputError
-from navstack.parameters.unused import nearest
+from navstack.parameters.spelling import nearest
 from navstack.scenario.file.spec import ScenarioSpec, read_scenario
 from navstack.scenario.suites.barn_worlds import barn_scenarios
 from navstack.scenario.suites.generated import crowd_scenario, narrow_scenario, office_scenario

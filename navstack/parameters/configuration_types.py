@@ -1,0 +1,65 @@
+"""The typed result of loading parameters: move_base, both costmaps with their layers, planners, recoveries."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from navstack.core import Footprint
+from navstack.core.parameters import ParamModel, param
+from navstack.interfaces import GlobalPlanner, Layer, LocalPlanner, RecoveryBehavior
+from navstack.parameters.findings import Finding, Location
+from navstack.parameters.models.costmap import CostmapParams
+from navstack.parameters.models.move_base import MoveBaseParams
+from navstack.parameters.models.sim import SimParams
+from navstack.parameters.tree import Space
+from navstack.plugins import PluginChoice
+
+
+class NavstackParams(ParamModel):
+    """The `navstack:` section, which ROS does not read."""
+
+    ros_distro: Literal["noetic", "indigo"] = param(
+        "noetic",
+        "scoring scale that the planners' weights were tuned for: noetic, or indigo for weights from before 2018",
+    )
+    goal_time_limit: float = param(
+        0.0,
+        "time limit of a goal, counted from its acceptance; 0 = none, as in ROS",
+        unit="s",
+        ge=0.0,
+    )
+    sim: SimParams = param(SimParams(), "the simulated robot")
+
+
+@dataclass(frozen=True, slots=True)
+class CostmapConfiguration:
+    """Parameters of a costmap and its layers."""
+
+    params: CostmapParams
+    footprint: Footprint
+    """With the padding."""
+    true_footprint: Footprint
+    """Without the padding: used for collisions."""
+    layers: tuple[PluginChoice[Layer], ...]
+    """In the order in which they write."""
+
+
+@dataclass(frozen=True, slots=True)
+class Configuration:
+    """All parameters of a robot."""
+
+    move_base: MoveBaseParams
+    global_costmap: CostmapConfiguration
+    local_costmap: CostmapConfiguration
+    global_planner: PluginChoice[GlobalPlanner]
+    local_planner: PluginChoice[LocalPlanner]
+    recoveries: tuple[PluginChoice[RecoveryBehavior], ...]
+    navstack: NavstackParams
+    findings: tuple[Finding, ...]
+    """Warnings and infos, sorted by file and line."""
+    tree: Space = field(repr=False, compare=False)
+    """All parameters as loaded."""
+    origins: Mapping[str, Location] = field(repr=False, compare=False)
+    """Full name of a parameter (`DWAPlannerROS/max_vel_x`) -> location of its value; defaults are absent."""

@@ -1,0 +1,45 @@
+"""Planners and parameters that exist for move_base but not in navstack."""
+
+from __future__ import annotations
+
+FOREIGN_PLANNERS = {
+    "TrajectoryPlannerROS": "base_local_planner",
+    "TebLocalPlannerROS": "teb_local_planner",
+    "EBandPlannerROS": "eband_local_planner",
+    "DWBLocalPlanner": "dwb_local_planner",
+    "MIRPlannerROS": "mir_dwb",
+    "PoseFollower": "pose_follower",
+    "MpcLocalPlannerROS": "mpc_local_planner",
+    "PalLocalPlanner": "pal_local_planner",
+    "RegulatedPurePursuit": "regulated_pure_pursuit_controller",
+    "SBPLLatticePlanner": "sbpl_lattice_planner",
+    "CarrotPlanner": "carrot_planner",
+    "GlobalPlanner": "global_planner",
+    "NavfnROS": "navfn",
+    "DWAPlannerROS": "dwa_local_planner",
+    "GridBased": "nav2",
+}
+"""Namespaces of move_base's planners -> their packages."""
+
+FOREIGN_PARAMETERS = {
+    "teb_local_planner": frozenset(
+        {
+            "min_obstacle_dist",
+            "inflation_dist",
+            "include_costmap_obstacles",
+            "costmap_obstacles_behind_robot_dist",
+            "obstacle_poses_affected",
+            "costmap_converter_plugin",
+            "costmap_converter_spin_thread",
+            "costmap_converter_rate",
+            "weight_obstacle",
+            "weight_inflation",
+            "weight_kinematics_nh",
+            "weight_optimaltime",
+        }
+    ),
+}
+"""Package -> parameters that occur in the namespaces of other components."""
+
+REMOVED_PARAMETERS = {"planner_costmap_publish_frequency": "no component reads it any more (navfn removed it)"}
+"""Parameters of former releases that no component reads -> reason."""

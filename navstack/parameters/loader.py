@@ -1,0 +1,223 @@
+"""Sources of parameters -> typed configuration with all findings; errors do not stop the search for further errors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from navstack.interfaces import Layer, RecoveryBehavior
+from navstack.parameters.binding import Binder
+from navstack.parameters.catalogue import catalogue_of
+from navstack.parameters.configuration_types import Configuration, CostmapConfiguration, NavstackParams
+from navstack.parameters.findings import Finding, Location, finding, in_order
+from navstack.parameters.footprint import footprint_of
+from navstack.parameters.models.costmap import CostmapParams
+from navstack.parameters.models.move_base import MoveBaseParams, builtin_recoveries
+from navstack.parameters.namespaces import planner_namespaces, planner_space
+from navstack.parameters.plugin_lists import ListedPlugin, PluginLists, fixed_list, mark_used, short_type
+from navstack.parameters.pre_hydro import convert_pre_hydro
+from navstack.parameters.rules import check_rules
+from navstack.parameters.sources import Source, read_sources
+from navstack.parameters.tree import COSTMAPS, Space
+from navstack.parameters.unused import unused_parameters
+from navstack.parameters.yaml_nodes import ScalarNode
+from navstack.plugins import (
+    CRITICS,
+    GLOBAL_PLANNERS,
+    LAYERS,
+    LOCAL_PLANNERS,
+    RECOVERY_BEHAVIORS,
+    PluginChoice,
+    Registry,
+)
+
+
+class Loader:
+    """Loads one set of sources."""
+
+    def __init__(
+        self, sources: Sequence[Source], overrides: Sequence[str], distro: str | None, allow_missing: bool
+    ) -> None:
+        read = read_sources([sources] if isinstance(sources, str) else sources, overrides)
+        self.root = read.root
+        self.findings = read.findings
+        self.files = read.files
+        self.complete = not any(f.severity == "error" for f in read.findings)
+        """False if a source could not be read: rules about missing parameters would mislead."""
+        self.distro = distro
+        self.binder = Binder(self.findings)
+        self.plugins = PluginLists(self.binder, self.findings, allow_missing=allow_missing)
+
+    def load(self) -> tuple[Configuration | None, list[Finding]]:
+        """Return the configuration, None if it cannot be used, and all findings in order."""
+        configuration = self._load()
+        findings = in_order(self.findings)
+        if configuration is None:
+            return None, findings
+        return replace(configuration, findings=tuple(findings)), findings
+
+    def _load(self) -> Configuration | None:
+        if not self.root.children and not self.complete:
+            return None  # nothing was loaded: further findings would be consequences
+        navstack = self._navstack()
+        self.binder.navstack = {"ros_distro": navstack.ros_distro if navstack else "noetic"}
+        for name in COSTMAPS:
+            self._prepare_costmap(name)
+        parts: dict[str, Any] = {name: self._costmap(name) for name in COSTMAPS}
+        listed = self.plugins.read(self.root, "recovery_behaviors", RECOVERY_BEHAVIORS)
+        move_base: Any = self.binder.bind(
+            MoveBaseParams, self.root, fixed=fixed_list(self.root, "recovery_behaviors", listed)
+        )
+        parts["move_base"] = move_base
+        parts["global_planner"] = self._planner(GLOBAL_PLANNERS, "base_global_planner")
+        parts["local_planner"] = self._planner(LOCAL_PLANNERS, "base_local_planner")
+        parts["recoveries"] = self._recoveries(listed, move_base, parts["local_costmap"])
+        parts["navstack"] = navstack
+        self._check_unselected_planners()
+        configuration = None
+        if all(part is not None for part in parts.values()):
+            configuration = Configuration(**parts, findings=(), tree=self.root, origins=self.binder.origins)
+            if self.complete:
+                self.findings += check_rules(configuration)
+        self.findings += unused_parameters(self.root, self.binder, catalogue_of(self.binder))
+        return configuration
+
+    # --- parts --------------------------------------------------------------------------------------------------------
+
+    def _navstack(self) -> NavstackParams | None:
+        space = self.binder.child(self.root, "navstack")
+        nodes = None
+        if self.distro is not None:
+            at = Location("--distro")
+            nodes = {"ros_distro": (at, ScalarNode(self.distro, at, True, self.distro))}
+            leaf = space.leaf("ros_distro")
+            if leaf is not None:
+                leaf.used = True
+        params: Any = self.binder.bind(NavstackParams, space, nodes=nodes)
+        return params
+
+    def _prepare_costmap(self, name: str) -> None:
+        space = self.binder.child(self.root, name)
+        if self.root.children.get(name) is not space:
+            space.at = Location(self.files[0] if self.files else "")
+            self.root.children[name] = space
+        convert_pre_hydro(space, self.findings)
+
+    def _costmap(self, name: str) -> CostmapConfiguration | None:
+        space = self.root.ensure(name, self.root.at)
+        listed = self.plugins.read(space, "plugins", LAYERS)
+        params: Any = self.binder.bind(CostmapParams, space, fixed=fixed_list(space, "plugins", listed))
+        padding = params.footprint_padding if params is not None else 0.0
+        before = len(self.findings)
+        footprint = footprint_of(space, padding, self.findings)
+        # the footprint's own finding replaces the less specific ones of the model
+        reported = {f.key for f in self.findings[before:] if f.rule == "footprint"}
+        self.findings[:] = [f for f in self.findings if f.rule == "footprint" or f.key not in reported]
+        layers = self._layers(space, listed)
+        if params is None or footprint is None or layers is None:
+            return None
+        return CostmapConfiguration(params, footprint.padded, footprint.true, layers)
+
+    def _layers(self, space: Space, listed: list[ListedPlugin] | None) -> tuple[PluginChoice[Layer], ...] | None:
+        layers: list[PluginChoice[Layer]] = []
+        good = listed is not None
+        for plugin in listed or ():
+            entry = self.plugins.find(LAYERS, plugin)
+            if entry is None:
+                mark_used(space, plugin.name)
+                good = False
+                continue
+            params = self.binder.bind(entry.cls.Params, self.binder.child(space, plugin.name))
+            if params is None:
+                good = False
+                continue
+            layers.append(PluginChoice(plugin.name, entry.cls, params, f"{space.path}/{plugin.name}"))
+        return tuple(layers) if good else None
+
+    # --- planners -----------------------------------------------------------------------------------------------------
+
+    def _planner(self, registry: Registry[Any], key: str) -> PluginChoice[Any] | None:
+        leaf = self.root.leaf(key)
+        written = leaf.value if leaf is not None else MoveBaseParams.model_fields[key].default
+        if not isinstance(written, str):
+            return None  # its type is reported with move_base's other parameters
+        if leaf is None and written not in registry:
+            known = ", ".join(entry.ros_name for entry in registry)
+            message = (
+                f'{key} is not set, and the default of ROS, "{written}", is not available; set it to one of: {known}'
+            )
+            self.findings.append(finding("error", "unknown-plugin", Location(self._move_base_file()), key, message))
+            return None
+        entry = self.plugins.find(registry, ListedPlugin(key, written, leaf.node.at if leaf else self.root.at, key))
+        if entry is None:
+            mark_used(self.root, short_type(written))
+            return None
+        space = planner_space(self.root, entry, written)
+        if self.root.children.get(space.name) is not space:
+            space = self.binder.child(self.root, space.name)
+        fixed: dict[str, Any] | None = None
+        if "critics" in entry.cls.Params.model_fields:
+            listed = self.plugins.read(space, "critics", CRITICS)
+            known = [self.plugins.find(CRITICS, plugin) is not None for plugin in listed or ()]
+            fixed = fixed_list(space, "critics", listed if all(known) else None)
+        params: Any = self.binder.bind(entry.cls.Params, space, fixed=fixed)
+        return None if params is None else PluginChoice(entry.name, entry.cls, params, space.path)
+
+    def _move_base_file(self) -> str:
+        """The file in which a missing parameter of move_base is expected."""
+        return next((f for f in self.files if "move_base" in f), self.files[0] if self.files else "")
+
+    def _check_unselected_planners(self) -> None:
+        """Check the namespaces of planners that are written but not selected: wrong values are warnings."""
+        for registry in (GLOBAL_PLANNERS, LOCAL_PLANNERS):
+            for entry in registry:
+                for name in planner_namespaces(entry):
+                    space = self.root.space(name)
+                    if space is not None and not space.used:
+                        self.binder.bind(entry.cls.Params, space, strictness="warning")
+
+    # --- recoveries ---------------------------------------------------------------------------------------------------
+
+    def _recoveries(
+        self,
+        listed: list[ListedPlugin] | None,
+        move_base: MoveBaseParams | None,
+        local_costmap: CostmapConfiguration | None,
+    ) -> tuple[PluginChoice[RecoveryBehavior], ...] | None:
+        wanted: list[tuple[ListedPlugin, Mapping[str, Any]]] = []
+        if "recovery_behaviors" in self.root.children:
+            if listed is None:
+                return None
+            wanted = [(plugin, {}) for plugin in listed]
+        else:
+            if move_base is None or local_costmap is None:
+                return None
+            at = Location(self._move_base_file())
+            for spec, imposed in builtin_recoveries(move_base, local_costmap.footprint.circumscribed_radius):
+                wanted.append((ListedPlugin(spec.name, spec.type, at, spec.name), imposed))
+        made = [self._recovery(plugin, imposed) for plugin, imposed in wanted]
+        recoveries = tuple(recovery for recovery in made if recovery is not None)
+        return recoveries if len(recoveries) == len(made) else None
+
+    def _recovery(self, plugin: ListedPlugin, imposed: Mapping[str, Any]) -> PluginChoice[RecoveryBehavior] | None:
+        entry = self.plugins.find(RECOVERY_BEHAVIORS, plugin)
+        if entry is None:
+            mark_used(self.root, plugin.name)
+            return None
+        space = self.binder.child(self.root, plugin.name)
+        self._report_imposed(space, imposed)
+        params = self.binder.bind(entry.cls.Params, space, fixed=imposed)
+        return None if params is None else PluginChoice(plugin.name, entry.cls, params, plugin.name)
+
+    def _report_imposed(self, space: Space, imposed: Mapping[str, Any]) -> None:
+        for name, value in imposed.items():
+            leaf = space.leaf(name)
+            if leaf is None or leaf.used:
+                continue
+            leaf.used = True
+            message = (
+                f"{name} of {space.name} is ignored: without recovery_behaviors, move_base sets it to {value:g}; list the "
+                "recovery behaviors under recovery_behaviors to set it"
+            )
+            self.findings.append(finding("warning", "no-effect", leaf.at, leaf.path, message, "recovery_behaviors"))
