@@ -157,7 +157,7 @@ def test_slow_inside_as_fast_as_ever_outside(
     assert fastest(track, 1.0, SLOW[0]) > 0.4
     assert fastest(track, SLOW[1], 8.0) > 0.4
     assert move_base.local_planner.limits.max_vel_trans == 0.5
-    assert said == [f"speed limit {limit:.2f} m/s, says the speed mask", "no speed limit any more, says the speed mask"]
+    assert said == [f"speed mask: speed limit {limit:.2f} m/s", "speed mask: no speed limit"]
 
 
 def test_without_a_mask_nothing_is_asked() -> None:

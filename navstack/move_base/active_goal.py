@@ -1,4 +1,4 @@
-"""A goal being worked on: what is known about it, and with which reason and result it ends."""
+"""The active goal: its progress, its timers, and the error and the result with which it ends."""
 
 from __future__ import annotations
 
@@ -11,32 +11,42 @@ from navstack.move_base.errors import GoalCanceledError, InvalidGoalError, Shutd
 from navstack.move_base.goal import Goal, GoalHandle, GoalResult
 from navstack.move_base.goal_statistics import GoalStatistics
 from navstack.move_base.goal_status import GoalStatus
+from navstack.move_base.progress import ProgressChecker
 from navstack.move_base.state_machine import Outcome
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class ActiveGoal:
-    """Everything that belongs to the goal being worked on."""
+    """State of the active goal."""
 
     handle: GoalHandle
+    progress: ProgressChecker
     deadline: float = math.inf
-    """When its time limit is over, s."""
+    """Time at which its time limit ends (s)."""
     statistics: GoalStatistics = field(default_factory=GoalStatistics)
     pose: Pose2D | None = None
-    """The goal in the global costmap's frame; None while it cannot be transformed."""
+    """The goal in the global costmap's frame; None while the transform is not known."""
+    frame: str = ""
+    """The global costmap's frame when the goal was accepted or last transformed."""
     error: NavError | None = None
-    """Why the goal is to end, where the outcome alone does not say."""
+    """Reason for the end, unless the outcome has one of its own."""
     driven_m: float = 0.0
     rounds: int = 0
     """Recoveries since the robot last moved oscillation_distance."""
+    last_valid_control: float = 0.0
+    """Time at which controller_patience started (s)."""
+    last_progress: float = 0.0
+    """Time at which oscillation_timeout started (s)."""
+    stale_since: float | None = None
+    """Time since which the local costmap is stale (s); None while it is current."""
 
     def age(self, now: float) -> float:
-        """S since the goal was accepted."""
-        begun = self.handle.accepted_at
-        return now - begun if begun is not None else 0.0
+        """Return the time since acceptance (s)."""
+        accepted_at = self.handle.accepted_at
+        return now - accepted_at if accepted_at is not None else 0.0
 
     def reason(self, outcome: Outcome, now: float) -> NavError:
-        """The error behind an outcome other than REACHED."""
+        """Return the error behind an outcome other than REACHED."""
         statistics = self.statistics
         match outcome:
             case Outcome.CANCELED:
@@ -48,10 +58,14 @@ class ActiveGoal:
             case Outcome.KILLED:
                 return ShutdownError("the goal manager was shut down")
             case _:
-                return self.error or statistics.last or InternalError("nobody said why; please report this")
+                return (
+                    self.error
+                    or statistics.last
+                    or InternalError("the goal ended without a reason; please report this")
+                )
 
     def result(self, status: GoalStatus, text: str, error: NavError | None, now: float) -> GoalResult:
-        """The result the goal ends with at `now` (s); `error` is None for success."""
+        """Return the result of a goal that ends at `now` (s); `error` is None for success."""
         statistics = self.statistics
         data = statistics.as_data()
         message = ""
@@ -59,31 +73,27 @@ class ActiveGoal:
         if error is not None:
             code, name = error.code, error.name
             data["error"] = error.as_dict()
-            counted = statistics.by_name.get(name, 0)
-            message = error.message
-            if counted > 1:
-                message += f" ({counted} times"
-                message += f"; recoveries tried: {', '.join(statistics.recoveries)})" if statistics.recoveries else ")"
+            message = error.message + self._repetitions(name)
+        recoveries = tuple(statistics.recoveries)
+        handle = self.handle
         return GoalResult(
-            status,
-            text,
-            code,
-            name,
-            message,
-            data,
-            tuple(statistics.recoveries),
-            self.handle.goal.stamp,
-            self.handle.accepted_at,
-            now,
+            status, text, code, name, message, data, recoveries, handle.goal.stamp, handle.accepted_at, now
         )
+
+    def _repetitions(self, name: str) -> str:
+        count = self.statistics.by_name.get(name, 0)
+        if count <= 1:
+            return ""
+        recoveries = self.statistics.recoveries
+        return f" ({count} times" + (f"; recoveries tried: {', '.join(recoveries)})" if recoveries else ")")
 
 
 def check_goal(goal: Goal) -> InvalidGoalError | None:
-    """What is wrong with the goal itself: an orientation that is no heading, a position that is not finite."""
+    """Return the error of a goal whose orientation has roll or pitch or whose position is not finite; None for a valid one."""
     if not goal.has_valid_orientation:
         return InvalidGoalError(
-            f"the goal's orientation {goal.orientation or goal.pose.yaw} is no heading in the plane; give a unit "
-            "quaternion about z, or a finite yaw",
+            f"the goal's orientation {goal.orientation or goal.pose.yaw} is not a rotation about z; give a unit quaternion "
+            "about z, or a finite yaw",
             orientation=goal.orientation,
             yaw=goal.pose.yaw,
         )

@@ -1,175 +1,132 @@
-"""What the goal manager knows of the world: scans go into both costmaps, costmaps are updated when due, silence is noticed."""
+"""Sensor data and periodic updates for both costmaps, and the local costmap as input of the local planner."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from typing import Final
 
 from navstack.core import RobotState, Window
-from navstack.core.errors import InternalError, NavError
-from navstack.interfaces import ControlInput, CostmapServer, Plan, Robot
-from navstack.move_base import plugin_calls
+from navstack.core.errors import NavError
+from navstack.interfaces import ControlInput, CostmapServer, Plan
+from navstack.move_base.navigation import Navigation
+from navstack.move_base.plugin_calls import call, lookup_transform, robot_pose, robot_state
 from navstack.move_base.schedule import Schedule
 from navstack.move_base.tick_result import TickResult
 
-DEFAULT_UPDATE_FREQUENCY = 5.0
-"""Hz; costmap_2d's, for costmap servers that have no word on it."""
-
-Warn = Callable[[float, str, NavError | None], None]
-"""Tells whoever listens: time (s), text, the error behind it."""
+DEFAULT_UPDATE_FREQUENCY: Final = 5.0
+"""Hz; the default of costmap_2d, for costmap servers without the parameter update_frequency."""
 
 
 class CostmapUpdater:
-    """Both costmaps, their schedules and the robot that feeds them. Failures are warnings, and held against the costmap."""
+    """Updates both costmaps when they are due. A failed update is a warning, and makes its costmap stale."""
 
     def __init__(
         self,
-        robot: Robot,
-        global_costmap: CostmapServer,
-        local_costmap: CostmapServer,
-        warn: Warn,
-        *,
+        navigation: Navigation,
         global_update_frequency: float | None = None,
         local_update_frequency: float | None = None,
-        on: bool = True,
     ) -> None:
-        """The frequencies (Hz) are those of the costmaps' own parameters unless given; `on`: costmaps are updated."""
-        self.robot = robot
-        self.global_costmap = global_costmap
-        self.local_costmap = local_costmap
-        self._costmaps = (local_costmap, global_costmap)
-        self.on = on
+        """Create an updater; the update frequencies (Hz) default to the costmaps' parameters."""
+        self.enabled = not navigation.params.shutdown_costmaps
+        """True while the costmaps are updated."""
         self.local_error: NavError | None = None
-        """Why the last update of the local costmap failed."""
+        """Error of the local costmap's last update."""
         self.global_error: NavError | None = None
-        self._warn = warn
-        self._given = (global_update_frequency, local_update_frequency)
-        self._global_update = Schedule(_update_frequency(global_costmap, global_update_frequency))
-        self._local_update = Schedule(_update_frequency(local_costmap, local_update_frequency))
+        """Error of the global costmap's last update."""
+        self._robot = navigation.robot
+        self._global_costmap = navigation.global_costmap
+        self._local_costmap = navigation.local_costmap
+        self._events = navigation.events
+        self._global_frequency = global_update_frequency
+        self._local_frequency = local_update_frequency
+        self._global_update = Schedule(_update_frequency(navigation.global_costmap, global_update_frequency))
+        self._local_update = Schedule(_update_frequency(navigation.local_costmap, local_update_frequency))
 
     @property
     def due(self) -> float:
-        """When a costmap is to be updated next, s."""
-        return min(self._global_update.due, self._local_update.due) if self.on else math.inf
+        """Time of the next update (s)."""
+        return min(self._global_update.due, self._local_update.due) if self.enabled else math.inf
 
     def restart(self, now: float) -> None:
-        """Both costmaps are due at `now` (s)."""
+        """Make both costmaps due at `now` (s)."""
         self._global_update.restart(now)
         self._local_update.restart(now)
 
     def read_frequencies(self, now: float) -> None:
-        """The costmaps' parameters have changed: those that are updated at another frequency now are due at `now` (s)."""
-        whole, near = self._given
-        for costmap, given, name in (
-            (self.global_costmap, whole, "_global_update"),
-            (self.local_costmap, near, "_local_update"),
-        ):
-            frequency = _update_frequency(costmap, given)
-            if frequency != getattr(self, name).frequency:
-                setattr(self, name, Schedule(frequency, now))
+        """Read the update frequencies again; a costmap whose frequency has changed is due at `now` (s)."""
+        self._global_update.set_frequency(_update_frequency(self._global_costmap, self._global_frequency), now)
+        self._local_update.set_frequency(_update_frequency(self._local_costmap, self._local_frequency), now)
 
-    def switch(self, on: bool, now: float) -> None:
-        """Updates the costmaps, or does so no more; those that were off are due at once."""
-        if on and not self.on:
+    def enable(self, enabled: bool, now: float) -> None:
+        """Start or stop the updates; costmaps that were stopped are due at `now` (s)."""
+        if enabled and not self.enabled:
             self.restart(now)
-        self.on = on
+        self.enabled = enabled
 
     def retry_failed(self, now: float) -> None:
-        """A costmap that failed is due at once, to have its chance before a goal is judged by it."""
+        """Make costmaps whose last update failed due at `now` (s): an earlier failure must not end a new goal."""
         if self.global_error is not None:
             self._global_update.restart(now)
         if self.local_error is not None:
             self._local_update.restart(now)
 
-    def observe(self, now: float, result: TickResult) -> None:
-        """Hands what the robot has seen to both costmaps."""
+    def observe(self, now: float, tick: TickResult) -> None:
+        """Pass new sensor data of the robot to both costmaps."""
+        robot = self._robot
         try:
-            scans = tuple(self.robot.scans())
-        except Exception as exc:
-            self._warn(now, f"no scans from the robot: {describe(exc)}", None)
+            scans = tuple(call(robot, robot.scans))
+        except NavError as exc:
+            self._events.warn(now, f"no scans from the robot: {exc.message}", exc)
             return
-        result.scans = scans
+        tick.scans = scans
         for data in scans:
-            for costmap in self._costmaps:
+            for costmap in (self._local_costmap, self._global_costmap):
                 try:
-                    costmap.observe(data)
-                except Exception as exc:
-                    self._warn(now, f"{costmap.name} cannot use a message of {data.topic}: {describe(exc)}", None)
+                    call(costmap, costmap.observe, data)
+                except NavError as exc:
+                    self._events.warn(now, f"{costmap.name} cannot use a message of {data.topic}: {exc.message}", exc)
 
-    def update(self, now: float, result: TickResult) -> None:
-        """Updates the costmaps that are due."""
-        if not self.on:
+    def update(self, now: float, tick: TickResult) -> None:
+        """Update the costmaps that are due."""
+        if not self.enabled:
             return
         if self._global_update.is_due(now):
             self._global_update.advance(now)
-            result.global_window, self.global_error = self._updated(self.global_costmap, now, self.global_error)
+            tick.global_window, self.global_error = self._update(self._global_costmap, now, self.global_error)
         if self._local_update.is_due(now):
             self._local_update.advance(now)
-            result.local_window, self.local_error = self._updated(self.local_costmap, now, self.local_error)
-
-    def staleness(self, now: float) -> tuple[bool, NavError | None]:
-        """True while the local costmap cannot be trusted, and why, where that is not a sensor that is silent."""
-        if self.local_error is not None:
-            return True, self.local_error
-        try:
-            return not self.local_costmap.is_current(now), None
-        except Exception as exc:
-            return True, plugin_calls.internal(self.local_costmap.name, exc)
+            tick.local_window, self.local_error = self._update(self._local_costmap, now, self.local_error)
 
     def local_state(self, now: float) -> RobotState:
-        """Pose in the local costmap's frame, velocity as the robot says; raises NavError."""
-        costmap = self.local_costmap
-        try:
-            pose = costmap.robot_pose(now)
-            state = self.robot.state()
-        except NavError:
-            raise
-        except Exception as exc:
-            raise plugin_calls.internal("the robot", exc) from exc
-        velocity = state.velocity
-        if not pose.is_finite() or not velocity.is_finite():
-            raise InternalError(
-                f"the robot's pose {tuple(pose)} or velocity {tuple(velocity)} is not finite",
-                pose=pose,
-                velocity=velocity,
-            )
-        return RobotState(pose, velocity, state.stamp, costmap.frame)
+        """Return the robot's pose in the local costmap's frame at `now` (s), and its velocity. Raises NavError."""
+        costmap = self._local_costmap
+        pose = robot_pose(costmap, now)
+        state = robot_state(self._robot)
+        return RobotState(pose, state.velocity, state.stamp, costmap.frame)
 
     def control_input(self, plan: Plan, now: float) -> ControlInput:
-        """What the local planner needs to follow `plan`; raises NavError."""
-        costmap = self.local_costmap
+        """Return the local planner's input for `plan` at `now` (s). Raises NavError."""
+        costmap = self._local_costmap
         state = self.local_state(now)
         frame = plan.path.frame
         if frame == state.frame:
             return ControlInput(state, costmap.master, costmap.footprint)
-        try:
-            transform = self.robot.frames.lookup(state.frame, frame)
-        except NavError:
-            raise
-        except Exception as exc:
-            raise plugin_calls.internal("the robot's frames", exc) from exc
+        transform = lookup_transform(self._robot, state.frame, frame)
         return ControlInput(state, costmap.master, costmap.footprint, transform)
 
-    def _updated(
+    def _update(
         self, costmap: CostmapServer, now: float, before: NavError | None
     ) -> tuple[Window | None, NavError | None]:
+        """Return the window of the updated cells and the error; publishes the first of several errors in a row."""
         try:
-            return costmap.update(now), None
+            return call(costmap, costmap.update, now), None
         except NavError as exc:
-            error: NavError = exc
-        except Exception as exc:
-            error = plugin_calls.internal(costmap.name, exc)
-        if before is None:
-            self._warn(now, f"{costmap.name} could not be updated: {error.message}", error)
-        return None, error
+            if before is None:
+                self._events.warn(now, f"{costmap.name} could not be updated: {exc.message}", exc)
+            return None, exc
 
 
-def describe(problem: Exception) -> str:
-    """What an exception has to say."""
-    return str(problem) or type(problem).__name__
-
-
-def _update_frequency(costmap: CostmapServer, given: float | None) -> float:
-    if given is not None:
-        return given
+def _update_frequency(costmap: CostmapServer, frequency: float | None) -> float:
+    if frequency is not None:
+        return frequency
     return float(getattr(getattr(costmap, "params", None), "update_frequency", DEFAULT_UPDATE_FREQUENCY))

@@ -1,4 +1,4 @@
-"""Why a goal ended, where neither a planner nor a controller has a word for it."""
+"""Reasons for the end of a goal that do not come from a planner or a recovery behavior."""
 
 from __future__ import annotations
 
@@ -6,28 +6,28 @@ from navstack.core.errors import ControlError, InputError, NavError
 
 
 class NoProgressError(ControlError):
-    """The robot moves, or means to, and gets nowhere (ROS: oscillation)."""
+    """The robot makes no progress (ROS: oscillation)."""
 
     code = 105
     name = "FAILED_TO_MAKE_PROGRESS"
 
 
 class GoalCanceledError(NavError):
-    """Whoever sent the goal took it back."""
+    """A client cancelled the goal."""
 
     code = 9011
     name = "CANCELED"
 
 
 class GoalReplacedError(NavError):
-    """Another goal took its place."""
+    """A new goal replaced the goal."""
 
     code = 9012
     name = "REPLACED"
 
 
 class InvalidGoalError(InputError):
-    """The goal's position or orientation is not one."""
+    """The goal's position is not finite, or its orientation is not a rotation about z."""
 
     code = 9013
     name = "INVALID_GOAL"
@@ -41,28 +41,28 @@ class ShutdownError(NavError):
 
 
 class BusyError(NavError):
-    """That cannot be done while there is a goal."""
+    """The service is not available while a goal is active."""
 
     code = 9015
     name = "BUSY"
 
 
 class GoalTimeLimitError(NavError):
-    """The goal took longer than whoever sent it, or `navstack/goal_time_limit`, allows."""
+    """The goal took longer than its own time limit or `navstack/goal_time_limit`."""
 
     code = 9016
     name = "GOAL_TIME_LIMIT"
 
 
 class StaleSensorsError(NavError):
-    """A sensor that the local costmap relies on is silent for too long."""
+    """A sensor of the local costmap was stale for controller_patience."""
 
     code = 9020
     name = "SENSOR_DATA_STALE"
 
 
 class RecoveryTimeoutError(NavError):
-    """A recovery behaviour did not end."""
+    """A recovery behavior did not end within its time limit."""
 
     code = 9021
     name = "RECOVERY_TIMEOUT"

@@ -1,27 +1,29 @@
-"""A goal, what becomes of it, and the handle a client holds."""
+"""A goal, its result, and the handle that a client holds."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 from navstack.core import Pose2D
 from navstack.core.errors import InputError
+from navstack.core.frames import clean_frame
+from navstack.core.poses import require_pose
 from navstack.move_base.goal_status import GoalStatus, ServerCall, after
 
 Quaternion = tuple[float, float, float, float]
 """x, y, z, w, as geometry_msgs/Quaternion."""
 
-UP_TOLERANCE = 1e-3
-MIN_LENGTH_SQUARED = 1e-6
+UP_TOLERANCE: Final = 1e-3
+MIN_LENGTH_SQUARED: Final = 1e-6
 
 
 def is_planar(quaternion: Quaternion) -> bool:
-    """True for an orientation in the plane (move_base.cpp, isQuaternionValid): finite, not zero, no roll or pitch.
+    """Return True for a rotation about z (move_base.cpp, isQuaternionValid): finite, not zero, without roll and pitch.
 
-    After normalising, `up . rotated up` may differ from 1 by 1e-3.
+    After normalization, `up . rotated up` may differ from 1 by 1e-3.
     """
     if not all(math.isfinite(c) for c in quaternion):
         return False
@@ -34,23 +36,23 @@ def is_planar(quaternion: Quaternion) -> bool:
 
 
 def yaw_of(quaternion: Quaternion) -> float:
-    """Heading (rad) of an orientation; it need not be normalised."""
+    """Return the heading (rad) of a quaternion, which need not be normalized."""
     x, y, z, w = quaternion
     return math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
 
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """Where to go: `pose` in `frame`, asked for at `stamp` (s)."""
+    """A goal `pose` in `frame`, sent at `stamp` (s)."""
 
     pose: Pose2D
     frame: str
     id: str
     stamp: float
     orientation: Quaternion | None = None
-    """As sent, when it was a quaternion; then `pose.yaw` is its heading, NaN when it has none."""
+    """The quaternion of a goal sent with one; `pose.yaw` is its heading, NaN if it is not finite."""
     time_limit_s: float | None = None
-    """From acceptance to the end; None: the goal manager's own."""
+    """Time from acceptance to the end; None for the goal manager's limit."""
 
     @property
     def has_valid_orientation(self) -> bool:
@@ -60,38 +62,61 @@ class Goal:
         return math.isfinite(self.pose.yaw)
 
 
+def make_goal(
+    pose: Pose2D,
+    frame: str,
+    goal_id: str,
+    stamp: float,
+    orientation: Quaternion | None,
+    time_limit_s: float | None,
+) -> Goal:
+    """Return a goal; a quaternion replaces the heading of the pose.
+
+    Raises InputError if `pose` is not a Pose2D, or for an invalid stamp or time limit.
+    """
+    pose = require_pose(pose, "goal")
+    if orientation is not None:
+        yaw = yaw_of(orientation) if all(math.isfinite(c) for c in orientation) else math.nan
+        pose = Pose2D(pose.x, pose.y, yaw)
+    if not math.isfinite(stamp):
+        raise InputError(f"stamp must be a time in seconds, not {stamp}", stamp=stamp)
+    if time_limit_s is not None and not time_limit_s > 0.0:
+        raise InputError(f"time_limit_s must be a positive time in seconds, not {time_limit_s}; None for no limit")
+    return Goal(pose, clean_frame(frame), goal_id, stamp, orientation, time_limit_s)
+
+
 @dataclass(frozen=True, slots=True)
 class GoalResult:
-    """How a goal ended. ROS's result is empty: all but `status` and `text` is navstack's (parity 26)."""
+    """The result of a goal. In ROS it is empty; everything except `status` and `text` is an addition (parity 26)."""
 
     status: GoalStatus
     text: str
-    """C++'s text to the letter."""
+    """The text of C++, to the letter."""
     error_code: int = 0
-    """0 for success; else the code of the error behind it (`navstack.core.errors`, Nav2's numbers)."""
+    """0 for success; otherwise the code of the error (`navstack.core.errors`, Nav2's numbers)."""
     error_name: str = "NONE"
     message: str = ""
-    """The reason in a sentence."""
+    """The reason in one sentence."""
     data: dict[str, Any] = field(default_factory=dict[str, Any])
-    """What explains it: the last failure, how often what failed, where the robot stood."""
+    """Details: the last failure, the number of failures by kind, the robot's pose."""
     recovery_names: tuple[str, ...] = ()
-    """The recovery behaviours that ran for this goal, in order."""
+    """The recovery behaviors that ran for this goal, in order."""
     sent_at: float = 0.0
     accepted_at: float | None = None
     ended_at: float = 0.0
 
     @property
     def recoveries(self) -> int:
-        """How many recovery behaviours ran."""
+        """Number of recovery behaviors that ran."""
         return len(self.recovery_names)
 
     @property
     def time_s(self) -> float:
-        """From sending to the end, s."""
+        """Time from sending to the end (s)."""
         return self.ended_at - self.sent_at
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """Return the result for JSON."""
         return {
             "state": self.status.name,
             "text": self.text,
@@ -107,10 +132,11 @@ class GoalResult:
 
 
 StatusListener = Callable[["GoalHandle", float], None]
+"""Called with a goal and the time (s) when the status of the goal has changed."""
 
 
 class GoalHandle:
-    """A goal on its way: what the sender watches. Only the server changes it."""
+    """A goal as its client sees it. Only the server changes it."""
 
     __slots__ = ("_listener", "_result", "accepted_at", "ended_at", "goal", "status", "text")
 
@@ -125,32 +151,32 @@ class GoalHandle:
 
     @property
     def id(self) -> str:
-        """The goal's name; unique on its server."""
+        """The id of the goal, unique on its server."""
         return self.goal.id
 
     @property
     def is_done(self) -> bool:
-        """True once the goal is in a terminal state."""
+        """True in a terminal state."""
         return self.status.is_terminal
 
     @property
     def is_active(self) -> bool:
-        """True while the server works on it: ACTIVE or PREEMPTING (SimpleActionServer::isActive)."""
+        """True in the states ACTIVE and PREEMPTING (SimpleActionServer::isActive)."""
         return self.status in (GoalStatus.ACTIVE, GoalStatus.PREEMPTING)
 
     @property
     def result(self) -> GoalResult:
-        """How it ended; raises InputError before that."""
+        """The result; raises InputError before the end."""
         if self._result is None:
-            raise InputError(
-                f'the goal "{self.id}" is {self.status.name}: it has no result yet; ask `is_done` first', goal=self.id
-            )
+            message = f'the goal "{self.id}" is {self.status.name} and has no result yet; check `is_done` first'
+            raise InputError(message, goal=self.id)
         return self._result
 
     def change(self, call: ServerCall, now: float, text: str = "", result: GoalResult | None = None) -> None:
-        """For the server: applies `call` at `now` (s); raises GoalTransitionError and changes nothing when it is illegal.
+        """Apply a call of the server at `now` (s).
 
-        With a terminal status goes a result; without one it is made from status and text.
+        A terminal status has a result; the default is made of status and text. Raises GoalTransitionError, and changes
+        nothing, if the call is illegal in the present status.
         """
         status = after(call, self.status)
         self.status = status

@@ -1,4 +1,4 @@
-"""What failed for one goal, how often, and where the robot stood."""
+"""Statistics of one goal: plans, commands, failures and recoveries."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from navstack.core.errors import NavError
 
 
 class GoalStatistics:
-    """Counts per goal."""
+    """Counters of one goal, and its last failures."""
 
     def __init__(self) -> None:
         self.plans = 0
@@ -19,24 +19,39 @@ class GoalStatistics:
         """Commands computed."""
         self.failed_commands = 0
         self.stale_cycles = 0
+        """Control cycles with a stale local costmap."""
         self.recoveries: list[str] = []
+        """Names of the recovery behaviors that ran, in order."""
         self.by_name: dict[str, int] = {}
-        """Failures by the name of their error."""
+        """Number of failures by the name of the error."""
         self.last_planning: NavError | None = None
         self.last_control: NavError | None = None
         self.last: NavError | None = None
         self.last_at: float | None = None
+        """Time of the last failure (s)."""
         self.pose: Pose2D | None = None
-        """Where the robot was seen last, in the global costmap's frame."""
+        """Last known pose of the robot, in the global costmap's frame."""
 
-    def failed(self, error: NavError, now: float) -> None:
-        """Takes down a failure at `now` (s)."""
+    def add_failure(self, error: NavError, now: float) -> None:
+        """Count a failure at `now` (s)."""
         self.last = error
         self.last_at = now
         self.by_name[error.name] = self.by_name.get(error.name, 0) + 1
 
+    def add_failed_plan(self, error: NavError, now: float) -> None:
+        """Count a failed plan request at `now` (s)."""
+        self.failed_plans += 1
+        self.last_planning = error
+        self.add_failure(error, now)
+
+    def add_failed_command(self, error: NavError, now: float) -> None:
+        """Count a failed command at `now` (s)."""
+        self.failed_commands += 1
+        self.last_control = error
+        self.add_failure(error, now)
+
     def as_data(self) -> dict[str, Any]:
-        """For `GoalResult.data`."""
+        """Return the statistics for `GoalResult.data`."""
         return {
             "plans": self.plans,
             "failed_plans": self.failed_plans,

@@ -1,4 +1,4 @@
-"""move_base's service make_plan: a plan without driving.
+"""move_base's service make_plan: planning without driving.
 
 Source: move_base/src/move_base.cpp (planService).
 """
@@ -27,13 +27,12 @@ def make_plan(
     tolerance: float,
     now: float | None,
 ) -> Plan:
-    """A plan in the costmap's frame from `start`, or from where the robot is at `now` (s; None: the newest pose).
+    """Return a plan in the costmap's frame from `start`, or from the robot's pose at `now` (s; None: the newest pose).
 
-    Rings, clearing and the appended goal: see `MoveBase.make_plan`, whose service this is. Raises InputError, FrameError
-    and the planner's error for the goal itself.
+    See `MoveBase.make_plan`. Raises InputError, FrameError and the planner's error for the goal itself.
     """
     if not math.isfinite(tolerance) or tolerance < 0.0:
-        raise InputError(f"tolerance is a distance in metres, not {tolerance}", tolerance=tolerance)
+        raise InputError(f"tolerance must be a distance in metres (0 or more), not {tolerance}", tolerance=tolerance)
     master = costmap.master
     robot: Pose2D | None = None
     try:
@@ -53,7 +52,7 @@ def make_plan(
     try:
         return plugin_calls.make_plan(planner, master, start, goal, costmap.footprint)
     except PlanningError as exc:
-        refused = exc
+        error = exc
     for near, offset in rings(goal, master.geometry.resolution, tolerance):
         try:
             plan = plugin_calls.make_plan(planner, master, start, near, costmap.footprint)
@@ -62,15 +61,15 @@ def make_plan(
         path = plan.path
         if params.make_plan_add_unreachable_goal:
             path = Path(np.vstack((path.poses, [tuple(goal)])), path.frame)
-        note = f"the goal itself cannot be reached ({refused.name}); planned to {offset:.2f} m from it"
+        note = f"the goal is unreachable ({error.name}); the plan ends {offset:.2f} m from it"
         return Plan(path, plan.cost, near, offset, plan.cells_expanded, plan.potential, (*plan.notes, note))
-    raise add_layer(costmap, refused)
+    raise add_layer(costmap, error)
 
 
 def rings(goal: Pose2D, resolution: float, tolerance: float) -> list[tuple[Pose2D, float]]:
-    """Poses on growing square rings around `goal`, and how far each is (m), in move_base's order.
+    """Return poses on growing square rings around `goal` and their distances from it (m), in move_base's order.
 
-    The step is three cells, or `tolerance` (m) where that is smaller.
+    The step is three cells, or `tolerance` (m) if that is smaller.
     """
     if tolerance <= 0.0:
         return []

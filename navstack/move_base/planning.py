@@ -1,7 +1,7 @@
-"""Planning beside driving: a request now, an answer when the planner would have it.
+"""Planning while driving: a request, and its answer in the same or a later tick.
 
-In a simulation `InlinePlanning` answers at the same tick, or as much later as the scenario says, so that slow planners can
-be studied and a run stays a pure function.
+In a simulation `InlinePlanning` answers in the same tick, or after the planning time of the scenario, so that slow planners
+can be studied and a run remains a pure function.
 """
 
 from __future__ import annotations
@@ -14,21 +14,22 @@ from navstack.core import Costmap, Footprint, Pose2D
 from navstack.core.errors import NavError
 from navstack.interfaces import GlobalPlanner, Plan
 from navstack.move_base import plugin_calls
+from navstack.move_base.schedule import EPSILON_S
 
 
 class PlanAnswer(NamedTuple):
-    """What came of a request."""
+    """The answer to a request."""
 
     goal_id: str
     requested_at: float
     """s"""
     plan: Plan | None
     error: NavError | None
-    """Why there is no plan."""
+    """Reason of a failure; None with a plan."""
 
 
 class PlanRequest(NamedTuple):
-    """A plan that is asked for at `at` (s), for the goal of that id."""
+    """A request at the time `at` (s) for a plan to the goal of that id."""
 
     planner: GlobalPlanner
     costmap: Costmap
@@ -39,16 +40,16 @@ class PlanRequest(NamedTuple):
     at: float
 
     def carry_out(self) -> Plan:
-        """Plans; raises NavError, whatever the planner does."""
+        """Plan. Raises NavError, whatever the planner raises."""
         return plugin_calls.make_plan(self.planner, self.costmap, self.start, self.goal, self.footprint)
 
     def answer(self, plan: Plan | None = None, error: NavError | None = None) -> PlanAnswer:
-        """What came of it."""
+        """Return the answer to this request."""
         return PlanAnswer(self.goal_id, self.at, plan, error)
 
 
 class Planning(Protocol):
-    """Something that plans, one request at a time."""
+    """Executes plan requests, one at a time."""
 
     @property
     def is_busy(self) -> bool:
@@ -57,31 +58,31 @@ class Planning(Protocol):
 
     @property
     def due(self) -> float:
-        """When an answer may be there (s); inf when nobody asked."""
+        """Time at which an answer may be available (s); inf without a request."""
         ...
 
     def request(self, request: PlanRequest) -> None:
-        """Asks for a plan; not while busy."""
+        """Request a plan; not allowed while busy."""
         ...
 
     def poll(self, now: float) -> PlanAnswer | None:
-        """The answer, once."""
+        """Return the answer once it is available, and forget it."""
         ...
 
     def abandon(self) -> None:
-        """Nobody waits for the answer any more."""
+        """Discard the pending request."""
         ...
 
     def is_using(self, planner: GlobalPlanner) -> bool:
-        """True while that planner is at work, be it on a plan that nobody waits for."""
+        """Return True while that planner computes a plan, including that of a discarded request."""
         ...
 
 
 class InlinePlanning:
-    """Plans at once on the costmap of that moment; the answer arrives `planning_time` (s) later."""
+    """Plans at once on the present costmap; the answer is available `planning_time` (s) later."""
 
     def __init__(self, planning_time: float | Callable[[float], float] = 0.0) -> None:
-        """`planning_time`: seconds, or a function of the time of the request (s) that gives them; inf for never."""
+        """Set the planning time (s): a number, or a function of the time of the request (s); inf for never."""
         self._planning_time = planning_time
         self._answer: PlanAnswer | None = None
         self._due = math.inf
@@ -93,34 +94,34 @@ class InlinePlanning:
 
     @property
     def due(self) -> float:
-        """When the answer arrives (s)."""
+        """Time at which the answer is available (s)."""
         return self._due
 
     def request(self, request: PlanRequest) -> None:
-        """Plans now."""
+        """Plan now."""
         try:
             answer = request.answer(request.carry_out())
         except NavError as exc:
             answer = request.answer(error=exc)
-        takes = self._planning_time
+        duration = self._planning_time
         self._answer = answer
-        self._due = request.at + (takes(request.at) if callable(takes) else takes)
+        self._due = request.at + (duration(request.at) if callable(duration) else duration)
 
     def poll(self, now: float) -> PlanAnswer | None:
-        """The answer, once its time has come."""
+        """Return the answer once its time has come, and forget it."""
         answer = self._answer
-        if answer is None or now < self._due - 1e-6:
+        if answer is None or now < self._due - EPSILON_S:
             return None
         self._answer = None
         self._due = math.inf
         return answer
 
     def abandon(self) -> None:
-        """Forgets the request."""
+        """Discard the pending request."""
         self._answer = None
         self._due = math.inf
 
     def is_using(self, planner: GlobalPlanner) -> bool:
-        """Never between two calls."""
+        """Return False: a plan is complete before `request` returns."""
         del planner
         return False

@@ -1,4 +1,4 @@
-"""Does the robot get anywhere? What move_base calls oscillation."""
+"""Progress of the robot; its absence is what move_base calls oscillation."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ PROGRESS_ANGLE = 0.5
 
 
 class Progress(Enum):
-    """What the robot did since the last time it counted."""
+    """What the robot did since its last progress."""
 
     NONE = "none"
     TURNED = "turned"
@@ -20,11 +20,11 @@ class Progress(Enum):
 
 
 class ProgressChecker:
-    """Progress is to be `distance` (m) away from where it last counted, or to face where it has not faced there before.
+    """Progress is a motion of `distance` (m) from the place of the last progress, or a turn to a new heading there.
 
-    ROS differs: there, only distance counts, so that a slow turn in place is "oscillating" (parity 24). Here a turn counts
-    too, in steps of `angle` (rad), as long as it opens new headings: a full turn's worth at one place. A robot that
-    swings to and fro, or spins for ever, still runs out of progress.
+    ROS differs: C++ counts distance only, so that a slow turn in place is "oscillating" (parity 24). Here a turn counts in
+    steps of `angle` (rad) as long as it reaches new headings, up to a full turn at one place. A robot that swings back and
+    forth, or spins without end, makes no progress.
     """
 
     def __init__(self, distance: float, angle: float = PROGRESS_ANGLE) -> None:
@@ -37,11 +37,11 @@ class ProgressChecker:
         self._high = 0.0
 
     def reset(self) -> None:
-        """The next pose is where counting starts."""
+        """Start again at the next pose."""
         self._reference = None
 
     def update(self, pose: Pose2D) -> Progress:
-        """What the robot, now at `pose`, has achieved."""
+        """Return the progress of the robot, now at `pose`."""
         reference = self._reference
         if reference is None or pose.distance_to(reference) >= self.distance:
             self._reference = pose

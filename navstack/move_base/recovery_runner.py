@@ -1,4 +1,4 @@
-"""Runs one recovery behaviour step by step, so that cancels, new goals and silent sensors are seen meanwhile (parity 22)."""
+"""Runs one recovery behavior step by step, so that cancels, new goals and stale sensors take effect meanwhile (parity 22)."""
 
 from __future__ import annotations
 
@@ -13,77 +13,77 @@ from navstack.move_base import plugin_calls
 from navstack.move_base.errors import RecoveryTimeoutError
 from navstack.move_base.schedule import Schedule
 
-Tell = Callable[[RecoveryBehavior, RecoveryStatus, str, dict[str, Any], float], None]
-"""Tells whoever listens how a recovery goes: which, its status, a text, data, the time (s)."""
+Publish = Callable[[RecoveryBehavior, RecoveryStatus, str, dict[str, Any], float], None]
+"""Publishes the status of a recovery behavior: which one, its status, a text, data, the time (s)."""
 
 
-class Ended(NamedTuple):
-    """A recovery is over."""
+class RecoveryEnd(NamedTuple):
+    """The end of a recovery behavior."""
 
     recovery: RecoveryBehavior
     status: RecoveryStatus
     text: str
     data: dict[str, Any]
     error: NavError | None
-    """Why it failed."""
+    """Reason of a failure."""
 
 
 class RecoveryRunner:
-    """The recovery that runs, if any: when its next step is due, and the steps themselves."""
+    """The running recovery behavior, if any, and its schedule."""
 
-    def __init__(self, tell: Tell, frequency: float, time_limit_s: float) -> None:
-        """`frequency` (Hz): how often at least one looks for cancels; a recovery that runs longer than the limit has failed."""
+    def __init__(self, publish: Publish, frequency: float, time_limit_s: float) -> None:
+        """Create a runner that checks for cancels at `frequency` (Hz) and fails a behavior after `time_limit_s` (s)."""
         self.time_limit_s = time_limit_s
         self.running: RecoveryBehavior | None = None
-        self.began = 0.0
-        self._tell = tell
+        self.started_at = 0.0
+        self._publish = publish
         self._frequency = frequency
         self._steps = Schedule(frequency)
-        self._polls = Schedule(frequency)
+        self._checks = Schedule(frequency)
 
     @property
     def due(self) -> float:
-        """When there is something to do next, s."""
-        return min(self._steps.due, self._polls.due) if self.running is not None else math.inf
+        """Time of the next step or check for cancels (s)."""
+        return min(self._steps.due, self._checks.due) if self.running is not None else math.inf
 
     def set_frequency(self, frequency: float, now: float) -> None:
-        """Looks for cancels so many times a second (Hz) from `now` (s) on."""
+        """Check for cancels at `frequency` (Hz) from `now` (s)."""
         self._frequency = frequency
-        self._polls = Schedule(frequency, now)
+        self._checks = Schedule(frequency, now)
 
-    def start(self, recovery: RecoveryBehavior, context: RecoveryContext, now: float) -> Ended | None:
-        """Starts it; its first step is due at once. What it came to, when it cannot."""
+    def start(self, recovery: RecoveryBehavior, context: RecoveryContext, now: float) -> RecoveryEnd | None:
+        """Start a behavior, whose first step is due at once. Returns its end if it fails to start."""
         self.running = recovery
-        self.began = now
+        self.started_at = now
         self._steps = Schedule(recovery.frequency or self._frequency, now)
-        self._polls = Schedule(self._frequency, now)
-        self._polls.advance(now)
+        self._checks = Schedule(self._frequency, now)
+        self._checks.advance(now)
         self._steps.advance(now)
         try:
-            recovery.start(context, now)
-        except Exception as exc:
-            return _failed(recovery, exc if isinstance(exc, NavError) else plugin_calls.internal(recovery.name, exc))
+            plugin_calls.call(recovery, recovery.start, context, now)
+        except NavError as exc:
+            return _failed(recovery, exc)
         return None
 
-    def drop(self) -> None:
-        """Nobody is interested any more."""
+    def drop(self, now: float) -> None:
+        """Abandon the running behavior."""
+        del now
         self.running = None
 
-    def take_turn(self, now: float) -> tuple[bool, bool]:
-        """Whether it is time to look for cancels, and whether a step is due (which includes the former)."""
-        polled, stepped = self._polls.is_due(now), self._steps.is_due(now)
-        if polled:
-            self._polls.advance(now)
-        if stepped:
+    def advance(self, now: float) -> tuple[bool, bool]:
+        """Return whether a check for cancels is due at `now` (s), and whether a step is; a step includes the check."""
+        check, step = self._checks.is_due(now), self._steps.is_due(now)
+        if check:
+            self._checks.advance(now)
+        if step:
             self._steps.advance(now)
-        return polled or stepped, stepped
+        return check or step, step
 
-    def overrun(self, recovery: RecoveryBehavior, now: float) -> Ended | None:
-        """What it came to, when it has run for longer than the limit."""
-        if now - self.began < self.time_limit_s:
+    def check_time_limit(self, recovery: RecoveryBehavior, now: float) -> RecoveryEnd | None:
+        """Return the behavior's end if it has run for longer than the time limit."""
+        if now - self.started_at < self.time_limit_s:
             return None
-        limit = self.time_limit_s
-        text = f"{recovery.name} did not end within {limit:g} s"
+        text = f"{recovery.name} did not end within {self.time_limit_s:g} s"
         return _failed(recovery, RecoveryTimeoutError(text, recovery=recovery.name))
 
     def step(
@@ -92,23 +92,23 @@ class RecoveryRunner:
         state_at: Callable[[float], RobotState],
         send: Callable[[Twist2D, float], None],
         now: float,
-    ) -> Ended | None:
-        """One step: sends its command, or says what it came to."""
-        first = now == self.began
+    ) -> RecoveryEnd | None:
+        """Execute one step and send its command; returns the behavior's end if this was the last step."""
+        first = now == self.started_at
         try:
-            done = plugin_calls.recovery_step(recovery, state_at(now), now)
+            step = plugin_calls.recovery_step(recovery, state_at(now), now)
         except NavError as exc:
             return _failed(recovery, exc)
-        if done.status is RecoveryStatus.RUNNING:
-            send(done.twist, now)
-            if first or done.text:
-                self._tell(recovery, done.status, done.text or f"{recovery.name} begins", done.data, now)
+        if step.status is RecoveryStatus.RUNNING:
+            send(step.twist, now)
+            if first or step.text:
+                self._publish(recovery, step.status, step.text or f"{recovery.name} starts", step.data, now)
             return None
         error: NavError | None = None
-        if done.status is RecoveryStatus.FAILED:
-            error = NavError(done.text or f"{recovery.name} failed", recovery=recovery.name, **done.data)
-        return Ended(recovery, done.status, done.text, done.data, error)
+        if step.status is RecoveryStatus.FAILED:
+            error = NavError(step.text or f"{recovery.name} failed", recovery=recovery.name, **step.data)
+        return RecoveryEnd(recovery, step.status, step.text, step.data, error)
 
 
-def _failed(recovery: RecoveryBehavior, error: NavError) -> Ended:
-    return Ended(recovery, RecoveryStatus.FAILED, error.message, error.as_dict(), error)
+def _failed(recovery: RecoveryBehavior, error: NavError) -> RecoveryEnd:
+    return RecoveryEnd(recovery, RecoveryStatus.FAILED, error.message, error.as_dict(), error)

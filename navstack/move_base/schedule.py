@@ -1,47 +1,55 @@
-"""When something that happens so many times a second is due next.
+"""Periodic schedules.
 
-Times are computed from an anchor and a count, so that a schedule never drifts. The rule for being late is that of
-ros::Rate (roscpp rate.cpp): who is late by less than a period catches up, who is late by more starts afresh.
+Due times are computed from an anchor and a count, so that a schedule does not drift. Late calls follow the rule of ros::Rate
+(roscpp rate.cpp): less than one period late, the schedule catches up; more than that, it restarts.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Final
 
-EPSILON_S = 1e-6
-"""Two times closer than this are the same: callers add up steps of simulated time in floating point."""
+EPSILON_S: Final = 1e-6
+"""Times that differ by less are equal: callers add steps of simulated time in floating point."""
 
 
 class Schedule:
-    """Due at `anchor + k / frequency`; a frequency of zero is never due."""
+    """Due at `anchor + k / frequency`; never due with the frequency 0."""
 
     __slots__ = ("_anchor", "_count", "due", "frequency")
 
     def __init__(self, frequency: float, now: float = 0.0) -> None:
-        """First due at `now` (s), then `frequency` (Hz) times a second."""
+        """Create a schedule that is due at `now` (s), then every 1 / `frequency` (Hz)."""
         self.frequency = frequency
         self._anchor = now
         self._count = 0
         self.due = now if frequency > 0.0 else math.inf
-        """The next time (s); inf for never."""
+        """Next due time (s); inf for never."""
 
     @property
     def period(self) -> float:
-        """Seconds between two times; inf for never."""
+        """Time between two due times (s); inf for never."""
         return 1.0 / self.frequency if self.frequency > 0.0 else math.inf
 
     def is_due(self, now: float) -> bool:
-        """True at and after the next time."""
+        """Return True at and after the due time."""
         return now >= self.due - EPSILON_S
 
     def restart(self, now: float) -> None:
-        """Due at `now`, and from there on."""
+        """Make the schedule due at `now` (s), and count from there."""
         if self.frequency > 0.0:
             self._anchor = self.due = now
             self._count = 0
 
+    def set_frequency(self, frequency: float, now: float) -> None:
+        """Change the frequency (Hz) and make the schedule due at `now` (s); the present frequency changes nothing."""
+        if frequency != self.frequency:
+            self.frequency = frequency
+            self.due = math.inf
+            self.restart(now)
+
     def advance(self, now: float) -> None:
-        """What was due is being done at `now`: on to the next time."""
+        """Set the next due time, for a call at `now` (s)."""
         if self.frequency <= 0.0:
             return
         self._count += 1
@@ -51,6 +59,6 @@ class Schedule:
             self.due = now + 1.0 / self.frequency
 
     def resume(self, now: float) -> None:
-        """What the last time set off ended only at `now`: on time, at once, or, more than a period late, from now on."""
+        """Restart at `now` (s), the end of a long call, if that is more than one period late."""
         if now > self.due + self.period + EPSILON_S:
             self.restart(now)

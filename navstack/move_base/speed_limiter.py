@@ -1,4 +1,4 @@
-"""Speed masks: the limit where the robot stands, handed to the local planner, and taken back where it ends."""
+"""Speed limits of the costmaps (speed masks), applied to the local planner at the robot's position."""
 
 from __future__ import annotations
 
@@ -6,49 +6,49 @@ import math
 from collections.abc import Sequence
 
 from navstack.interfaces import CostmapServer, LocalPlanner
+from navstack.move_base import plugin_calls
 
 
 class SpeedLimiter:
-    """Those of the costmaps' layers that limit the speed. Without any, asking costs nothing.
+    """Applies the lowest speed limit of the costmaps. Costmaps without limits are not asked.
 
-    As Nav2's SpeedFilter: percents are of the planner's full speed, the lowest of all limits counts, and a limit of 0 is none.
+    As Nav2's SpeedFilter: percentages refer to the local planner's full speed, and a limit of 0 is ignored.
     """
 
     def __init__(self, costmaps: Sequence[CostmapServer], planner: LocalPlanner) -> None:
+        self.limit: float | None = None
+        """The present limit (m/s); None without a limit."""
         self._planner = planner
-        self._masks = [costmap for costmap in costmaps if costmap.limits_speed]
-        limits = planner.limits if self._masks else None
-        self._full = (
+        self._costmaps = [costmap for costmap in costmaps if costmap.limits_speed]
+        self.is_needed = bool(self._costmaps)
+        """True if a costmap may limit the speed."""
+        limits = planner.limits if self._costmaps else None
+        self._full_speed = (
             0.0 if limits is None else min(limits.max_vel_trans, math.hypot(limits.max_vel_x, limits.max_vel_y))
         )
-        self.limit: float | None = None
-        """m/s in force; None for none."""
 
     def apply(self, now: float, *, slowed: bool) -> bool:
-        """Sets the limit of where the robot stands at `now` (s); True when it is another than before.
+        """Apply the limit at the robot's position at `now` (s); return True if it has changed.
 
-        `slowed`: a recovery behaviour may hold limits of its own; a lower one is left to it. Raises FrameError.
+        `slowed`: a recovery behavior may have set limits; a lower limit of it is kept. Raises NavError.
         """
-        if not self._masks:
+        limit = self._lowest(now)
+        present = self._planner.limits
+        if limit == self.limit and (limit is None or present.max_vel_trans <= limit):
             return False
-        limit = self._limit(now)
-        held = self._planner.limits.max_vel_trans
-        if limit == self.limit and (limit is None or held <= limit):
-            return False
-        if slowed and (limit is None or held <= limit):
-            return False  # once the recovery has lifted its limits
-        # the turning speed stays as it is: a recovery may have lowered that too
-        turning = self._planner.limits.max_vel_theta if slowed else None
-        self._planner.set_limits(max_vel_trans=limit, max_vel_theta=turning)
+        if slowed and (limit is None or present.max_vel_trans <= limit):
+            return False  # applied once the recovery behavior has restored the limits
+        # a recovery behavior may also have lowered the rotational speed: keep it
+        plugin_calls.set_limits(self._planner, limit, present.max_vel_theta if slowed else None)
         changed = limit != self.limit
         self.limit = limit
         return changed
 
-    def _limit(self, now: float) -> float | None:
+    def _lowest(self, now: float) -> float | None:
         lowest = math.inf
-        for costmap in self._masks:
-            pose = costmap.robot_pose(now)
-            limit = costmap.speed_limit(pose.x, pose.y, self._full)
+        for costmap in self._costmaps:
+            pose = plugin_calls.robot_pose(costmap, now)
+            limit = plugin_calls.call(costmap, costmap.speed_limit, pose.x, pose.y, self._full_speed)
             if limit is not None:
                 lowest = min(lowest, limit)
-        return lowest if lowest < self._full else None
+        return lowest if lowest < self._full_speed else None

@@ -73,7 +73,9 @@ class NavEvent(Enum):
 
 
 class Action(Enum):
-    """What is to be done; the value says what."""
+    """An action of a transition; the value describes it."""
+
+    __hash__ = object.__hash__
 
     STOP = "command zero velocity"
     STOP_IF_MOVING = "command zero velocity unless that was the last command"

@@ -1,4 +1,4 @@
-"""The status_messages of move_base and actionlib, to the letter: clients compare them.
+"""The texts of move_base and actionlib, to the letter, because clients compare them.
 
 Source: move_base/src/move_base.cpp, actionlib/include/actionlib/server/{action_server_base,simple_action_server_imp}.h.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Final
 
-# actionlib; "recieved" is spelt so there
+# actionlib; the spelling "recieved" is that of the source
 ACCEPTED: Final = "This goal has been accepted by the simple action server"
 REPLACED: Final = "This goal was canceled because another goal was recieved by the simple action server"
 CANCELED_BEFORE: Final = (
@@ -19,7 +19,7 @@ NOT_FINISHED: Final = (
     "did not"
 )
 
-# move_base: status status_messages
+# move_base: status texts
 REACHED: Final = "Goal reached."
 CANCELED: Final = ""
 BAD_QUATERNION: Final = "Aborting on goal because it was sent with an invalid quaternion"
@@ -30,11 +30,11 @@ OSCILLATING: Final = "Robot is oscillating. Even after executing recovery behavi
 BAD_STATE: Final = "Reached a case that should not be hit in move_base. This is a bug, please report it."
 KILLED: Final = "Aborting on the goal because the node has been killed"
 
-# ours: ROS never ends such a goal
-STALE_SENSORS: Final = "Sensor data is out of date: the robot was stopped for safety and no fresh data came."
+# additions: ROS never ends such a goal
+STALE_SENSORS: Final = "Sensor data is out of date: the robot was stopped for safety and no new data arrived."
 BAD_POSITION: Final = "Aborting on goal because its position is not a finite number"
-TIME_LIMIT: Final = "Aborting on goal because its time limit is over"
-DRIVER_FAILED: Final = "Aborting on goal because the robot does not take commands"
+TIME_LIMIT: Final = "Aborting on goal because its time limit has expired"
+DRIVER_FAILED: Final = "Aborting on goal because the robot rejects commands"
 
 # move_base: log
 LOG_STALE: Final = "[{name}]:Sensor data is out of date, we're not going to allow commanding of the base for safety"

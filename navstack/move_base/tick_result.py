@@ -15,11 +15,11 @@ class TickResult:
     time: float
     scans: tuple[SensorData, ...] = ()
     global_window: Window | None = None
-    """The updated cells of the global costmap; None when it was not updated."""
+    """The updated cells of the global costmap; None without an update."""
     local_window: Window | None = None
     plan: Plan | None = None
-    """The plan received."""
+    """The plan received from the global planner."""
     local_plan: LocalPlan | None = None
-    """The local plan computed."""
+    """The result of the local planner."""
     command: Twist2D | None = None
     """The last command sent."""

@@ -132,7 +132,7 @@ def test_a_robot_that_only_turns_is_held_up_and_gets_nowhere() -> None:
     assert "failed" not in held.text
     (line,) = of(account, "control_failed")
     assert line.text == (
-        "the robot got nowhere: FAILED_TO_MAKE_PROGRESS (105): the robot came no further than 0.2 m for 4 s; patience with "
+        "the robot got nowhere: FAILED_TO_MAKE_PROGRESS (105): the robot moved less than 0.2 m in 4 s; patience with "
         "the robot's progress is used up (oscillation_timeout 4, oscillation_distance 0.2)"
     )
     assert "control failed once FAILED_TO_MAKE_PROGRESS" in account.verdict

@@ -358,7 +358,7 @@ def run_one(seed: int) -> None:
     # the fault is gone: the next good goal succeeds
     repair(bench)
     about["slow"][0] = 0.0
-    bench.move_base.recoveries = ()
+    bench.move_base._navigation.recoveries = ()
     good = manager.send_goal(Pose2D(-1.0, -1.0, 0.5))
     bench.run(good, limit=60.0)
     assert good.status is GoalStatus.SUCCEEDED, (about, good.result)

@@ -95,7 +95,7 @@ def bad_state() -> GoalHandle:
     office = Office()
     handle = office.move_base.send_goal(FAR)
     office.run_to(1.0)
-    office.move_base._apply(NavEvent.GOAL_ACCEPTED, office.robot.time)
+    office.move_base._navigation.apply(NavEvent.GOAL_ACCEPTED, office.robot.time)
     return handle
 
 

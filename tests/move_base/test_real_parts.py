@@ -209,7 +209,7 @@ def test_shutdown_and_a_bug() -> None:
     office = Office()
     handle = office.move_base.send_goal(FAR)
     office.run_to(2.0)
-    office.move_base._apply(NavEvent.GOAL_ACCEPTED, office.robot.time)
+    office.move_base._navigation.apply(NavEvent.GOAL_ACCEPTED, office.robot.time)
     assert (handle.status, handle.text) == (S.ABORTED, status_messages.BAD_STATE)
     assert office.stands()
     handle = office.move_base.send_goal(FAR)

@@ -94,7 +94,7 @@ def test_the_old_ones_stay_when_anything_is_wrong() -> None:
     other = move_base.params.model_copy(update={"controller_frequency": 7.0})
     with pytest.raises(ParameterError, match="not with this planner"):
         move_base.reconfigure(other, global_planner=StraightPlanner(), local_planner=unfit)
-    with pytest.raises(InputError, match="is no LocalPlanner"):
+    with pytest.raises(InputError, match="is not a LocalPlanner"):
         move_base.reconfigure(other, global_planner=StraightPlanner(), local_planner=StraightPlanner())  # type: ignore[arg-type]
     after = (move_base.state, move_base.plan, move_base.global_planner, move_base.local_planner, move_base.params)
     assert after == before

@@ -1,0 +1,53 @@
+"""What happens while the local costmap is stale (parity 23)."""
+
+from __future__ import annotations
+
+from navstack.core.errors import NavError
+from navstack.move_base import plugin_calls, status_messages
+from navstack.move_base.active_goal import ActiveGoal
+from navstack.move_base.costmap_updater import CostmapUpdater
+from navstack.move_base.errors import StaleSensorsError
+from navstack.move_base.navigation import Navigation
+from navstack.move_base.schedule import EPSILON_S
+from navstack.move_base.state_machine import NavEvent
+
+
+class StaleSensorCheck:
+    """Stops the robot while the local costmap is stale, and ends the goal after controller_patience."""
+
+    def __init__(self, navigation: Navigation, costmaps: CostmapUpdater) -> None:
+        self._navigation = navigation
+        self._costmaps = costmaps
+
+    def is_stale(self, goal: ActiveGoal, now: float) -> bool:
+        """Return True if the robot must not move at `now` (s); the robot has stopped then, or the goal has ended."""
+        navigation = self._navigation
+        cause = self._costmaps.local_error
+        try:
+            stale = cause is not None or not plugin_calls.is_current(navigation.local_costmap, now)
+        except NavError as exc:
+            stale, cause = True, exc
+        if not stale:
+            goal.stale_since = None
+            return False
+        if goal.stale_since is None:
+            goal.stale_since = now
+            text = status_messages.LOG_STALE.format(name=navigation.local_costmap.name)
+            navigation.events.warn(now, text, cause)
+        goal.statistics.stale_cycles += 1
+        if now - goal.stale_since < navigation.params.controller_patience - EPSILON_S:
+            navigation.apply(NavEvent.SENSORS_STALE, now)
+            return True
+        error = cause or self._timeout(goal)
+        goal.statistics.add_failure(error, now)
+        navigation.apply(NavEvent.SENSORS_LOST, now, error)
+        return True
+
+    def _timeout(self, goal: ActiveGoal) -> NavError:
+        name = self._navigation.local_costmap.name
+        return StaleSensorsError(
+            f"a sensor of {name} has been stale (no data within its expected_update_rate) for controller_patience "
+            f"({self._navigation.params.controller_patience:g} s); check the sensor and its topic",
+            costmap=name,
+            since=goal.stale_since,
+        )
