@@ -96,10 +96,10 @@ def loading_kernels(*, quiet: bool = False) -> Generator[None]:
     Compilation is long, so it is also announced, by a note, with `quiet` or without a terminal.
     """
     from navstack.core.jit import kernels_are_cached
-    from navstack.global_planner._kernels import wave
+    from navstack.global_planner.navfn import MAIN_KERNEL
     from navstack.sim._lidar_kernels import sweep
 
-    cached = kernels_are_cached(sweep, wave)
+    cached = kernels_are_cached(sweep, MAIN_KERNEL)
     what = "loading the kernels" if cached else "compiling the kernels (first run only, about 30 s)"
     if not cached and (quiet or not stderr().is_terminal):
         print_note(what)

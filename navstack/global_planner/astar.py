@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import cast
-
-from navstack.core import Costmap
-from navstack.global_planner.cell_planner import CellPlanner, CellPlannerParams, Found
-from navstack.global_planner.cell_search import Weights
-from navstack.global_planner.ends import Cell
+from navstack.global_planner._search.base import Query
+from navstack.global_planner._search.best_first import BestFirst
+from navstack.global_planner._search.cell_search import CellPath, CellPlanner, CellPlannerParams
+from navstack.global_planner._search.cells import Cell
 from navstack.plugins import GLOBAL_PLANNERS
 
 
@@ -17,29 +15,22 @@ class AStarParams(CellPlannerParams):
 
 @GLOBAL_PLANNERS.register("astar")
 class AStarPlanner(CellPlanner):
-    """astar: the path of least cost over the 8 neighbours, exact up to rounding (heuristic: octile distance).
+    """astar: the cheapest path over the 8 neighbours, exact up to rounding (heuristic: octile distance).
 
-    What navfn's potential only comes near to. Of several cheapest paths it takes, always, the one found first: cells of the
-    same half `neutral_cost` of f are visited last in, first out; neighbours in the order E W N S NE NW SE SW; a cell keeps
-    its predecessor unless another is cheaper. With `heuristic_weight` w > 1 the cost is at most w times the least.
+    navfn's potential only approximates this path. Ties between cheapest paths go to the first one found: cells whose f
+    differs by less than half of `neutral_cost` are expanded last in, first out; neighbours are visited in the order E W N S
+    NE NW SE SW; a cell keeps its predecessor unless another one is cheaper. With `heuristic_weight` w > 1 the cost is at
+    most w times the optimum.
     """
 
     Params = AStarParams
 
     def __init__(self, params: AStarParams | None = None) -> None:
-        super().__init__(params or AStarParams())
+        super().__init__(params or AStarParams(), _expand)
 
-    def _find(self, costmap: Costmap, weights: Weights, start: Cell, goal: Cell, most: int) -> Found | None:
-        params = cast("AStarParams", self.params)
-        search = self._search
-        if not search.octile(
-            costmap,
-            weights,
-            start,
-            goal,
-            heuristic=params.heuristic_weight,
-            cut_corners=params.cut_corners,
-            most=most,
-        ):
-            return None
-        return Found(search.path(start, goal), search.cost_of(goal), search.expanded, search.rectangle)
+
+def _expand(search: BestFirst, query: Query, goal: Cell, max_expanded: int) -> CellPath | None:
+    start = query.start_cell
+    if not search.octile(query.space.costmap, start, goal, max_expanded=max_expanded):
+        return None
+    return CellPath(search.path(start, goal), search.cost_of(goal), search.expanded, search.window)

@@ -1,4 +1,4 @@
-"""carrot_planner: straight at the goal, as far as the footprint fits (carrot_planner/src/carrot_planner.cpp)."""
+"""carrot_planner: straight toward the goal, as far as the footprint fits (carrot_planner/src/carrot_planner.cpp)."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ import numpy as np
 from navstack.core import INSCRIBED, LETHAL, UNKNOWN, Costmap, Footprint, Path, Pose2D, angle_between, normalize_angle
 from navstack.core.errors import GoalOccupiedError
 from navstack.core.parameters import ParamModel
-from navstack.global_planner import ends
-from navstack.global_planner.cost_rule import navfn_rule
+from navstack.global_planner._search.cost_interpreter import navfn_costs
+from navstack.global_planner._search.planning_errors import occupied_data
+from navstack.global_planner._search.search_space import SearchSpace
+from navstack.global_planner._search.start_goal import cells_of, with_yaw_in_range
 from navstack.interfaces import GlobalPlanner, Plan
 from navstack.plugins import GLOBAL_PLANNERS
 
@@ -21,21 +23,22 @@ _SCALE_STEP = 0.01  # carrot_planner.cpp, dScale
 
 
 class CarrotPlannerParams(ParamModel):
-    """Parameters of CarrotPlanner: both are read by ROS and used by nothing."""
+    """Parameters of CarrotPlanner: ROS reads both and uses neither."""
 
     NO_EFFECT: ClassVar[Mapping[str, str]] = {
-        "step_size": "read by CarrotPlanner, never used: the goal is pulled back by hundredths of the distance",
+        "step_size": "read by CarrotPlanner, never used: the goal is moved back by hundredths of the distance",
         "min_dist_from_robot": "read by CarrotPlanner, never used",
     }
 
 
 @GLOBAL_PLANNERS.register("carrot_planner", aliases=("carrot_planner/CarrotPlanner",))
 class CarrotPlanner(GlobalPlanner):
-    """carrot_planner: the goal, pulled back along the straight line to the start until the robot fits there.
+    """carrot_planner: the goal, moved back along the straight line to the start until the robot fits there.
 
-    The plan is the start and that point, whose heading is turned in proportion. What lies between is not looked at: that is
-    the local planner's business. The robot fits where no cell under its outline is lethal or unknown and that of its centre
-    is not inscribed either; without a footprint only the centre's cell is looked at. `Plan.cost` is the length in metres.
+    The plan consists of the start and that pose, whose heading is interpolated. The cells between them are not checked; that
+    is left to the local planner. The robot fits if no cell under the border of its footprint is lethal or unknown and the
+    cell of its centre is not inscribed either; without a footprint only the cell of the centre is checked. `Plan.cost` is
+    the length in metres.
     """
 
     Params = CarrotPlannerParams
@@ -52,15 +55,15 @@ class CarrotPlanner(GlobalPlanner):
         footprint: Footprint | None = None,
         keep_potential: bool = False,
     ) -> Plan:
-        """Start and the point nearest to the goal where the robot fits.
+        """Plan to the pose nearest to the goal where the robot fits.
 
-        Raises StartOutsideMapError, GoalOutsideMapError, InputError for a pose that is not finite, and GoalOccupiedError when the
-        robot fits nowhere on the line.
+        Raises StartOutsideMapError, GoalOutsideMapError, InputError for a pose that is not finite, and GoalOccupiedError when
+        the robot does not fit anywhere on the line.
         """
         del keep_potential
         began = time.perf_counter()
-        start, goal = ends.with_yaw_in_range(start), ends.with_yaw_in_range(goal)
-        _, goal_cell = ends.cells_of(costmap, start, goal)
+        start, goal = with_yaw_in_range(start), with_yaw_in_range(goal)
+        _, goal_cell = cells_of(costmap, start, goal)
         turn = angle_between(start.yaw, goal.yaw)
         scale = 1.0
         while scale >= 0.0:
@@ -71,15 +74,16 @@ class CarrotPlanner(GlobalPlanner):
             )
             if _fits(costmap, target, footprint):
                 moved = goal.distance_to(target)
-                notes = (f"the goal is pulled back by {moved:.2f} m to where the robot fits",) if moved > 0.0 else ()
+                notes = (f"the goal was moved back by {moved:.2f} m to where the robot fits",) if moved > 0.0 else ()
                 poses = np.array([start, target], dtype=np.float64)
                 length = start.distance_to(target)
                 took = time.perf_counter() - began
                 return Plan(Path(poses, costmap.frame), length, target, moved, 0, None, notes, took)
             scale = round(scale - _SCALE_STEP, 10)
-        data = ends.occupied_data(costmap, navfn_rule(False), goal_cell, ring=False)
+        data = occupied_data(SearchSpace(costmap, navfn_costs(False), border_blocked=False), goal_cell)
         raise GoalOccupiedError(
-            f"the robot fits nowhere on the straight line from ({start.x:.3f}, {start.y:.3f}) to ({goal.x:.3f}, {goal.y:.3f})",
+            f"the robot does not fit anywhere on the straight line from ({start.x:.3f}, {start.y:.3f}) to "
+            f"({goal.x:.3f}, {goal.y:.3f})",
             **{**data, "x": goal.x, "y": goal.y},
         )
 
@@ -93,7 +97,7 @@ def _fits(costmap: Costmap, pose: Pose2D, footprint: Footprint | None) -> bool:
     c, s = math.cos(pose.yaw), math.sin(pose.yaw)
     corners = np.asarray(footprint.vertices, dtype=np.float64) @ np.array([[c, s], [-s, c]]) + (pose.x, pose.y)
     for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        # twice per cell: no cell is passed but by a corner
+        # two samples per cell: a cell can only be missed at a corner
         count = max(2, math.ceil(2.0 * float(np.hypot(*(b - a))) / costmap.geometry.resolution) + 1)
         for t in np.linspace(0.0, 1.0, count):
             cost = costmap.cost_at(*(a + t * (b - a)))

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import cast
-
-from navstack.core import Costmap
-from navstack.global_planner.cell_planner import CellPlanner, CellPlannerParams, Found
-from navstack.global_planner.cell_search import Weights, union
-from navstack.global_planner.ends import Cell
+from navstack.global_planner._search.base import Query
+from navstack.global_planner._search.best_first import BestFirst
+from navstack.global_planner._search.cell_search import CellPath, CellPlanner, CellPlannerParams
+from navstack.global_planner._search.cells import Cell, union
 from navstack.plugins import GLOBAL_PLANNERS
 
 
@@ -19,34 +17,27 @@ class ThetaStarParams(CellPlannerParams):
 class ThetaStarPlanner(CellPlanner):
     """theta_star: straight lines between cell centres, at any angle, where they are cheaper than steps from cell to cell.
 
-    A line is legal when no cell it touches is blocked (lethal, inscribed), and costs, as astar's steps do, in every cell the
-    length in it times that cell's weight. Theta* alone is no exact method: astar's path is pulled tight first, and Theta* is
-    asked for a cheaper one. So it never costs more than astar's, and with `cost_factor` 0 is never longer.
+    A line is legal if no cell it touches is blocked (lethal, inscribed). As for the steps of astar, its cost in each cell is
+    the length in it times the weight of the cell. Theta* alone is not exact: the path of astar is pulled tight first, and
+    replaced by that of Theta* if the latter is cheaper. The result therefore never costs more than the path of astar, and
+    with `cost_factor` 0 it is never longer.
     """
 
     Params = ThetaStarParams
 
     def __init__(self, params: ThetaStarParams | None = None) -> None:
-        super().__init__(params or ThetaStarParams())
+        super().__init__(params or ThetaStarParams(), _expand)
 
-    def _find(self, costmap: Costmap, weights: Weights, start: Cell, goal: Cell, most: int) -> Found | None:
-        params = cast("ThetaStarParams", self.params)
-        search, cut, heuristic = self._search, params.cut_corners, params.heuristic_weight
-        if not search.octile(costmap, weights, start, goal, heuristic=heuristic, cut_corners=cut, most=most):
-            return None
-        corners, cost = search.pulled_tight(costmap, weights, search.path(start, goal), cut_corners=cut)
-        looked_at, expanded = search.rectangle, search.expanded
-        if search.any_angle(
-            costmap,
-            weights,
-            start,
-            goal,
-            heuristic=heuristic,
-            cut_corners=cut,
-            most=max(0, most - expanded),
-            below=cost,
-        ):
-            others, other_cost = search.pulled_tight(costmap, weights, search.corners(start, goal), cut_corners=cut)
-            if other_cost < cost:
-                corners, cost = others, other_cost
-        return Found(corners, cost, expanded + search.expanded, union(looked_at, search.rectangle))
+
+def _expand(search: BestFirst, query: Query, goal: Cell, max_expanded: int) -> CellPath | None:
+    costmap, start = query.space.costmap, query.start_cell
+    if not search.octile(costmap, start, goal, max_expanded=max_expanded):
+        return None
+    corners, cost = search.pull_tight(costmap, search.path(start, goal))
+    window, expanded = search.window, search.expanded
+    remaining = max(0, max_expanded - expanded)
+    if search.any_angle(costmap, start, goal, max_expanded=remaining, upper_bound=cost):
+        others, other_cost = search.pull_tight(costmap, search.corners(start, goal))
+        if other_cost < cost:
+            corners, cost = others, other_cost
+    return CellPath(corners, cost, expanded + search.expanded, union(window, search.window))

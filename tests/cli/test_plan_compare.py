@@ -28,7 +28,7 @@ def test_table_and_a_planner_that_finds_none(capfd: pytest.CaptureFixture[str]) 
     assert run([*query, "--compare", "carrot_planner,astar"]) == 0
     captured = capfd.readouterr()
     assert "no plan" in captured.out
-    assert "astar: the goal (15.000, 12.000) lies in a cell of cost lethal" in captured.err
+    assert "astar: the goal (15.000, 12.000) is in a cell of cost lethal" in captured.err
 
 
 @pytest.mark.parametrize(

@@ -274,7 +274,7 @@ def test_no_connection(planner: tuple[str, dict[str, object]]) -> None:
     assert error.value.data["nearest_reachable"] == pytest.approx(costmap.geometry.cell_to_world(4, 2))
     assert error.value.data["nearest_reachable_distance_m"] == pytest.approx(0.4)
     assert error.value.data["cells_expanded"] >= 0
-    (seal,) = error.value.data["sealed_by"]
+    (seal,) = error.value.data["blocked_by"]
     assert seal["kind"] == "obstacle"
     assert seal["x"] == pytest.approx(costmap.geometry.cell_to_world(5, 2)[0])
 
@@ -286,7 +286,7 @@ def test_the_narrowest_gap_is_named(planner: tuple[str, dict[str, object]]) -> N
     costmap.data[2, 5] = 253
     with pytest.raises(NoValidPathError, match="too narrow for the robot") as error:
         build(planner).make_plan(costmap, at(costmap, 2, 2), at(costmap, 8, 2))
-    (seal,) = error.value.data["sealed_by"]
+    (seal,) = error.value.data["blocked_by"]
     assert seal["kind"] == "too narrow"
     assert seal["gap_m"] == pytest.approx(
         RESOLUTION
@@ -432,7 +432,7 @@ def test_carrot_pulls_the_goal_back(name: str) -> None:
     alone = build((name, {})).make_plan(costmap, start, at(costmap, 8, 5))
     assert alone.goal.x - start.x < 0.6
     costmap.data[:] = 254
-    with pytest.raises(GoalOccupiedError, match="fits nowhere"):
+    with pytest.raises(GoalOccupiedError, match="does not fit anywhere"):
         build((name, {})).make_plan(costmap, start, goal, footprint=footprint)
 
 

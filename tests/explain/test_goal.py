@@ -103,7 +103,7 @@ def test_a_goal_in_a_wall(unreachable: Record) -> None:
     failed = of(account, "plan_failed")
     assert sum(line.count for line in failed) == len(unreachable.events_of("plan_failed")) == len(account.failed_plans)
     assert failed[0].text.startswith("the global planner failed ")
-    assert "GOAL_OCCUPIED (206): the goal (2.000, 0.000) lies in a cell of cost" in failed[0].text
+    assert "GOAL_OCCUPIED (206): the goal (2.000, 0.000) is in a cell of cost" in failed[0].text
     assert failed[0].text.endswith("; patience with the global planner is used up (planner_patience 1)")
     assert any("GOAL_OCCUPIED (206), as before" in line.text for line in failed[1:])
     first = of(account, "recovery")[0]

@@ -11,7 +11,7 @@ from navstack.core import Costmap, Footprint, GridGeometry, Pose2D
 from navstack.core.clearance import clearance_along
 from navstack.core.errors import NoValidPathError, StartOccupiedError
 from navstack.global_planner import AStarParams, AStarPlanner, ThetaStarParams, ThetaStarPlanner
-from navstack.global_planner.cell_planner import CellPlanner
+from navstack.global_planner._search.cell_search import CellPlanner
 from navstack.interfaces import GlobalPlanner
 from navstack.plugins import GLOBAL_PLANNERS
 
@@ -36,7 +36,7 @@ def test_a_short_query_looks_at_a_corner_of_a_huge_map(planner: type[CellPlanner
     built = planner(params())
     plan = built.make_plan(costmap, at(costmap, 100, 100), at(costmap, 130, 110))
     assert plan.cells_expanded < 200
-    x0, y0, x1, y1 = built._search.rectangle  # pyright: ignore[reportPrivateUsage]
+    x0, y0, x1, y1 = built._search.best_first.window  # pyright: ignore
     assert (x1 - x0) * (y1 - y0) < 2000
     # and what lies outside cannot matter: the plan is handed out again whatever changes there
     costmap.data[2000:, :] = 254
@@ -136,7 +136,7 @@ def test_what_seals_the_goal_off_is_named(planner: GlobalPlanner) -> None:
     costmap = sealed_room()
     with pytest.raises(NoValidPathError, match=r"a gap of about 0\.\d+ m at .* too narrow") as error:
         planner.make_plan(costmap, at(costmap, 8, 8), at(costmap, 50, 30))
-    (gap,) = error.value.data["sealed_by"]
+    (gap,) = error.value.data["blocked_by"]
     assert gap["kind"] == "too narrow"
     door = costmap.geometry.cell_to_world(30, 23)
     assert math.hypot(gap["x"] - door[0], gap["y"] - door[1]) <= 0.11
@@ -144,7 +144,7 @@ def test_what_seals_the_goal_off_is_named(planner: GlobalPlanner) -> None:
     costmap.data[20:26, 30] = 254
     with pytest.raises(NoValidPathError, match="an obstacle at") as error:
         planner.make_plan(costmap, at(costmap, 8, 8), at(costmap, 50, 30))
-    (wall,) = error.value.data["sealed_by"]
+    (wall,) = error.value.data["blocked_by"]
     assert wall["kind"] == "obstacle"
     assert 20 <= (wall["y"] - costmap.geometry.origin_y) / 0.05 <= 26  # where it is thinnest
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from navstack.global_planner.orientation_filter import OrientationMode, orient
+from navstack.global_planner._search.orientation_filter import OrientationMode, orient
 
 CORNER = np.array(
     [[0.0, 0.0, 9.0], [1.0, 0.0, 9.0], [2.0, 0.0, 9.0], [2.0, 1.0, 9.0], [2.0, 2.0, 9.0], [2.0, 2.0, -1.0]]

@@ -15,9 +15,10 @@ import pytest
 from numpy.typing import NDArray
 
 from navstack.core import Costmap, GridGeometry, Pose2D
-from navstack.global_planner import AStarPlanner, GlobalPlannerROS, NavfnROS, ThetaStarPlanner, navfn
-from navstack.global_planner.cost_rule import navfn_rule
-from navstack.global_planner.wavefront import Wavefront
+from navstack.global_planner import AStarPlanner, GlobalPlannerROS, NavfnROS, ThetaStarPlanner
+from navstack.global_planner._search.cost_interpreter import navfn_costs
+from navstack.global_planner._search.propagation import propagate_navfn
+from navstack.global_planner._search.wavefront import Wavefront
 from navstack.interfaces import GlobalPlanner
 
 SIDE = 10_000  # 1e8 cells
@@ -72,6 +73,6 @@ def test_nor_are_the_waves_own_arrays() -> None:
     """Whoever fills them in huge pages (2 MiB, 52 rows here) touches as many as the corner's rows lie in."""
     wave = Wavefront()
     costmap = Costmap(GridGeometry(SIDE, SIDE, 0.05))
-    navfn.spread(wave, costmap, navfn_rule(True), root=START, target=GOAL)
+    propagate_navfn(wave, costmap, navfn_costs(True), root=START, target=GOAL)
     assert wave.potential_of(*GOAL) > 0.0
     assert pages_touched(wave.pot).mean() < 1.1 * CORNER / SIDE

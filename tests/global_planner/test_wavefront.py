@@ -6,35 +6,36 @@ import numpy as np
 import pytest
 
 from navstack.core import Costmap, GridGeometry, Pose2D
-from navstack.global_planner import GlobalPlannerParams, GlobalPlannerROS, NavfnParams, NavfnROS, navfn
-from navstack.global_planner.cost_rule import global_planner_rule, navfn_rule
-from navstack.global_planner.guide import CoarseGuide
-from navstack.global_planner.wavefront import Wavefront
+from navstack.global_planner import GlobalPlannerParams, GlobalPlannerROS, NavfnParams, NavfnROS
+from navstack.global_planner._search.coarse_heuristic import CoarseHeuristic
+from navstack.global_planner._search.cost_interpreter import global_planner_costs, navfn_costs
+from navstack.global_planner._search.propagation import NAVFN_RISE, propagate_navfn
+from navstack.global_planner._search.wavefront import Wavefront
 
 
 def test_navfn_costs() -> None:
-    rule = navfn_rule(True)
+    rule = navfn_costs(True)
     assert [rule.steps[c] for c in (0, 1, 2, 100, 252, 255)] == [50, 50, 51, 130, 251, 253]
     assert np.flatnonzero(rule.blocked).tolist() == [253, 254]
-    assert np.flatnonzero(navfn_rule(False).blocked).tolist() == [253, 254, 255]
+    assert np.flatnonzero(navfn_costs(False).blocked).tolist() == [253, 254, 255]
     assert np.isinf(rule.weights[rule.blocked]).all()
 
 
 def test_global_planner_costs() -> None:
-    rule = global_planner_rule(253, 50, 3.0, True, True)
+    rule = global_planner_costs(253, 50, 3.0, True, True)
     assert [rule.steps[c] for c in (0, 1, 67, 68, 251, 255)] == [50, 53, 251, 252, 252, 252]
     assert np.flatnonzero(rule.blocked).tolist() == [252, 253, 254]
-    assert not global_planner_rule(255, 1, 0.01, False, True).blocked[253]
+    assert not global_planner_costs(255, 1, 0.01, False, True).blocked[253]
 
 
 def test_a_short_query_touches_a_corner_of_a_huge_map() -> None:
     """Memory outside the open rectangle keeps what it held: a pattern that the wave would have overwritten."""
     wave = Wavefront()
     costmap = Costmap(GridGeometry(2000, 2000, 0.05))
-    navfn.spread(wave, costmap, navfn_rule(True), root=(50, 50), target=(90, 70))
+    propagate_navfn(wave, costmap, navfn_costs(True), root=(50, 50), target=(90, 70))
     wave.pot[:] = 12345.0
-    navfn.spread(wave, costmap, navfn_rule(True), root=(50, 50), target=(90, 70))
-    x0, y0, x1, y1 = wave.rectangle
+    propagate_navfn(wave, costmap, navfn_costs(True), root=(50, 50), target=(90, 70))
+    x0, y0, x1, y1 = wave.window
     assert (x1 - x0) * (y1 - y0) < 0.02 * costmap.data.size
     outside = wave.pot.reshape(2000, 2000).copy()
     outside[y0:y1, x0:x1] = 12345.0
@@ -47,11 +48,11 @@ def test_the_rectangle_grows_without_a_trace() -> None:
     data = rng.integers(0, 200, (400, 500)).astype(np.uint8)
     data[rng.random(data.shape) < 0.2] = 254
     costmap = Costmap(GridGeometry(500, 400, 0.05), data)
-    rule = navfn_rule(True)
+    rule = navfn_costs(True)
     stepwise, whole = Wavefront(), Wavefront()
-    navfn.spread(stepwise, costmap, rule, root=(250, 200), target=(260, 200), stop=False)
-    navfn.spread(whole, costmap, rule, root=(250, 200), target=(499, 399), stop=False)
-    x0, y0, x1, y1 = whole.rectangle
+    propagate_navfn(stepwise, costmap, rule, root=(250, 200), target=(260, 200), stop=False)
+    propagate_navfn(whole, costmap, rule, root=(250, 200), target=(499, 399), stop=False)
+    x0, y0, x1, y1 = whole.window
     a, b = stepwise.full_potential(), whole.full_potential()
     assert (x0, y0, x1, y1) == (0, 0, 500, 400)
     assert (a == b).all()
@@ -60,12 +61,12 @@ def test_the_rectangle_grows_without_a_trace() -> None:
 
 def test_it_can_be_taken_up_again() -> None:
     costmap = Costmap(GridGeometry(300, 200, 0.05))
-    rule = navfn_rule(True)
+    rule = navfn_costs(True)
     once, twice = Wavefront(), Wavefront()
-    navfn.spread(once, costmap, rule, root=(20, 20), target=(280, 180))
-    navfn.spread(twice, costmap, rule, root=(20, 20), target=(100, 100))
+    propagate_navfn(once, costmap, rule, root=(20, 20), target=(280, 180))
+    propagate_navfn(twice, costmap, rule, root=(20, 20), target=(100, 100))
     first = twice.full_potential()
-    twice.run(180 * 300 + 280)
+    twice.run((280, 180))
     assert np.isfinite(first).sum() < np.isfinite(once.full_potential()).sum()
     assert (twice.full_potential() == once.full_potential()).all()
 
@@ -73,7 +74,7 @@ def test_it_can_be_taken_up_again() -> None:
 @pytest.mark.parametrize("allow_unknown", [True, False])
 def test_the_coarse_guide_never_misleads_by_much(allow_unknown: bool) -> None:
     rng = np.random.default_rng(8)
-    rule = navfn_rule(allow_unknown)
+    rule = navfn_costs(allow_unknown)
     for _ in range(10):
         data = rng.choice([0, 0, 30, 120, 252, 255], (120, 150)).astype(np.uint8)
         data[rng.random(data.shape) < 0.15] = 254
@@ -81,21 +82,20 @@ def test_the_coarse_guide_never_misleads_by_much(allow_unknown: bool) -> None:
         costmap = Costmap(GridGeometry(150, 120, 0.05), data)
         data[5, 5] = data[110, 140] = 0
         wave = Wavefront()
-        navfn.spread(wave, costmap, rule, root=(5, 5), target=(140, 110))
-        found = CoarseGuide().build(costmap, rule, (140, 110), (5, 5), navfn.RISE)
+        propagate_navfn(wave, costmap, rule, root=(5, 5), target=(140, 110))
+        estimate = CoarseHeuristic().build(costmap, rule, (140, 110), (5, 5), NAVFN_RISE)
         true = wave.potential_of(140, 110)
         if true < np.inf:
-            assert found is not None
-            assert found[1] <= true + 6.0 * navfn.RISE
+            assert estimate <= true + 6.0 * NAVFN_RISE
 
 
 def test_planners_keep_their_arrays() -> None:
     costmap = Costmap(GridGeometry(100, 100, 0.05))
     planner = NavfnROS()
     planner.make_plan(costmap, Pose2D(1.0, 1.0), Pose2D(4.0, 4.0))
-    before = planner._wave.pot  # pyright: ignore[reportPrivateUsage]
+    before = planner._search.wave.pot  # pyright: ignore
     planner.make_plan(costmap, Pose2D(1.0, 1.0), Pose2D(4.0, 2.0))
-    assert planner._wave.pot is before  # pyright: ignore[reportPrivateUsage]
+    assert planner._search.wave.pot is before  # pyright: ignore
 
 
 def test_outline_map_decides_about_the_outermost_cells() -> None:

@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 from navstack.core import Costmap, GridGeometry, Pose2D
 from navstack.core.errors import NoValidPathError
 from navstack.global_planner import GlobalPlannerParams, GlobalPlannerROS
-from navstack.global_planner.cost_rule import global_planner_rule
+from navstack.global_planner._search.cost_interpreter import global_planner_costs
 from tests.conftest import golden_files
 
 POTENTIAL_TOLERANCE = 1e-6
@@ -114,7 +114,7 @@ def test_every_combination(case: Case, combination: tuple[str, str, str], golden
         both = np.isfinite(plan.potential) & (expected < CPP_UNREACHED)
         assert both.sum() > 0.95 * (expected < CPP_UNREACHED).sum()
         np.testing.assert_allclose(plan.potential[both], expected[both], rtol=POTENTIAL_TOLERANCE)
-    rule = global_planner_rule(
+    rule = global_planner_costs(
         params.lethal_cost, params.neutral_cost, params.cost_factor, params.allow_unknown, params.use_quadratic
     )
     cells = plan.path.poses[:, :2] / 0.1 - 0.5

@@ -17,9 +17,11 @@ from scipy.spatial import cKDTree
 
 from navstack.core import Costmap, GridGeometry, Pose2D
 from navstack.core.errors import GoalOccupiedError, NoValidPathError
-from navstack.global_planner import navfn
-from navstack.global_planner.cost_rule import CostRule, navfn_rule, rule_of
-from navstack.global_planner.wavefront import Wavefront
+from navstack.global_planner import NavfnParams, NavfnROS
+from navstack.global_planner._search.cost_interpreter import WaveCosts, navfn_costs, wave_costs
+from navstack.global_planner._search.propagation import propagate_navfn
+from navstack.global_planner._search.traceback import navfn_path
+from navstack.global_planner._search.wavefront import Wavefront
 from tests.conftest import golden_files
 
 POTENTIAL_TOLERANCE = 1e-6
@@ -48,10 +50,10 @@ def cases() -> Iterator[Case]:
                     yield Case(file, key.removesuffix("query"))
 
 
-def raw_rule() -> CostRule:
-    """Mode 0: the bytes themselves are the costs of navfn."""
+def raw_costs() -> WaveCosts:
+    """Mode 0: the bytes are the costs of navfn."""
     steps = np.arange(256, dtype=np.float32)
-    return rule_of(steps, steps >= 254, 50.0, True, True)
+    return wave_costs(steps, steps >= 254)
 
 
 def costs_of(case: Case, data: dict[str, NDArray[Any]], golden_dir: Path, data_dir: Path) -> NDArray[np.uint8]:
@@ -77,10 +79,11 @@ def test_dijkstra(case: Case, stop: bool, golden_dir: Path, data_dir: Path) -> N
     nx, ny, mode, sx, sy, gx, gy = (int(v) for v in data["query"])
     costs = costs_of(case, data, golden_dir, data_dir)
     assert costs.shape == (ny, nx)
-    rule = raw_rule() if mode == 0 else navfn_rule(mode == 1)
+    interpreter = raw_costs() if mode == 0 else navfn_costs(mode == 1)
     wave = Wavefront()
     # NavFn's potential is 0 at its goal and runs to its start
-    navfn.spread(wave, Costmap(GridGeometry(nx, ny, 0.1), costs), rule, root=(gx, gy), target=(sx, sy), stop=stop)
+    costmap = Costmap(GridGeometry(nx, ny, 0.1), costs)
+    propagate_navfn(wave, costmap, interpreter, root=(gx, gy), target=(sx, sy), stop=stop)
     key = "dijkstra_atstart" if stop else "dijkstra"
     potential = wave.full_potential()
     meta = data[f"{key}_meta"]
@@ -97,7 +100,7 @@ def test_dijkstra(case: Case, stop: bool, golden_dir: Path, data_dir: Path) -> N
     if not np.isfinite(wave.potential_of(sx, sy)):
         assert not meta[0]
         return
-    path = navfn.descend(wave, (sx, sy), root=(gx, gy))
+    path = navfn_path(wave, (sx, sy), root=(gx, gy))
     assert path[0].tolist() == [sx, sy]
     assert path[-1].tolist() == [gx, gy]
     assert np.hypot(*np.diff(path, axis=0).T).max() < 2.0
@@ -116,7 +119,7 @@ def test_astar_costs_what_dijkstra_does(case: Case, golden_dir: Path, data_dir: 
     start, goal = Pose2D(*costmap.geometry.cell_to_world(gx, gy)), Pose2D(*costmap.geometry.cell_to_world(sx, sy))
     plans = []
     for use_astar in (False, True):
-        planner = navfn.NavfnROS(navfn.NavfnParams(allow_unknown=mode == 1, use_astar=use_astar))
+        planner = NavfnROS(NavfnParams(allow_unknown=mode == 1, use_astar=use_astar))
         try:
             plans.append(planner.make_plan(costmap, start, goal))
         except NoValidPathError:
@@ -148,7 +151,7 @@ def test_plans_in_the_world(file: Path, key: str, willow: Costmap) -> None:
     with np.load(file) as z:
         expected = z[key]
         sx, sy, gx, gy = z["queries_world"][int(key.rpartition("q")[2])]
-    planner = navfn.NavfnROS(navfn.NavfnParams(allow_unknown="nounk" not in key))
+    planner = NavfnROS(NavfnParams(allow_unknown="nounk" not in key))
     start, goal = Pose2D(sx, sy, 0.5), Pose2D(gx, gy, 1.0)
     if not len(expected):
         with pytest.raises((NoValidPathError, GoalOccupiedError)):
@@ -167,8 +170,8 @@ def test_tolerance_around_a_goal_in_an_obstacle(golden_dir: Path, willow: Costma
     with np.load(golden_dir / "plans_world.npz") as z:
         expected = z["navfn_tol05_goal_in_obstacle"]
     start, goal = Pose2D(29.75, 7.95), Pose2D(30.85, 6.65)
-    plan = navfn.NavfnROS(navfn.NavfnParams(default_tolerance=0.5)).make_plan(willow, start, goal)
+    plan = NavfnROS(NavfnParams(default_tolerance=0.5)).make_plan(willow, start, goal)
     assert hausdorff(plan.path.poses[:, :2], expected[:, :2]) < 1e-4
     assert plan.goal_moved_m == pytest.approx(np.hypot(*(expected[-1, :2] - (30.85, 6.65))))
     with pytest.raises(GoalOccupiedError, match=r"lethal \(254\)"):
-        navfn.NavfnROS().make_plan(willow, start, goal)
+        NavfnROS().make_plan(willow, start, goal)

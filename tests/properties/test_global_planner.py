@@ -14,7 +14,7 @@ from scipy.ndimage import label
 from navstack.core import Costmap, GridGeometry, Pose2D
 from navstack.core.errors import GoalOccupiedError, NoValidPathError, StartOccupiedError
 from navstack.global_planner import GlobalPlannerParams, GlobalPlannerROS, NavfnParams, NavfnROS
-from navstack.global_planner.cost_rule import CostRule, global_planner_rule, navfn_rule
+from navstack.global_planner._search.cost_interpreter import WaveCosts, global_planner_costs, navfn_costs
 from navstack.interfaces import Plan
 
 RESOLUTION = 0.05
@@ -50,7 +50,7 @@ def problems(draw: st.DrawFn, most: int = 32) -> tuple[Costmap, Pose2D, Pose2D]:
     return Costmap(g, data), pose(), pose()
 
 
-def free_cells(costmap: Costmap, rule: CostRule, start: tuple[int, int]) -> NDArray[np.bool_]:
+def free_cells(costmap: Costmap, rule: WaveCosts, start: tuple[int, int]) -> NDArray[np.bool_]:
     """Cells a path may enter: not blocked, not on the ring; the start's own in any case."""
     free = ~rule.blocked[costmap.data]
     free[[0, -1], :] = False
@@ -59,7 +59,7 @@ def free_cells(costmap: Costmap, rule: CostRule, start: tuple[int, int]) -> NDAr
     return free
 
 
-def check(planner: Any, rule: CostRule, problem: tuple[Costmap, Pose2D, Pose2D], *, corners: bool) -> Plan | None:
+def check(planner: Any, rule: WaveCosts, problem: tuple[Costmap, Pose2D, Pose2D], *, corners: bool) -> Plan | None:
     """The plan is legal if the referee (connected components) says there is one; else the exception is the right one."""
     costmap, start, goal = problem
     before = costmap.data.copy()
@@ -105,7 +105,7 @@ def check(planner: Any, rule: CostRule, problem: tuple[Costmap, Pose2D, Pose2D],
 @settings(deadline=None, max_examples=60, derandomize=True)
 @given(problem=problems(), unknown=st.booleans())
 def test_navfn(problem: tuple[Costmap, Pose2D, Pose2D], unknown: bool) -> None:
-    rule = navfn_rule(unknown)
+    rule = navfn_costs(unknown)
     dijkstra = check(NavfnROS(NavfnParams(allow_unknown=unknown)), rule, problem, corners=True)
     astar = check(NavfnROS(NavfnParams(allow_unknown=unknown, use_astar=True)), rule, problem, corners=True)
     assert (dijkstra is None) == (astar is None)
@@ -147,7 +147,7 @@ def test_global_planner(
         neutral_cost=neutral,
         cost_factor=factor,
     )
-    rule = global_planner_rule(lethal, neutral, factor, unknown, quadratic)
+    rule = global_planner_costs(lethal, neutral, factor, unknown, quadratic)
     check(GlobalPlannerROS(params), rule, problem, corners=old)
 
 
@@ -157,7 +157,7 @@ def test_the_cost_is_that_of_a_plain_dijkstra(problem: tuple[Costmap, Pose2D, Po
     """The linear potential is the cost of the cheapest 4-connected path, which a textbook Dijkstra finds too."""
     costmap, start, goal = problem
     params = GlobalPlannerParams(use_quadratic=False, old_navfn_behavior=True, use_dijkstra=True)
-    rule = global_planner_rule(253, 50, 3.0, True, False)
+    rule = global_planner_costs(253, 50, 3.0, True, False)
     plan = check(GlobalPlannerROS(params), rule, problem, corners=True)
     if plan is None:
         return

@@ -29,8 +29,8 @@ from navstack.global_planner import (
     NavfnROS,
     ThetaStarParams,
     ThetaStarPlanner,
-    replanning,
 )
+from navstack.global_planner._search import goal_potential
 from navstack.interfaces import GlobalPlanner, Plan
 
 RESOLUTION = 0.05
@@ -334,8 +334,8 @@ def test_replanning_after_any_edit(seed: int, side: tuple[int, int], kind: str, 
     original = costmap.data.copy()
     goal = Pose2D(*g.cell_to_world(int(rng.integers(1, nx - 1)), int(rng.integers(1, ny - 1))), 0.5)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(replanning, "_WORTHWHILE", 10)
-        patch.setattr(replanning, "_NEAR_RISES", 0.0)
+        patch.setattr(goal_potential, "WORTHWHILE_CELLS", 10)
+        patch.setattr(goal_potential, "NEAR_RISES", 0.0)
         for _ in range(5):
             x, y = rng.uniform(0.02, 0.98, 2)
             start = Pose2D(g.origin_x + x * g.width_m, g.origin_y + y * g.height_m, 1.0)

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from navstack.core import Costmap, GridGeometry, Pose2D
 from navstack.core.errors import PlanningError
-from navstack.global_planner import GlobalPlannerParams, GlobalPlannerROS, NavfnParams, NavfnROS, replanning
+from navstack.global_planner import GlobalPlannerParams, GlobalPlannerROS, NavfnParams, NavfnROS
+from navstack.global_planner._search import goal_potential
 
 COST_TOLERANCE = 0.005
 KINDS = ["navfn", "navfn astar", "navfn known", "global_planner", "global_planner linear", "global_planner astar"]
@@ -69,7 +70,7 @@ def test_as_good_as_from_scratch(seed: int, size: tuple[int, int], kind: str, sc
     goal = Pose2D(*costmap.geometry.cell_to_world(int(rng.integers(1, nx - 1)), int(rng.integers(1, ny - 1))), 0.5)
     planner = build(kind)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(replanning, "_WORTHWHILE", 10)  # on grids as small as these it would not be used at all
+        patch.setattr(goal_potential, "WORTHWHILE_CELLS", 10)  # on grids as small as these it would not be used at all
         for _ in range(8):
             start = Pose2D(
                 *costmap.geometry.cell_to_world(int(rng.integers(1, nx - 1)), int(rng.integers(1, ny - 1))), 1.0

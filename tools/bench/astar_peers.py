@@ -35,7 +35,7 @@ def median_ms(run: Callable[[], object], repeats: int) -> float:
 
 
 def from_scratch(planner: AStarPlanner, costmap: Costmap, start: Pose2D, goal: Pose2D) -> object:
-    planner.forget()
+    planner.reset()
     return planner.make_plan(costmap, start, goal)
 
 

@@ -1,12 +1,12 @@
-"""Times of the global planners against the C++ they come from.
+"""Compare the times of the global planners with the C++ originals.
 
     python tools/bench/global_planner.py REFERENCE_FOLDER [--repeats 15] [--json]
 
-REFERENCE_FOLDER holds `calibrate.py` and `cpp_reference.json` (C++ times and the calibration time of that moment); beside it lie
-`golden/` and `data/`, or wherever NAVSTACK_GOLDEN and NAVSTACK_DATA say. Prints, per case, the median of the repeats, C++'s
-time on this machine now (its time then, scaled by the calibration), and the ratio: above 1, we are faster. The calibration
-is taken anew before every case, because machines are shared; --cpu counts processor time instead of waiting time, for a
-machine where others work.
+REFERENCE_FOLDER contains `calibrate.py` and `cpp_reference.json` (C++ times and the calibration time measured with them). The
+folders `golden/` and `data/` are next to it, or in NAVSTACK_GOLDEN and NAVSTACK_DATA. For each case the script prints the
+median of the repeats, the C++ time scaled to this machine by the calibration, and the ratio: above 1, navstack is faster.
+The calibration is repeated before every case, because the machine may be shared. --cpu measures processor time instead of
+elapsed time.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from __future__ import annotations
 import argparse
 import importlib.util
 import json
-import math
 import os
 import statistics
 import time
@@ -26,18 +25,20 @@ import numpy as np
 from PIL import Image
 
 from navstack.core import Costmap, GridGeometry, Pose2D
-from navstack.global_planner import GlobalPlannerParams, GlobalPlannerROS, NavfnParams, NavfnROS, navfn
-from navstack.global_planner.cost_rule import CostRule, rule_of
-from navstack.global_planner.guide import CoarseGuide, astar
-from navstack.global_planner.wavefront import Guide, Wavefront
+from navstack.global_planner import GlobalPlannerParams, GlobalPlannerROS, NavfnParams, NavfnROS
+from navstack.global_planner._search.coarse_heuristic import CoarseHeuristic
+from navstack.global_planner._search.cost_interpreter import WaveCosts, wave_costs
+from navstack.global_planner._search.propagation import NavfnPropagation, WaveQuery, WaveRun, propagate_navfn
+from navstack.global_planner._search.traceback import navfn_path
+from navstack.global_planner._search.wavefront import Wavefront
 
 Run = Callable[[], object]
 
 
-def raw_rule() -> CostRule:
-    """The bytes themselves are navfn's costs, as in navfn's own test."""
+def raw_costs() -> WaveCosts:
+    """The bytes are navfn's costs, as in navfn's own test."""
     steps = np.arange(256, dtype=np.float32)
-    return rule_of(steps, steps >= 254, 50.0, True, True)
+    return wave_costs(steps, steps >= 254)
 
 
 def costmap(data: np.ndarray[Any, Any]) -> Costmap:
@@ -52,18 +53,16 @@ def raw_navfn(
     stop: bool = True,
     use_astar: bool = False,
 ) -> Run:
-    grid, rule, wave, coarse = costmap(data), raw_rule(), Wavefront(), CoarseGuide()
-
-    def attempt(guide: Guide | None, limit: float) -> float:
-        navfn.spread(wave, grid, rule, root=goal, target=start, stop=stop, guide=guide, limit=limit)
-        return wave.potential_of(*start)
+    grid, costs, wave, heuristic = costmap(data), raw_costs(), Wavefront(), CoarseHeuristic()
+    anywhere = Pose2D(0.0, 0.0)  # the potential is 0 at navfn's goal, and poses are not used
+    query = WaveQuery(grid, costs, anywhere, goal, anywhere, start)
 
     def run() -> object:
         if use_astar:
-            astar(coarse, grid, rule, goal, start, navfn.RISE, attempt)
+            heuristic.search(WaveRun(wave, NavfnPropagation(), query))
         else:
-            attempt(None, math.inf)
-        path = navfn.descend(wave, start, root=goal)
+            propagate_navfn(wave, grid, costs, root=goal, target=start, stop=stop)
+        path = navfn_path(wave, start, root=goal)
         assert len(path) > 10
         return path
 
@@ -77,7 +76,7 @@ def world(
     a, b = Pose2D(*grid.geometry.cell_to_world(*start)), Pose2D(*grid.geometry.cell_to_world(*goal))
 
     def run() -> object:
-        planner.forget()
+        planner.reset()
         return planner.make_plan(grid, a, b)
 
     return run
@@ -91,19 +90,19 @@ def replanning(
     *,
     changes: bool,
 ) -> Run:
-    """Once a second: the robot a step further on, a window of 6 x 6 cells beside it changed; or all as it was."""
+    """Replan as once per second: after a small step and a change of 6 x 6 cells beside the robot, or with no change."""
     grid = costmap(data.copy())
     target = Pose2D(*grid.geometry.cell_to_world(*goal))
     path = planner.make_plan(grid, Pose2D(*grid.geometry.cell_to_world(*start)), target).path.poses
-    turn = 0
+    step = 0
 
     def run() -> object:
-        nonlocal turn
+        nonlocal step
         if changes:
-            turn = turn + 1 if turn < 60 else 1
-            ix, iy = grid.geometry.world_to_cell(*path[4 * turn, :2]) or start
+            step = step + 1 if step < 60 else 1
+            ix, iy = grid.geometry.world_to_cell(*path[4 * step, :2]) or start
             grid.data[iy + 5 : iy + 11, ix + 5 : ix + 11] ^= 64
-        return planner.make_plan(grid, Pose2D(path[4 * turn, 0] + 0.02, path[4 * turn, 1] + 0.02), target)
+        return planner.make_plan(grid, Pose2D(path[4 * step, 0] + 0.02, path[4 * step, 1] + 0.02), target)
 
     return run
 

@@ -123,7 +123,7 @@ def measure(golden: Path, scene: str, side: int, name: str, repeats: int) -> dic
     plan = None
     first_kb = 0
     for _ in range(repeats):
-        planner.forget()
+        planner.reset()
         began = time.process_time()
         plan = planner.make_plan(costmap, a, b)
         times.append(time.process_time() - began)

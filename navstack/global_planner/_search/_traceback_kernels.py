@@ -1,14 +1,14 @@
 # pyright: basic
 """From a potential to a path: gradient descent, or from cell to cell.
 
-Both go downhill to the root, where the potential is 0, and both always get there: a cell with a potential has a
-4-neighbour with a lower one (the one it came from), so a step to the lowest neighbour is always progress, and gradient
-descent falls back on such steps whenever it stops gaining.
+Both descend to the root, where the potential is 0, and both always reach it: a cell with a potential has a 4-neighbour with a
+lower one (the cell it was reached from), so a step to the lowest neighbour always makes progress, and gradient descent falls
+back on such steps whenever it stops making progress.
 
-A path stays in cells that have a potential, between its points too: it meets others in a corner or along an edge at most. From
-centre to centre a diagonal step so passes the very corner of a cell without potential, as C++'s do, but never between two (to
-ask for both sides to be free makes paths through cluttered maps half a per cent dearer than C++'s). A step by the gradient
-stays within the cell it is taken from and its 8 neighbours, which all have a potential. Other steps are looked at.
+A path stays in cells that have a potential, between its points too; it touches other cells at most in a corner or along an
+edge. A diagonal step from centre to centre may pass the corner of a cell without potential, as in C++, but never between two
+of them (requiring both to be free makes paths through cluttered maps 0.5 % more expensive than those of C++). A gradient
+step stays within its cell and the 8 neighbours, which all have a potential. Other steps are checked.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ HIGH = np.float32(1e10)
 
 @kernel
 def _slope(pot, k, before, after):
-    """Normalisable difference of the potential along one axis at cell k, positive where it falls toward `after`."""
+    """Difference of the potential along one axis at cell k, positive where it decreases toward `after`."""
     here = pot[k]
     lower, upper = pot[before], pot[after]
     s = np.float32(0.0)
@@ -35,7 +35,7 @@ def _slope(pot, k, before, after):
 
 @kernel
 def _direction(pot, k, nx):
-    """Unit vector of steepest descent at a cell with a potential; (0, 0) where it is flat."""
+    """Unit vector of steepest descent at a cell with a potential; (0, 0) where the potential is flat."""
     gx = _slope(pot, k, k - 1, k + 1)
     gy = _slope(pot, k, k - nx, k + nx)
     norm = np.float32(np.hypot(gx, gy))
@@ -62,7 +62,7 @@ def _interpolated(pot, k, nx, dx, dy):
 
 @kernel
 def _lowest_neighbour(pot, k, nx):
-    """The lowest of the 8 neighbours, k itself when none is lower. No step squeezes between two cells without potential."""
+    """The lowest of the 8 neighbours; k if none is lower. No step passes between two cells without potential."""
     best = k
     low = pot[k]
     for dy in (-1, 0, 1):
@@ -75,8 +75,8 @@ def _lowest_neighbour(pot, k, nx):
 
 
 @kernel
-def _surrounded(pot, k, nx):
-    """True when the cell and its 8 neighbours all have a potential."""
+def _is_surrounded(pot, k, nx):
+    """True if the cell and its 8 neighbours all have a potential."""
     for dy in (-nx, 0, nx):
         for n in range(k + dy - 1, k + dy + 2):
             if not pot[n] < HIGH:
@@ -86,9 +86,9 @@ def _surrounded(pot, k, nx):
 
 @kernel
 def _crosses(pot, k, nx, ax, ay, bx, by):
-    """True when the line between two points, in cells from the centre of k, meets one of its 3 x 3 cells without potential.
+    """True if the line between two points, in cells from the centre of k, crosses one of its 3 x 3 cells without potential.
 
-    More than a corner or an edge of it, that is. Both points lie in these nine cells.
+    Touching a corner or an edge does not count. Both points are in these nine cells.
     """
     for cy in (-1, 0, 1):
         for cx in (-1, 0, 1):
@@ -112,8 +112,9 @@ def _crosses(pot, k, nx, ax, ay, bx, by):
 
 @kernel
 def _doubled(points):
+    """`points` (n, 2) in an array of twice the length."""
     larger = np.empty((2 * points.shape[0], 2), np.float32)
-    for i in range(points.shape[0]):  # a slice would take the compiler a second
+    for i in range(points.shape[0]):  # a slice would add a second of compile time
         larger[i, 0] = points[i, 0]
         larger[i, 1] = points[i, 1]
     return larger
@@ -125,17 +126,17 @@ def gradient_path(pot, nx, ny, k, dx, dy, root_x, root_y, enough, near, patience
 
     Returns points (>= n, 2) in cells, and n.
 
-    Ends with the root once the nearest cell's potential is under `enough` or the root is within `near` cells. Beside a
+    Ends with the root once the potential of the nearest cell is below `enough` or the root is within `near` cells. Beside a
     cell without potential, or when two steps cancel, it moves to the lowest of the 8 neighbours instead (navfn calcPath,
-    GradientPath). When `patience` points bring no lower cell it goes on from the lowest so far by one such step. n = 0
-    when the potential has no way down, which a wavefront's never has.
+    GradientPath). When `patience` points do not reach a lower cell it continues from the lowest one so far by such a step.
+    n = 0 if the potential cannot be descended, which does not occur for a wavefront.
     """
     points = np.empty((1024, 2), np.float32)
     n = 0
     lowest = HIGH
     lowest_k = k
     lowest_n = 0
-    down = False  # from cell to cell until there is one lower than all before
+    down = False  # from cell to cell until one is lower than all before
     limit = nx * ny
     half = np.float32(0.5)
     whole = np.float32(1.0)
@@ -152,7 +153,7 @@ def gradient_path(pot, nx, ny, k, dx, dy, root_x, root_y, enough, near, patience
             rx, ry = np.float64(root_x - ix), np.float64(root_y - iy)
             down = inside and _crosses(pot, k, nx, np.float64(dx), np.float64(dy), rx, ry)
             if not down:
-                if n > 0:  # C++ leaves this point out
+                if n > 0:  # C++ omits this point
                     ax, ay = np.float64(points[n - 1, 0] - ix), np.float64(points[n - 1, 1] - iy)
                     if not inside or max(abs(ax), abs(ay)) > 1.5 or _crosses(pot, k, nx, ax, ay, rx, ry):
                         points[n, 0] = x
@@ -173,7 +174,7 @@ def gradient_path(pot, nx, ny, k, dx, dy, root_x, root_y, enough, near, patience
         if stuck and not down:
             k, n = lowest_k, lowest_n
         cancelled = n > 2 and points[n - 1, 0] == points[n - 3, 0] and points[n - 1, 1] == points[n - 3, 1]
-        if not (stuck or cancelled or down) and _surrounded(pot, k, nx):
+        if not (stuck or cancelled or down) and _is_surrounded(pot, k, nx):
             gx, gy = _interpolated(pot, k, nx, dx, dy)
             norm = np.float32(np.hypot(gx, gy))
             if norm > 0.0:
@@ -215,7 +216,7 @@ def gradient_path(pot, nx, ny, k, dx, dy, root_x, root_y, enough, near, patience
         ix, iy = k % nx, k // nx
         ax, ay = np.float64(points[n - 1, 0] - ix), np.float64(points[n - 1, 1] - iy)
         if _crosses(pot, k, nx, ax, ay, np.float64(to % nx - ix), np.float64(to // nx - iy)):
-            # first to the centre of the cell that the last point lies in, and from there by cells
+            # first to the centre of the cell that contains the last point, then from cell to cell
             k += int(np.rint(ax)) + nx * int(np.rint(ay))
             down = True
         else:
@@ -226,7 +227,7 @@ def gradient_path(pot, nx, ny, k, dx, dy, root_x, root_y, enough, near, patience
 
 @kernel
 def _cheapest_neighbour(pot, k, nx, cost, steps):
-    """The lower one of the 8 neighbours with the least sum of its potential and the cost of getting there; k if none is lower."""
+    """The lower one of the 8 neighbours with the least sum of its potential and the cost of the step; k if none is lower."""
     best = k
     least = HIGH
     here = steps[cost[k]]
@@ -246,8 +247,7 @@ def _cheapest_neighbour(pot, k, nx, cost, steps):
 def grid_path(pot, nx, ny, k, x, y, cost, steps, cheapest):
     """From the point (x, y) in cell k from centre to centre until no neighbour is lower: points (>= n, 2), and n.
 
-    To the lowest of the 8 neighbours (GridPath), or with `cheapest` to the one with the least sum of potential and cost
-    of getting there.
+    To the lowest of the 8 neighbours (GridPath), or with `cheapest` to the one with the least sum of potential and step cost.
     """
     points = np.empty((1024, 2), np.float32)
     points[0, 0] = x
@@ -264,7 +264,7 @@ def grid_path(pot, nx, ny, k, x, y, cost, steps, cheapest):
             points = _doubled(points)
         tx, ty = to % nx, to // nx
         if n == 1 and _crosses(pot, k, nx, x - ix, y - iy, np.float64(tx - ix), np.float64(ty - iy)):
-            points[n, 0] = ix  # by the centre of the cell
+            points[n, 0] = ix  # via the centre of the cell
             points[n, 1] = iy
             n += 1
         points[n, 0] = tx
