@@ -76,7 +76,7 @@ class TourOptions(NamedTuple):
         file, map_name = self._files()
         places = load_places(file)
         path, grid = map_of(map_name)
-        start, names = self._start(file, places), self._names(file, places)
+        names, start = self._names(file, places), self._start(file, places)
         configuration = load_configuration(self.params, overrides=self.set_, distro=self.distro)
         note_warnings(configuration)
         obstacles, shapes = parse_obstacles(self.obstacle)
