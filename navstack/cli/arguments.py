@@ -166,3 +166,11 @@ def _has_map_key(path: Path) -> bool:
             return _MAP_KEY.search(stream.read(_SEARCHED_BYTES)) is not None
     except OSError:
         return True  # the map reader reports why the file is unreadable
+
+
+def parse_costmap_name(text: str) -> str:
+    """`global`, `local`, `global_costmap` or `local_costmap` -> `global` or `local`. Raises InputError."""
+    name = text.removesuffix("_costmap")
+    if name not in ("global", "local"):
+        raise InputError(f'--costmap "{text}" is unknown; give global or local', argument="--costmap", value=text)
+    return name

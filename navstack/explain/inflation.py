@@ -1,4 +1,4 @@
-"""What the inflation of a parameter set charges, distance by distance."""
+"""Inflation cost against distance, for the costmaps of a parameter set."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ from navstack.parameters.configuration import Configuration, CostmapConfiguratio
 
 @dataclass(frozen=True, slots=True)
 class InflationCurve:
-    """Cost against distance in one costmap. Metres."""
+    """Cost against distance in one costmap, or in both if they agree. Lengths in metres."""
 
     costmaps: tuple[str, ...]
-    """Those that have it: `global`, `local` or both."""
+    """`global`, `local` or both."""
     resolution: float
     inscribed_radius: float
-    """With the padding."""
+    """With padding."""
     circumscribed_radius: float
     inflation_radius: float
     cost_scaling_factor: float
     cells: NDArray[np.float64]
-    """(k,) whole cells away from an obstacle (m), from 0 to the first beyond the inflation radius."""
+    """(k,) distances of whole cells, from 0 to the first cell beyond the inflation radius."""
     cell_costs: NDArray[np.uint8]
-    """(k,) what is written there."""
+    """(k,) costs that the layer writes at these distances."""
 
     def at(self, distances: NDArray[np.float64]) -> NDArray[np.uint8]:
-        """Cost at distances (m), as the formula has it on a grid of any resolution."""
+        """Costs at any distances (m), by the formula of the layer."""
         costs = inflation_cost(distances, self.inscribed_radius, self.cost_scaling_factor)
-        # as far as whole cells cover it, like the layer
+        # the layer inflates whole cells
         costs[distances > self.cells[-2] + 1e-9 if len(self.cells) > 1 else distances > 0.0] = 0
         return costs
 
     def as_dict(self) -> dict[str, Any]:
-        """Ready for JSON."""
+        """Returns the curve for JSON."""
         return {
             "costmaps": list(self.costmaps),
             "resolution_m": self.resolution,
@@ -50,14 +50,14 @@ class InflationCurve:
         }
 
     def steps(self) -> list[tuple[float, int]]:
-        """Distance (m) and cost of every whole number of cells."""
+        """Returns distance (m) and cost for every whole number of cells."""
         return [(round(float(d), 6), int(c)) for d, c in zip(self.cells, self.cell_costs)]
 
 
 def inflation_curves(configuration: Configuration, *, map_resolution: float | None = None) -> list[InflationCurve]:
-    """The curves of the global and the local costmap; one where they are the same.
+    """The curves of the global and the local costmap; one curve for both if they are equal.
 
-    `map_resolution` (m): of the map that the global costmap will take its own from. Raises InputError when neither
+    `map_resolution` (m) replaces the resolution of a costmap that takes it from its map. Raises InputError if neither
     costmap has an inflation layer.
     """
     curves: list[InflationCurve] = []
@@ -72,8 +72,7 @@ def inflation_curves(configuration: Configuration, *, map_resolution: float | No
             curves[twin] = InflationCurve((*curves[twin].costmaps, name), *_values(curve))
     if not curves:
         raise InputError(
-            "neither costmap has an inflation layer that is enabled: there is no curve to show; add a layer of type "
-            "costmap_2d::InflationLayer to their plugins"
+            "neither costmap has an enabled inflation layer; add a layer of type costmap_2d::InflationLayer to its plugins"
         )
     return curves
 

@@ -1,4 +1,4 @@
-"""A recorded run, driven once more: a run is a pure function of its scenario, so everything it ever knew can be asked."""
+"""Replays recorded runs. A run is a pure function of its scenario, so a replay restores every state of the run."""
 
 from __future__ import annotations
 
@@ -16,39 +16,42 @@ from navstack.scenario import Run, Scenario
 
 COSTMAPS = ("global", "local")
 _SLACK_S = 1e-3
-"""Times are shown with three digits: what is shown can be asked for."""
+"""Tolerance of requested times: commands print times with three digits."""
 
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """A run as it stood at a time: live costmaps, planners and robot."""
+    """The state of a run at one time: costmaps, planners and robot."""
 
     record: Record
     run: Run
     time: float
-    """Of the last control cycle (s)."""
+    """Time of the last control cycle (s)."""
 
     def costmap(self, name: str) -> LayeredCostmap:
-        """`global` or `local`."""
+        """Returns the `global` or `local` costmap."""
         live = self.run.move_base.local_costmap if name == "local" else self.run.move_base.global_costmap
         assert isinstance(live, LayeredCostmap)
         return live
 
     def to_map(self, name: str) -> Transform2D:
-        """Takes coordinates in a costmap's frame to the map's, as the robot believed them to lie."""
+        """Returns the transform from a costmap's frame to the map frame, by the robot's localization at this time."""
         robot = self.run.robot
         return robot.frames.lookup(robot.map_frame, self.costmap(name).frame)
 
 
 def time_in(record: Record, time: float | None) -> float:
-    """`time` (s) checked against the run, its end when None. Raises InputError or, for an empty run, RecordError."""
+    """Returns `time` (s; default: the end of the run) if the run covers it.
+
+    Raises InputError if not, RecordError for an empty run.
+    """
     end = float(record.times[record.index_at(math.inf)])
     first = float(record.times[0])
     if time is None:
         return end
     if not first - _SLACK_S <= time <= end + _SLACK_S:  # false for NaN
         raise InputError(
-            f"nothing was recorded at {time:g} s: the run covers {first:.3f} .. {end:.3f} s; give --time in between",
+            f"--time {time:g} is outside the run, which covers {first:.3f} .. {end:.3f} s",
             time=time,
             first=first,
             last=end,
@@ -57,24 +60,24 @@ def time_in(record: Record, time: float | None) -> float:
 
 
 def replay(record: Record, time: float | None = None) -> Replay:
-    """Drives the run again up to `time` (s; the end when None) and hands it over as it stood then.
+    """Replays a run up to `time` (s; default: the end of the run).
 
-    Raises RecordError when the record does not hold its scenario, or when this version drives otherwise than the record
-    says: then nothing that it explains would be about that run.
+    Raises InputError for a time outside the run. Raises RecordError if the record does not contain its scenario, or if
+    the replay differs from the record: the diagnostics would then be about another run.
     """
     until = time_in(record, time)
     run = Run(Scenario.from_record(record))
     for expected in record.times[: record.index_at(until) + 1].tolist():
         if not run.step():
-            raise _differs(record, expected, "the run is over")
+            raise _differs(record, expected, "the run has ended")
         if run.robot.time != expected:
-            raise _differs(record, expected, f"the control cycle falls on {run.robot.time:.6f} s")
+            raise _differs(record, expected, f"the control cycle is at {run.robot.time:.6f} s")
     _check(record, run, until)
     return Replay(record, run, run.robot.time)
 
 
 def _check(record: Record, run: Run, until: float) -> None:
-    """What was recorded up to then is what happened now, to the bit."""
+    """Raises RecordError unless the replay equals the record up to its end, bit by bit."""
     assert run.recorder is not None
     again = run.recorder.record()
     n = len(again.times)
@@ -84,7 +87,7 @@ def _check(record: Record, run: Run, until: float) -> None:
         if not same.all():
             first = int(np.argmin(same))
             was, is_now = before[column][first], now[column][first]
-            raise _differs(record, float(now["t"][first]), f"{column} is {is_now}, the record has {was}")
+            raise _differs(record, float(now["t"][first]), f"{column} is {is_now} instead of {was}")
     for name in again.costmap_names:
         rows: Any = again.arrays[f"costmaps/{name}"]
         old: Any = record.arrays.get(f"costmaps/{name}")
@@ -94,7 +97,7 @@ def _check(record: Record, run: Run, until: float) -> None:
             or not np.array_equal(old[: len(rows)], rows)
             or not np.array_equal(record.arrays[f"costmaps/{name}_cells"][: len(cells)], cells)
         ):
-            raise _differs(record, until, f"the {name} costmap is another one")
+            raise _differs(record, until, f"the {name} costmap differs")
 
 
 def _differs(record: Record, time: float, what: str) -> RecordError:
@@ -102,10 +105,10 @@ def _differs(record: Record, time: float, what: str) -> RecordError:
 
     by = record.scenario.get("navstack")
     versions = (
-        f"it was recorded by navstack {by}, this is {__version__}" if by != __version__ else "the code has changed"
+        f"recorded by navstack {by}, replayed by {__version__}" if by != __version__ else "the code has changed"
     )
     return RecordError(
-        f"{record.path or 'the record'} is of another version: driven again, {what} at {time:.3f} s ({versions}); "
+        f"{record.path or 'the record'} was made by another version: in the replay, {what} at {time:.3f} s ({versions}); "
         "record the run again",
         time=time,
         recorded_by=by,

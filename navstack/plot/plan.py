@@ -1,4 +1,4 @@
-"""A picture of one plan, or of several side by side, over the costmap they were made on."""
+"""The picture of one or several plans over a costmap."""
 
 from __future__ import annotations
 
@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 
 from navstack.core import Bounds, Costmap, Footprint, Pose2D
 from navstack.interfaces import Plan
-from navstack.plot import canvas, colors
+from navstack.plot import areas, canvas, colors, drawing, legend
 
 _UNREACHED = 1e9
+"""Potentials from here on mark cells that the planner did not reach."""
 _STYLES = ("-", (0, (5, 1.6)), (0, (2, 1.2)), (0, (6, 1.4, 1.2, 1.4)))
+Entries = list[tuple[Any, str]]
 
 
 def plot_plan(
@@ -31,66 +33,83 @@ def plot_plan(
     potential: bool = True,
     dpi: float = 130.0,
 ) -> Path:
-    """Draws plans (one, or several by name) from `start` to `goal`, all in the costmap's frame, to a .png, .svg or .pdf.
+    """Draws one plan, or several by name, to a .png, .svg or .pdf. All poses are in the frame of the costmap.
 
-    The first plan that carries a potential has it drawn as contours, unless `potential` is False. Raises OutputError.
+    Contours show the potential of the first plan that has one, unless `potential` is False. Raises OutputError. Returns
+    the file.
     """
     out = Path(path)
     canvas.check_format(out)
     named = {"plan": plans} if isinstance(plans, Plan) else dict(plans)
-    ends = np.array([start, goal])
-    area = canvas.area_of([ends, *(plan.path.poses for plan in named.values())])
-    area = canvas.area_of_grid(costmap.geometry) if area.is_empty else canvas.shaped(area.grown(_margin(ends)))
     g = costmap.geometry
     with canvas.style():
         picture = canvas.Picture(
-            area, title=title or _title(named), subtitle=_figures(named) if subtitle is None else subtitle
+            _area(costmap, named, start, goal),
+            title=title or _title(named),
+            subtitle=_single_plan_text(named) if subtitle is None else subtitle,
         )
         axes = picture.axes
-        canvas.draw_grid(axes, costmap.data, colors.COSTS, g, area=picture.area)
-        handles: list[Any] = []
-        labels: list[str] = []
-        field = next((plan.potential for plan in named.values() if plan.potential is not None), None)
-        if potential and field is not None:
-            lines = _contours(axes, field, costmap, picture.area)
-            if lines is not None:
-                handles.append(lines)
-                labels.append("potential")
-        for i, (name, plan) in enumerate(named.items()):
-            line = canvas.draw_line(
-                axes,
-                plan.path.poses,
-                colors.PLANS[i % len(colors.PLANS)],
-                width=2.4,
-                casing=True,
-                linestyle=_STYLES[(i // len(colors.PLANS) + i) % len(_STYLES)] if len(named) > 1 else "-",
-                zorder=4 + 0.1 * i,
-            )
-            handles.insert(i, line)
-            labels.insert(i, name if len(named) == 1 else f"{name}\n{plan.path.length:.2f} m, cost {_cost(plan)}")
-        if footprint is not None:
-            for pose in (start, goal):
-                canvas.draw_footprint(axes, footprint, pose)
-        marks = [canvas.Mark(start, "S", colors.START), canvas.Mark(goal, "G", colors.GOAL)]
-        canvas.draw_marks(axes, marks, picture.points_per_m)
-        handles += [canvas.disc(colors.START), canvas.disc(colors.GOAL)]
-        labels += ["start", "goal"]
-        moved = next((plan for plan in named.values() if plan.goal_moved_m > 0.0), None)
-        if moved is not None:
-            (cross,) = axes.plot([moved.goal.x], [moved.goal.y], "P", ms=9, color=colors.GOAL, mec="white", zorder=9)
-            handles.append(cross)
-            labels.append(f"goal used ({moved.goal_moved_m:.2f} m off)")
-        bands, texts = canvas.cost_legend(costmap.data[g.window_of(picture.area).slices])
-        picture.legend(handles + bands, labels + texts)
+        drawing.draw_grid(axes, costmap.data, colors.COSTS, g, area=picture.area)
+        entries = _draw_plans(axes, named)
+        if potential:
+            entries += _draw_potential(axes, named, costmap, picture.area)
+        entries += _draw_ends(picture, start, goal, footprint)
+        entries += _draw_moved_goal(axes, named)
+        bands, texts = legend.cost_legend(costmap.data[g.window_of(picture.area).slices])
+        picture.legend([h for h, _ in entries] + bands, [text for _, text in entries] + texts)
         return canvas.save(picture.figure, out, dpi)
+
+
+def _area(costmap: Costmap, plans: Mapping[str, Plan], start: Pose2D, goal: Pose2D) -> Bounds:
+    ends = np.array([start, goal])
+    area = areas.area_of([ends, *(plan.path.poses for plan in plans.values())])
+    if area.is_empty:
+        return areas.area_of_grid(costmap.geometry)
+    margin = max(1.0, 0.12 * float(np.hypot(*(ends[1, :2] - ends[0, :2]))))
+    return areas.shaped(area.grown(margin))
+
+
+def _draw_plans(axes: Any, plans: Mapping[str, Plan]) -> Entries:
+    entries: Entries = []
+    for i, (name, plan) in enumerate(plans.items()):
+        line = drawing.draw_line(
+            axes,
+            plan.path.poses,
+            colors.PLANS[i % len(colors.PLANS)],
+            width=2.4,
+            casing=True,
+            linestyle=_STYLES[(i // len(colors.PLANS) + i) % len(_STYLES)] if len(plans) > 1 else "-",
+            zorder=4 + 0.1 * i,
+        )
+        label = name if len(plans) == 1 else f"{name}\n{plan.path.length:.2f} m, cost {_cost(plan)}"
+        entries.append((line, label))
+    return entries
+
+
+def _draw_ends(picture: canvas.Picture, start: Pose2D, goal: Pose2D, footprint: Footprint | None) -> Entries:
+    if footprint is not None:
+        for pose in (start, goal):
+            drawing.draw_footprint(picture.axes, footprint, pose)
+    marks = [drawing.Mark(start, "S", colors.START), drawing.Mark(goal, "G", colors.GOAL)]
+    drawing.draw_marks(picture.axes, marks, picture.points_per_m)
+    return [(legend.disc(colors.START), "start"), (legend.disc(colors.GOAL), "goal")]
+
+
+def _draw_moved_goal(axes: Any, plans: Mapping[str, Plan]) -> Entries:
+    """Marks the end of the first plan that does not end at the goal."""
+    moved = next((plan for plan in plans.values() if plan.goal_moved_m > 0.0), None)
+    if moved is None:
+        return []
+    (cross,) = axes.plot([moved.goal.x], [moved.goal.y], "P", ms=9, color=colors.GOAL, mec="white", zorder=9)
+    return [(cross, f"end of the plan ({moved.goal_moved_m:.2f} m from the goal)")]
 
 
 def _title(plans: Mapping[str, Plan]) -> str:
     return next(iter(plans)) if len(plans) == 1 else f"{len(plans)} plans"
 
 
-def _figures(plans: Mapping[str, Plan]) -> str:
-    """What there is to say of a single plan; several say it in the legend."""
+def _single_plan_text(plans: Mapping[str, Plan]) -> str:
+    """Length, cost and cells expanded of a single plan; empty for several plans, whose legend has the numbers."""
     if len(plans) != 1:
         return ""
     (plan,) = plans.values()
@@ -99,37 +118,42 @@ def _figures(plans: Mapping[str, Plan]) -> str:
 
 
 def _cost(plan: Plan) -> str:
-    """A plan's cost in full, not as a power of ten."""
+    """The cost without an exponent."""
     return f"{plan.cost:,.0f}" if plan.cost >= 1000.0 else f"{plan.cost:.4g}"
 
 
-def _margin(ends: NDArray[np.float64]) -> float:
-    return max(1.0, 0.12 * float(np.hypot(*(ends[1, :2] - ends[0, :2]))))
-
-
-def _contours(axes: Any, potential: NDArray[np.float32], costmap: Costmap, area: Bounds) -> Any:
-    """Lines of equal potential inside `area`; None where it was never reached."""
+def _draw_potential(axes: Any, plans: Mapping[str, Plan], costmap: Costmap, area: Bounds) -> Entries:
+    """Draws lines of equal potential inside `area`; nothing if no plan has a potential that varies there."""
     from matplotlib.lines import Line2D
 
-    g = costmap.geometry
-    window = g.window_of(area)
-    # a line every few pixels needs no more points than that
+    potential = next((plan.potential for plan in plans.values() if plan.potential is not None), None)
+    window = costmap.geometry.window_of(area)
+    if potential is None or window.is_empty:
+        return []
+    # more than 600 points per side are finer than the picture
     every = max(1, max(potential[window.slices].shape) // 600)
     field = potential[window.slices][::every, ::every].astype(np.float64)
     reached = np.isfinite(field) & (field < _UNREACHED)
-    if window.is_empty or min(field.shape) < 2 or np.ptp(field[reached] if reached.any() else np.zeros(1)) <= 0.0:
-        return None
-    x = g.origin_x + (np.arange(window.x0, window.x1, every) + 0.5) * g.resolution
-    y = g.origin_y + (np.arange(window.y0, window.y1, every) + 0.5) * g.resolution
-    levels = np.linspace(field[reached].min(), field[reached].max(), 26)[1:-1]
+    if min(field.shape) < 2 or not reached.any() or np.ptp(field[reached]) <= 0.0:
+        return []
+    x, y = _sample_points(costmap, area, every)
     axes.contour(
         x,
         y,
         np.ma.masked_array(field, ~reached),
-        levels=levels,
+        levels=np.linspace(field[reached].min(), field[reached].max(), 26)[1:-1],
         colors=colors.SKY,
         linewidths=0.7,
         alpha=0.6,
         zorder=2,
     )
-    return Line2D([], [], color=colors.SKY, lw=0.9)
+    return [(Line2D([], [], color=colors.SKY, lw=0.9), "potential")]
+
+
+def _sample_points(costmap: Costmap, area: Bounds, every: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """x and y (m) of the centres of every `every`-th cell inside `area`."""
+    g = costmap.geometry
+    window = g.window_of(area)
+    x = g.origin_x + (np.arange(window.x0, window.x1, every) + 0.5) * g.resolution
+    y = g.origin_y + (np.arange(window.y0, window.y1, every) + 0.5) * g.resolution
+    return x.astype(np.float64), y.astype(np.float64)

@@ -1,10 +1,10 @@
-"""Where free space is narrow: the saddles of the distance to the nearest obstacle.
+"""Narrow places of free space: saddles of the distance to the nearest obstacle.
 
-Between two obstacle cells lies a saddle of the distance field exactly when the circle over their connecting line holds no
-other obstacle cell (an edge of the Gabriel graph); such edges are among those of the Delaunay triangulation, whose
-triangles stand for the places between (their circumradius is the clearance there). Walking from triangle to triangle over
-the widest edges first says how much wide space each side of a saddle leads to: where both lead to more, it is a narrow
-place; where one does not, it is a roughness of a wall. Nothing here depends on the raster but the cells themselves.
+The distance field has a saddle between two obstacle cells exactly if the circle over their connecting line contains no
+other obstacle cell: an edge of the Gabriel graph. The Gabriel graph is part of the Delaunay triangulation, and the
+circumradius of a triangle is the clearance at its circumcentre. A union-find over the triangles, from the widest edges to
+the narrowest, gives the largest clearance that each side of a saddle leads to. If both sides lead to wider space, the
+saddle is a narrow place; otherwise it is a rough wall. The result depends on the cells only, not on their raster.
 """
 
 from __future__ import annotations
@@ -16,22 +16,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 _ADJACENT = 1.5
-"""Cells nearer than this (cells) touch: a wall, not an opening."""
+"""Obstacle cells closer than this (cells) are neighbours: a wall, not a passage."""
 
 
 @dataclass(frozen=True, slots=True)
 class NarrowPlace:
-    """A narrow place, in cells: the two obstacle cells it lies between, and how far the narrowness stretches."""
+    """A narrow place between two obstacle cells. Lengths in cells."""
 
     first: tuple[int, int]
     """ix, iy."""
     second: tuple[int, int]
     distance: float
-    """Between their centres (cells)."""
+    """Between the centres of the two cells."""
     stretch: float
-    """Length of the part that is as narrow, up to a cell (cells)."""
+    """Length of the part that is equally narrow, within one cell."""
     bars: tuple[tuple[tuple[int, int], tuple[int, int]], ...]
-    """All pairs of obstacle cells along that part, this one among them: whoever passes, passes between each."""
+    """All pairs of obstacle cells along that part, including this pair; the robot passes between each of them."""
 
 
 def narrow_places(
@@ -44,11 +44,11 @@ def narrow_places(
     relative: float = 0.0,
     clutter: float = 0.0,
 ) -> list[NarrowPlace]:
-    """The narrow places of a grid `blocked` (ny, nx), the narrowest first; all lengths in cells between cell centres.
+    """The narrow places of a grid `blocked` (ny, nx), the narrowest first. All lengths in cells between cell centres.
 
-    `open_`: cells that are known to be free; the middle of a narrow place lies in one. Kept are distances `narrowest` ..
-    `widest` beyond which it gets wider on both sides, by `widening` and by the share `relative` at least. A group of
-    obstacle cells smaller than `clutter` does not make a narrow place with what stands beside it: there is a way around it.
+    `open_` (ny, nx) are the cells known to be free; the middle of a narrow place is one of them. The search is limited to
+    distances from `narrowest` to `widest`. Space must widen on both sides, by `widening` and by the share `relative` at
+    least. Groups of obstacle cells smaller than `clutter` form no narrow places, because the robot can drive around them.
     """
     sites = _surface(blocked)
     if len(sites) < 2:
@@ -57,7 +57,7 @@ def narrow_places(
 
 
 def _surface(blocked: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """(n, 2) ix, iy of the blocked cells that have a neighbour that is not."""
+    """(n, 2) ix, iy of the blocked cells with a neighbour that is not blocked."""
     padded = np.pad(blocked, 1, constant_values=False)
     ny, nx = blocked.shape
     inside = np.ones_like(blocked)
@@ -69,7 +69,7 @@ def _surface(blocked: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 class _Search:
-    """The triangulation, and the passes over its edges."""
+    """The Delaunay triangulation of the obstacle cells, and the searches over its edges."""
 
     def __init__(
         self,
@@ -89,7 +89,7 @@ class _Search:
         self.narrowest, self.widest, self.clutter = narrowest, widest, clutter
         self.widening, self.relative = widening, relative
         self.sites = sites
-        # four points far outside: the hull, and all that lies beyond the last obstacle, becomes wide space
+        # four distant points, so that the space outside the convex hull of the obstacles counts as wide
         ny, nx = blocked.shape
         far = 10.0 * (nx + ny)
         corners = np.array([[-far, -far], [far + 1.0, -far], [-far, far + 2.0], [far + 3.0, far + 1.0]])
@@ -111,7 +111,7 @@ class _Search:
             np.maximum.at(self.boxes[:, 2 + axis], self.group, self.sites[:, axis])
 
     def _collect_edges(self, neighbors: NDArray[np.int64]) -> None:
-        """Every edge between two triangles: its ends, its sides, the clearance (cells) at which one gets across."""
+        """Collects the edges between triangles: ends, adjacent triangles, and clearance for crossing them (cells)."""
         corner = self.points[self.triangles]
         a, b, c = corner[:, 0], corner[:, 1], corner[:, 2]
         sides = [np.hypot(*(b - c).T), np.hypot(*(c - a).T), np.hypot(*(a - b).T)]
@@ -135,7 +135,7 @@ class _Search:
         middle = (self.points[p] + self.points[q]) / 2.0
         ix, iy = (np.floor(middle[:, k] + 0.5).astype(np.int64) for k in (0, 1))
         ix, iy = ix.clip(0, self.blocked.shape[1] - 1), iy.clip(0, self.blocked.shape[0] - 1)
-        # between touching cells, and inside of an obstacle, there is no way
+        # no passage between neighbouring cells or inside an obstacle
         shut = saddle & ((length < _ADJACENT) | self.blocked[iy, ix])
         keep = ~shut
         self.p, self.q, self.mine, self.other = p[keep], q[keep], mine[keep], other[keep]
@@ -151,14 +151,14 @@ class _Search:
         places: list[NarrowPlace] = []
         for edge in found:
             stretch = self._stretch(edge)
-            # of equal edges between the same two walls, each pass met another one first
+            # the two searches may visit equal edges between the same walls in different order
             least = stretch[np.abs(self.length[stretch] - self.length[edge]) < 1e-9]
             if beside_clutter.isdisjoint(least.tolist()):
                 places.append(self._placed(edge, stretch, least))
         return sorted(places, key=lambda place: (place.distance, place.first, place.second))
 
     def _between_wide_spaces(self) -> list[int]:
-        """Saddles both sides of which lead to wider space without crossing anything narrower."""
+        """Saddles with wider space on both sides, reachable without crossing a narrower edge."""
         order = np.argsort(-self.through, kind="stable")
         union = _Union(len(self.triangles))
         peak: list[float] = self.radius.tolist()
@@ -176,7 +176,7 @@ class _Search:
         return found
 
     def _beside_clutter(self) -> set[int]:
-        """Saddles at which a growing obstacle would take in one that is no more than clutter."""
+        """Saddles where one of the two obstacles, grown so far, is smaller than the clutter size."""
         edges = np.flatnonzero(self.saddle)
         edges = edges[np.argsort(self.length[edges], kind="stable")]
         union = _Union(len(self.boxes))
@@ -196,7 +196,7 @@ class _Search:
         return beside
 
     def _placed(self, edge: int, edges: NDArray[np.int64], least: NDArray[np.int64]) -> NarrowPlace:
-        """In a corridor that is as narrow over a stretch, the middle of the stretch."""
+        """The narrow place of a stretch: its edge closest to the middle of the stretch."""
         middles = self.middle[edges]
         low, high = middles.min(axis=0), middles.max(axis=0)
         off = np.hypot(*(self.middle[least] - (low + high) / 2.0).T)
@@ -210,7 +210,7 @@ class _Search:
         return first, second
 
     def _stretch(self, edge: int) -> NDArray[np.int64]:
-        """The openings up to a cell wider that one gets to from `edge` in such narrowness, through nothing narrower."""
+        """Openings connected with `edge` that are at most one cell wider, without crossing a narrower edge."""
         least = float(self.through[edge]) - 1e-9
         limit = least + 0.5
         edges_of = self._edges_of()
@@ -231,7 +231,7 @@ class _Search:
         return np.array(sorted(found), np.int64)
 
     def _edges_of(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Edges of every triangle: those of triangle t are `edges[first[t] : first[t + 1]]`."""
+        """(edges, first): the edges of triangle t are `edges[first[t] : first[t + 1]]`."""
         if not hasattr(self, "_by_triangle"):
             sides = np.concatenate((self.mine, self.other))
             order = np.argsort(sides, kind="stable")
@@ -247,7 +247,7 @@ class _Union:
         self._parent = list(range(n))
 
     def find(self, x: int) -> int:
-        """The representative of x's set."""
+        """Returns the representative of the set of x."""
         parent = self._parent
         while parent[x] != x:
             parent[x] = parent[parent[x]]
@@ -255,7 +255,7 @@ class _Union:
         return x
 
     def join(self, a: int, b: int) -> int:
-        """Joins the sets of two representatives; the new one."""
+        """Joins the sets of two representatives and returns the new representative."""
         low, high = min(a, b), max(a, b)
         self._parent[high] = low
         return low

@@ -1,0 +1,121 @@
+"""`navstack explain goal`: the timeline of a goal."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from navstack.cli import options
+
+if TYPE_CHECKING:
+    from navstack.explain import GoalReport
+    from navstack.plot.goal import GoalTrack
+    from navstack.record import Record
+
+STYLE = {
+    "plan_failed": "yellow",
+    "control_failed": "yellow",
+    "recovery": "magenta",
+    "warning": "yellow",
+    "stuck": "yellow",
+    "collision": "bold red",
+}
+
+
+def goal(
+    run: options.RunFolder,
+    number: Annotated[
+        int | None, typer.Option("--goal", metavar="N", help="Number of the goal, from 1. [default: all goals]", min=1)
+    ] = None,
+    out: options.PictureFile = None,
+    json_: options.Json = False,
+) -> None:
+    """Explain the outcome of a goal: states, plans, failures with their reasons, recoveries, times without progress."""
+    from navstack.cli.output import print_files, print_json
+    from navstack.explain import explain_goal, explain_goals
+    from navstack.record import Record
+
+    record = Record.load(run)
+    reports = explain_goals(record) if number is None else (explain_goal(record, number),)
+    files: dict[str, str] = {}
+    if out is not None:
+        draw(record, reports, out)
+        files["picture"] = str(out)
+    if json_:
+        document = {"goals": [report.as_dict() for report in reports]}
+        print_json(document | ({"files": files} if files else {}))
+        return
+    for report in reports:
+        _print(report)
+    print_files(files)
+
+
+def _print(report: GoalReport) -> None:
+    from rich.markup import escape
+    from rich.table import Table
+
+    from navstack.cli.output import stdout
+
+    out = stdout()
+    style = "green" if report.status == "SUCCEEDED" else "red"
+    out.print(f"[bold]goal {report.number}:[/] [bold {style}]{escape(report.summary)}[/]")
+    seconds = [(state, report.seconds(state)) for state in ("PLANNING", "CONTROLLING", "CLEARING")]
+    if report.spans:
+        out.print("[dim]" + ", ".join(f"{state} {spent:.1f} s" for state, spent in seconds) + "[/]")
+    table = Table(box=None, pad_edge=False, show_header=False, padding=(0, 2, 0, 0))
+    table.add_column(justify="right", no_wrap=True)
+    table.add_column(overflow="fold")
+    for line in report.timeline:
+        when = f"{line.begin:.1f} s" if line.end - line.begin < 0.05 else f"{line.begin:.1f} to {line.end:.1f} s"
+        table.add_row(when, escape(line.text), style=f"bold {style}" if line.kind == "end" else STYLE.get(line.kind))
+    # without soft wrapping, a pipe gets one line per entry
+    out.print(table, soft_wrap=False)
+    out.print()
+
+
+def draw(record: Record, reports: tuple[GoalReport, ...], out: Path) -> None:
+    """Draws the timelines of goals. Raises OutputError if none of them has samples, or for an unknown suffix."""
+    from navstack.core.errors import OutputError
+    from navstack.plot.goal import is_drawable, plot_goals
+    from navstack.plot.run import circumstances
+
+    tracks = [track for report in reports if is_drawable(track := _track(report))]
+    if not tracks:
+        raise OutputError(f"the goal has nothing to draw: it was {reports[0].status} before it began; omit --out")
+    plot_goals(tracks, out, title=_title(reports), subtitle=circumstances(record))
+
+
+def _title(reports: tuple[GoalReport, ...]) -> str:
+    if len(reports) > 1:
+        reached = sum(report.status == "SUCCEEDED" for report in reports)
+        return f"{reached} of {len(reports)} goals reached"
+    (report,) = reports
+    title = f"goal {report.number}: {report.status} after {report.duration:.1f} s"
+    if report.error_code:
+        title += f", {report.error_name} ({report.error_code})"
+    if report.recoveries:
+        many = len(report.recoveries)
+        title += f", {many} recover{'y' if many == 1 else 'ies'}"
+    return title
+
+
+def _track(report: GoalReport) -> GoalTrack:
+    from navstack.plot.goal import Bar, GoalTrack
+
+    return GoalTrack(
+        label=f"goal {report.number}",
+        begin=report.sent if report.accepted is None else report.accepted,
+        end=report.ended,
+        outcome=report.status,
+        states=[Bar(span.state, span.begin, span.end) for span in report.spans],
+        recoveries=[Bar(r.name, r.begin, r.end, r.outcome == "failed") for r in report.recoveries],
+        plans=report.plan_times.tolist(),
+        failed_plans=[t for t, _ in report.failed_plans],
+        failed_commands=[t for t, _ in report.failed_commands],
+        times=report.times,
+        distance=report.distance,
+        remaining=report.remaining,
+        velocity=report.velocity,
+    )

@@ -1,0 +1,102 @@
+"""`navstack explain inflation`: cost against distance."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from navstack.cli import options
+
+if TYPE_CHECKING:
+    from navstack.explain import InflationCurve
+    from navstack.plot.inflation import Curve
+
+
+def inflation(
+    params: options.Params = ["turtlebot"],
+    set_: options.Set = [],
+    map_: Annotated[
+        str | None,
+        typer.Option(
+            "--map", metavar="MAP.yaml", help="Map whose resolution the global costmap takes. [default: no map]"
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Output folder for inflation.png and inflation.json.")
+    ] = None,
+    json_: options.Json = False,
+) -> None:
+    """Print cost against distance to the nearest obstacle for both costmaps of a parameter set."""
+    from navstack.cli.arguments import map_of
+    from navstack.cli.output import print_json
+    from navstack.core.files import ensure_directory, write_json
+    from navstack.explain import inflation_curves
+    from navstack.parameters.configuration import load_configuration
+
+    resolution = map_of(map_)[1].geometry.resolution if map_ is not None else None
+    configuration = load_configuration(params, overrides=set_)
+    curves = inflation_curves(configuration, map_resolution=resolution)
+    document: dict[str, Any] = {"curves": [curve.as_dict() for curve in curves]}
+    if out is not None:
+        folder = ensure_directory(out)
+        picture, text = folder / "inflation.png", folder / "inflation.json"
+        _draw(curves, picture, [Path(p).name for p in params])
+        document["files"] = {"picture": str(picture), "curves": str(text)}
+        write_json(text, document)
+    if json_:
+        print_json(document)
+    else:
+        _print(curves, document.get("files", {}))
+
+
+def _draw(curves: list[InflationCurve], picture: Path, names: list[str]) -> None:
+    from navstack.plot.inflation import plot_inflation
+
+    plot_inflation([_drawn(curve) for curve in curves], picture, title=f"inflation: {', '.join(names)}")
+
+
+def _drawn(curve: InflationCurve) -> Curve:
+    import numpy as np
+
+    from navstack.plot.inflation import Curve
+
+    reach = max(curve.cells[-1], curve.circumscribed_radius + curve.resolution)
+    distances = np.linspace(0.0, 1.05 * reach, 1200)
+    return Curve(
+        label=f"{' and '.join(curve.costmaps)} costmap{'s' if len(curve.costmaps) > 1 else ''}",
+        distances=distances,
+        costs=curve.at(distances).astype(np.float64),
+        cells=curve.cells,
+        cell_costs=curve.cell_costs.astype(np.float64),
+        inscribed=curve.inscribed_radius,
+        circumscribed=curve.circumscribed_radius,
+        inflation=curve.inflation_radius,
+        subtitle=f"cost_scaling_factor {curve.cost_scaling_factor:g} / m   cells of {curve.resolution:g} m",
+    )
+
+
+def _print(curves: list[InflationCurve], files: dict[str, str]) -> None:
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    from navstack.cli.output import print_files, stdout
+    from navstack.core import describe_cost
+
+    for curve in curves:
+        table = Table(
+            "cells",
+            "distance",
+            "cost",
+            title=f"{' and '.join(curve.costmaps)}: inscribed {curve.inscribed_radius:.3f} m, circumscribed "
+            f"{curve.circumscribed_radius:.3f} m, inflation radius {curve.inflation_radius:g} m, cost_scaling_factor "
+            f"{curve.cost_scaling_factor:g} / m",
+            title_justify="left",
+            box=SIMPLE_HEAD,
+            pad_edge=False,
+        )
+        for cells, (distance, cost) in enumerate(curve.steps()):
+            table.add_row(str(cells), f"{distance:.3f} m", describe_cost(cost))
+        stdout().print(table)
+    print_files(files)

@@ -1,0 +1,154 @@
+"""`navstack explain passages`: the doors and corridors that a robot can pass."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+
+import typer
+
+from navstack.cli import options
+
+if TYPE_CHECKING:
+    from navstack.explain import PassageReport
+
+STYLE = {"free": "blue", "costly": "yellow", "blocked": "bold red"}
+MOSTLY_UNKNOWN = 0.9
+"""Share of unknown cells on the border of free space above which the walls of a map are considered unknown."""
+
+
+class PassageOptions(NamedTuple):
+    """Map, robot and the passages to find."""
+
+    map_: options.Map
+    params: options.Params = ["turtlebot"]
+    set_: options.Set = []
+    costmap: options.CostmapName = "global"
+    narrowest: Annotated[
+        float | None,
+        typer.Option(
+            "--narrowest", metavar="M", help="Least width to report (m). [default: the inscribed radius]", min=0.0
+        ),
+    ] = None
+    widest: Annotated[
+        float | None,
+        typer.Option(
+            "--widest", metavar="M", help="Largest width to report (m). [default: where inflation ends]", min=0.0
+        ),
+    ] = None
+    unknown: Annotated[
+        bool, typer.Option("--unknown", help="Treat unknown space as walls, for maps whose walls are unknown cells.")
+    ] = False
+
+
+@options.with_options(chosen=PassageOptions)
+def passages(
+    chosen: PassageOptions,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Output folder for passages.png and passages.json.")
+    ] = None,
+    json_: options.Json = False,
+) -> None:
+    """List the doors and corridors of a map: passable, passable at high cost, or not passable by the robot."""
+    from navstack.cli.arguments import map_of, parse_costmap_name
+    from navstack.cli.output import print_json
+    from navstack.explain import find_passages
+    from navstack.parameters.configuration import load_configuration
+
+    name = parse_costmap_name(chosen.costmap)
+    path, grid = map_of(chosen.map_)
+    report = find_passages(
+        load_configuration(chosen.params, overrides=chosen.set_),
+        grid,
+        costmap=name,
+        narrowest=chosen.narrowest,
+        widest=chosen.widest,
+        unknown_is_wall=chosen.unknown,
+    )
+    document = _document(report, path.name)
+    if out is not None:
+        document["files"] = _write(report, document, path.stem, out)
+    if not chosen.unknown:
+        _note_unknown_walls(report, path.name)
+    if json_:
+        print_json(document)
+    else:
+        _print(report, path.name, document.get("files", {}))
+
+
+def _document(report: PassageReport, name: str) -> dict[str, Any]:
+    document: dict[str, Any] = {"map": name, **report.as_dict()}
+    for number, entry in enumerate(document["passages"], 1):
+        entry["number"] = number
+    return document
+
+
+def _write(report: PassageReport, document: dict[str, Any], name: str, out: Path) -> dict[str, str]:
+    """Writes picture and document; returns the names of the files."""
+    from navstack.core.files import ensure_directory, write_json
+
+    folder = ensure_directory(out)
+    files = {"picture": str(folder / "passages.png"), "passages": str(folder / "passages.json")}
+    _draw(report, folder / "passages.png", name)
+    write_json(folder / "passages.json", {**document, "files": files})
+    return files
+
+
+def _note_unknown_walls(report: PassageReport, name: str) -> None:
+    from navstack.cli.output import print_note
+
+    if report.unknown_border > MOSTLY_UNKNOWN:
+        print_note(
+            f"{100.0 * report.unknown_border:.0f} % of the cells that border free space in {name} are unknown, not "
+            "occupied, so no layer inflates them; --unknown treats them as walls"
+        )
+
+
+def _counts(report: PassageReport) -> str:
+    from navstack.explain.passages import LABELS, RATINGS
+
+    return ", ".join(f"{report.count(rating)} {LABELS[rating]}" for rating in RATINGS)
+
+
+def _draw(report: PassageReport, picture: Path, name: str) -> None:
+    from navstack.plot.passages import Bar, plot_passages
+
+    plot_passages(
+        report.costmap,
+        [Bar(i, passage.ends, passage.rating) for i, passage in enumerate(report.passages, 1)],
+        picture,
+        title=f"passages of {name}: {_counts(report)}",
+        subtitle=f"{report.costmap_name} costmap: inscribed radius {report.inscribed_radius:.3f} m, inflation radius "
+        f"{report.inflation_radius:g} m   minimum width {report.widths.minimum:.2f} m, low-cost width "
+        f"{report.widths.low_cost:.2f} m",
+    )
+
+
+def _print(report: PassageReport, name: str, files: dict[str, str]) -> None:
+    from rich.markup import escape
+
+    from navstack.cli.output import print_files, stdout, titled_table
+    from navstack.explain.passages import LABELS
+
+    out = stdout()
+    table = titled_table(f"passages of {escape(name)}", right=("no.", "centre (m)", "width", "cost"))
+    table.add_column("rating", no_wrap=True)
+    table.add_column("centreline")
+    for number, passage in enumerate(report.passages, 1):
+        length = f"; {passage.length:.1f} m long" if passage.length >= 0.5 else ""
+        table.add_row(
+            str(number),
+            f"{passage.x:.2f}, {passage.y:.2f}",
+            f"{passage.width:.2f} m",
+            str(passage.cost),
+            f"[{STYLE[passage.rating]}]{LABELS[passage.rating]}[/]",
+            escape(passage.reason + length),
+        )
+    out.print(table)
+    out.print(f"{_counts(report)}; searched widths {report.narrowest:.2f} to {report.widest:.2f} m")
+    w = report.widths
+    out.print(
+        f"this robot: minimum width {w.minimum:.2f} m, low-cost width {w.low_cost:.2f} m, turning width {w.turning:.2f} m, "
+        f"own width {w.robot:.2f} m"
+    )
+    print_files(files)

@@ -1,0 +1,17 @@
+"""The passage report: the doors and corridors of a map that a robot can pass, at what cost."""
+
+from navstack.explain.passages.find import find_passages
+from navstack.explain.passages.narrow_places import NarrowPlace, narrow_places
+from navstack.explain.passages.report import LABELS, RATINGS, Passage, PassageReport, Rating, RequiredWidths
+
+__all__ = [
+    "LABELS",
+    "RATINGS",
+    "NarrowPlace",
+    "Passage",
+    "PassageReport",
+    "Rating",
+    "RequiredWidths",
+    "find_passages",
+    "narrow_places",
+]

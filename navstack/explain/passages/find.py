@@ -1,0 +1,95 @@
+"""Finds the passages of a map and rates them by the costmap of a parameter set."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import LETHAL, OccupancyGrid
+from navstack.core.errors import InputError
+from navstack.costmap.inflation_layer import InflationLayer
+from navstack.explain.passages.inflated_map import inflated_map, known_cells
+from navstack.explain.passages.narrow_places import narrow_places
+from navstack.explain.passages.rating import PassageRater
+from navstack.explain.passages.report import PassageReport
+from navstack.parameters.configuration import Configuration
+
+CLUTTER_M = 1.0
+"""Smaller isolated obstacles are clutter: the robot drives around them, so there is no passage beside them."""
+WIDENING_M = 0.15
+"""On both sides of a passage, free space widens by this length and by the share `WIDENING` at least.
+
+Smaller changes are a rough wall or a row of posts.
+"""
+WIDENING = 0.25
+_LEAST_UPPER_LIMIT_M = 1.25
+
+
+def find_passages(
+    configuration: Configuration,
+    static_map: OccupancyGrid,
+    *,
+    costmap: str = "global",
+    narrowest: float | None = None,
+    widest: float | None = None,
+    unknown_is_wall: bool = False,
+) -> PassageReport:
+    """Doors and narrow places of a map, rated by the `global` or `local` costmap.
+
+    `narrowest` and `widest` limit the widths (m); the defaults are the inscribed radius (half the width of the robot) and
+    the width at which inflation ends. `unknown_is_wall` treats unknown space as walls, for maps whose walls are unknown
+    cells. Raises InputError for limits without a width between them.
+    """
+    chosen = configuration.local_costmap if costmap == "local" else configuration.global_costmap
+    live = inflated_map(chosen, static_map, costmap)
+    inflation = next((x for x in live.layers if isinstance(x, InflationLayer) and x.params.enabled), None)
+    radius = float(inflation.params.inflation_radius) if inflation is not None else 0.0
+    resolution = live.master.geometry.resolution
+    low = chosen.footprint.inscribed_radius if narrowest is None else narrowest
+    high = max(_LEAST_UPPER_LIMIT_M, 2.0 * (radius + resolution)) if widest is None else widest
+    if not (0.0 <= low <= high and math.isfinite(high)):
+        raise InputError(
+            f"--narrowest {low:g} m and --widest {high:g} m leave no width; give --narrowest below --widest",
+            narrowest=low,
+            widest=high,
+        )
+    lethal = live.master.data == LETHAL
+    # the map, not the costmap: without track_unknown_space the costmap has unknown space as free
+    known = known_cells(static_map, live)
+    wall = lethal | ~known if unknown_is_wall else lethal
+    places = narrow_places(
+        wall,
+        known & ~wall,
+        narrowest=max(2.0, low / resolution + 1.0 - 1e-6),
+        widest=high / resolution + 1.0 + 1e-6,
+        widening=max(3.0, WIDENING_M / resolution),
+        relative=WIDENING,
+        clutter=CLUTTER_M / resolution,
+    )
+    rater = PassageRater(live.master, chosen, inflation)
+    return PassageReport(
+        passages=tuple(rater.passage(place) for place in places),
+        widths=rater.required_widths(),
+        costmap=live.master,
+        costmap_name=costmap,
+        inscribed_radius=chosen.footprint.inscribed_radius,
+        circumscribed_radius=chosen.footprint.circumscribed_radius,
+        inflation_radius=radius,
+        narrowest=low,
+        widest=high,
+        unknown_border=_unknown_border(known, lethal),
+    )
+
+
+def _unknown_border(known: NDArray[np.bool_], wall: NDArray[np.bool_]) -> float:
+    """Share of unknown cells among the neighbours of free cells that are not free."""
+    free = known & ~wall
+    beside = np.zeros_like(free)
+    beside[1:] |= free[:-1]
+    beside[:-1] |= free[1:]
+    beside[:, 1:] |= free[:, :-1]
+    beside[:, :-1] |= free[:, 1:]
+    unknown, walls = int((beside & ~known).sum()), int((beside & wall).sum())
+    return unknown / (unknown + walls) if unknown + walls else 0.0

@@ -1,0 +1,179 @@
+"""Drawing in metres: grids, paths, footprints, start and goal marks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import Bounds, Footprint, GridGeometry, Pose2D, Transform2D
+from navstack.plot import colors
+from navstack.plot.colors import Paint
+
+MARK_PT = 7.0
+"""Radius of the discs of start and goals, in points (1/72 inch)."""
+
+MOST_CELLS = 1600
+"""Largest number of cells along a side that are drawn one by one; finer grids are drawn in blocks."""
+
+
+def visible(
+    cells: NDArray[Any],
+    paint: Paint,
+    geometry: GridGeometry,
+    area: Bounds,
+    pose: Transform2D,
+    *,
+    clear: int | None = None,
+) -> tuple[NDArray[np.uint8], tuple[float, float, float, float]]:
+    """Returns the RGBA of the cells inside `area` (m, frame of the picture) and their extent (m, frame of the grid).
+
+    `pose` is the pose of the grid's frame in the picture's frame.
+    """
+    corners = np.array([(x, y) for x in (area.min_x, area.max_x) for y in (area.min_y, area.max_y)])
+    seen = pose.inverse().apply_points(corners)
+    (x0, y0), (x1, y1) = seen.min(axis=0).tolist(), seen.max(axis=0).tolist()
+    window = geometry.window_of(Bounds(x0, y0, x1, y1))
+    part = cells[window.slices]
+    block = max(1, math.ceil(max(part.shape) / MOST_CELLS))
+    rgba = paint(np.ascontiguousarray(part), block=block, clear=clear)
+    r = geometry.resolution
+    left, bottom = geometry.origin_x + window.x0 * r, geometry.origin_y + window.y0 * r
+    return rgba, (left, left + rgba.shape[1] * block * r, bottom, bottom + rgba.shape[0] * block * r)
+
+
+def draw_grid(
+    axes: Any,
+    cells: NDArray[Any],
+    paint: Paint,
+    geometry: GridGeometry,
+    *,
+    area: Bounds,
+    pose: Transform2D = Transform2D(),
+    clear: int | None = None,
+    zorder: float = 0.0,
+) -> Any:
+    """Draws the part of a grid inside `area`, see `visible`. Returns the image."""
+    rgba, extent = visible(cells, paint, geometry, area, pose, clear=clear)
+    limits = axes.get_xlim(), axes.get_ylim()
+    image = axes.imshow(rgba, origin="lower", extent=extent, interpolation="antialiased", zorder=zorder, aspect="equal")
+    if not pose.is_identity():
+        image.set_transform(transform_of(pose) + axes.transData)
+    axes.set_xlim(limits[0])
+    axes.set_ylim(limits[1])
+    return image
+
+
+def transform_of(pose: Transform2D) -> Any:
+    """Returns the transform as matplotlib's affine transform."""
+    from matplotlib.transforms import Affine2D
+
+    return Affine2D().rotate(pose.yaw).translate(pose.x, pose.y)
+
+
+def draw_line(
+    axes: Any, poses: NDArray[np.float64], color: str, *, width: float, casing: bool = False, **options: Any
+) -> Any:
+    """Draws a line through poses (n, 2+); a white casing keeps it legible on any background. Returns the line."""
+    from matplotlib.patheffects import Normal, Stroke
+
+    effects = [Stroke(linewidth=width + 1.6, foreground="white", alpha=0.85), Normal()] if casing else None
+    options.setdefault("solid_capstyle", "round")
+    (line,) = axes.plot(poses[:, 0], poses[:, 1], color=color, linewidth=width, path_effects=effects, **options)
+    return line
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A start or goal: a disc with a text and an arrow for the heading."""
+
+    pose: Pose2D
+    text: str
+    color: str
+    hollow: bool = False
+    """White with a coloured edge: a goal that was not reached."""
+
+
+def draw_marks(axes: Any, marks: Sequence[Mark], points_per_m: float, *, zorder: float = 8.0) -> None:
+    """Draws marks. Marks that overlap share the disc of the first one, which lists their texts."""
+    for group in _overlapping(marks, 1.5 * MARK_PT / points_per_m):
+        _draw_group(axes, group, points_per_m, zorder)
+
+
+def _overlapping(marks: Sequence[Mark], distance: float) -> list[list[Mark]]:
+    """Groups the marks that are closer than `distance` (m) to the first mark of a group; drops those that are not finite."""
+    groups: list[list[Mark]] = []
+    for mark in marks:
+        if not mark.pose.is_finite():
+            continue
+        for group in groups:
+            if group[0].pose.distance_to(mark.pose) < distance:
+                group.append(mark)
+                break
+        else:
+            groups.append([mark])
+    return groups
+
+
+def _draw_group(axes: Any, group: Sequence[Mark], points_per_m: float, zorder: float) -> None:
+    at = group[0].pose
+    for mark in group:
+        _arrow(axes, at, mark.pose.yaw, mark.color, MARK_PT / points_per_m, zorder)
+    color = group[0].color
+    face, edge = ("white", color) if any(mark.hollow for mark in group) else (color, "white")
+    label = ",".join(mark.text for mark in group)
+    size = MARK_PT * (1.0 + 0.22 * max(len(label) - 2, 0))
+    axes.plot([at.x], [at.y], "o", ms=2 * size, color=face, mec=edge, mew=1.2, zorder=zorder + 0.1)
+    axes.annotate(
+        label,
+        (at.x, at.y),
+        color=edge,
+        fontsize=8,
+        fontweight="bold",
+        ha="center",
+        va="center_baseline",
+        zorder=zorder + 0.2,
+        annotation_clip=True,
+    )
+
+
+def draw_footprint(axes: Any, footprint: Footprint, pose: Pose2D, *, zorder: float = 4.8) -> Any:
+    """Draws the footprint at a pose. Returns the polygon."""
+    (polygon,) = axes.fill(
+        *footprint.at(pose).T, facecolor=colors.FOOTPRINT + "40", edgecolor=colors.BLUE, lw=0.8, zorder=zorder
+    )
+    return polygon
+
+
+def draw_heading(axes: Any, pose: Pose2D, color: str, points_per_m: float) -> None:
+    """Draws a small disc with an arrow for the heading."""
+    _arrow(axes, pose, pose.yaw, color, 4.5 / points_per_m, 6.0)
+    axes.plot([pose.x], [pose.y], "o", ms=5, color=color, mec="white", mew=0.8, zorder=6.1)
+
+
+def _arrow(axes: Any, at: Pose2D, yaw: float, color: str, radius: float, zorder: float) -> None:
+    c, s = math.cos(yaw), math.sin(yaw)
+    axes.annotate(
+        "",
+        xy=(at.x + 3.1 * radius * c, at.y + 3.1 * radius * s),
+        xytext=(at.x, at.y),
+        arrowprops={
+            "arrowstyle": "-|>,head_length=0.5,head_width=0.28",
+            "color": color,
+            "lw": 2.0,
+            "shrinkA": 0,
+            "shrinkB": 0,
+        },
+        zorder=zorder,
+        annotation_clip=True,
+    )
+
+
+def pose_of(row: NDArray[np.float64]) -> Pose2D:
+    """Returns a row x, y, yaw as a pose."""
+    x, y, yaw = (float(v) for v in row)
+    return Pose2D(x, y, yaw)
