@@ -55,12 +55,14 @@ def _choice(planner: str, samples: Sequence[SampleReport], winner: SampleReport,
     next_ = next((s for s in legal if (s.rank or 0) > rank and not _same_total(s, winner)), None)
     because: list[str] = []
     if skipped:
-        because.append(f"{planner} skipped {len(skipped)} of lower cost" + (f": {rule}" if rule else " by its own rule"))
+        because.append(
+            f"{planner} skipped {len(skipped)} of lower cost" + (f": {rule}" if rule else " by its own rule")
+        )
     if next_ is not None:
         because.append(f"its total {_number(winner.total)} is {_comparison(winner, next_)}")
     if ties:
         tie = f"{len(ties)} other{'s have' if len(ties) > 1 else ' has'} the same total"
-        because.append(tie if skipped else f"{tie} and ties go to the first sample")
+        because.append(tie if skipped else f"{tie} (ties go to the first sample)")
     sentence = f"{lead} because {'; '.join(because)}" if because else lead
     return sentence + _faster(legal, winner, next_)
 
@@ -70,7 +72,9 @@ def _faster(legal: Sequence[SampleReport], winner: SampleReport, mentioned: Samp
     fast = max(legal, key=lambda s: (round(s.velocity[0], 9), -(s.total or 0.0)))
     if fast.velocity[0] <= winner.velocity[0] + _FASTER_M_S or fast is mentioned:
         return ""
-    return f". The fastest forward sample, {velocity_text(fast.velocity)}, costs {_number(fast.total)}{_main_cost(fast)}"
+    return (
+        f". The fastest forward sample, {velocity_text(fast.velocity)}, costs {_number(fast.total)}{_main_cost(fast)}"
+    )
 
 
 def _number(value: float | None) -> str:

@@ -104,9 +104,7 @@ def _differs(record: Record, time: float, what: str) -> RecordError:
     from navstack import __version__
 
     by = record.scenario.get("navstack")
-    versions = (
-        f"recorded by navstack {by}, replayed by {__version__}" if by != __version__ else "the code has changed"
-    )
+    versions = f"recorded by navstack {by}, replayed by {__version__}" if by != __version__ else "the code has changed"
     return RecordError(
         f"{record.path or 'the record'} was made by another version: in the replay, {what} at {time:.3f} s ({versions}); "
         "record the run again",

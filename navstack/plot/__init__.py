@@ -1,4 +1,4 @@
-"""Pictures of maps, costmaps, plans and runs. matplotlib is imported by the first picture, not by this module."""
+"""Pictures of maps, costmaps, plans and runs. matplotlib is imported with the first picture, not with this package."""
 
 from navstack.plot.animate import animate_run
 from navstack.plot.costmap import plot_costmap

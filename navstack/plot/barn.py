@@ -22,11 +22,7 @@ _SCORE_LINES = ((2.0, "0.5"), (4.0, "0.25"), (8.0, "0.125, the minimum of a succ
 
 
 def _figure(size: tuple[float, float], title: str) -> tuple[Any, Any]:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=size, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = canvas.new_figure(*size, layout="constrained")
     axes: Any = figure.add_subplot()
     axes.set_title(title)
     return figure, axes
@@ -84,11 +80,11 @@ def plot_times(rows: Sequence[Row], path: str | os.PathLike[str], *, title: str,
         optimal = [row["optimal_time_s"] for row in rows]
         low, high = min(optimal) - 0.1, max(optimal) + 0.1
         _draw_score_lines(axes, low, high)
-        theirs = [row for row in rows if row.get("cpp_time_s") is not None]
-        if theirs:
+        cpp = [row for row in rows if row.get("cpp_time_s") is not None]
+        if cpp:
             hollow = {"ms": 6.0, "mfc": "none", "mec": colors.ORANGE, "mew": 1.3}
-            times = [row["cpp_time_s"] for row in theirs]
-            axes.plot([row["optimal_time_s"] for row in theirs], times, "o", label="C++, one run", **hollow)
+            times = [row["cpp_time_s"] for row in cpp]
+            axes.plot([row["optimal_time_s"] for row in cpp], times, "o", label="C++, one run", **hollow)
         won = [row for row in rows if row["success"] > 0]
         times = [row["time_s"] for row in won]
         axes.plot([row["optimal_time_s"] for row in won], times, "o", ms=4.0, color=colors.BLUE, label="navstack, mean")

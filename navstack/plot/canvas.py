@@ -11,7 +11,7 @@ from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from navstack.core import Bounds
 from navstack.core.errors import OutputError
@@ -85,7 +85,7 @@ def save(figure: Any, path: Path, dpi: float) -> Path:
     return path
 
 
-def new_figure(width_in: float, height_in: float, *, layout: str | None = None) -> Any:
+def new_figure(width_in: float, height_in: float, *, layout: Literal["constrained"] | None = None) -> Any:
     """Returns an empty figure on an Agg canvas."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

@@ -1,5 +1,7 @@
-"""The colours of all pictures. Told apart by colour-blind people: Okabe and Ito's palette (2008) for what is drawn, and for
-the costmap under it a ramp of lightness, with unknown space on the blue-yellow axis that nearly everybody sees.
+"""The colours of all pictures, distinguishable for colour-blind readers.
+
+Lines and marks use the palette of Okabe and Ito (2008). Costmaps use a ramp of lightness, and a hue on the blue-yellow axis
+for unknown space, which almost every reader distinguishes.
 """
 
 from __future__ import annotations
@@ -33,7 +35,7 @@ INK: Final = "#333333"
 FAINT: Final = "#8A8A8A"
 
 PLANS: Final = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, BLACK, SKY)
-"""For several plans side by side, in this order."""
+"""Colours of several plans, in this order."""
 
 FREE_RGB: Final = (255, 255, 255)
 LOW_RGB: Final = (240, 236, 249)
@@ -44,7 +46,7 @@ UNKNOWN_RGB: Final = (228, 221, 203)
 
 
 def cost_colors() -> NDArray[np.uint8]:
-    """(256, 3) RGB of every cost."""
+    """Returns (256, 3) the RGB of every cost."""
     table = np.empty((256, 3), np.uint8)
     share = np.linspace(0.0, 1.0, INSCRIBED - 1)[:, None]
     table[FREE] = FREE_RGB
@@ -56,13 +58,13 @@ def cost_colors() -> NDArray[np.uint8]:
 
 
 class Paint:
-    """Colours for the cells of a grid of bytes, and which of several cells shows when they have to share a pixel.
+    """Colours for the cells of a grid of bytes, and their ranks.
 
-    A wall one cell wide must not fade away on a map of a whole campus: the cell of the highest rank wins.
+    Of the cells that share a pixel, the one of the highest rank is drawn: walls of one cell stay visible on large maps.
     """
 
     def __init__(self, order: NDArray[np.uint8], rgb: NDArray[np.uint8]) -> None:
-        """`order` (256,): every value of a cell, the least conspicuous first; `rgb` (256, 3): colour of every value."""
+        """`order` (256,): all values of a cell by rank, the lowest first; `rgb` (256, 3): colour of every value."""
         self._rank = np.empty(256, np.uint8)
         self._rank[order] = np.arange(256, dtype=np.uint8)
         opaque = np.full((256, 1), 255, np.uint8)
@@ -71,7 +73,7 @@ class Paint:
     def __call__(
         self, cells: NDArray[np.uint8] | NDArray[np.int8], *, block: int = 1, clear: int | None = None
     ) -> NDArray[np.uint8]:
-        """(ny, nx, 4) RGBA of cells (ny, nx); with `block`, one for every block x block cells (fewer at the far edges).
+        """Returns (ny, nx, 4) the RGBA of cells (ny, nx), or of blocks of `block` x `block` cells.
 
         Cells of the value `clear` are transparent.
         """
@@ -93,20 +95,20 @@ def _occupancy_colors() -> NDArray[np.uint8]:
     return rgb
 
 
-# unknown space is more than nothing, and less than anything seen
+# unknown ranks above free and below every other cost
 COSTS: Final = Paint(np.array([FREE, UNKNOWN, *range(1, 255)], np.uint8), cost_colors())
 """For costmaps."""
 OCCUPANCY: Final = Paint(np.array([0, *range(128, 256), *range(1, 128)], np.uint8), _occupancy_colors())
-"""For the int8 cells of an occupancy grid: free white, occupied dark, between by share, unknown sand."""
+"""For the int8 cells of an occupancy grid: white (free) to dark (occupied) by probability, sand for unknown."""
 
 
 def hex_of(rgb: tuple[int, int, int]) -> str:
-    """`#rrggbb`, as matplotlib takes it."""
+    """Returns `#rrggbb`, as used by matplotlib."""
     return "#{:02x}{:02x}{:02x}".format(*rgb)
 
 
 def exact_colors() -> NDArray[np.uint8]:
-    """(n, 3) RGB of everything that carries a meaning, a few dozen: what a palette of 256 must not blur."""
+    """Returns (n, 3) the RGB of all colours with a meaning, which a palette of 256 colours must contain exactly."""
     drawn = (BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILLION, PURPLE, OBSTACLE, MOVING, INK, FAINT)
     rgb = np.array([[int(c[i : i + 2], 16) for i in (1, 3, 5)] for c in drawn], np.uint8)
     return np.unique(np.concatenate((rgb, cost_colors())), axis=0)

@@ -1,4 +1,4 @@
-"""Two parameter sets, run by run: the time of each pair, and where one of them failed."""
+"""The picture of a comparison of two parameter sets: the times of each pair of runs, and the failures."""
 
 from __future__ import annotations
 
@@ -11,31 +11,27 @@ from typing import Any
 from navstack.plot import canvas, colors
 
 Times = Sequence[tuple[float | None, float | None]]
-"""(time with A, time with B) of each pair (s); None where that side failed."""
+"""(time with A, time with B) of each pair (s); None for a failure."""
 
 
 def plot_pairs(
     pairs: Times, path: str | os.PathLike[str], *, title: str, names: tuple[str, str], dpi: float = 130.0
 ) -> Path:
-    """Draws a point per pair, its time with A across and with B upward; those that failed lie on the edges.
+    """Draws one point per pair: time with A on the x axis, time with B on the y axis, failures on the margins.
 
     Raises OutputError. Returns the file.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     out = Path(path)
     canvas.check_format(out)
     with canvas.style():
-        figure = Figure(figsize=(7.6, 4.8), layout="constrained")
-        FigureCanvasAgg(figure)
+        figure = canvas.new_figure(7.6, 4.8, layout="constrained")
         axes: Any = figure.add_subplot()
         axes.set_title(title)
         known = [t for pair in pairs for t in pair if t is not None]
         top = 1.08 * max(known, default=1.0)
         edge = 1.04 * top
-        axes.plot([0.0, top], [0.0, top], color=colors.FAINT, lw=0.9, ls=(0, (4, 2)), label="as long with both")
-        axes.axhspan(top, 1.08 * top, color=colors.FAINT, alpha=0.15, lw=0, label="did not succeed")
+        axes.plot([0.0, top], [0.0, top], color=colors.FAINT, lw=0.9, ls=(0, (4, 2)), label="equal times")
+        axes.axhspan(top, 1.08 * top, color=colors.FAINT, alpha=0.15, lw=0, label="failure")
         axes.axvspan(top, 1.08 * top, color=colors.FAINT, alpha=0.15, lw=0)
         for label, marker, color, mine in (
             ("both succeed", "o", colors.BLUE, [(a, b) for a, b in pairs if a is not None and b is not None]),
@@ -56,6 +52,6 @@ def plot_pairs(
 
 
 def _wrapped(label: str) -> str:
-    """A label with a long list of overrides in a few lines, the middle left out when it is very long."""
+    """Wraps a label to at most three lines; a longer label loses its middle."""
     lines = textwrap.wrap(label, 58, break_long_words=True)
     return "\n".join(lines if len(lines) <= 3 else [*lines[:2], f".. {lines[-1]}"])

@@ -139,7 +139,7 @@ def _draw_legal(axes: Any, fan: Fan, shapes: Shapes, scale: CostScale) -> Entrie
     # in the order of descending cost, so that cheap trajectories are on top
     for k in sorted(legal.tolist(), key=lambda k: -fan.totals[k]):
         if k != fan.best:
-            drawing.draw_line(axes, shapes[k], scale.color(fan.totals[k]), width=1.5, zorder=4.0)
+            drawing.draw_line(axes, shapes[k], scale.color(float(fan.totals[k])), width=1.5, zorder=4.0)
     if not len(legal):
         return []
     return [(_line(scale.color(scale.low), "-", ""), f"{len(legal)} legal, coloured by cost (below)")]

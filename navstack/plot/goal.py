@@ -1,4 +1,4 @@
-"""The picture of a goal's time line: distance, velocity, states, plans, failures and recoveries over time."""
+"""The picture of goals over time: distance, velocity, states, plans, failures and recoveries. Times in s of the run."""
 
 from __future__ import annotations
 
@@ -17,47 +17,46 @@ from navstack.plot import canvas, colors
 
 @dataclass(frozen=True, slots=True)
 class Bar:
-    """Something that lasts: a state, a recovery."""
+    """A time span: a state or a recovery."""
 
     label: str
     begin: float
-    """s, as all times here."""
     end: float
     failed: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GoalTrack:
-    """What is drawn of one goal."""
+    """The data of one goal."""
 
     label: str
     begin: float
     end: float
     outcome: str
-    """SUCCEEDED, ABORTED ..: written where it ends."""
+    """Terminal state: SUCCEEDED, ABORTED, .."""
     states: Sequence[Bar]
     recoveries: Sequence[Bar]
     plans: Sequence[float]
-    """When a plan was found."""
+    """Times of the plans found."""
     failed_plans: Sequence[float]
     failed_commands: Sequence[float]
     times: NDArray[np.float64]
     """(n,)"""
     distance: NDArray[np.float64]
-    """(n,) m, straight to the goal."""
+    """(n,) straight-line distance to the goal (m)."""
     remaining: NDArray[np.float64]
-    """(n,) m along the plan, NaN without one."""
+    """(n,) remaining length of the plan (m); NaN without a plan."""
     velocity: NDArray[np.float64]
-    """(n, 3) vx, vy, wz: m/s and rad/s."""
+    """(n, 3) vx, vy (m/s), wz (rad/s)."""
 
 
 STATES = {"PLANNING": colors.YELLOW, "CONTROLLING": colors.SKY, "CLEARING": colors.PURPLE}
 _LANES = ("state", "plan", "control", "recovery")
 _ROOM = 0.2
-"""The share of the axis that a goal's label and outcome take."""
+"""Share of the time axis that the label of a goal needs."""
 _SHOWN_NUMBERS = 8
 _LONGEST_LABEL = 26
-"""Characters that the room beside the panels has."""
+"""Longest legend text that fits beside the panels (characters)."""
 
 
 def plot_goals(
@@ -68,18 +67,14 @@ def plot_goals(
     subtitle: str = "",
     dpi: float = 130.0,
 ) -> Path:
-    """Draws goals one after the other on one axis of time, to a .png, .svg or .pdf. Raises OutputError. Returns the file."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
+    """Draws goals on one time axis, to a .png, .svg or .pdf. Raises OutputError. Returns the file."""
     out = Path(path)
     canvas.check_format(out)
     begin, end = min(t.begin for t in tracks), max(t.end for t in tracks)
     slack = 0.015 * max(end - begin, 1.0)
     with canvas.style():
         width, height = 10.0, 6.7
-        figure = Figure(figsize=(width, height))
-        FigureCanvasAgg(figure)
+        figure = canvas.new_figure(width, height)
         left, right = 0.72 / width, 7.75 / width
         # bottom and height of each panel, inches
         panels = [
@@ -205,9 +200,9 @@ def _legends(figure: Any, panels: Sequence[Any], tracks: Sequence[GoalTrack], x:
     planned = [along] if any(np.isfinite(track.remaining).any() for track in tracks) else []
     shown = [name for name in STATES if any(bar.label == name for track in tracks for bar in track.states)]
     shades = [Patch(facecolor=STATES[name], alpha=0.6) for name in shown]
-    beside(panels[0], [line, *planned, *shades], ["straight", *["along the plan"] * len(planned), *shown])
+    beside(panels[0], [line, *planned, *shades], ["straight line", *["along the plan"] * len(planned), *shown])
     turning = Line2D([], [], color=colors.VERMILLION, lw=1.0, ls=(0, (4, 1.5)))
-    beside(panels[1], [Line2D([], [], color=colors.BLUE, lw=1.4), turning], ["forward (m/s)", "turning (rad/s)"])
+    beside(panels[1], [Line2D([], [], color=colors.BLUE, lw=1.4), turning], ["linear (m/s)", "angular (rad/s)"])
     handles: list[Any] = []
     labels: list[str] = []
     if any(len(track.plans) for track in tracks):
@@ -221,11 +216,11 @@ def _legends(figure: Any, panels: Sequence[Any], tracks: Sequence[GoalTrack], x:
         numbers = [str(n) for n, bar in enumerate(recoveries, 1) if (bar.label, bar.failed) == (name, failed)]
         which = ", ".join(numbers[:_SHOWN_NUMBERS]) + (", .." if len(numbers) > _SHOWN_NUMBERS else "")
         handles.append(Patch(facecolor=colors.VERMILLION if failed else colors.PURPLE, alpha=0.85))
-        said = f"{name}{', failed' if failed else ''}"
-        labels.append(f"{which} {said}" if len(which) + len(said) <= _LONGEST_LABEL else f"{said}\n{which}")
+        text = f"{name}{', failed' if failed else ''}"
+        labels.append(f"{which} {text}" if len(which) + len(text) <= _LONGEST_LABEL else f"{text}\n{which}")
     beside(panels[2], handles, labels)
 
 
 def is_drawable(track: GoalTrack) -> bool:
-    """False for a goal that was taken off before its turn: there is nothing to draw."""
+    """Returns False for a goal without control cycles, which was cancelled or replaced before it began."""
     return len(track.times) > 0 and math.isfinite(track.end)

@@ -1,4 +1,4 @@
-"""The inflation curve: what a costmap charges for being near an obstacle."""
+"""The picture of inflation curves: cost against distance to an obstacle."""
 
 from __future__ import annotations
 
@@ -16,19 +16,18 @@ from navstack.plot import canvas, colors
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """The costs of one costmap (or of several with the same)."""
+    """Costs against distance in one costmap, or in several with equal costs. Lengths in metres."""
 
     label: str
     distances: NDArray[np.float64]
-    """(n,) metres."""
+    """(n,)"""
     costs: NDArray[np.float64]
-    """(n,) at these distances, as the formula has them."""
+    """(n,) costs at these distances by the formula of the layer."""
     cells: NDArray[np.float64]
-    """(k,) distances that occur on the grid straight ahead: whole cells (m)."""
+    """(k,) distances of whole cells."""
     cell_costs: NDArray[np.float64]
-    """(k,) what is written there."""
+    """(k,) costs that the layer writes at these distances."""
     inscribed: float
-    """Metres, as all below."""
     circumscribed: float
     inflation: float
     subtitle: str
@@ -38,20 +37,16 @@ _COLORS = (colors.BLUE, colors.VERMILLION)
 
 
 def plot_inflation(curves: Sequence[Curve], path: str | os.PathLike[str], *, title: str, dpi: float = 130.0) -> Path:
-    """Draws cost against distance to a .png, .svg or .pdf, one panel per curve, the radii marked.
+    """Draws cost against distance to a .png, .svg or .pdf, with one panel per curve and lines at the radii.
 
     Raises OutputError. Returns the file.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     out = Path(path)
     canvas.check_format(out)
     with canvas.style():
         panel, above, below = 3.7, 0.4, 0.55
         height = above + len(curves) * panel
-        figure = Figure(figsize=(9.2, height))
-        FigureCanvasAgg(figure)
+        figure = canvas.new_figure(9.2, height)
         figure.text(0.075, 1.0 - 0.3 / height, title, fontsize=12, fontweight="bold", va="baseline")
         reach = max(float(curve.distances[-1]) for curve in curves)
         for i, curve in enumerate(curves):
@@ -74,9 +69,7 @@ def _panel(axes: Any, curve: Curve, color: str, reach: float) -> None:
     axes.axhspan(253.0, 268.0, color=colors.hex_of(colors.INSCRIBED_RGB), alpha=0.35, lw=0)
     axes.axvspan(0.0, curve.inscribed, color=colors.hex_of(colors.INSCRIBED_RGB), alpha=0.16, lw=0)
     axes.plot(curve.distances, curve.costs, color=color, lw=1.8, label="formula", zorder=4)
-    axes.step(
-        curve.cells, curve.cell_costs, where="mid", color=color, lw=0.9, alpha=0.55, zorder=3, label="cells of the grid"
-    )
+    axes.step(curve.cells, curve.cell_costs, where="mid", color=color, lw=0.9, alpha=0.55, zorder=3, label="cells")
     axes.plot(
         curve.cells,
         curve.cell_costs,
@@ -86,7 +79,7 @@ def _panel(axes: Any, curve: Curve, color: str, reach: float) -> None:
         mec="white",
         mew=0.7,
         zorder=5,
-        label="whole cells away",
+        label="whole cells",
     )
     marks = (
         (curve.inscribed, "inscribed radius", colors.BLACK, "-"),
@@ -95,4 +88,4 @@ def _panel(axes: Any, curve: Curve, color: str, reach: float) -> None:
     )
     for at, name, ink, dashes in marks:
         axes.axvline(at, color=ink, lw=1.4, ls=dashes, zorder=2, label=f"{name} {at:.3f} m")
-    axes.axhline(126.0, color=colors.FAINT, lw=0.9, ls=(0, (1, 2)), label="126: high cost from here up")
+    axes.axhline(126.0, color=colors.FAINT, lw=0.9, ls=(0, (1, 2)), label="high cost from 126")

@@ -1,4 +1,4 @@
-"""A map with its doors and narrow places: which a robot passes, which only at high cost, which not at all."""
+"""The picture of a map with its passages: passable, at high cost, not passable."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Bounds, Costmap
-from navstack.plot import canvas, colors
+from navstack.plot import areas, canvas, colors, drawing, legend
 
 
 @dataclass(frozen=True, slots=True)
 class Bar:
-    """A bar across an opening, with its number."""
+    """A bar across a passage, with its number."""
 
     number: int
     ends: tuple[tuple[float, float], tuple[float, float]]
-    """Metres, in the costmap's frame."""
+    """End points (m), in the frame of the costmap."""
     kind: str
     """A key of `KINDS`."""
 
@@ -39,11 +39,11 @@ KINDS: Final = {
     "costly": _Kind("at high cost", colors.ORANGE, "D", 5.0),
     "blocked": _Kind("not passable", colors.VERMILLION, "X", 6.5),
 }
-"""How each verdict is drawn: told apart by colour, and by the marker in the middle."""
+"""Style of each rating: ratings differ by colour and by marker."""
 
 _LABEL_PT = 6.5
 _ROOMY = 28.0
-"""Points a metre takes where bars and markers have their full size; smaller on a campus."""
+"""Scale (points per metre) from which on bars and markers have their full size."""
 
 
 def plot_passages(
@@ -56,17 +56,17 @@ def plot_passages(
     area: Bounds | None = None,
     dpi: float = 170.0,
 ) -> Path:
-    """Draws the costmap to a .png, .svg or .pdf with a bar across every opening, cut to what is known or to `area` (m).
+    """Draws the costmap to a .png, .svg or .pdf with a bar across every passage, cut to the known part or to `area` (m).
 
     Raises OutputError. Returns the file.
     """
     out = Path(path)
     canvas.check_format(out)
-    shown = canvas.shaped(_area(costmap, bars) if area is None else area, least=3.0)
+    shown = areas.shaped(_area(costmap, bars) if area is None else area, least=3.0)
     with canvas.style():
         picture = canvas.Picture(shown, title=title, subtitle=subtitle, width_in=11.0, legend_in=1.75)
         axes = picture.axes
-        canvas.draw_grid(axes, costmap.data, colors.COSTS, costmap.geometry, area=picture.area)
+        drawing.draw_grid(axes, costmap.data, colors.COSTS, costmap.geometry, area=picture.area)
         handles: list[Any] = []
         labels: list[str] = []
         scale = min(1.0, max(0.8, picture.points_per_m / _ROOMY))
@@ -76,22 +76,22 @@ def plot_passages(
                 handles.append(_draw(axes, mine, kind, scale))
                 labels.append(f"{kind.label} ({len(mine)})")
         _number(axes, bars, picture.points_per_m, scale)
-        bands, texts = canvas.cost_legend(costmap.data[costmap.geometry.window_of(picture.area).slices])
+        bands, texts = legend.cost_legend(costmap.data[costmap.geometry.window_of(picture.area).slices])
         picture.legend(handles + bands, labels + texts)
         return canvas.save(picture.figure, out, dpi)
 
 
 def _area(costmap: Costmap, bars: Sequence[Bar]) -> Bounds:
-    """Where the map says something other than most of its edge does."""
+    """The part of the costmap that differs from the most frequent cost on its border."""
     g = costmap.geometry
     data = costmap.data
     edge = np.bincount(np.concatenate((data[0], data[-1], data[:, 0], data[:, -1])), minlength=256).argmax()
     rows, columns = np.flatnonzero((data != edge).any(axis=1)), np.flatnonzero((data != edge).any(axis=0))
     if not len(rows):
-        return canvas.area_of_grid(g)
+        return areas.area_of_grid(g)
     x0, y0 = g.cell_to_world(int(columns[0]), int(rows[0]))
     x1, y1 = g.cell_to_world(int(columns[-1]), int(rows[-1]))
-    area = Bounds(x0, y0, x1, y1).union(canvas.area_of([np.array(bar.ends) for bar in bars]))
+    area = Bounds(x0, y0, x1, y1).union(areas.area_of([np.array(bar.ends) for bar in bars]))
     return area.grown(0.02 * max(g.width_m, g.height_m))
 
 
@@ -99,7 +99,7 @@ def _draw(axes: Any, bars: Sequence[Bar], kind: _Kind, scale: float) -> Any:
     from matplotlib.lines import Line2D
 
     for bar in bars:
-        canvas.draw_line(axes, np.array(bar.ends), kind.color, width=2.2 * scale, casing=True, zorder=5)
+        drawing.draw_line(axes, np.array(bar.ends), kind.color, width=2.2 * scale, casing=True, zorder=5)
     middles = np.array([bar.ends for bar in bars]).mean(axis=1)
     style: dict[str, Any] = {"marker": kind.marker, "color": kind.color, "mec": "white", "mew": 0.8}
     axes.plot(middles[:, 0], middles[:, 1], ls="none", zorder=6, ms=kind.size * scale, **style)
@@ -107,7 +107,7 @@ def _draw(axes: Any, bars: Sequence[Bar], kind: _Kind, scale: float) -> Any:
 
 
 def _number(axes: Any, bars: Sequence[Bar], points_per_m: float, scale: float) -> None:
-    """Numbers beside the bars, each on the side where it covers least of the others."""
+    """Draws the numbers beside their bars, each where it overlaps least with marks and other numbers."""
     from matplotlib.patheffects import withStroke
 
     size = _LABEL_PT * scale
@@ -121,13 +121,13 @@ def _number(axes: Any, bars: Sequence[Bar], points_per_m: float, scale: float) -
         half = np.array([0.33 * size * len(str(bar.number)) + 0.5, 0.45 * size])
         spots: list[NDArray[np.float64]] = []
         for c, s in ((1, 0), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1), (0, 2), (0, -2)):
-            way = np.array([c * -along[1] + s * along[0], c * along[0] + s * along[1]])
-            way = way / float(np.hypot(*way))
+            side = np.array([c * -along[1] + s * along[0], c * along[0] + s * along[1]])
+            side = side / float(np.hypot(*side))
             start = middles[i] if abs(s) < 2 else ends[i, 0 if s < 0 else 1]
-            spots.append(start + way * (3.0 * scale + 1.0 + float(np.abs(way) @ half)))
+            spots.append(start + side * (3.0 * scale + 1.0 + float(np.abs(side) @ half)))
         others = np.delete(marks, [i, len(bars) + 2 * i, len(bars) + 2 * i + 1], axis=0)
         room = [_room(spot, placed, 2.0 * half) + 0.7 * _room(spot, others, half + 3.0 * scale) for spot in spots]
-        # of equals the first: right beside the middle
+        # ties go to the first position, beside the middle of the bar
         best = max(range(len(spots)), key=lambda k: (round(room[k], 3), -k))
         placed = np.concatenate((placed, spots[best][None]))
         axes.annotate(
@@ -145,7 +145,7 @@ def _number(axes: Any, bars: Sequence[Bar], points_per_m: float, scale: float) -
 
 
 def _room(spot: NDArray[np.float64], points: NDArray[np.float64], half: NDArray[np.float64]) -> float:
-    """1 when no point lies in the box of half sizes `half` about `spot`, down to 0 for one in its middle."""
+    """Returns 1 if the box of half sizes `half` around `spot` contains no point, down to 0 for a point in its centre."""
     if not len(points):
         return 1.0
     return min(1.0, float((np.abs(points - spot) / half).max(axis=1).min()))

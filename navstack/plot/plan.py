@@ -151,7 +151,7 @@ def _draw_potential(axes: Any, plans: Mapping[str, Plan], costmap: Costmap, area
 
 
 def _sample_points(costmap: Costmap, area: Bounds, every: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """x and y (m) of the centres of every `every`-th cell inside `area`."""
+    """Returns x and y (m) of the centres of every `every`-th cell inside `area`."""
     g = costmap.geometry
     window = g.window_of(area)
     x = g.origin_x + (np.arange(window.x0, window.x1, every) + 0.5) * g.resolution

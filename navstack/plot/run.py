@@ -1,8 +1,7 @@
-"""The picture of a run: where it was to go, what was planned, where it went, and what got in the way."""
+"""The picture of a run: goals, plans, driven path, recoveries and collisions."""
 
 from __future__ import annotations
 
-import itertools
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Bounds, Event, Transform2D
-from navstack.plot import canvas, colors
+from navstack.plot import areas, canvas, colors, drawing, legend
+from navstack.plot.obstacles import draw_obstacles
 from navstack.record import Record
 
 
@@ -27,9 +27,10 @@ def plot_run(
     area: Bounds | None = None,
     dpi: float = 130.0,
 ) -> Path:
-    """Draws a run to a .png, .svg or .pdf, cut to where things happened or to `area` (m, global frame).
+    """Draws a run to a .png, .svg or .pdf, cut to the area of the run or to `area` (m, global frame).
 
-    `costmap`: the one whose last state lies under it, None for the map alone. Raises OutputError. Returns the file.
+    `costmap` names the costmap whose last state is the background; None draws the map alone. Raises OutputError. Returns
+    the file.
     """
     out = Path(path)
     canvas.check_format(out)
@@ -40,7 +41,7 @@ def plot_run(
         entries: list[tuple[Any, str]] = []
         _draw_plans(picture.axes, record, entries, replans=replans)
         if len(record.times):
-            line = canvas.draw_line(picture.axes, record.poses, colors.DRIVEN, width=2.2, casing=True, zorder=5)
+            line = drawing.draw_line(picture.axes, record.poses, colors.DRIVEN, width=2.2, casing=True, zorder=5)
             entries.insert(0, (line, "driven path"))
         if footprints:
             _draw_footprints(picture.axes, record, entries)
@@ -55,7 +56,7 @@ def plot_run(
 
 
 def headline(record: Record) -> str:
-    """How it went, in a line."""
+    """Returns the outcome of a run in one line."""
     results = record.results
     parts: list[str] = []
     if results:
@@ -69,14 +70,14 @@ def headline(record: Record) -> str:
     recoveries = len(incidents(record))
     if recoveries:
         parts.append(f"{recoveries} recover{'ies' if recoveries != 1 else 'y'}")
-    contacts = len(record.collision_times)
-    if contacts:
-        parts.append(f"{contacts} collision{'s' if contacts != 1 else ''}")
-    return ", ".join(parts) or "a run without a sample"
+    collisions = len(record.collision_times)
+    if collisions:
+        parts.append(f"{collisions} collision{'s' if collisions != 1 else ''}")
+    return ", ".join(parts) or "a run without samples"
 
 
 def circumstances(record: Record) -> str:
-    """What it was run with, in a line: those of the usual keys that the scenario has."""
+    """Returns map, parameters, planner and seed of a run in one line, as far as the scenario has them."""
     parts: list[str] = []
     for key in ("map", "params", "robot", "planner", "distro", "ros_distro", "seed"):
         value = record.scenario.get(key)
@@ -88,143 +89,78 @@ def circumstances(record: Record) -> str:
     return "   ".join(parts)
 
 
-# --- parts that the animation uses as well ----------------------------------------------------------------------------
+# --- parts shared with the animation -----------------------------------------------------------------------------------
 
 
 def area_of_run(record: Record) -> Bounds:
-    """Where things happened: start, goals, driven path, plans and contacts, with a margin for robot and arrows."""
+    """Returns the area of start, goals, driven path, plans and collisions, with a margin for robot and arrows."""
     parts: list[NDArray[np.float64]] = [record.poses, record.goals, record.collisions]
     parts += [_global_poses(record, plan.poses, plan.frame, plan.t) for plan in record.plans]
-    area = canvas.area_of(parts)
+    area = areas.area_of(parts)
     if not area.is_empty:
         extent = max(area.max_x - area.min_x, area.max_y - area.min_y)
-        return canvas.shaped(area.grown(max(1.0, 0.07 * extent) + record.footprint.circumscribed_radius))
+        return areas.shaped(area.grown(max(1.0, 0.07 * extent) + record.footprint.circumscribed_radius))
     if record.map is not None:
-        return canvas.shaped(canvas.area_of_grid(record.map.geometry))
+        return areas.shaped(areas.area_of_grid(record.map.geometry))
     return Bounds(-3.0, -3.0, 3.0, 3.0)
 
 
 def draw_map(axes: Any, record: Record, area: Bounds) -> None:
-    """The map, turned about its corner when its origin has a yaw."""
+    """Draws the map, rotated about its corner by the yaw of its origin."""
     grid = record.map
     if grid is None:
         return
     g = grid.geometry
-    turn = Transform2D(g.origin_x, g.origin_y, grid.origin_yaw) @ Transform2D(-g.origin_x, -g.origin_y, 0.0)
-    canvas.draw_grid(axes, grid.data, colors.OCCUPANCY, g, area=area, pose=turn)
+    rotation = Transform2D(g.origin_x, g.origin_y, grid.origin_yaw) @ Transform2D(-g.origin_x, -g.origin_y, 0.0)
+    drawing.draw_grid(axes, grid.data, colors.OCCUPANCY, g, area=area, pose=rotation)
 
 
 def draw_ground(axes: Any, record: Record, area: Bounds, costmap: str | None) -> tuple[list[Any], list[str]]:
-    """The map and the last state of a costmap over it; handles and labels for the legend."""
+    """Draws the map and the last state of a costmap over it. Returns handles and labels for the legend."""
     draw_map(axes, record, area)
     times = record.costmap_times(costmap) if costmap else np.empty(0)
     last = record.costmap_at(costmap, float(times[-1])) if costmap and len(times) else None
     if last is None:
-        return ([], []) if record.map is None else canvas.occupancy_legend()
+        return ([], []) if record.map is None else legend.occupancy_legend()
     pose = record.to_global(last.frame, float(times[-1])) if len(record.times) else Transform2D()
-    canvas.draw_grid(axes, last.data, colors.COSTS, last.geometry, area=area, pose=pose, zorder=0.5)
+    drawing.draw_grid(axes, last.data, colors.COSTS, last.geometry, area=area, pose=pose, zorder=0.5)
     window = last.geometry.window_of(area) if pose.is_identity() else last.geometry.window
-    return canvas.cost_legend(last.data[window.slices])
-
-
-def draw_obstacles(axes: Any, record: Record, *, moving: bool = True) -> list[tuple[Any, str]]:
-    """What stands beside the map; of what moves (unless left out), its way, dotted, and where it was at the end."""
-    from matplotlib.patches import Circle
-
-    still, movers = solid_patches(record, float(record.times[-1]) if len(record.times) else 0.0)
-    if still or movers:
-        movers = movers if moving else []
-        for patch in still + movers:
-            axes.add_patch(patch)
-        for way in _solid_ways(record) if moving else ():
-            canvas.draw_line(axes, way, colors.MOVING, width=1.3, zorder=2.9, ls=":")
-        entries: list[tuple[Any, str]] = [(still[0], "obstacle, not on the map")] if still else []
-        return entries + ([(movers[0], "what moves (at the end), its way")] if movers else [])
-    handle: Any = None
-    for obstacle in record.scenario.get("obstacles") or ():
-        try:
-            x, y, r = (float(v) for v in obstacle[:3])
-        except (TypeError, ValueError, KeyError):
-            continue
-        handle = axes.add_patch(
-            Circle((x, y), r, facecolor=colors.OBSTACLE, edgecolor="white", hatch="/////", lw=1.0, zorder=3)
-        )
-    return [(handle, "obstacle, not on the map")] if handle is not None else []
-
-
-def solid_patches(record: Record, t: float) -> tuple[list[Any], list[Any]]:
-    """Recorded discs and polygons as they were at `t` (s): those that never moved, and those that did."""
-    from matplotlib.patches import Circle, Polygon
-
-    discs, polygons = record.solids_at(t)
-    moved = solids_moved(record)
-    still: list[Any] = []
-    moving: list[Any] = []
-    for shape, moves in zip([*discs.tolist(), *polygons], moved, strict=True):
-        style: dict[str, Any] = {"edgecolor": "white", "lw": 1.0, "zorder": 3, "facecolor": colors.OBSTACLE}
-        style |= {"hatch": "....", "facecolor": colors.MOVING} if moves else {"hatch": "/////"}
-        if isinstance(shape, list):
-            x, y, r = shape
-            made: Any = Circle((x, y), r, **style)
-        else:
-            made = Polygon(shape, **style)
-        (moving if moves else still).append(made)
-    return still, moving
-
-
-def solids_moved(record: Record) -> list[bool]:
-    """Which of the recorded discs, then polygons, were not always in one place."""
-    discs, corners = record.arrays.get("solid_discs"), record.arrays.get("solid_corners")
-    if discs is None or corners is None:
-        return []
-    first = record.arrays["solid_first"].tolist()
-    return [bool((discs[:, k] != discs[0, k]).any()) for k in range(discs.shape[1])] + [
-        bool((corners[:, a:b] != corners[0, a:b]).any()) for a, b in itertools.pairwise(first)
-    ]
-
-
-def _solid_ways(record: Record) -> list[NDArray[np.float64]]:
-    """(n, 2) where the middle of each thing that moved went."""
-    discs, corners = record.arrays["solid_discs"], record.arrays["solid_corners"]
-    first = record.arrays["solid_first"].tolist()
-    ways = [discs[:, k, :2] for k in range(discs.shape[1])]
-    ways += [corners[:, a:b].mean(axis=1) for a, b in itertools.pairwise(first)]
-    return [way.astype(np.float64) for way, moved in zip(ways, solids_moved(record), strict=True) if moved]
+    return legend.cost_legend(last.data[window.slices])
 
 
 def draw_ends(axes: Any, record: Record, points_per_m: float) -> list[tuple[Any, str]]:
-    """The start and the goals, numbered in the order in which they were given."""
+    """Draws the start and the goals, numbered in order. Returns the entries of the legend."""
     entries: list[tuple[Any, str]] = []
-    marks: list[canvas.Mark] = []
+    marks: list[drawing.Mark] = []
     if len(record.times):
-        marks.append(canvas.Mark(canvas.pose_of(record.poses[0]), "S", colors.START))
-        entries.append((canvas.disc(colors.START), "start"))
+        marks.append(drawing.Mark(drawing.pose_of(record.poses[0]), "S", colors.START))
+        entries.append((legend.disc(colors.START), "start"))
     goals = [
-        canvas.Mark(canvas.pose_of(pose), str(i + 1), colors.GOAL, hollow=not _was_reached(record, i))
+        drawing.Mark(drawing.pose_of(pose), str(i + 1), colors.GOAL, hollow=not _was_reached(record, i))
         for i, pose in enumerate(record.goals)
     ]
-    canvas.draw_marks(axes, marks + goals, points_per_m)
+    drawing.draw_marks(axes, marks + goals, points_per_m)
     for hollow, name in ((False, ""), (True, ", not reached")):
         count = sum(goal.hollow is hollow for goal in goals)
         if count:
-            entries.append((canvas.disc(colors.GOAL, hollow=hollow), f"goal{'s' if count > 1 else ''}{name}"))
+            entries.append((legend.disc(colors.GOAL, hollow=hollow), f"goal{'s' if count > 1 else ''}{name}"))
     return entries
 
 
 def _was_reached(record: Record, goal: int) -> bool:
-    """True unless the results say otherwise."""
+    """False only if the results contain a failure of this goal."""
     return goal >= len(record.results) or record.results[goal].get("state", "SUCCEEDED") == "SUCCEEDED"
 
 
 def incidents(record: Record) -> list[Event]:
-    """The recoveries: the first event of each, however much it had to say."""
-    begun: list[Event] = []
+    """Returns the first event of every recovery."""
+    first: list[Event] = []
     running = False
     for event in record.events_of("recovery"):
         if not running:
-            begun.append(event)
+            first.append(event)
         running = event.data.get("status") == "running"
-    return begun
+    return first
 
 
 # --- parts of this picture --------------------------------------------------------------------------------------------
@@ -238,11 +174,11 @@ def _draw_plans(axes: Any, record: Record, entries: list[tuple[Any, str]], *, re
         poses = _global_poses(record, plan.poses, plan.frame, plan.t)
         if plan.goal not in seen:
             seen.add(plan.goal)
-            first = canvas.draw_line(
+            first = drawing.draw_line(
                 axes, poses, colors.PLAN, width=1.4, linestyle=(0, (4, 1.8)), dash_capstyle="butt", zorder=5.2
             )
         elif replans:
-            later = canvas.draw_line(axes, poses, colors.PLAN, width=0.7, alpha=0.4, zorder=3.5)
+            later = drawing.draw_line(axes, poses, colors.PLAN, width=0.7, alpha=0.4, zorder=3.5)
     if first is not None:
         entries.append((first, "first plan to each goal" if len(seen) > 1 else "first plan"))
     if later is not None:
@@ -259,7 +195,7 @@ def _draw_footprints(axes: Any, record: Record, entries: list[tuple[Any, str]]) 
     rows = set(np.searchsorted(along, np.arange(0.0, along[-1] + spacing, spacing)).clip(max=len(poses) - 1).tolist())
     handle: Any = None
     for row in sorted(rows | {len(poses) - 1}):
-        handle = canvas.draw_footprint(axes, record.footprint, canvas.pose_of(poses[row]))
+        handle = drawing.draw_footprint(axes, record.footprint, drawing.pose_of(poses[row]))
     entries.append((handle, "footprint"))
 
 
@@ -269,21 +205,21 @@ def _draw_incidents(axes: Any, record: Record, entries: list[tuple[Any, str]], p
         at = _beside_marks(_positions(record, [event.time for event in recoveries]), record, points_per_m)
         (marks,) = axes.plot(*at.T, "D", ms=7, color=colors.RECOVERY, mec="white", mew=1.2, ls="none", zorder=9)
         entries.append((marks, f"recovery ({len(recoveries)})" if len(recoveries) > 1 else "recovery"))
-    contacts = record.collisions
-    if len(contacts):
+    collisions = record.collisions
+    if len(collisions):
         (marks,) = axes.plot(
-            *contacts[:, :2].T, "X", ms=11, color=colors.COLLISION, mec="black", mew=1.1, ls="none", zorder=9.5
+            *collisions[:, :2].T, "X", ms=11, color=colors.COLLISION, mec="black", mew=1.1, ls="none", zorder=9.5
         )
-        entries.append((marks, f"collision ({len(contacts)})" if len(contacts) > 1 else "collision"))
+        entries.append((marks, f"collision ({len(collisions)})" if len(collisions) > 1 else "collision"))
 
 
 def _beside_marks(points: NDArray[np.float64], record: Record, points_per_m: float) -> NDArray[np.float64]:
-    """The points, moved up and left where the disc of the start or a goal would lie under them."""
+    """The points; those on the disc of the start or a goal are moved up and left."""
     discs = np.concatenate((record.poses[:1, :2], record.goals[:, :2]))
     aside = points.copy()
     for i, point in enumerate(points):
-        if (np.hypot(*(discs - point).T) * points_per_m < canvas.MARK_PT).any():
-            aside[i] += np.array([-1.3, 1.3]) * canvas.MARK_PT / points_per_m
+        if (np.hypot(*(discs - point).T) * points_per_m < drawing.MARK_PT).any():
+            aside[i] += np.array([-1.3, 1.3]) * drawing.MARK_PT / points_per_m
     return aside
 
 

@@ -1,4 +1,4 @@
-"""The goal manager's state machine as a picture, drawn from its table."""
+"""The picture of the goal manager's state machine, drawn from its transition table."""
 
 from __future__ import annotations
 
@@ -24,13 +24,24 @@ _COLOR = {
     Mode.CONTROLLING: "#CBE5F7",
     Mode.CLEARING: "#F3D3E4",
 }
+_ARROWS: dict[tuple[Mode, Mode], tuple[Any, Any, Any, str]] = {
+    (Mode.IDLE, Mode.PLANNING): ((2.1, 5.02), (5.4, 7.1), (2.75, 6.2), "right"),
+    (Mode.PLANNING, Mode.CONTROLLING): ((7.8, 7.25), (12.0, 7.25), (9.9, 7.35), "center"),
+    (Mode.CONTROLLING, Mode.PLANNING): ((12.0, 6.9), (7.8, 6.9), (9.9, 6.55), "center"),
+    (Mode.PLANNING, Mode.CLEARING): ((6.1, 6.68), (8.7, 2.35), (6.75, 4.1), "right"),
+    (Mode.CLEARING, Mode.PLANNING): ((9.2, 2.62), (7.1, 6.68), (8.45, 4.75), "left"),
+    (Mode.CONTROLLING, Mode.CLEARING): ((13.2, 6.68), (10.9, 2.62), (12.5, 4.1), "left"),
+    (Mode.CONTROLLING, Mode.IDLE): ((13.2, 7.52), (0.9, 5.02), (3.3, 8.02), "left"),
+    (Mode.CLEARING, Mode.IDLE): ((8.7, 2.0), (1.2, 4.18), (4.2, 1.72), "left"),
+}
+"""Start, end, position and alignment of the label of each arrow, in the coordinates of the picture."""
 _HALF_WIDTH, _HALF_HEIGHT = 1.2, 0.42
 
 
 def edges() -> tuple[Edges, Edges, dict[Mode, list[str]]]:
-    """The table for drawing: arrows between states, arrows that leave whichever state has a goal, and what changes no state.
+    """Returns the events by arrow: between two states, from all states with an active goal, and self-transitions.
 
-    The second are keyed by (PLANNING, target): an event is there when it leads to the target from all three states.
+    The second are keyed by (PLANNING, target): their events lead to the target from each of these states.
     """
     all_: Edges = {}
     for row in ROWS:
@@ -40,70 +51,68 @@ def edges() -> tuple[Edges, Edges, dict[Mode, list[str]]]:
     common: Edges = {}
     for target in (Mode.IDLE, Mode.PLANNING):
         shared = [e for e in all_[_ACTIVE[0], target] if all(e in all_.get((m, target), []) for m in _ACTIVE)]
-        # what keeps every state as it is comes from all of them, but leads nowhere
         common[Mode.PLANNING, target] = shared
     own: Edges = {}
-    stays: dict[Mode, list[str]] = {mode: [] for mode in Mode}
+    loops: dict[Mode, list[str]] = {mode: [] for mode in Mode}
     for (source, target), names in all_.items():
         left = [n for n in names if source is Mode.IDLE or n not in common.get((Mode.PLANNING, target), [])]
         if source is target:
-            stays[source] = left
+            loops[source] = left
         elif left:
             own[source, target] = left
-    return own, common, stays
+    return own, common, loops
 
 
 def plot_states(path: str | os.PathLike[str], *, dpi: float = 130.0) -> Path:
     """Draws the state machine to a .png, .svg or .pdf; raises OutputError. Returns the file."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     out = Path(path)
     canvas.check_format(out)
-    own, common, stays = edges()
+    own, common, loops = edges()
     with canvas.style():
-        figure = Figure(figsize=(12.4, 7.2))
-        FigureCanvasAgg(figure)
+        figure = canvas.new_figure(12.4, 7.2)
         axes: Any = figure.add_axes((0.0, 0.0, 1.0, 1.0))
         axes.set_xlim(0.0, 15.5)
         axes.set_ylim(0.0, 9.0)
         axes.axis("off")
         axes.text(
-            0.3, 8.6, "move_base: states of the goal manager and the events between them", fontsize=12, weight="bold"
+            0.3,
+            8.6,
+            "move_base: states of the goal manager and the events that change them",
+            fontsize=12,
+            weight="bold",
         )
         _frame(axes)
         for mode in Mode:
-            _box(axes, mode, stays[mode])
-        # (from, to): start, end, label, alignment
-        ways: dict[tuple[Mode, Mode], tuple[Any, Any, Any, str]] = {
-            (Mode.IDLE, Mode.PLANNING): ((2.1, 5.02), (5.4, 7.1), (2.75, 6.2), "right"),
-            (Mode.PLANNING, Mode.CONTROLLING): ((7.8, 7.25), (12.0, 7.25), (9.9, 7.35), "center"),
-            (Mode.CONTROLLING, Mode.PLANNING): ((12.0, 6.9), (7.8, 6.9), (9.9, 6.55), "center"),
-            (Mode.PLANNING, Mode.CLEARING): ((6.1, 6.68), (8.7, 2.35), (6.75, 4.1), "right"),
-            (Mode.CLEARING, Mode.PLANNING): ((9.2, 2.62), (7.1, 6.68), (8.45, 4.75), "left"),
-            (Mode.CONTROLLING, Mode.CLEARING): ((13.2, 6.68), (10.9, 2.62), (12.5, 4.1), "left"),
-            (Mode.CONTROLLING, Mode.IDLE): ((13.2, 7.52), (0.9, 5.02), (3.3, 8.02), "left"),
-            (Mode.CLEARING, Mode.IDLE): ((8.7, 2.0), (1.2, 4.18), (4.2, 1.72), "left"),
-        }
-        for pair, names in own.items():
-            start, end, label, side = ways[pair]
-            bend = {
-                (Mode.CONTROLLING, Mode.IDLE): "angle,angleA=90,angleB=90",
-                (Mode.CLEARING, Mode.IDLE): "angle,angleA=180,angleB=90,rad=6",
-            }.get(pair, "arc3,rad=0")
-            if pair == (Mode.CONTROLLING, Mode.IDLE):
-                # over the top of everything
-                axes.plot([13.2, 13.2, 0.9], [7.52, 7.95, 7.95], color=colors.BLACK, lw=1.1, solid_joinstyle="round")
-                start, bend = (0.9, 7.95), "arc3,rad=0"
-            _arrow(axes, start, end, bend, colors.BLACK)
-            axes.text(*label, "\n".join(names), fontsize=8, ha=side, va="bottom" if side == "center" else "center")
-        _arrow(axes, (3.9, 4.6), (2.7, 4.6), "arc3,rad=0", colors.VERMILLION)
-        ends = "\n".join(common[Mode.PLANNING, Mode.IDLE])
-        axes.text(3.8, 4.4, "with any goal:\n" + ends, fontsize=8, ha="right", va="top", color=colors.VERMILLION)
-        _arrow(axes, (3.9, 5.7), (6.0, 6.68), "arc3,rad=0", colors.BLUE)
-        again = "\n".join(common[Mode.PLANNING, Mode.PLANNING])
-        axes.text(4.1, 5.5, "with any goal:\n" + again, fontsize=8, ha="left", va="top", color=colors.BLUE)
+            _box(axes, mode, loops[mode])
+        _draw_transitions(axes, own)
+        _draw_common(axes, common)
         return canvas.save(figure, out, dpi)
+
+
+def _draw_transitions(axes: Any, own: Edges) -> None:
+    """Draws the arrows between single states."""
+    for pair, names in own.items():
+        start, end, label, side = _ARROWS[pair]
+        bend = {
+            (Mode.CONTROLLING, Mode.IDLE): "angle,angleA=90,angleB=90",
+            (Mode.CLEARING, Mode.IDLE): "angle,angleA=180,angleB=90,rad=6",
+        }.get(pair, "arc3,rad=0")
+        if pair == (Mode.CONTROLLING, Mode.IDLE):
+            # this arrow runs above the frame
+            axes.plot([13.2, 13.2, 0.9], [7.52, 7.95, 7.95], color=colors.BLACK, lw=1.1, solid_joinstyle="round")
+            start, bend = (0.9, 7.95), "arc3,rad=0"
+        _arrow(axes, start, end, bend, colors.BLACK)
+        axes.text(*label, "\n".join(names), fontsize=8, ha=side, va="bottom" if side == "center" else "center")
+
+
+def _draw_common(axes: Any, common: Edges) -> None:
+    """Draws the arrows that leave every state with an active goal."""
+    _arrow(axes, (3.9, 4.6), (2.7, 4.6), "arc3,rad=0", colors.VERMILLION)
+    ends = "\n".join(common[Mode.PLANNING, Mode.IDLE])
+    axes.text(3.8, 4.4, "from any active state:\n" + ends, fontsize=8, ha="right", va="top", color=colors.VERMILLION)
+    _arrow(axes, (3.9, 5.7), (6.0, 6.68), "arc3,rad=0", colors.BLUE)
+    again = "\n".join(common[Mode.PLANNING, Mode.PLANNING])
+    axes.text(4.1, 5.5, "from any active state:\n" + again, fontsize=8, ha="left", va="top", color=colors.BLUE)
 
 
 def _frame(axes: Any) -> None:
@@ -113,10 +122,10 @@ def _frame(axes: Any) -> None:
         (3.9, 0.4), 11.3, 7.35, "round,pad=0,rounding_size=0.25", fc="none", ec="#999999", ls="--", lw=1.0
     )
     axes.add_patch(box)
-    axes.text(15.0, 0.55, "a goal is at hand", fontsize=9, ha="right", color="#666666", style="italic")
+    axes.text(15.0, 0.55, "goal active", fontsize=9, ha="right", color="#666666", style="italic")
 
 
-def _box(axes: Any, mode: Mode, stays: list[str]) -> None:
+def _box(axes: Any, mode: Mode, loops: list[str]) -> None:
     from matplotlib.patches import FancyBboxPatch
 
     x, y = _AT[mode]
@@ -139,7 +148,7 @@ def _box(axes: Any, mode: Mode, stays: list[str]) -> None:
         Mode.CONTROLLING: (15.0, 6.5, "right", "top"),
         Mode.CLEARING: (11.3, 2.5, "left", "top"),
     }[mode]
-    text = f"{mode.value} stays so on\n" + "\n".join(stays)
+    text = f"{mode.value}: self-transitions\n" + "\n".join(loops)
     axes.text(place[0], place[1], text, fontsize=7, ha=place[2], va=place[3], color="#555555")
 
 

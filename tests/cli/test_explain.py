@@ -1,4 +1,4 @@
-"""`navstack explain`: its answers, its pictures, and what it says to wrong input."""
+"""`navstack explain`: reports, pictures and messages for invalid input."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ def is_picture(path: Path) -> bool:
         return min(image.size) > 300 and len(image.getcolors(1 << 24) or ()) > 20
 
 
-def test_cell_says_where_a_cost_comes_from(navstack, driven: Path) -> None:  # noqa: F811
+def test_cell_reports_the_origin_of_a_cost(navstack, driven: Path) -> None:  # noqa: F811
     outcome: Outcome = navstack("explain", "cell", driven, "--at", "-2,0.3")
     assert outcome.code == 0
-    assert "static_layer took from the map" in outcome.out
+    assert "copied by static_layer from the map" in outcome.out
     assert "m from the lethal cell at (" in outcome.out
     document = json.loads(navstack("explain", "cell", driven, "--at", "-2,0.3", "--json").out)
-    assert document["verdict"] in outcome.out
+    assert document["summary"] in outcome.out
     assert document["set_by"] == "inflation_layer"
     assert document["distance_m"] == pytest.approx(0.2, abs=0.051)
     assert [layer["layer"] for layer in document["layers"]] == ["static_layer", "obstacle_layer", "inflation_layer"]
@@ -67,12 +67,12 @@ def test_passages_as_table_json_and_picture(navstack, drawn: Path, tmp_path: Pat
     outcome = navstack("explain", "passages", drawn, "--out", out)
     assert outcome.code == 0
     assert "1 passable, 1 at high cost, 1 not passable" in outcome.out
-    assert "this robot passes from 0.45 m, freely from 0.65 m" in outcome.out
+    assert "this robot: minimum width 0.45 m, low-cost width 0.65 m" in outcome.out
     assert is_picture(out / "passages.png")
     written = json.loads((out / "passages.json").read_text())
     document = json.loads(navstack("explain", "passages", drawn, "--json").out)
     assert document["passages"] == written["passages"]
-    assert [(p["number"], p["width_m"], p["verdict"]) for p in document["passages"]] == [
+    assert [(p["number"], p["width_m"], p["rating"]) for p in document["passages"]] == [
         (1, pytest.approx(0.3), "blocked"),
         (2, pytest.approx(0.5), "costly"),
         (3, pytest.approx(1.2), "free"),
@@ -89,12 +89,12 @@ def test_passages_of_every_packaged_map_are_drawn_the_same_twice(tmp_path: Path)
         assert is_picture(pictures[0] / "passages.png")
 
 
-def test_a_parameter_changes_the_verdict(navstack, drawn: Path) -> None:  # noqa: F811
+def test_a_parameter_changes_the_rating(navstack, drawn: Path) -> None:  # noqa: F811
     slim = [f"{c}_costmap/robot_radius=0.1" for c in ("global", "local")]
     document = json.loads(
         navstack("explain", "passages", drawn, "--json", *(a for s in slim for a in ("--set", s))).out
     )
-    assert document["passages"][0]["verdict"] == "costly"
+    assert document["passages"][0]["rating"] == "costly"
 
 
 def test_a_map_without_walls_gets_a_note(navstack, tmp_path: Path) -> None:  # noqa: F811
@@ -132,20 +132,20 @@ def test_costmap_draws_what_was_recorded(navstack, driven: Path, tmp_path: Path,
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--at", "40,0"), "off the global costmap at"),
+        (("--at", "40,0"), "outside the global costmap at"),
         (("--at", "40,0"), "covers x -4.00 .. 4.00, y -4.00 .. 4.00 m in map"),
         (("--at", "1"), "--at"),
         (("--at", "1,2,3"), "has 3 numbers; give x,y"),
         (("--at", "a,b"), "not a number"),
         (("--at", "nan,0"), "finite"),
-        (("--at", "0,0", "--time", "1e4"), "the run covers 0.0"),
-        (("--at", "0,0", "--time", "nan"), "the run covers 0.0"),
+        (("--at", "0,0", "--time", "1e4"), "the run, which covers 0.0"),
+        (("--at", "0,0", "--time", "nan"), "the run, which covers 0.0"),
         (("--at", "0,0", "--time", "soon"), "--time"),
-        (("--at", "0,0", "--costmap", "lokal"), "a global and a local one"),
+        (("--at", "0,0", "--costmap", "lokal"), "give global or local"),
         ((), "--at"),
     ],
 )
-def test_wrong_questions_about_a_cell(navstack, driven: Path, arguments: tuple[str, ...], words: str) -> None:  # noqa: F811
+def test_invalid_options_of_cell(navstack, driven: Path, arguments: tuple[str, ...], words: str) -> None:  # noqa: F811
     outcome = navstack("explain", "cell", driven, *arguments)
     assert outcome.code == 2
     assert words in " ".join(outcome.err.split())
@@ -169,7 +169,7 @@ def test_wrong_questions_about_a_cell(navstack, driven: Path, arguments: tuple[s
         (("whatever",), "whatever"),
     ],
 )
-def test_wrong_use(navstack, arguments: tuple[str, ...], words: str) -> None:  # noqa: F811
+def test_invalid_options(navstack, arguments: tuple[str, ...], words: str) -> None:  # noqa: F811
     outcome = navstack("explain", *arguments)
     assert outcome.code == 2
     assert words in outcome.err

@@ -1,4 +1,4 @@
-"""One recorded run for all: through the door of two rooms, past an obstacle that is not on the map."""
+"""One recorded run for all tests: through the door of two rooms, past an obstacle that is not on the map."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Drawn maps: two rooms with a wall between them and a door in it, at any angle."""
+"""Maps of two rooms, separated by a wall with doors at any angle."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ SIZE_M = 8.0
 def two_rooms(
     doors: dict[float, float], *, angle: float = 0.0, thickness: float = 0.2, resolution: float = RESOLUTION
 ) -> OccupancyGrid:
-    """A square room of 8 m, split by a wall through its middle at `angle`; `doors`: where along it (m) -> how wide (m).
+    """A square room of 8 m, split by a wall through its centre at `angle`; `doors`: position along the wall (m) -> width (m).
 
-    A cell is occupied when its centre lies in a wall.
+    A cell is occupied if its centre is inside a wall.
     """
     n = round(SIZE_M / resolution)
     centre = (np.arange(n) + 0.5) * resolution - SIZE_M / 2.0
@@ -32,7 +32,7 @@ def two_rooms(
 
 
 def bare_room() -> OccupancyGrid:
-    """The room without the wall."""
+    """The room without the dividing wall."""
     grid = two_rooms({})
     data = grid.data.copy()
     data[2:-2, 2:-2] = 0
@@ -40,7 +40,7 @@ def bare_room() -> OccupancyGrid:
 
 
 def with_boxes(grid: OccupancyGrid, *boxes: tuple[float, float, float, float], value: int = 100) -> OccupancyGrid:
-    """With boxes x0, y0, x1, y1 (m) filled in."""
+    """The map with boxes x0, y0, x1, y1 (m) set to `value`."""
     data = grid.data.copy()
     g = grid.geometry
     for x0, y0, x1, y1 in boxes:

@@ -1,4 +1,4 @@
-"""`explain command`: the sentence, the table and the fan are those of the cycle that was asked for."""
+"""`explain command`: summary, table and fan of the requested cycle."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from navstack.core import GridGeometry, OccupancyGrid, Pose2D
 from navstack.core.errors import InputError, RecordError
 from navstack.explain.command import explain_command
 from navstack.parameters.configuration import load_configuration
-from navstack.plot.fan import plot_fan
+from navstack.plot.fan import Fan, plot_fan
 from navstack.record import Record
 from navstack.scenario import Scenario, run_scenario
 
@@ -45,27 +45,29 @@ def record(folder: Path) -> Record:
     return Record.load(folder)
 
 
-def test_the_account_adds_up(record: Record) -> None:
+def test_the_weighted_costs_add_up(record: Record) -> None:
     middle = float(record.times[len(record.times) // 2])
-    told = explain_command(record, middle)
+    report = explain_command(record, middle)
     recorded = record.local_plan_at(middle)
-    assert recorded is not None and told.time == recorded.t <= middle + 1e-9
-    assert told.plan.command == recorded.plan.command
-    assert len(told.samples) == recorded.tried and len(told.legal) == recorded.tried - recorded.rejected
-    assert [s.rank for s in told.legal] == list(range(1, len(told.legal) + 1))
-    totals = [s.total for s in told.legal]
+    assert recorded is not None and report.time == recorded.t <= middle + 1e-9
+    assert report.plan.command == recorded.plan.command
+    assert len(report.samples) == recorded.tried and len(report.legal) == recorded.tried - recorded.rejected
+    assert [s.rank for s in report.legal] == list(range(1, len(report.legal) + 1))
+    totals = [s.total for s in report.legal]
     assert totals == sorted(totals, key=lambda total: total or 0.0)
-    for sample in told.legal:
+    for sample in report.legal:
         assert sum(sample.weighted.values()) == pytest.approx(sample.total, rel=1e-9, abs=1e-9)
-    best = next(s for s in told.samples if s.index == told.plan.best)
+    best = next(s for s in report.samples if s.index == report.plan.best)
     assert best.rank == 1
     assert (
-        told.verdict.startswith(told.rejections) and "best legal sample" in told.verdict and "because" in told.verdict
+        report.summary.startswith(report.rejections)
+        and "best legal sample" in report.summary
+        and "because" in report.summary
     )
 
 
 def test_rejections_have_a_place(record: Record) -> None:
-    """Somewhere in the gap the outline of a sample meets the wall: at a lethal cell, under its outline."""
+    """In the gap, the footprint of a rejected sample touches a lethal cell of the wall."""
     rows = record.arrays["local_plans"]
     blocked: list[float] = []
     for index in np.flatnonzero(rows["rejected"] > 0):
@@ -73,18 +75,18 @@ def test_rejections_have_a_place(record: Record) -> None:
         if plan.rejected_by is not None and plan.critics.index("obstacle") in plan.rejected_by.tolist():
             blocked.append(float(rows["t"][index]))
     if not blocked:
-        pytest.fail("no sample met the wall: the gap is too wide for this test")
-    told = explain_command(record, blocked[len(blocked) // 2])
-    met = [s for s in told.samples if s.rejected_by == "obstacle"]
+        pytest.fail("no sample touches the wall: the gap is too wide for this test")
+    report = explain_command(record, blocked[len(blocked) // 2])
+    met = [s for s in report.samples if s.rejected_by == "obstacle"]
     assert met
     for sample in met:
         assert sample.rank is None and sample.total is None and sample.reason
-        ix, iy = sample.where["cell"]
-        assert told.costmap.data[iy, ix] >= 254
-        x, y = told.costmap.geometry.cell_to_world(ix, iy)
-        pose = Pose2D(*sample.where["pose"])
-        assert pose.distance_to(Pose2D(x, y)) <= 1.2 * told.footprint.circumscribed_radius + 0.05
-    assert f"{len(met)} obstacle (footprint on lethal" in told.rejections
+        ix, iy = sample.collision["cell"]
+        assert report.costmap.data[iy, ix] >= 254
+        x, y = report.costmap.geometry.cell_to_world(ix, iy)
+        pose = Pose2D(*sample.collision["pose"])
+        assert pose.distance_to(Pose2D(x, y)) <= 1.2 * report.footprint.circumscribed_radius + 0.05
+    assert f"{len(met)} obstacle (footprint on lethal" in report.rejections
 
 
 def test_the_picture_and_the_document(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -96,39 +98,31 @@ def test_the_picture_and_the_document(folder: Path, tmp_path: Path, capsys: pyte
     assert len(document["samples"]) == sum(s["rank"] is None for s in document["samples"]) + sum(
         s["rank"] is not None for s in document["samples"]
     )
-    assert document["verdict"] and set(document["scales"]) >= {"path", "goal", "obstacle"}
+    assert document["summary"] and set(document["scales"]) >= {"path", "goal", "obstacle"}
 
     assert run(["explain", "command", str(folder), "--time", "3.0"]) == 0
     shown = capsys.readouterr().out
-    assert document["verdict"] in shown and "more with --all" in shown
+    assert document["summary"] in shown and "more with --all" in shown
     assert run(["explain", "command", str(folder), "--time", "3.0", "--all"]) == 0
     assert len(capsys.readouterr().out.splitlines()) >= len(document["samples"])
 
 
 def test_the_same_picture_every_time(record: Record, tmp_path: Path) -> None:
-    told = explain_command(record, 2.0)
-    assert told.poses is not None and told.counts is not None and told.plan.totals is not None
+    report = explain_command(record, 2.0)
+    assert report.poses is not None and report.counts is not None and report.plan.totals is not None
     files = [tmp_path / "a.png", tmp_path / "b.png"]
+    rejected_by = [s.rejected_by for s in sorted(report.samples, key=lambda s: s.index)]
+    fan = Fan(report.poses, report.counts, report.plan.totals, rejected_by, report.plan.best)
     for file in files:
-        plot_fan(
-            told.costmap,
-            told.poses,
-            told.counts,
-            told.plan.totals,
-            [s.rejected_by for s in sorted(told.samples, key=lambda s: s.index)],
-            file,
-            best=told.plan.best,
-            robot=told.robot,
-            footprint=told.footprint,
-        )
+        plot_fan(fan, report.costmap, file, robot=report.robot, footprint=report.footprint)
     assert files[0].read_bytes() == files[1].read_bytes()
 
 
 def test_at_the_goal(record: Record) -> None:
-    """The end of the run: a single command, and why."""
-    told = explain_command(record, float(record.local_plan_times[-2]))
-    assert told.plan.mode in ("brake", "rotate_to_goal", "follow")
-    assert told.verdict
+    """The end of the run has a single command."""
+    report = explain_command(record, float(record.local_plan_times[-2]))
+    assert report.plan.mode in ("brake", "rotate_to_goal", "follow")
+    assert report.summary
 
 
 def test_times_without_a_command(record: Record) -> None:

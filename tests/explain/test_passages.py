@@ -1,4 +1,4 @@
-"""The passable-width report, against doors that were drawn."""
+"""The passage report against maps with known doors."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from scipy import ndimage
 from navstack.core import INSCRIBED, GridGeometry, OccupancyGrid
 from navstack.core.errors import InputError
 from navstack.explain import PassageReport, find_passages
-from navstack.explain.narrow import narrow_places
+from navstack.explain.passages import narrow_places
 from navstack.map_io import load_map
 from navstack.parameters.configuration import Configuration, load_configuration
 from tests.explain.rooms import RESOLUTION, bare_room, two_rooms, with_boxes
@@ -34,7 +34,7 @@ WIDTHS = [0.3, 0.35, 0.4, 0.45, 0.5, 0.6, 0.65, 0.7, 0.8, 0.9, 0.95, 1.0, 1.1, 1
 
 @pytest.mark.parametrize("width", WIDTHS)
 def test_a_door_along_the_grid_has_its_width(turtlebot: Configuration, width: float) -> None:
-    # a wall at whole cells: an even number of cells has its middle on a cell's edge
+    # the wall has whole cells: the middle of an even number of cells is on the edge of a cell
     odd = round(width / RESOLUTION) % 2
     middle = RESOLUTION / 2.0 if odd else 0.0
     for angle in (0.0, math.pi / 2.0):
@@ -58,30 +58,30 @@ def test_a_door_in_a_turned_wall_is_true_to_a_cell(turtlebot: Configuration, wid
 
 @pytest.mark.parametrize("degrees", [0, 17, 45, 74, 90])
 @pytest.mark.parametrize("width", WIDTHS)
-def test_not_passable_means_that_no_cell_leads_through(turtlebot: Configuration, width: float, degrees: float) -> None:
+def test_not_passable_means_that_no_free_cells_connect(turtlebot: Configuration, width: float, degrees: float) -> None:
     angle = math.radians(degrees)
     found = report(turtlebot, two_rooms({0.0: width}, angle=angle))
     (door,) = found.passages
     label, _ = ndimage.label(found.costmap.data < INSCRIBED)
     ahead = [found.costmap.geometry.world_to_cell(s * -math.sin(angle), s * math.cos(angle)) for s in (2.0, -2.0)]
     (ax, ay), (bx, by) = (cell for cell in ahead if cell is not None)
-    assert (door.verdict != "blocked") == (label[ay, ax] == label[by, bx])
+    assert (door.rating != "blocked") == (label[ay, ax] == label[by, bx])
     lowest = (
         min(
             cost
             for cost in range(255)
             if np.unique(ndimage.label(found.costmap.data <= cost)[0][[ay, by], [ax, bx]]).size == 1
         )
-        if door.verdict != "blocked"
+        if door.rating != "blocked"
         else None
     )
     if lowest is not None and degrees in (0, 90):
         assert door.cost == lowest
 
 
-def test_verdicts_follow_the_cost(turtlebot: Configuration) -> None:
+def test_ratings_follow_the_cost(turtlebot: Configuration) -> None:
     found = report(turtlebot, two_rooms({-2.5: 0.3, 0.0: 0.5, 2.5: 1.2}))
-    assert [(p.verdict, p.can_turn, p.fits) for p in found.passages] == [
+    assert [(p.rating, p.can_turn, p.fits) for p in found.passages] == [
         ("blocked", False, False),
         ("costly", True, True),
         ("free", True, True),
@@ -91,38 +91,38 @@ def test_verdicts_follow_the_cost(turtlebot: Configuration) -> None:
     assert found.passages[2].cost == 0
     assert "inscribed radius 0.21" in found.passages[0].reason
     assert f"cost {found.passages[1].cost} of 252" in found.passages[1].reason
-    assert "inflated up to 0.50 m" in found.passages[2].reason
+    assert "inflation radius 0.50 m" in found.passages[2].reason
 
 
-def test_the_widths_a_robot_needs_are_where_the_verdict_changes(turtlebot: Configuration) -> None:
-    needs = report(turtlebot, bare_room()).widths
-    cells = [round(width / RESOLUTION) for width in (needs.passable, needs.free)]
-    verdicts = {}
+def test_the_rating_changes_at_the_required_widths(turtlebot: Configuration) -> None:
+    required = report(turtlebot, bare_room()).widths
+    cells = [round(width / RESOLUTION) for width in (required.minimum, required.low_cost)]
+    ratings = {}
     for n in range(3, 20):
         grid = two_rooms({RESOLUTION / 2.0 * (n % 2): n * RESOLUTION})
         (door,) = report(turtlebot, grid).passages
-        verdicts[n] = door.verdict
-    assert next(n for n in verdicts if verdicts[n] != "blocked") == cells[0]
-    assert next(n for n in verdicts if verdicts[n] == "free") == cells[1]
+        ratings[n] = door.rating
+    assert next(n for n in ratings if ratings[n] != "blocked") == cells[0]
+    assert next(n for n in ratings if ratings[n] == "free") == cells[1]
 
 
-def test_a_rectangular_robot_that_cannot_turn_is_told_so(turtlebot: Configuration) -> None:
+def test_a_long_robot_is_reported_as_unable_to_turn(turtlebot: Configuration) -> None:
     long = load_configuration(
         ["turtlebot"],
         overrides=[f"{c}_costmap/footprint=[[-0.5,-0.2],[-0.5,0.2],[0.5,0.2],[0.5,-0.2]]" for c in ("local", "global")],
     )
     (door,) = report(long, two_rooms({0.0: 0.7})).passages
-    assert door.verdict != "blocked"
+    assert door.rating != "blocked"
     assert not door.can_turn
-    assert "cannot turn" in door.reason
+    assert "too narrow to turn" in door.reason
 
 
-def test_without_inflation_a_door_narrower_than_the_robot_is_pointed_out() -> None:
+def test_without_inflation_a_door_narrower_than_the_robot_is_reported() -> None:
     bare = load_configuration(["turtlebot"], overrides=["global_costmap/inflation_layer/enabled=false"])
     (door,) = report(bare, two_rooms({0.0: 0.3})).passages
-    assert (door.verdict, door.fits) == ("free", False)
+    assert (door.rating, door.fits) == ("free", False)
     assert "no inflation layer" in door.reason
-    assert "may touch" in door.reason
+    assert "may collide" in door.reason
 
 
 def test_two_doors_between_the_same_rooms_are_two(turtlebot: Configuration) -> None:
@@ -143,7 +143,7 @@ def test_rough_walls_do_not_make_passages(turtlebot: Configuration) -> None:
     grid = two_rooms({0.0: 1.0}, thickness=3.0)
     data = grid.data.copy()
     random = np.random.default_rng(4)
-    for side, step in ((69, -1), (90, 1)):  # one cell comes off the corridor's walls here and there
+    for side, step in ((69, -1), (90, 1)):  # remove random cells from the walls of the corridor
         rows = random.random(160) < 0.5
         column = side
         data[rows & (data[:, column] == 100), column] = 0
@@ -152,7 +152,7 @@ def test_rough_walls_do_not_make_passages(turtlebot: Configuration) -> None:
     assert len(found.passages) == 1
 
 
-def test_furniture_that_stands_alone_makes_no_passage(turtlebot: Configuration) -> None:
+def test_isolated_furniture_makes_no_passage(turtlebot: Configuration) -> None:
     chair = (2.0, 3.2, 2.4, 3.5)
     assert report(turtlebot, with_boxes(bare_room(), chair)).passages == ()
     sideboard = (0.0, 3.2, 2.4, 3.5)
@@ -186,10 +186,10 @@ def test_unknown_space_is_a_wall_on_request(turtlebot: Configuration) -> None:
     taken = find_passages(turtlebot, foggy, unknown_is_wall=True)
     (door,) = taken.passages
     assert door.width == pytest.approx(0.9)
-    assert door.cost == 0  # nobody inflates it
+    assert door.cost == 0  # no layer inflates unknown space
 
 
-def test_behind_the_map_there_is_nothing(turtlebot: Configuration) -> None:
+def test_maps_without_passages(turtlebot: Configuration) -> None:
     for grid in (bare_room(), OccupancyGrid(np.full((40, 40), -1, np.int8), GridGeometry(40, 40, 0.05))):
         assert report(turtlebot, grid).passages == ()
     empty = OccupancyGrid(np.zeros((40, 40), np.int8), GridGeometry(40, 40, 0.05))
@@ -212,7 +212,7 @@ def test_the_local_costmap_judges_by_its_own_inflation() -> None:
     grid = two_rooms({0.0: 0.6})
     (by_global,) = find_passages(differing, grid).passages
     (by_local,) = find_passages(differing, grid, costmap="local").passages
-    assert (by_global.verdict, by_local.verdict) == ("costly", "free")
+    assert (by_global.rating, by_local.rating) == ("costly", "free")
 
 
 @settings(deadline=None, max_examples=25, derandomize=True)
@@ -234,19 +234,19 @@ def test_a_mirrored_or_turned_map_has_the_same_widths(seed: int, pose: int) -> N
         rows, columns = np.nonzero(blocked)
         middle = (ax + bx) / 2.0, (ay + by) / 2.0
         nearest = np.hypot(columns - middle[0], rows - middle[1]).min()
-        assert nearest == pytest.approx(place.distance / 2.0)  # its circle holds no obstacle
+        assert nearest == pytest.approx(place.distance / 2.0)  # its circle contains no obstacle
 
 
 @pytest.mark.parametrize("name", ["navigation_tutorials__willow-full-0.10/willow-full.yaml"])
 def test_the_doors_of_willow_garage(turtlebot: Configuration, data_dir: Path, name: str) -> None:
     path = data_dir / "maps" / name
     if not path.is_file():
-        pytest.skip("this map is not among the foreign data here")
+        pytest.skip("this map is not in the external data")
     found = find_passages(turtlebot, load_map(path))
     doors = [(p.x, p.y) for p in found.passages]
-    # doors that anybody sees on the map: of two offices in the south west, and of the room in the middle west
+    # evident doors: of two offices in the south west, and of the room in the middle west
     for x, y in ((4.3, 8.8), (20.2, 8.5), (18.5, 34.3), (21.5, 34.6)):
         assert min(math.hypot(x - dx, y - dy) for dx, dy in doors) < 0.5, (x, y)
     for passage in found.passages:
-        assert (passage.clearance <= found.inscribed_radius) == (passage.verdict == "blocked"), passage
+        assert (passage.clearance <= found.inscribed_radius) == (passage.rating == "blocked"), passage
         assert passage.width <= 2.0 * (passage.clearance + found.costmap.geometry.resolution)

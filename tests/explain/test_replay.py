@@ -1,4 +1,4 @@
-"""A record holds all that it takes to drive the run again, and the run drives again to the bit."""
+"""A record contains its scenario, and the replay of the run is bit-identical."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_the_scenario_comes_back(record: Record) -> None:
         assert getattr(after.configuration, part) == getattr(before.configuration, part)
 
 
-def test_a_run_can_be_driven_step_by_step() -> None:
+def test_a_run_can_be_stepped() -> None:
     run = Run(scenario(), record=False)
     steps = 0
     while run.step():
@@ -56,7 +56,7 @@ def test_a_run_can_be_driven_step_by_step() -> None:
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.77, 1.0])
-def test_a_replay_stands_where_the_run_stood(record: Record, share: float) -> None:
+def test_a_replay_has_the_state_of_the_run(record: Record, share: float) -> None:
     t = float(record.times[0] + share * record.duration)
     then = replay(record, t)
     assert then.time == record.times[record.index_at(t)]
@@ -73,7 +73,7 @@ def test_a_replay_stands_where_the_run_stood(record: Record, share: float) -> No
 
 @pytest.mark.parametrize("t", [-1.0, 1e6, math.nan, math.inf])
 def test_a_time_outside_the_run_is_refused(record: Record, t: float) -> None:
-    with pytest.raises(InputError, match=r"the run covers 0\.\d+ \.\. \d+\.\d+ s"):
+    with pytest.raises(InputError, match=r"outside the run, which covers 0\.\d+ \.\. \d+\.\d+ s"):
         replay(record, t)
 
 
@@ -81,19 +81,19 @@ def changed(record: Record, **arrays: np.ndarray) -> Record:
     return Record(copy.deepcopy(record.meta), [], record.arrays | arrays, record.path)
 
 
-def test_a_run_that_drives_otherwise_is_of_another_version(record: Record) -> None:
+def test_a_replay_that_differs_is_refused(record: Record) -> None:
     samples = record.samples.copy()
     samples["vx"][20] += 1e-12
-    with pytest.raises(RecordError, match=r"of another version.*vx is") as caught:
+    with pytest.raises(RecordError, match=r"made by another version.*vx is") as caught:
         replay(changed(record, samples=samples), float(samples["t"][30]))
     assert caught.value.data["time"] == samples["t"][20]
     replay(changed(record, samples=samples), float(samples["t"][19]))  # up to there it is the same
 
 
-def test_a_costmap_that_differs_is_of_another_version(record: Record) -> None:
+def test_a_costmap_that_differs_is_refused(record: Record) -> None:
     cells = record.arrays["costmaps/local_cells"].copy()
     cells[0] ^= 1
-    with pytest.raises(RecordError, match="the local costmap is another one"):
+    with pytest.raises(RecordError, match="the local costmap differs"):
         replay(changed(record, **{"costmaps/local_cells": cells}))
 
 
@@ -102,14 +102,14 @@ def test_the_version_that_recorded_is_named(record: Record) -> None:
     samples["x"][3] += 1.0
     other = changed(record, samples=samples)
     other.meta["scenario"]["navstack"] = "0.0.7"
-    with pytest.raises(RecordError, match=r"recorded by navstack 0\.0\.7, this is"):
+    with pytest.raises(RecordError, match=r"recorded by navstack 0\.0\.7, replayed by"):
         replay(Record(other.meta, [], other.arrays))
 
 
-def test_samples_that_go_on_after_the_last_goal_are_of_another_version(record: Record) -> None:
+def test_samples_after_the_last_goal_are_refused(record: Record) -> None:
     samples = np.concatenate((record.samples, record.samples[-1:]))
     samples["t"][-1] += 0.2
-    with pytest.raises(RecordError, match="the run is over"):
+    with pytest.raises(RecordError, match="the run has ended"):
         replay(changed(record, samples=samples))
 
 

@@ -159,7 +159,7 @@ def test_goals_not_reached_are_hollow(tmp_path):
 
 def test_what_may_be_missing(tmp_path):
     empty = RunRecorder(map=None, footprint=Footprint.from_radius(0.2), scenario={}).record()
-    assert headline(empty) == "a run without a sample"
+    assert headline(empty) == "a run without samples"
     plot_run(empty, tmp_path / "empty.png")
     plot_run(
         RunRecorder(map=synthetic.office(), footprint=Footprint.from_radius(0.2), scenario={}).record(),

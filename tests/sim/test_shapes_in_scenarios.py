@@ -12,7 +12,7 @@ import navstack as nav
 from navstack.core import Pose2D
 from navstack.plot import plot_run
 from navstack.plot.animate import animate_run
-from navstack.plot.run import solid_patches
+from navstack.plot.obstacles import obstacle_patches
 from navstack.record import Record
 from navstack.record import format as fmt
 from navstack.scenario import Run, Scenario, run_scenario
@@ -118,8 +118,8 @@ def test_pictures_show_what_stands_and_what_moves(tmp_path: Path) -> None:
         run.step()
     assert run.recorder is not None
     record = run.recorder.record()
-    still, moving = solid_patches(record, float(record.times[-1]))
+    still, moving = obstacle_patches(record, float(record.times[-1]))
     assert (len(still), len(moving)) == (1, 3)
-    assert plot_run(record, tmp_path / "run.svg").read_text().count("what moves (at the end), its way") == 1
+    assert plot_run(record, tmp_path / "run.svg").read_text().count("moving obstacle (at the end), its path") == 1
     film = animate_run(record, tmp_path / "run.gif", fps=2.0, speed=4.0, dpi=40.0)
     assert film.stat().st_size > 1000

@@ -88,10 +88,10 @@ def draw(record: Record, reports: tuple[GoalReport, ...], out: Path) -> None:
 
 
 def _title(reports: tuple[GoalReport, ...]) -> str:
-    if len(reports) > 1:
+    if len(reports) != 1:
         reached = sum(report.status == "SUCCEEDED" for report in reports)
         return f"{reached} of {len(reports)} goals reached"
-    (report,) = reports
+    report = reports[0]
     title = f"goal {report.number}: {report.status} after {report.duration:.1f} s"
     if report.error_code:
         title += f", {report.error_name} ({report.error_code})"

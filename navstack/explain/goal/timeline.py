@@ -142,9 +142,7 @@ def _collisions(record: Record, report: GoalReport) -> list[TimelineEntry]:
 
 def _end(report: GoalReport) -> TimelineEntry:
     if not report.ended_in_record:
-        return TimelineEntry(
-            report.ended, report.ended, "end", f"the record ends while the goal is {report.status}"
-        )
+        return TimelineEntry(report.ended, report.ended, "end", f"the record ends while the goal is {report.status}")
     text = report.status + (f': "{report.text}"' if report.text else "")
     if report.error_code and report.error_name not in ("CANCELED", "REPLACED"):
         text += f" Error {report.error_name} ({report.error_code}): {report.message}"
