@@ -132,7 +132,7 @@ def test_a_robot_that_only_rotates_is_stuck_and_makes_no_progress() -> None:
     assert "failed" not in stuck.text
     (line,) = of(report, "control_failed")
     assert line.text == (
-        "no progress: FAILED_TO_MAKE_PROGRESS (105): the robot came no further than 0.2 m for 4 s; oscillation timeout reached "
+        "no progress: FAILED_TO_MAKE_PROGRESS (105): the robot moved less than 0.2 m in 4 s; oscillation timeout reached "
         "(oscillation_timeout 4, oscillation_distance 0.2)"
     )
     assert "control failed once (FAILED_TO_MAKE_PROGRESS)" in report.summary
