@@ -69,11 +69,8 @@ def _print(findings: list[Finding]) -> None:
         )
         if f.suggestion:
             out.print(f"    [dim]->[/] {escape(f.suggestion)}")
-    counts = [
-        (sum(f.severity == severity for f in findings), word)
-        for severity, word in (("error", "error"), ("warning", "warning"), ("info", "note"))
-    ]
-    out.print(", ".join(f"{n} {word}{'' if n == 1 else 's'}" for n, word in counts))
+    counts = [(sum(f.severity == severity for f in findings), severity) for severity in SEVERITY_STYLE]
+    out.print(", ".join(f"{n} {severity}{'' if n == 1 else 's'}" for n, severity in counts))
 
 
 def _scenario(name: str) -> Path | None:

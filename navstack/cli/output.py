@@ -48,11 +48,13 @@ def print_note(message: str) -> None:
     stderr().print(f"[dim]note:[/] {escape(message)}")
 
 
-def note_warnings(configuration: Configuration) -> None:
-    """Prints the warnings of a parameter set as notes."""
+def print_warnings(configuration: Configuration) -> None:
+    """Print the warnings about a parameter set to stderr, with the severity that `navstack check` uses."""
+    from rich.markup import escape
+
     for finding in configuration.findings:
         if finding.severity == "warning":
-            print_note(f"{finding.location}: {finding.message}")
+            stderr().print(f"[yellow]warning:[/] {escape(f'{finding.location}: {finding.message}')}")
 
 
 def print_files(files: Mapping[str, str]) -> None:

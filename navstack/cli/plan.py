@@ -77,7 +77,7 @@ def plan(
 def _load(chosen: PlanOptions) -> tuple[_Query, list[PluginChoice[GlobalPlanner]]]:
     """The query, and the planners named on the command line. Raises InputError, MapError or ParameterError."""
     from navstack.cli.arguments import map_of, note_off_the_map, parse_pose
-    from navstack.cli.output import note_warnings
+    from navstack.cli.output import print_warnings
     from navstack.parameters.configuration import choose_global_planner, load_configuration
 
     start, goal = parse_pose(chosen.start, "--start"), parse_pose(chosen.goal, "--goal")
@@ -85,7 +85,7 @@ def _load(chosen: PlanOptions) -> tuple[_Query, list[PluginChoice[GlobalPlanner]
     names = _planner_names(chosen.compare, chosen.planner)
     configuration = load_configuration(chosen.params, overrides=chosen.set_, allow_missing=chosen.allow_missing)
     planners = [choose_global_planner(configuration, name) for name in names]
-    note_warnings(configuration)
+    print_warnings(configuration)
     note_off_the_map(grid, start, [goal])
     unique = list({planner.name: planner for planner in planners}.values())
     return _Query(configuration, grid, start, goal, path), unique

@@ -70,7 +70,7 @@ class ScenarioOptions(NamedTuple):
 
     def _from_file(self, file: Path, start: Pose2D | None, goals: tuple[Pose2D, ...]) -> Scenario:
         from navstack.cli.arguments import parse_obstacles
-        from navstack.cli.output import note_warnings
+        from navstack.cli.output import print_warnings
         from navstack.scenario import read_scenario
 
         obstacles, shapes = parse_obstacles(self.obstacle)
@@ -87,13 +87,13 @@ class ScenarioOptions(NamedTuple):
             obstacles=obstacles,
             shapes=shapes,
         )
-        note_warnings(scenario.configuration)
+        print_warnings(scenario.configuration)
         spec.check_start(scenario)
         return scenario
 
     def _from_map(self, start: Pose2D | None, goals: tuple[Pose2D, ...]) -> Scenario:
         from navstack.cli.arguments import map_of, note_off_the_map, parse_obstacles
-        from navstack.cli.output import note_warnings
+        from navstack.cli.output import print_warnings
         from navstack.parameters.configuration import load_configuration
         from navstack.parameters.sources import short_name
         from navstack.scenario import Scenario, shipped_scenarios
@@ -106,7 +106,7 @@ class ScenarioOptions(NamedTuple):
         configuration = load_configuration(
             params, overrides=self.set_, distro=self.distro, allow_missing=self.allow_missing
         )
-        note_warnings(configuration)
+        print_warnings(configuration)
         note_off_the_map(grid, start, goals)
         return Scenario(
             map=grid,

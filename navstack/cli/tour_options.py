@@ -68,7 +68,7 @@ class TourOptions(NamedTuple):
         Prints the warnings of the parameters. Raises InputError, MapError or ParameterError.
         """
         from navstack.cli.arguments import map_of, parse_obstacles
-        from navstack.cli.output import note_warnings
+        from navstack.cli.output import print_warnings
         from navstack.parameters.configuration import load_configuration
         from navstack.places import load_places
         from navstack.scenario import Scenario
@@ -78,7 +78,7 @@ class TourOptions(NamedTuple):
         path, grid = map_of(map_name)
         names, start = self._names(file, places), self._start(file, places)
         configuration = load_configuration(self.params, overrides=self.set_, distro=self.distro)
-        note_warnings(configuration)
+        print_warnings(configuration)
         obstacles, shapes = parse_obstacles(self.obstacle)
         scenario = Scenario(
             map=grid,
