@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from navstack.core import Footprint, FrameTree, Listener, OccupancyGrid, Pose2D, Transform2D
 from navstack.core.errors import InputError, PlanningError, StartOccupiedError, StartOutsideMapError
 from navstack.core.poses import require_pose
-from navstack.costmap import LayeredCostmap, LayerSpec
+from navstack.costmap import LayeredCostmap
 from navstack.costmap.reconfigure import apply_reconfigure, check_reconfigure
 from navstack.interfaces import GlobalPlanner, Plan, Robot
 from navstack.map_io import load_mask
@@ -26,7 +26,7 @@ def build_costmap(
     return LayeredCostmap(
         name,
         configuration.params,
-        _layers_of(configuration),
+        configuration.layers,
         footprint=configuration.footprint,
         frames=frames,
         static_map=static_map,
@@ -67,7 +67,7 @@ def reconfigure(move_base: MoveBase, configuration: Configuration) -> None:
     anew, nothing is changed and the error is raised.
     """
     costmaps = [
-        (costmap, given, _layers_of(given))
+        (costmap, given, given.layers)
         for costmap, given in (
             (move_base.global_costmap, configuration.global_costmap),
             (move_base.local_costmap, configuration.local_costmap),
@@ -88,10 +88,6 @@ def reconfigure(move_base: MoveBase, configuration: Configuration) -> None:
     changes = [apply_reconfigure(costmap, given.params, layers, given.footprint) for costmap, given, layers in costmaps]
     if any(changes):
         move_base.costmaps_changed()
-
-
-def _layers_of(configuration: CostmapConfiguration) -> list[LayerSpec]:
-    return [LayerSpec(layer.name, layer.cls, layer.params) for layer in configuration.layers]
 
 
 def true_footprint(configuration: Configuration) -> Footprint:

@@ -1,6 +1,6 @@
 """Locate the data that ship with navstack: `params/` (parameter sets) and `maps/` (maps with their places).
 
-In a checkout or an editable install they are at the top of the repository; a wheel carries them inside the package.
+A checkout and an editable install have them at the top of the repository; a wheel carries them inside the package.
 """
 
 from __future__ import annotations
@@ -16,15 +16,17 @@ _PACKAGE = Path(__file__).resolve().parent.parent
 
 @cache
 def data_folder(kind: Literal["params", "maps"]) -> Path:
-    """The folder of the packaged parameter sets or maps.
+    """Return the folder of the packaged parameter sets or maps.
 
-    Raises NavError if there is none, for example if navstack is imported from a zip archive.
+    Raise NavError if it does not exist, for example if navstack is imported from a zip archive.
     """
     top = _PACKAGE.parent
-    folder = top / kind if (top / "pyproject.toml").is_file() else _PACKAGE / kind
+    in_package, at_top = _PACKAGE / kind, top / kind
+    # pyproject.toml tells a checkout from a folder of that name next to an installed package
+    folder = at_top if (top / "pyproject.toml").is_file() and at_top.is_dir() else in_package
     if folder.is_dir():
         return folder
     raise NavError(
-        f"the packaged {kind} were not found in {folder}; navstack cannot run from a zip archive, install it with pip",
+        f"the packaged {kind} were not found in {folder}; install navstack with pip (it cannot run from a zip archive)",
         folder=str(folder),
     )

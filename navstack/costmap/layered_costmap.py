@@ -6,7 +6,7 @@ Source of the rules: costmap_2d/src/layered_costmap.cpp and costmap_2d_ros.cpp.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, Final, NamedTuple
+from typing import Final
 
 from navstack.core import (
     UNKNOWN,
@@ -28,6 +28,7 @@ from navstack.costmap.regions import shift_cells, window_shift
 from navstack.costmap.static_layer import StaticLayer
 from navstack.interfaces import CellProvenance, Layer, LayerContext
 from navstack.parameters.models.costmap import CostmapParams
+from navstack.plugins import PluginChoice
 
 EMPTY: Final = Bounds()
 MAX_CELLS: Final = 400_000_000
@@ -35,12 +36,8 @@ FARTHEST: Final = 1e9
 """Largest valid coordinate of the robot (m): float64 cannot resolve cells beyond."""
 
 
-class LayerSpec(NamedTuple):
-    """Instance name, class and parameters (`cls.Params`) of a layer to construct."""
-
-    name: str
-    cls: type[Layer]
-    params: Any
+LayerSpec = PluginChoice[Layer]
+"""A layer to be made."""
 
 
 class LayeredCostmap:

@@ -225,7 +225,10 @@ CASES = {
     ),
     "a control cycle in thirty years": (
         GOOD + "set: {controller_frequency: 1e-9}\n",
-        "4:29: controller_frequency = 1e-09 Hz is a cycle in 1e+09 s, and a goal ends in none before; give 0.001 Hz or more",
+        (
+            "4:29: controller_frequency = 1e-09 Hz gives one control cycle in 1e+09 s, so goals do not end; set it to "
+            "0.001 Hz or more"
+        ),
     ),
     "parameter of a wrong type": (
         GOOD + "set: {controller_frequency: fast}\n",

@@ -293,4 +293,4 @@ def test_a_run_whose_time_stands_still_is_told_not_driven_for_ever(short: Path) 
 
 def test_check_takes_the_name_of_a_shipped_scenario(capfd: pytest.CaptureFixture[str]) -> None:
     assert run(["check", "narrow_door"]) == 0
-    assert capfd.readouterr().out.endswith("notes\n")
+    assert capfd.readouterr().out.endswith("infos\n")

@@ -1,1 +1,1 @@
-"""Parameter models that belong to no plugin: move_base, the costmaps, the simulator."""
+"""Parameter models of components that are not plugins: move_base, the costmaps, the simulator."""

@@ -10,105 +10,105 @@ from pydantic import field_validator
 from navstack.core.parameters import ParamModel, PluginSpec, param
 
 SLOWEST_HZ: Final = 0.001
-"""Slowest control: a goal ends in a control cycle, so that a slower one would never end."""
+"""Minimum control frequency: a goal ends in a control cycle, so at a lower one it would not end."""
 AGGRESSIVE_RESET_RADII = 4.0
-"""The side of the square that the built-in aggressive_reset keeps, in circumscribed radii."""
+"""Side of the square that the built-in aggressive_reset keeps, in circumscribed radii."""
 
 
 class MoveBaseParams(ParamModel):
-    """Namespace `move_base`. Defaults are what a user of noetic gets with an empty YAML.
+    """Namespace `move_base`. The defaults are those that a user of noetic gets with an empty YAML.
 
-    The keys that move_base reads from its costmaps' namespaces (`circumscribed_radius`, `robot_base_frame`,
-    `global_frame`) belong to those. The circumscribed radius is not read at all: it follows from the footprint.
+    Keys that move_base reads from the namespaces of its costmaps (`circumscribed_radius`, `robot_base_frame`,
+    `global_frame`) belong to the costmaps. The circumscribed radius is not read: it is computed from the footprint.
     """
 
     NO_EFFECT: ClassVar[Mapping[str, str]] = {
-        "restore_defaults": "a button of dynamic_reconfigure, not a setting",
+        "restore_defaults": "a button of dynamic_reconfigure, not a parameter",
     }
 
     base_global_planner: str = param("navfn/NavfnROS", "global planner plugin")
     base_local_planner: str = param("base_local_planner/TrajectoryPlannerROS", "local planner plugin")
     recovery_behaviors: list[PluginSpec] | None = param(
         None,
-        "recovery behaviours in the order in which they are tried; without it, the built-in list",
-        ros_differs="a list that cannot be used is an error; ROS falls back to the built-in list",
+        "recovery behaviors in the order in which they run; if not set, the built-in list",
+        ros_differs="an invalid list is an error; ROS uses the built-in list",
     )
     planner_frequency: float = param(
-        0.0, "how often to replan while driving; 0 = only when needed", unit="Hz", ge=0.0, le=100.0
+        0.0, "frequency of replanning while driving; 0 = only when needed", unit="Hz", ge=0.0, le=100.0
     )
     controller_frequency: float = param(
         20.0,
-        "control cycles per second",
+        "frequency of control cycles",
         unit="Hz",
         gt=0.0,
         le=100.0,
-        ros_differs="0 is an error; ROS then divides by it",
+        ros_differs="0 is an error; ROS divides by 0",
     )
     planner_patience: float = param(
-        5.0, "how long to go without a valid plan before recovering", unit="s", ge=0.0, le=100.0
+        5.0, "maximum time without a valid plan before a recovery", unit="s", ge=0.0, le=100.0
     )
     controller_patience: float = param(
         15.0,
-        "how long to go without a valid command, or without fresh sensor data, before recovering or giving up",
+        "maximum time without a valid command or current sensor data before a recovery or abort",
         unit="s",
         ge=0.0,
         le=100.0,
-        ros_differs="in ROS 15.0 holds until the first dynamic reconfigure call, which applies 5.0 when this is not set; "
-        "and ROS waits for ever for sensor data",
+        ros_differs="in ROS, the first dynamic_reconfigure call changes the default from 15.0 to 5.0; ROS waits for sensor data "
+        "without limit",
     )
     max_planning_retries: int = param(
-        -1, "failed plans in a row before recovering; -1 = only patience counts", ge=-1, le=1000
+        -1, "consecutive planning failures before a recovery; -1 = only planner_patience applies", ge=-1, le=1000
     )
     oscillation_timeout: float = param(
-        0.0, "how long to go without progress before recovering; 0 = for ever", unit="s", ge=0.0, le=60.0
+        0.0, "maximum time without progress before a recovery; 0 = no limit", unit="s", ge=0.0, le=60.0
     )
     oscillation_distance: float = param(
         0.5,
-        "motion that counts as progress",
+        "distance that counts as progress",
         unit="m",
         ge=0.0,
         le=10.0,
-        ros_differs="turning in place counts as progress too, up to a full turn",
+        ros_differs="rotation in place also counts as progress, up to one full turn",
     )
     conservative_reset_dist: float = param(
         3.0,
-        "side of the square that conservative_reset of the built-in recoveries keeps",
+        "side of the square that the built-in conservative_reset keeps",
         unit="m",
         ge=0.0,
         le=50.0,
     )
-    recovery_behavior_enabled: bool = param(True, "run recovery behaviours at all")
-    clearing_rotation_allowed: bool = param(True, "the built-in recoveries include turning in place")
-    shutdown_costmaps: bool = param(False, "costmaps are updated only while there is a goal")
+    recovery_behavior_enabled: bool = param(True, "run recovery behaviors")
+    clearing_rotation_allowed: bool = param(True, "the built-in recoveries include rotation in place")
+    shutdown_costmaps: bool = param(False, "costmaps are updated only while a goal is active")
     make_plan_clear_costmap: bool = param(True, "clear the costmaps around the robot before make_plan")
-    make_plan_add_unreachable_goal: bool = param(True, "append the goal itself to a plan that ends near it")
+    make_plan_add_unreachable_goal: bool = param(True, "append the goal to a plan that ends near it")
     clearing_radius: float | None = param(
         None,
-        "half the side of the square that make_plan clears; without it, the circumscribed radius of the footprint",
+        "half the side of the square that make_plan clears; if not set, the circumscribed radius of the footprint",
         unit="m",
         ge=0.0,
-        ros_differs="ROS takes the constant local_costmap/circumscribed_radius (0.46) whatever the footprint",
+        ros_differs="ROS uses the constant local_costmap/circumscribed_radius (0.46) for every footprint",
     )
 
     @field_validator("controller_frequency")
     @classmethod
-    def _ends(cls, value: float) -> float:
+    def _check_minimum(cls, value: float) -> float:
         if value < SLOWEST_HZ:
             raise ValueError(
-                f"controller_frequency = {value:g} Hz is a cycle in {1.0 / value:.3g} s, and a goal ends in none before; "
-                f"give {SLOWEST_HZ:g} Hz or more"
+                f"controller_frequency = {value:g} Hz gives one control cycle in {1.0 / value:.3g} s, so goals do not end; set "
+                f"it to {SLOWEST_HZ:g} Hz or more"
             )
         return value
 
 
 def builtin_recoveries(params: MoveBaseParams, circumscribed_radius: float) -> list[tuple[PluginSpec, dict[str, Any]]]:
-    """The recoveries of a robot whose YAML names none, in order, each with the parameters that the list imposes.
+    """Return the recoveries of a robot without `recovery_behaviors`, in order, with the parameters that the list sets.
 
-    `circumscribed_radius` (m) is that of the padded footprint. conservative_reset, rotate_recovery, aggressive_reset,
-    rotate_recovery; the rotations only where `clearing_rotation_allowed`. An imposed parameter overrides the YAML's, as
-    in ROS (move_base.cpp, loadDefaultRecoveryBehaviors).
+    conservative_reset, rotate_recovery, aggressive_reset, rotate_recovery; the rotations only if
+    `clearing_rotation_allowed`. `circumscribed_radius` (m) is that of the padded footprint. The parameters set here
+    override the YAML, as in ROS (move_base.cpp, loadDefaultRecoveryBehaviors).
 
-    ROS differs: aggressive_reset keeps four times the constant 0.46 m, whatever the footprint (parity 21).
+    ROS differs: aggressive_reset keeps four times the constant 0.46 m for every footprint (parity 21).
     """
     clear, rotate = "clear_costmap_recovery/ClearCostmapRecovery", "rotate_recovery/RotateRecovery"
     aggressive = AGGRESSIVE_RESET_RADII * circumscribed_radius

@@ -54,7 +54,7 @@ def json_schema() -> Schema:
     for spec, _ in builtin_recoveries(MoveBaseParams(), 1.0):
         properties[spec.name] = of(RECOVERY_BEHAVIORS.get(spec.type).cls.Params)
     properties["navstack"] = of(NavstackParams)
-    root["additionalProperties"] = {"type": "object", "description": "parameters of a recovery behaviour or plugin"}
+    root["additionalProperties"] = {"type": "object", "description": "parameters of a recovery behavior or plugin"}
     return {"$schema": _DIALECT, **root, "title": "move_base", "$defs": {k: defs[k] for k in sorted(defs)}}
 
 
