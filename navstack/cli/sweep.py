@@ -3,63 +3,55 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 
-from navstack.cli import tuning as options
+from navstack.cli import options
+from navstack.cli.options import with_options
+from navstack.cli.search_options import Resume, SearchArguments, Workers
+
+_SHOWN_CANDIDATES = 10
 
 
+@with_options(search=SearchArguments)
 def sweep(
-    params: list[str] = options.PARAMS,
-    suite: str = options.SUITE,
-    param: list[str] = options.PARAM,
-    space: str | None = options.SPACE,
-    keep: list[str] = options.KEEP,
-    method: str = typer.Option("lhs", "--method", metavar="grid|random|lhs", help="How candidates are chosen."),
-    samples: int = typer.Option(50, "--samples", metavar="N", help="Candidates, of random and lhs."),
-    points: int = typer.Option(5, "--points", metavar="N", help="Values of each range, of grid."),
-    set_: list[str] = options.SET,
-    distro: str | None = options.DISTRO,
-    allow_missing: bool = options.ALLOW_MISSING,
-    scenario: list[str] = options.SCENARIO,
-    count: int | None = options.COUNT,
-    seeds: int = options.SEEDS,
-    seed: int = options.SEED,
-    rough: bool = options.ROUGH,
-    workers: int | None = options.WORKERS,
-    scheduler: str | None = typer.Option(
-        None, "--scheduler", metavar="ADDRESS", help="Run on the Dask cluster there, such as tcp://host:8786."
+    search: SearchArguments,
+    method: Annotated[
+        str, typer.Option("--method", metavar="grid|random|lhs", help="Sampling method; lhs: Latin hypercube.")
+    ] = "lhs",
+    samples: Annotated[int, typer.Option("--samples", metavar="N", help="Number of candidates (random and lhs).")] = 50,
+    points: Annotated[int, typer.Option("--points", metavar="N", help="Values per range (grid).")] = 5,
+    workers: Workers = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option("--scheduler", metavar="ADDRESS", help="Run on this Dask cluster, such as tcp://host:8786."),
+    ] = None,
+    resume: Resume = False,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for runs.jsonl and summary.json.")] = Path(
+        "navstack_sweep"
     ),
-    resume: bool = options.RESUME,
-    out: Path = typer.Option(
-        Path("navstack_sweep"), "--out", metavar="DIR", help="Folder of runs.jsonl and summary.json."
-    ),
-    json_: bool = options.JSON,
+    json_: options.Json = False,
 ) -> int:
     """Drive a grid or a sample of parameter values over scenarios: a line of JSON per run.
 
-    Exit code 1: some of the runs gave no result.
+    The exit code is 1 if some runs gave no result.
     """
     from navstack.cli.output import print_json, print_note
     from navstack.core.files import ensure_directory, write_json
     from navstack.tune.sampling import candidates
     from navstack.tune.sweep import Sweep, run_sweep, summary_of
 
-    setup = options.prepared(
-        params, suite, space, param, keep, set_, distro, allow_missing, scenario, count, seeds, seed, rough
-    )
-    chosen = candidates(setup.space, method, samples=samples, points=points, seed=seed)
-    course = setup.course()
+    setup = search.prepare()
+    chosen = candidates(setup.space, method, samples=samples, points=points, seed=search.seed)
+    evaluation = setup.evaluation()
     folder = ensure_directory(out)
+    cases = len(evaluation.cases)
     if not json_:
-        count, runs = len(chosen), len(course.cases)
-        print_note(
-            f"{count} candidate{'s' * (count != 1)}, each over {runs} run{'s' * (runs != 1)} of {setup.place.name}"
-        )
-    what = {**setup.what(), "method": method, "seed": seed}
+        print_note(f"{_count(len(chosen), 'candidate')}, each over {_count(cases, 'run')} of {setup.suite.name}")
+    described = {**setup.described(), "method": method, "seed": search.seed}
     runs = run_sweep(
-        Sweep(setup.base, setup.space, chosen, course, what),
+        Sweep(setup.base, setup.space, chosen, evaluation, described),
         folder / "runs.jsonl",
         workers=workers,
         scheduler=scheduler,
@@ -67,7 +59,7 @@ def sweep(
         progress=not json_,
     )
     files = {"runs": str(folder / "runs.jsonl"), "summary": str(folder / "summary.json")}
-    document = {**summary_of(runs, len(course.cases)), "files": files}
+    document = {**summary_of(runs, cases), "files": files}
     write_json(folder / "summary.json", document)
     if json_:
         print_json(document)
@@ -79,19 +71,23 @@ def sweep(
     return 1 if failed else 0
 
 
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'s' * (number != 1)}"
+
+
 def _print(document: dict[str, Any]) -> None:
+    """Prints the best candidates and the names of the files."""
     from rich.box import SIMPLE_HEAD
     from rich.markup import escape
     from rich.table import Table
 
     from navstack.cli.output import stdout
 
-    ranking = document["ranking"]
-    table = Table(title="the best candidates", title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
+    table = Table(title="best candidates", title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
     for name in ("no.", "score", "success", "time"):
         table.add_column(name, justify="right", no_wrap=True)
     table.add_column("values")
-    for row in ranking[:10]:
+    for row in document["ranking"][:_SHOWN_CANDIDATES]:
         values = ", ".join(f"{name.rpartition('/')[2]} {value}" for name, value in row["values"].items())
         score = "-" if row["score"] is None else f"{row['score']:.3f}"
         time = "-" if row["time_s"] is None else f"{row['time_s']:.1f} s"

@@ -1,4 +1,6 @@
-"""Tuning: sweeps over parameters, a search for better ones, and the proof that they are.
+"""Sweeps over parameters, tuning with validation on held-out scenarios, and sensitivity analysis.
 
-`optuna`, `dask` and `ruamel.yaml` come with the extra `tune`; nothing here imports them before it needs them.
+`optuna`, `dask` and `ruamel.yaml` come with the extra `tune` and are imported on first use.
 """
+
+__all__: list[str] = []

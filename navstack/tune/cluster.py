@@ -1,4 +1,4 @@
-"""The jobs of a sweep on a Dask cluster: the same work, the same results, wherever the workers are."""
+"""Runs the jobs of a sweep on a Dask cluster, with the same results as local processes."""
 
 from __future__ import annotations
 
@@ -9,16 +9,15 @@ from typing import Any, Final, Self
 
 from navstack import __version__
 from navstack.core.errors import InputError
+from navstack.core.optional_dependencies import require
 from navstack.jobs import Job, JobResult
 from navstack.jobs.job import Work, perform
-from navstack.tune.extras import need
 
 _POLL_S: Final = 0.005
-_LOOK_S: Final = 5.0
-ALONE_S: Final = 60.0
-"""So long a cluster may be without workers."""
-ANSWER_S: Final = 10.0
-"""So long a scheduler may take to answer."""
+_CHECK_WORKERS_S: Final = 5.0
+NO_WORKERS_TIMEOUT_S: Final = 60.0
+"""A cluster without workers for this long is an error."""
+CONNECT_TIMEOUT_S: Final = 10.0
 
 
 def _version() -> str:
@@ -26,19 +25,19 @@ def _version() -> str:
 
 
 class DaskExecutor:
-    """An `Executor` of `navstack.jobs`. A job whose worker dies is begun again by the scheduler, elsewhere.
+    """An `Executor` of `navstack.jobs`. The scheduler restarts a job on another worker if its worker dies.
 
-    The work goes to each worker once, also to those that come later. Raises InputError where there is no scheduler,
-    or one without workers, or workers of another navstack.
+    Each worker receives the work once, including workers that join later. Raises InputError for an unreachable scheduler, one
+    without workers, and workers with another version of navstack.
     """
 
     def __init__(self, work: Work, address: str) -> None:
-        self._distributed: Any = need("distributed", "running on a cluster")
+        self._distributed: Any = require("distributed", "running on a cluster")
         try:
-            self._client: Any = self._distributed.Client(address, timeout=ANSWER_S, set_as_default=False)
+            self._client: Any = self._distributed.Client(address, timeout=CONNECT_TIMEOUT_S, set_as_default=False)
         except (OSError, ValueError, TypeError) as exc:
             raise InputError(
-                f"no Dask scheduler answers at {address} ({_reason(exc)}); start one by `dask scheduler` and give its "
+                f"no Dask scheduler answers at {address} ({_reason(exc)}); start one with `dask scheduler` and give its "
                 "address, such as tcp://127.0.0.1:8786",
                 scheduler=address,
             ) from exc
@@ -57,44 +56,44 @@ class DaskExecutor:
         versions: dict[str, Any] = self._client.run(_version, on_error="return")
         if not versions:
             raise InputError(
-                f"the Dask scheduler at {address} has no workers; start some by `dask worker {address} --nthreads 1`",
+                f"the Dask scheduler at {address} has no workers; start some with `dask worker {address} --nthreads 1`",
                 scheduler=address,
             )
         for worker, version in sorted(versions.items()):
             if version != __version__:
                 raise InputError(
-                    f"the Dask worker {worker} has navstack {version}, not {__version__} as here; install the same there",
+                    f"the Dask worker {worker} has navstack {version}, this machine has {__version__}; install the same version",
                     scheduler=address,
                     worker=worker,
                 )
 
     @property
     def slots(self) -> int:
-        """Twice the threads of all workers, so that none waits for the next job."""
+        """Twice the number of threads of all workers, so that no worker waits for its next job."""
         return max(1, 2 * sum(self._client.nthreads().values()))
 
     def submit(self, job: Job) -> None:
-        """Hands the job to the scheduler."""
+        """Submits the job to the scheduler."""
         key = f"{self._name}-{next(self._numbers)}"
         self._jobs[key] = job.key
         self._ended.add(self._client.submit(_perform, self._name, job, key=key, pure=False))
 
     def collect(self) -> JobResult:
-        """Waits for any job to end. Raises InputError when the cluster has had no workers for a minute."""
-        alone_since: float | None = None
-        looked = time.monotonic()
+        """Waits for any job to end. Raises InputError after a minute without workers."""
+        no_workers_since: float | None = None
+        checked = time.monotonic()
         while not self._ended.has_ready():
             time.sleep(_POLL_S)
             now = time.monotonic()
-            if now - looked < _LOOK_S:
+            if now - checked < _CHECK_WORKERS_S:
                 continue
-            looked = now
+            checked = now
             if self._client.status == "running" and self._client.nthreads():
-                alone_since = None
-            elif alone_since is None:
-                alone_since = now
-            elif now - alone_since > ALONE_S:
-                raise InputError("the Dask cluster has lost its workers; start some, and go on with --resume")
+                no_workers_since = None
+            elif no_workers_since is None:
+                no_workers_since = now
+            elif now - no_workers_since > NO_WORKERS_TIMEOUT_S:
+                raise InputError("the Dask cluster has lost all workers; start some, and add --resume to continue")
         future = next(self._ended)
         job = self._jobs.pop(future.key)
         if future.status == "finished":
@@ -104,7 +103,7 @@ class DaskExecutor:
         return JobResult(job, error={"code": 9099, "name": "WORKER_DIED", "message": message})
 
     def close(self) -> None:
-        """Forgets what is under way and lets go of the scheduler."""
+        """Drops the running jobs and disconnects."""
         self._client.close()
 
     def __enter__(self) -> Self:
@@ -121,7 +120,7 @@ def _reason(error: BaseException) -> str:
 
 def _plugin(distributed: Any, name: str, work: Work) -> Any:
     class NavstackWork(distributed.WorkerPlugin):  # type: ignore[misc]
-        """Puts the work where the jobs find it."""
+        """Stores the work on each worker."""
 
         def __init__(self) -> None:
             self.name = name
@@ -134,7 +133,7 @@ def _plugin(distributed: Any, name: str, work: Work) -> Any:
 
 
 def _perform(name: str, job: Job) -> str:
-    """Does the job on a worker."""
+    """Performs the job on a worker."""
     from distributed import get_worker
 
     return perform(getattr(get_worker(), name.replace("-", "_")), job).as_line()

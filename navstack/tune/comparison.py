@@ -1,20 +1,27 @@
-"""Two parameter sets over the same cases: paired differences with confidence intervals, in numbers and in a sentence."""
+"""Two parameter sets on the same cases: paired differences with confidence intervals."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 from navstack.statistics import Difference, Interval, mean, paired_difference, paired_share_difference, share
-from navstack.tune.courses import Case
+from navstack.tune.evaluation import Case
 
 Outcome = Mapping[str, Any]
+
+_PAIRED_MEASURES: Final = (
+    ("time", "time_s", "s", False),
+    ("clearance", "clearance_m", "m", True),
+    ("jerk", "jerk", "m/s³", False),
+)
+"""Measures of pairs in which both runs succeed: name, key of the outcome, unit, whether higher is better."""
 
 
 @dataclass(frozen=True, slots=True)
 class Measure:
-    """One number of both sets and the difference, over pairs of runs of the same case."""
+    """A number of both sets and the difference, over pairs of runs of the same case."""
 
     name: str
     unit: str
@@ -30,6 +37,17 @@ class Measure:
             return "no difference shown"
         return "better" if (self.difference.interval.value > 0.0) is self.higher_is_better else "worse"
 
+    @property
+    def label(self) -> str:
+        """Name and unit."""
+        return f"{self.name} ({self.unit})" if self.unit else self.name
+
+    @property
+    def texts(self) -> tuple[str, str, str]:
+        """Before, after and difference, rounded."""
+        digits = 1 if self.unit == "s" else 3
+        return self.before.text(digits), self.after.text(digits), self.difference.interval.text(digits)
+
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
         return {
@@ -43,26 +61,33 @@ class Measure:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """Before and after over some cases."""
+    """The outcomes of both sets, and the measures."""
 
     cases: tuple[Case, ...]
     before: tuple[Outcome, ...]
     after: tuple[Outcome, ...]
     measures: tuple[Measure, ...]
-    """score, success, time (of pairs that both succeed), clearance."""
+    """score, success, and those of pairs in which both runs succeed: time, clearance, jerk."""
 
     def measure(self, name: str) -> Measure:
-        """The measure of that name."""
-        return next(m for m in self.measures if m.name == name)
+        """The measure of that name. Raises KeyError if there is none."""
+        found = self.find(name)
+        if found is None:
+            raise KeyError(name)
+        return found
+
+    def find(self, name: str) -> Measure | None:
+        """The measure of that name, or None."""
+        return next((m for m in self.measures if m.name == name), None)
 
     @property
-    def mended(self) -> list[int]:
-        """Cases that failed before and succeed after, by index."""
+    def fixed(self) -> list[int]:
+        """Indices of cases that failed before and succeed after."""
         return [i for i, (b, a) in enumerate(zip(self.before, self.after)) if not b["success"] and a["success"]]
 
     @property
     def broken(self) -> list[int]:
-        """Cases that succeeded before and fail after."""
+        """Indices of cases that succeeded before and fail after."""
         return [i for i, (b, a) in enumerate(zip(self.before, self.after)) if b["success"] and not a["success"]]
 
     def as_dict(self) -> dict[str, Any]:
@@ -70,7 +95,7 @@ class Comparison:
         return {
             "cases": len(self.cases),
             "measures": {m.name: m.as_dict() for m in self.measures},
-            "mended": [self.cases[i].key for i in self.mended],
+            "fixed": [self.cases[i].key for i in self.fixed],
             "broken": [self.cases[i].key for i in self.broken],
             "runs": [
                 {"case": c.key, "before": dict(b), "after": dict(a)}
@@ -80,45 +105,34 @@ class Comparison:
 
 
 def compare(cases: Sequence[Case], before: Mapping[str, Outcome], after: Mapping[str, Outcome]) -> Comparison:
-    """Compares outcomes by the case's key. Runs of one scenario under several seeds are one group."""
-    b, a = [before[c.key] for c in cases], [after[c.key] for c in cases]
-    groups = [c.name for c in cases]
-    measures = [
-        Measure(
-            "score",
-            "",
-            mean([o["score"] for o in b], groups),
-            mean([o["score"] for o in a], groups),
-            paired_difference([o["score"] for o in b], [o["score"] for o in a], groups),
-            True,
-        ),
-        Measure(
-            "success",
-            "",
-            share([bool(o["success"]) for o in b], groups),
-            share([bool(o["success"]) for o in a], groups),
-            paired_share_difference([bool(o["success"]) for o in b], [bool(o["success"]) for o in a], groups),
-            True,
-        ),
-    ]
-    both = [i for i in range(len(b)) if b[i]["success"] and a[i]["success"]]
-    paired_groups = [groups[i] for i in both]
-    for name, key, unit, higher in (
-        ("time", "time_s", "s", False),
-        ("clearance", "clearance_m", "m", True),
-        ("jerk", "jerk", "m/s³", False),
-    ):
-        first, second = [float(b[i][key]) for i in both], [float(a[i][key]) for i in both]
-        if not any(first) and not any(second):
-            continue
-        measures.append(
-            Measure(
-                name,
-                unit,
-                mean(first, paired_groups),
-                mean(second, paired_groups),
-                paired_difference(first, second, paired_groups),
-                higher,
-            )
-        )
-    return Comparison(tuple(cases), tuple(b), tuple(a), tuple(measures))
+    """Compares outcomes by the key of the case. Runs of one scenario with several seeds form a group."""
+    pairs = [(c.name, before[c.key], after[c.key]) for c in cases]
+    measures = [_mean_measure("score", "", pairs, "score", True), _success(pairs)]
+    both_succeed = [p for p in pairs if p[1]["success"] and p[2]["success"]]
+    for name, key, unit, higher_is_better in _PAIRED_MEASURES:
+        first, second = _values(both_succeed, key)
+        if any(first) or any(second):
+            measures.append(_mean_measure(name, unit, both_succeed, key, higher_is_better))
+    return Comparison(tuple(cases), tuple(p[1] for p in pairs), tuple(p[2] for p in pairs), tuple(measures))
+
+
+_Pairs = Sequence[tuple[str, Outcome, Outcome]]
+"""Group, outcome before, outcome after."""
+
+
+def _values(pairs: _Pairs, key: str) -> tuple[list[float], list[float]]:
+    return [float(b[key]) for _, b, _ in pairs], [float(a[key]) for _, _, a in pairs]
+
+
+def _mean_measure(name: str, unit: str, pairs: _Pairs, key: str, higher_is_better: bool) -> Measure:
+    groups = [group for group, _, _ in pairs]
+    first, second = _values(pairs, key)
+    difference = paired_difference(first, second, groups)
+    return Measure(name, unit, mean(first, groups), mean(second, groups), difference, higher_is_better)
+
+
+def _success(pairs: _Pairs) -> Measure:
+    groups = [group for group, _, _ in pairs]
+    first, second = [bool(b["success"]) for _, b, _ in pairs], [bool(a["success"]) for _, _, a in pairs]
+    difference = paired_share_difference(first, second, groups)
+    return Measure("success", "", share(first, groups), share(second, groups), difference, True)

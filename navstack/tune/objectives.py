@@ -1,4 +1,4 @@
-"""What is wanted of a candidate, from how its runs ended."""
+"""Objectives of tuning, computed from the outcomes of a candidate's runs."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from navstack.core.errors import InputError
 from navstack.parameters.spelling import nearest
 
 Outcomes = Sequence[Mapping[str, Any]]
-"""Runs as `RunOutcome.as_dict` tells them."""
+"""Runs as given by `RunOutcome.as_dict`."""
 
-FAILED_TIMES: Final = 3.0
-"""A run that failed counts in the mean time as so many times the slowest that succeeded."""
-NOTHING: Final = 1e7
-"""Mean time (s) and jerk (m/s³) where no run succeeded: worse than whatever did."""
+FAILURE_FACTOR: Final = 3.0
+"""In the mean time, a failed run counts this many times the slowest success."""
+NO_SUCCESS: Final = 1e7
+"""Mean time (s) and jerk (m/s³) of a candidate without any success: worse than any success."""
 
 
 @dataclass(frozen=True, slots=True)
 class Objective:
-    """A number to make as high or as low as possible."""
+    """A number to maximize or minimize."""
 
     name: str
     maximize: bool
@@ -31,21 +31,26 @@ class Objective:
 
     @property
     def direction(self) -> str:
-        """As Optuna says it."""
+        """Optuna's name of the direction."""
         return "maximize" if self.maximize else "minimize"
 
+    @property
+    def label(self) -> str:
+        """Name and unit."""
+        return f"{self.name} ({self.unit})" if self.unit else self.name
+
     def better(self, a: float, b: float) -> bool:
-        """True when `a` is better than `b`."""
+        """True if `a` is better than `b`."""
         return a > b if self.maximize else a < b
 
 
 def mean_score(outcomes: Outcomes) -> float:
-    """Mean of the runs' scores."""
+    """Mean score of the runs."""
     return math.fsum(o["score"] for o in outcomes) / len(outcomes)
 
 
 def success_rate(outcomes: Outcomes) -> float:
-    """Share of the runs that succeeded."""
+    """Share of successful runs."""
     return sum(bool(o["success"]) for o in outcomes) / len(outcomes)
 
 
@@ -54,12 +59,12 @@ def _successes(outcomes: Outcomes, key: str) -> list[float]:
 
 
 def mean_time(outcomes: Outcomes) -> float:
-    """Mean time (s); a failure counts three times the slowest success. `NOTHING` where no run succeeded."""
+    """Mean time (s); a failure counts three times the slowest success. `NO_SUCCESS` without any success."""
     times = _successes(outcomes, "time_s")
     if not times:
-        return NOTHING
+        return NO_SUCCESS
     failed = len(outcomes) - len(times)
-    return (math.fsum(times) + failed * FAILED_TIMES * max(times)) / len(outcomes)
+    return (math.fsum(times) + failed * FAILURE_FACTOR * max(times)) / len(outcomes)
 
 
 def _mean_clearance(outcomes: Outcomes) -> float:
@@ -68,29 +73,29 @@ def _mean_clearance(outcomes: Outcomes) -> float:
 
 def _mean_jerk(outcomes: Outcomes) -> float:
     values = _successes(outcomes, "jerk")
-    return math.fsum(values) / len(values) if values else NOTHING
+    return math.fsum(values) / len(values) if values else NO_SUCCESS
 
 
 OBJECTIVES: Final[Mapping[str, Objective]] = {
     o.name: o
     for o in (
-        Objective("score", True, mean_score, "", "the course's own score, a failure counting against it"),
+        Objective("score", True, mean_score, "", "score of the suite, with a penalty for failures"),
         Objective("time", False, mean_time, "s", "mean time, a failure counting three times the slowest success"),
-        Objective("clearance", True, _mean_clearance, "m", "mean of the runs' least distance to anything"),
+        Objective("clearance", True, _mean_clearance, "m", "mean of the minimum clearance of each run"),
         Objective("smoothness", False, _mean_jerk, "m/s³", "root mean square of the jerk"),
-        Objective("success", True, success_rate, "", "share of runs at every goal without contact"),
+        Objective("success", True, success_rate, "", "share of runs that reach every goal without a collision"),
     )
 }
 
 
-def chosen(names: Sequence[str]) -> tuple[Objective, ...]:
-    """The objectives of these names; `score` alone for none. Raises InputError."""
+def select_objectives(names: Sequence[str]) -> tuple[Objective, ...]:
+    """The objectives of these names; `score` without names. Raises InputError."""
     for name in names:
         if name not in OBJECTIVES:
             close = nearest(name, OBJECTIVES)
             hint = f"did you mean {close}?" if close else f"choose {', '.join(OBJECTIVES)}"
             raise InputError(
-                f'--objective "{name}": there is no such objective; {hint}',
+                f'--objective "{name}": unknown objective; {hint}',
                 argument="--objective",
                 value=name,
             )
@@ -98,6 +103,6 @@ def chosen(names: Sequence[str]) -> tuple[Objective, ...]:
 
 
 def dominates(a: Sequence[float], b: Sequence[float], objectives: Sequence[Objective]) -> bool:
-    """True when `a` is nowhere worse than `b` and somewhere better."""
+    """True if `a` is nowhere worse than `b` and somewhere better."""
     pairs = list(zip(a, b, objectives, strict=True))
     return not any(o.better(y, x) for x, y, o in pairs) and any(o.better(x, y) for x, y, o in pairs)

@@ -1,4 +1,4 @@
-"""Candidates for a sweep: a grid, random points, or a Latin hypercube (McKay, Beckman, Conover, Technometrics 1979)."""
+"""Candidates of a sweep: a grid, random points, or a Latin hypercube (McKay, Beckman, Conover, Technometrics 1979)."""
 
 from __future__ import annotations
 
@@ -10,19 +10,21 @@ from navstack.core.errors import InputError
 from navstack.tune.space import SearchSpace, Value
 
 METHODS: Final = ("grid", "random", "lhs")
-MOST_CANDIDATES: Final = 1_000_000
+MAX_CANDIDATES: Final = 1_000_000
 
 
 def candidates(space: SearchSpace, method: str, *, samples: int, points: int, seed: int) -> list[dict[str, Value]]:
-    """The candidates of a sweep, in an order of their own; a pure function of its arguments.
+    """The candidates of a sweep; a pure function of its arguments.
 
-    `samples`: how many, of random ones and of the Latin hypercube; `points`: values of each range in a grid.
-    Raises InputError for an unknown method and for a grid of more than a million.
+    `samples`: number of candidates for `random` and `lhs`; `points`: values per range for `grid`. Raises InputError for an
+    unknown method and for a grid of more than a million candidates.
     """
     if method == "grid":
         return _grid(space, points)
     if method not in METHODS:
-        raise InputError(f'--method "{method}" is none; choose {", ".join(METHODS)}', argument="--method", value=method)
+        raise InputError(
+            f'--method "{method}": unknown method; choose {", ".join(METHODS)}', argument="--method", value=method
+        )
     if samples < 1:
         raise InputError(f"--samples {samples}: give at least 1", argument="--samples", value=samples)
     shares = _random(samples, len(space), seed) if method == "random" else _latin(samples, len(space), seed)
@@ -34,7 +36,7 @@ def _grid(space: SearchSpace, points: int) -> list[dict[str, Value]]:
         raise InputError(f"--points {points}: give at least 1", argument="--points", value=points)
     axes = [d.grid(points) for d in space]
     many = math.prod(len(axis) for axis in axes)
-    if many > MOST_CANDIDATES:
+    if many > MAX_CANDIDATES:
         counts = " x ".join(str(len(axis)) for axis in axes)
         raise InputError(
             f"the grid has {counts} = {many} candidates; give fewer --points or --param, or --method lhs --samples N",

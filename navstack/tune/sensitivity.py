@@ -1,28 +1,32 @@
-"""What changes if one parameter is doubled, or halved: each around its present value, over the same runs."""
+"""Sensitivity of the results to each parameter: its present value is halved and doubled, over the same runs."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 from navstack.jobs import Executor, Job
+from navstack.parameters.report import value_text
 from navstack.tune.comparison import Comparison, compare
-from navstack.tune.courses import Case
-from navstack.tune.space import Dimension, SearchSpace, Value, value_of
-from navstack.tune.study import Outcome
-from navstack.tune.work import outcome_of, run_job
+from navstack.tune.evaluation import Case
+from navstack.tune.space import Dimension, SearchSpace, Value
+from navstack.tune.work import Outcome, outcome_of, run_job
+
+_SHOWN_EFFECTS: Final = (("time", ("longer", "shorter")), ("clearance", ("more clearance", "less clearance")))
+"""Measures named in the sentence, with the words for an increase and a decrease."""
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
-    """One parameter, changed."""
+class Perturbation:
+    """One parameter with another value."""
 
     dimension: Dimension
     value: Value
     word: str
-    """halved, doubled, or what was done where that is not possible: raised, raised more, set."""
+    """halved or doubled; for other values raised, raised more, or set."""
     comparison: Comparison
+    """Present parameters against the changed one."""
 
     @property
     def effect(self) -> float:
@@ -32,39 +36,27 @@ class Step:
     @property
     def what(self) -> str:
         """`doubled to 2.0`."""
-        return f"{self.word} to {value_of(self.value)}"
+        return f"{self.word} to {value_text(self.value)}"
 
     @property
     def sentence(self) -> str:
-        """What changes, in words."""
+        """The effect in words."""
         d, c = self.dimension, self.comparison
         unit = f" {d.unit}" if d.unit else ""
-        present = value_of(d.present) if d.present is not None else "the default"
+        present = value_text(d.present) if d.present is not None else "the default"
         also = "".join(f" and {name}" for name, factor in d.ties if factor == 1.0)
-        head = f"{d.name}{also} {self.word} ({present} -> {value_of(self.value)}{unit})"
+        head = f"{d.name}{also} {self.word} ({present} -> {value_text(self.value)}{unit})"
         refused = [o for o in c.after if o["outcome"] == "refused"]
         if len(refused) == len(c.after):
-            return f"{head}: cannot be used ({str(refused[0]['text']).splitlines()[-1]})"
+            return f"{head}: invalid value ({str(refused[0]['text']).splitlines()[-1]})"
         if all(_same(b, a) for b, a in zip(c.before, c.after)):
-            return f"{head}: nothing changes at all in {len(c.cases)} runs"
-        parts: list[str] = []
-        score, success = c.measure("score"), c.measure("success")
-        if c.mended or c.broken:
-            parts.append(
-                f"success goes from {success.before.value:.0%} to {success.after.value:.0%} "
-                f"({len(c.mended)} more succeed, {len(c.broken)} more fail)"
-            )
-        for name, words in (("time", ("longer", "shorter")), ("clearance", ("more clearance", "less clearance"))):
-            m = next((m for m in c.measures if m.name == name), None)
-            if m is not None and m.difference.shown:
-                i = m.difference.interval
-                word = words[0] if i.value > 0.0 else words[1]
-                low, high = sorted((abs(i.low), abs(i.high)))
-                parts.append(f"{abs(i.value):.2f} {m.unit} {word} [{low:.2f}, {high:.2f}]")
-        if not parts:
-            shown = "no effect on success, time or clearance" if score.difference.shown else "no effect"
-            parts.append(f"runs differ, but {shown} is shown")
-        return f"{head}: {', '.join(parts)}; score {score.difference.interval.text(3)}"
+            return f"{head}: no change in {len(c.cases)} runs"
+        score = c.measure("score").difference
+        effects = _effects(c)
+        if not effects:
+            kinds = "on success, time or clearance " if score.shown else ""
+            effects = [f"the runs differ, but no effect {kinds}is shown"]
+        return f"{head}: {', '.join(effects)}; score {score.interval.text(3)}"
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
@@ -83,11 +75,30 @@ def _same(a: Mapping[str, Any], b: Mapping[str, Any]) -> bool:
     return all(a[key] == b[key] for key in ("success", "outcome", "score", "time_s", "length_m", "clearance_m"))
 
 
-def steps_of(d: Dimension) -> list[tuple[str, Value]]:
-    """What is tried of a dimension: (word, value).
+def _effects(c: Comparison) -> list[str]:
+    """The changes in success, time and clearance that are shown."""
+    parts: list[str] = []
+    if c.fixed or c.broken:
+        success = c.measure("success")
+        parts.append(
+            f"success changes from {success.before.value:.0%} to {success.after.value:.0%} "
+            f"({len(c.fixed)} more succeed, {len(c.broken)} more fail)"
+        )
+    for name, words in _SHOWN_EFFECTS:
+        m = c.find(name)
+        if m is not None and m.difference.shown:
+            i = m.difference.interval
+            word = words[0] if i.value > 0.0 else words[1]
+            low, high = sorted((abs(i.low), abs(i.high)))
+            parts.append(f"{abs(i.value):.2f} {m.unit} {word} [{low:.2f}, {high:.2f}]")
+    return parts
 
-    Half and twice the present value, whatever the range; of one that is 0 or unknown, a quarter of the range and its upper
-    end; of a choice, all the others.
+
+def values_to_try(d: Dimension) -> list[tuple[str, Value]]:
+    """The values for a dimension, as (word, value).
+
+    Half and twice the present value, whatever the range; for 0 and an unknown value, a quarter of the range and its upper end;
+    for a choice, all others.
     """
     if d.kind == "choice":
         return [("set", v) for v in d.choices if v != d.present]
@@ -109,36 +120,36 @@ def sensitivity(
     executor: Executor,
     cases: Sequence[Case],
     *,
-    hear: Callable[[int, int], None] = lambda done, total: None,
-) -> list[Step]:
-    """Every dimension of the space, changed alone, over every case; the greatest effect on the score first.
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> list[Perturbation]:
+    """Changes every dimension alone, over every case; the greatest effect on the score first.
 
-    Halving and doubling may leave the search's ranges, and what the model allows: a value that it refuses is a step whose
-    runs were all refused. `hear` is called with the runs that are done and how many there are. Raises InternalError for a
-    run that could not be driven.
+    Half and twice a value may be outside the search range and outside the bounds of the model: the runs of an invalid value
+    are refused. `progress` is called with the number of finished runs and of all runs. Raises InternalError for a run that
+    raised an exception.
     """
-    plan: list[tuple[Dimension, str, Value]] = [(d, word, value) for d in space for word, value in steps_of(d)]
-    inputs: dict[str, tuple[int, Case]] = {}
-    jobs: list[Job] = []
-
-    def add(number: int, overrides: tuple[str, ...]) -> None:
-        for case in cases:
-            job = run_job("present" if number < 0 else f"step {number}", overrides, case)
-            inputs[job.key] = (number, case)
-            jobs.append(job)
-
-    add(-1, ())
+    plan: list[tuple[Dimension, str, Value]] = [(d, word, value) for d in space for word, value in values_to_try(d)]
+    candidates: list[tuple[str, tuple[str, ...]]] = [("present", ())]
     for number, (d, _, value) in enumerate(plan):
-        add(number, tuple(f"{name}={value_of(v)}" for name, v in d.settings(value)))
-    found: dict[int, dict[str, Outcome]] = {}
+        candidates.append((f"step {number}", tuple(f"{name}={value_text(v)}" for name, v in d.settings(value))))
+    jobs: list[Job] = []
+    keys: dict[str, tuple[int, Case]] = {}
+    for index, (name, overrides) in enumerate(candidates):
+        for case in cases:
+            job = run_job(name, overrides, case)
+            keys[job.key] = (index, case)
+            jobs.append(job)
     for job in jobs:
         executor.submit(job)
+    found: list[dict[str, Outcome]] = [{} for _ in candidates]
     for done in range(1, len(jobs) + 1):
         result = executor.collect()
-        number, case = inputs[result.key]
-        found.setdefault(number, {})[case.key] = outcome_of(result)
-        hear(done, len(jobs))
+        index, case = keys[result.key]
+        found[index][case.key] = outcome_of(result)
+        progress(done, len(jobs))
+    present, *changed = found
     made = [
-        Step(d, value, word, compare(cases, found[-1], found[number])) for number, (d, word, value) in enumerate(plan)
+        Perturbation(d, value, word, compare(cases, present, outcomes))
+        for (d, word, value), outcomes in zip(plan, changed, strict=True)
     ]
-    return sorted(made, key=lambda s: (-abs(s.effect), s.dimension.name, s.word))
+    return sorted(made, key=lambda p: (-abs(p.effect), p.dimension.name, p.word))

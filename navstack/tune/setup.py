@@ -1,4 +1,4 @@
-"""From what a user asks for to what is driven: parameters, suite, space and courses, checked before anything runs."""
+"""From the options of sweeps and tuning to parameters, suite, search space and evaluation, checked before anything runs."""
 
 from __future__ import annotations
 
@@ -10,15 +10,17 @@ from navstack.core.errors import InputError
 from navstack.parameters.configuration import Configuration, load_configuration
 from navstack.parameters.sources import Source
 from navstack.parameters.spelling import nearest
-from navstack.tune.courses import Course
-from navstack.tune.given import search_space
-from navstack.tune.scenarios import Place, course_of, read_place
+from navstack.tune.evaluation import Evaluation
+from navstack.tune.search_space_parser import parse_search_space
 from navstack.tune.space import SearchSpace
+from navstack.tune.suites import Suite, make_evaluation, read_suite
+
+_NAMES_SHOWN = 8
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
-    """What sweeps and tuning have in common."""
+class SearchOptions:
+    """The options that sweeps and tuning share."""
 
     params: tuple[str, ...]
     suite: str = "office"
@@ -29,9 +31,9 @@ class Asked:
     distro: str | None = None
     allow_missing: bool = False
     scenarios: tuple[str, ...] = ()
-    """Only these of the suite; all for none."""
+    """Only these scenarios of the suite; empty: all."""
     count: int | None = None
-    """How many scenarios of a suite; half of them are held out."""
+    """Number of scenarios of a packaged suite, half of them held out."""
     seeds: int = 1
     seed: int = 0
     rough: bool = False
@@ -39,67 +41,70 @@ class Asked:
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """The same, loaded."""
+    """The loaded options."""
 
-    asked: Asked
-    place: Place
+    options: SearchOptions
+    suite: Suite
     base: Configuration
+    """The user's parameters."""
     space: SearchSpace
     names: tuple[str, ...]
-    """Of the scenarios."""
+    """Names of the scenarios."""
 
     @property
     def environment(self) -> list[Source]:
         """Parameters of the suite's simulator."""
-        return self.place.environment(rough=self.asked.rough)
+        return self.suite.environment(rough=self.options.rough)
 
     @property
     def sources(self) -> list[Source]:
-        """The user's, and the suite's."""
-        return [*self.asked.params, *self.environment]
+        """The user's sources and those of the suite."""
+        return [*self.options.params, *self.environment]
 
     @property
     def speed(self) -> float:
-        """The highest speed that the search may reach (m/s): what the scores' reference times are made with."""
+        """Highest speed in the search space (m/s), for the reference times of the score."""
         found = [float(getattr(self.base.local_planner.params, "max_vel_x", 0.5))]
         found += [d.high for d in self.space if d.name.endswith("/max_vel_x")]
         return max(0.05, *found)
 
-    def course(self, names: Sequence[str] | None = None, configuration: Configuration | None = None) -> Course:
-        """The cases of these scenarios, all of them unless given."""
-        seeds = range(self.asked.seed, self.asked.seed + self.asked.seeds)
-        return course_of(
-            self.place, self.names if names is None else names, seeds, configuration or self.base, self.speed
-        )
+    def evaluation(self, names: Sequence[str] | None = None) -> Evaluation:
+        """The evaluation on these scenarios; None: all."""
+        seeds = range(self.options.seed, self.options.seed + self.options.seeds)
+        return make_evaluation(self.suite, self.names if names is None else names, seeds, self.base, self.speed)
 
-    def other(self, params: str) -> Configuration:
+    def reference(self, params: str) -> Configuration:
         """Another parameter set in the same simulator."""
-        return load_configuration([params, *self.environment], allow_missing=self.asked.allow_missing)
+        return load_configuration([params, *self.environment], allow_missing=self.options.allow_missing)
 
-    def what(self) -> dict[str, Any]:
-        """What shapes the results beyond parameters, space and cases, for JSON."""
-        return {"suite": self.place.name, "rough": self.asked.rough, "reference_speed": self.speed}
+    def described(self) -> dict[str, Any]:
+        """Everything that affects the results, except parameters, space and cases, for JSON."""
+        return {"suite": self.suite.name, "rough": self.options.rough, "reference_speed": self.speed}
 
 
-def prepare(asked: Asked) -> Setup:
+def prepare(options: SearchOptions) -> Setup:
     """Loads everything. Raises InputError, ParameterError, ScenarioError or MapError."""
-    place = read_place(asked.suite, asked.count)
-    names = place.names
-    for name in asked.scenarios:
+    suite = read_suite(options.suite, options.count)
+    names = suite.names
+    for name in options.scenarios:
         if name not in names:
-            close = nearest(name, names)
-            hint = (
-                f'did you mean "{close}"?'
-                if close
-                else f"there are {', '.join(names[:8])}{', ..' if len(names) > 8 else ''}"
+            raise InputError(
+                f'--scenario "{name}": {options.suite} has no scenario of that name; {_hint(name, names)}',
+                scenario=name,
             )
-            raise InputError(f'--scenario "{name}": {asked.suite} has none of that name; {hint}', scenario=name)
-    chosen = tuple(n for n in names if n in asked.scenarios) if asked.scenarios else names
     base = load_configuration(
-        [*asked.params, *place.environment(rough=asked.rough)],
-        overrides=asked.overrides,
-        distro=asked.distro,
-        allow_missing=asked.allow_missing,
+        [*options.params, *suite.environment(rough=options.rough)],
+        overrides=options.overrides,
+        distro=options.distro,
+        allow_missing=options.allow_missing,
     )
-    space = search_space(base, space=asked.space, params=asked.param, keep=asked.keep)
-    return Setup(asked, place, base, space, chosen)
+    space = parse_search_space(base, space=options.space, params=options.param, keep=options.keep)
+    chosen = tuple(n for n in names if n in options.scenarios) if options.scenarios else names
+    return Setup(options, suite, base, space, chosen)
+
+
+def _hint(name: str, names: Sequence[str]) -> str:
+    close = nearest(name, names)
+    if close:
+        return f'did you mean "{close}"?'
+    return f"it has {', '.join(names[:_NAMES_SHOWN])}{', ..' if len(names) > _NAMES_SHOWN else ''}"

@@ -1,10 +1,9 @@
-"""Where a study is kept: a journal file for one machine, any database that Optuna takes for many."""
+"""Storages of a study: a journal file for one machine, or a database supported by Optuna for several."""
 
 from __future__ import annotations
 
 import logging
 import os
-import warnings
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,10 +11,10 @@ from typing import Any, Final
 
 from navstack.core.errors import InputError, OutputError
 from navstack.core.files import ensure_directory
-from navstack.tune.extras import need
+from navstack.tune.optuna_tools import load_optuna, without_warnings
 
 HEARTBEAT_S: Final = 30
-"""On a database, a trial that has not been heard of for four times as long belongs to nobody any more."""
+"""In a database, a trial is lost if there was no heartbeat for four times as long."""
 
 
 def is_url(storage: str) -> bool:
@@ -24,12 +23,12 @@ def is_url(storage: str) -> bool:
 
 
 @contextmanager
-def opened(storage: str) -> Generator[Any]:
+def open_storage(storage: str) -> Generator[Any]:
     """Optuna's storage. A journal file is locked against other processes while it is open.
 
-    Raises InputError or OutputError for one that cannot be used, with the reason.
+    Raises InputError or OutputError for an unusable storage.
     """
-    optuna = need("optuna", "tuning")
+    optuna = load_optuna()
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     if is_url(storage):
         yield _database(optuna, storage)
@@ -43,8 +42,8 @@ def opened(storage: str) -> Generator[Any]:
         ) from exc
     _check_writable(path)
     with _locked(path):
-        _mend(path)
-        # nobody else writes while we hold the lock: one that a killed process left behind means nothing
+        _drop_partial_line(path)
+        # we hold the lock, so a lock file of Optuna belongs to a killed process
         path.with_name(path.name + ".lock").unlink(missing_ok=True)
         journal = optuna.storages.journal
         try:
@@ -52,9 +51,7 @@ def opened(storage: str) -> Generator[Any]:
         except (ValueError, KeyError) as exc:
             if _is_journal(path):
                 raise
-            raise InputError(
-                f"{path} is no journal of a study; name another file by --storage", path=str(path)
-            ) from exc
+            raise _not_a_journal(path) from exc
 
 
 def _is_journal(path: Path) -> bool:
@@ -62,45 +59,49 @@ def _is_journal(path: Path) -> bool:
         return file.read(1) in (b"", b"{")
 
 
+def _not_a_journal(path: Path) -> InputError:
+    return InputError(f"{path} is not a journal of a study; give another file with --storage", path=str(path))
+
+
 def _check_writable(path: Path) -> None:
     if path.is_dir():
-        raise OutputError(f"{path} is a folder; give --storage a file's name in it", path=str(path))
+        raise OutputError(f"{path} is a folder; give --storage the name of a file in it", path=str(path))
     if path.exists() and not os.access(path, os.W_OK):
         raise OutputError(
-            f"the study in {path} is read-only; make it writable, or copy it and give --storage the copy",
+            f"the study in {path} is read-only; make it writable, or give --storage a copy of it",
             path=str(path),
         )
     if path.exists() and not _is_journal(path):
-        raise InputError(f"{path} is no journal of a study; name another file by --storage", path=str(path))
+        raise _not_a_journal(path)
 
 
 @contextmanager
 def _locked(path: Path) -> Generator[None]:
-    """Holds a lock that ends with the process, however it ends."""
+    """Holds a lock that the system releases with the process."""
     try:
         import fcntl
-    except ImportError:  # not on this system: whoever starts two at once is on their own
+    except ImportError:  # not available on this system: two processes on one file are not detected
         yield
         return
-    beside = path.with_name(f".{path.name}.inuse")
+    lock = path.with_name(f".{path.name}.inuse")
     try:
-        file = beside.open("w")
+        file = lock.open("w")
     except OSError as exc:
-        raise OutputError(f"cannot write {beside}: {exc.strerror or exc}", path=str(beside)) from exc
+        raise OutputError(f"cannot write {lock}: {exc.strerror or exc}", path=str(lock)) from exc
     with file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             raise InputError(
-                f"the study in {path} is in use by another navstack; wait for it, or give another --storage (for several "
-                "at once, a database such as sqlite:///study.db)",
+                f"the study in {path} is in use by another process; wait for it, or give another --storage (a database such "
+                "as sqlite:///study.db allows several processes)",
                 path=str(path),
             ) from None
         yield
 
 
-def _mend(path: Path) -> None:
-    """Drops a last line that a kill cut short."""
+def _drop_partial_line(path: Path) -> None:
+    """Removes an incomplete last line, left by a killed process."""
     if not path.exists():
         return
     data = path.read_bytes()
@@ -111,20 +112,16 @@ def _mend(path: Path) -> None:
 
 def _database(optuna: Any, url: str) -> Any:
     logging.getLogger("alembic").setLevel(logging.ERROR)
+    engine = {"connect_args": {"timeout": 30}} if url.startswith("sqlite") else {}
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+        with without_warnings():
             return optuna.storages.RDBStorage(
-                url, heartbeat_interval=HEARTBEAT_S, grace_period=4 * HEARTBEAT_S, engine_kwargs=_engine_options(url)
+                url, heartbeat_interval=HEARTBEAT_S, grace_period=4 * HEARTBEAT_S, engine_kwargs=engine
             )
-    except Exception as exc:  # whatever a database's driver raises
+    except Exception as exc:  # drivers raise exceptions of their own
         reason = str(exc).strip().splitlines()
         raise InputError(
-            f'--storage "{url}" cannot be used: {reason[0] if reason else type(exc).__name__}; give a file, or a database '
-            "that can be reached, such as sqlite:///study.db",
+            f'--storage "{url}" cannot be used: {reason[0] if reason else type(exc).__name__}; give a file, or a reachable '
+            "database such as sqlite:///study.db",
             storage=url,
         ) from exc
-
-
-def _engine_options(url: str) -> dict[str, Any]:
-    return {"connect_args": {"timeout": 30}} if url.startswith("sqlite") else {}

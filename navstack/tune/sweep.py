@@ -1,4 +1,4 @@
-"""A sweep: many candidates, each over every case; a line of JSON per run, resumable, here or on a cluster."""
+"""A sweep: drives many candidates over all cases; one line of JSON per run, resumable, on this machine or a cluster."""
 
 from __future__ import annotations
 
@@ -9,26 +9,26 @@ from typing import Any
 
 from navstack.jobs import Executor, JobResult, ProcessExecutor, run_jobs
 from navstack.parameters.configuration import Configuration
-from navstack.tune.courses import Course
+from navstack.tune.evaluation import Evaluation
 from navstack.tune.space import Candidate, SearchSpace, Value
 from navstack.tune.work import RunWork, run_job
 
 
 @dataclass(frozen=True, slots=True)
 class Sweep:
-    """What is to be run."""
+    """The runs of a sweep: every candidate over every case."""
 
     base: Configuration
     space: SearchSpace
     candidates: Sequence[Candidate]
-    course: Course
-    what: Mapping[str, Any]
-    """What shapes the results beyond candidates and cases (JSON): method, seed, names."""
+    evaluation: Evaluation
+    described: Mapping[str, Any]
+    """Everything that affects the results except candidates and cases, for JSON: method, seed, names."""
 
 
 @dataclass(frozen=True, slots=True)
-class SweptRun:
-    """A line of the results, read back."""
+class SweepRun:
+    """The result of one run."""
 
     candidate: int
     values: Mapping[str, Value]
@@ -37,7 +37,7 @@ class SweptRun:
 
 
 def candidate_key(number: int, candidate: Candidate) -> str:
-    """`17: sim_time=1.5 vx_samples=6`: the values make a line readable by itself."""
+    """`17: sim_time=1.5 vx_samples=6`, so that a line of results is readable on its own."""
     return f"{number}: " + " ".join(f"{name}={value}" for name, value in candidate.items())
 
 
@@ -49,55 +49,62 @@ def run_sweep(
     scheduler: str | None = None,
     resume: bool = False,
     progress: bool = False,
-    heard: Callable[[JobResult], None] | None = None,
-) -> list[SweptRun]:
-    """Runs everything, by `workers` processes or on the Dask cluster at `scheduler`; the lines are the same.
+    on_result: Callable[[JobResult], None] | None = None,
+) -> list[SweepRun]:
+    """Runs everything, with `workers` processes or on the Dask cluster at `scheduler`; the results are the same.
 
-    Raises InputError and OutputError as `run_jobs` does, and InputError where there is no cluster.
+    Raises InputError and OutputError as `run_jobs` does, and InputError for an unreachable cluster.
     """
-    work = RunWork(sweep.base, sweep.course)
+    work = RunWork(sweep.base, sweep.evaluation)
+    cases = sweep.evaluation.cases
     jobs = [
         run_job(candidate_key(number, candidate), tuple(sweep.space.overrides(candidate)), case)
         for number, candidate in enumerate(sweep.candidates)
-        for case in sweep.course.cases
+        for case in cases
     ]
-    executor: Executor
-    if scheduler is not None:
-        from navstack.tune.cluster import DaskExecutor
-
-        executor = DaskExecutor(work, scheduler)
-    else:
-        executor = ProcessExecutor(work, workers)
-    what = {**sweep.what, "space": sweep.space.described(), "parameters": work.parameters, "distro": work.distro}
+    what = {**sweep.described, "space": sweep.space.described(), "parameters": work.parameters, "distro": work.distro}
     found = run_jobs(
-        work, jobs, what=what, executor=executor, results=results, resume=resume, progress=progress, heard=heard
+        work,
+        jobs,
+        what=what,
+        executor=_executor(work, workers, scheduler),
+        results=results,
+        resume=resume,
+        progress=progress,
+        heard=on_result,
     )
-    many = len(sweep.course.cases)
+    many = len(cases)
     return [
-        SweptRun(i // many, sweep.candidates[i // many], sweep.course.cases[i % many].key, result)
-        for i, result in enumerate(found)
+        SweepRun(i // many, sweep.candidates[i // many], cases[i % many].key, result) for i, result in enumerate(found)
     ]
 
 
-def summary_of(runs: Sequence[SweptRun], cases: int) -> dict[str, Any]:
-    """For JSON: each candidate with its means, the best score first; of equal ones, the first that was tried."""
-    rows: list[dict[str, Any]] = []
-    for first in range(0, len(runs), cases):
-        mine = runs[first : first + cases]
-        told = [r.result.value for r in mine if not r.result.failed]
-        rows.append(
-            {
-                "candidate": mine[0].candidate,
-                "values": dict(mine[0].values),
-                "runs": len(told),
-                "errors": len(mine) - len(told),
-                "success": sum(bool(o["success"]) for o in told) / len(told) if told else 0.0,
-                "score": sum(o["score"] for o in told) / len(told) if told else None,
-                "time_s": _mean([o["time_s"] for o in told if o["success"]]),
-            }
-        )
+def _executor(work: RunWork, workers: int | None, scheduler: str | None) -> Executor:
+    if scheduler is None:
+        return ProcessExecutor(work, workers)
+    from navstack.tune.cluster import DaskExecutor
+
+    return DaskExecutor(work, scheduler)
+
+
+def summary_of(runs: Sequence[SweepRun], cases: int) -> dict[str, Any]:
+    """For JSON: each candidate with its means, sorted by score; ties are in the order of the candidates."""
+    rows = [_summary_row(runs[first : first + cases]) for first in range(0, len(runs), cases)]
     rows.sort(key=lambda row: (row["score"] is None, -(row["score"] or 0.0), row["candidate"]))
     return {"candidates": len(rows), "runs": len(runs), "ranking": rows}
+
+
+def _summary_row(runs: Sequence[SweepRun]) -> dict[str, Any]:
+    outcomes = [r.result.value for r in runs if not r.result.failed]
+    return {
+        "candidate": runs[0].candidate,
+        "values": dict(runs[0].values),
+        "runs": len(outcomes),
+        "errors": len(runs) - len(outcomes),
+        "success": sum(bool(o["success"]) for o in outcomes) / len(outcomes) if outcomes else 0.0,
+        "score": sum(o["score"] for o in outcomes) / len(outcomes) if outcomes else None,
+        "time_s": _mean([o["time_s"] for o in outcomes if o["success"]]),
+    }
 
 
 def _mean(values: Sequence[float]) -> float | None:

@@ -1,23 +1,26 @@
-"""One run of one candidate, as a job: what processes and clusters do for sweeps and tuning."""
+"""One run of one candidate as a job, for processes and clusters."""
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from collections import OrderedDict, deque
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Final, NamedTuple
 
 from navstack.core.errors import InternalError, ParameterError
-from navstack.jobs import Job, JobResult
+from navstack.jobs import Executor, Job, JobResult
 from navstack.parameters.configuration import Configuration, load_configuration
 from navstack.record import RunRecorder
-from navstack.tune.courses import Case, Course, RunOutcome
+from navstack.tune.evaluation import Case, Evaluation, RunOutcome
 
-_KEPT = 32
-"""Configurations that a worker keeps: those of the candidates that are under way."""
+Outcome = dict[str, Any]
+"""`RunOutcome.as_dict()`."""
+
+_CACHED: Final = 32
+"""Number of configurations that a worker caches: enough for the active candidates."""
 
 
 class RunInput(NamedTuple):
-    """What a job is called with."""
+    """The input of a job."""
 
     overrides: tuple[str, ...]
     """The candidate, as `load_configuration` takes it."""
@@ -25,58 +28,88 @@ class RunInput(NamedTuple):
 
 
 class RunWork:
-    """Drives a candidate over a case of the course; pickled with all it needs, files of the user's included.
+    """Drives candidates over the cases of an evaluation.
 
-    What the result is depends on the input alone; what is kept between calls only saves time.
+    Pickled with all it needs, the user's files included. Results depend on the input only; configurations are cached.
     """
 
-    def __init__(self, base: Configuration, course: Course) -> None:
+    def __init__(self, base: Configuration, evaluation: Evaluation) -> None:
         self.parameters: dict[str, Any] = base.tree.as_dict()
         self.distro = base.navstack.ros_distro
-        self.course = course
-        self._made: OrderedDict[str, Configuration | ParameterError] = OrderedDict()
+        self.evaluation = evaluation
+        self._cache: OrderedDict[str, Configuration | ParameterError] = OrderedDict()
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"parameters": self.parameters, "distro": self.distro, "course": self.course, "_made": OrderedDict()}
+        return {**self.__dict__, "_cache": OrderedDict()}
 
-    def configuration(self, overrides: tuple[str, ...], over: tuple[Mapping[str, Any], ...] = ()) -> Configuration:
-        """The candidate's parameters, `over` lying over the robot's; raises ParameterError where they cannot be used."""
-        key = repr((overrides, over))
-        made = self._made.get(key)
+    def configuration(self, overrides: tuple[str, ...], overlays: tuple[Mapping[str, Any], ...] = ()) -> Configuration:
+        """The parameters of a candidate below the `overlays`. Raises ParameterError for invalid ones."""
+        key = repr((overrides, overlays))
+        made = self._cache.get(key)
         if made is None:
             try:
-                made = load_configuration([self.parameters, *over], overrides=overrides, distro=self.distro)
+                made = load_configuration([self.parameters, *overlays], overrides=overrides, distro=self.distro)
             except ParameterError as error:
                 made = error
-            self._made[key] = made
-            while len(self._made) > _KEPT:
-                self._made.popitem(last=False)
+            self._cache[key] = made
+            while len(self._cache) > _CACHED:
+                self._cache.popitem(last=False)
         if isinstance(made, ParameterError):
             raise made
         return made
 
-    def drive(self, given: RunInput, *, record: bool = False) -> tuple[RunOutcome, RunRecorder | None]:
-        """The run itself. Parameters that cannot be used make an outcome `refused`."""
+    def drive(self, job_input: RunInput, *, record: bool = False) -> tuple[RunOutcome, RunRecorder | None]:
+        """Drives once. Invalid parameters give the outcome `refused`."""
         try:
-            configuration = self.configuration(given.overrides, self.course.over(given.case))
+            configuration = self.configuration(job_input.overrides, self.evaluation.overlays(job_input.case))
         except ParameterError as error:
-            return self.course.refused("refused", error.message), None
-        return self.course.outcome(given.case, configuration, record=record)
+            return self.evaluation.refused("refused", error.message), None
+        return self.evaluation.outcome(job_input.case, configuration, record=record)
 
-    def __call__(self, given: RunInput) -> dict[str, Any]:
-        """How the run ended, as JSON."""
-        return self.drive(given)[0].as_dict()
-
-
-def outcome_of(result: JobResult) -> dict[str, Any]:
-    """How a run ended, as `RunWork` told it. Raises InternalError where it told nothing: no run is allowed to raise."""
-    if result.error is None:
-        return result.value
-    told = {key: value for key, value in result.error.items() if key != "message"}
-    reason = result.error.get("message", "no reason given")
-    raise InternalError(f"{result.key}: this run could not be driven: {reason}", **told)
+    def __call__(self, job_input: RunInput) -> Outcome:
+        """The outcome, for JSON."""
+        return self.drive(job_input)[0].as_dict()
 
 
 def run_job(candidate_key: str, overrides: tuple[str, ...], case: Case) -> Job:
     """The job of a run."""
     return Job(f"{candidate_key}, {case.key}", RunInput(overrides, case))
+
+
+def outcome_of(result: JobResult) -> Outcome:
+    """The outcome of a `RunWork` job. Raises InternalError for a run that raised an exception."""
+    if result.error is None:
+        return result.value
+    data = {key: value for key, value in result.error.items() if key != "message"}
+    reason = result.error.get("message", "no reason given")
+    raise InternalError(f"{result.key}: this run could not be driven: {reason}", **data)
+
+
+def evaluate(
+    executor: Executor,
+    name: str,
+    overrides: tuple[str, ...],
+    cases: Sequence[Case],
+    *,
+    hopeless: Callable[[Sequence[Outcome]], bool] = lambda outcomes: False,
+) -> dict[str, Outcome]:
+    """Drives one candidate over the cases; the outcomes by the key of the case, in the order of the cases.
+
+    Starts no further run once `hopeless` is true for the finished ones; then some outcomes are missing. Raises
+    InternalError.
+    """
+    jobs = [(run_job(name, overrides, case), case) for case in cases]
+    keys = {job.key: case.key for job, case in jobs}
+    waiting = deque(job for job, _ in jobs)
+    found: dict[str, Outcome] = {}
+    running = 0
+    while waiting or running:
+        while waiting and running < executor.slots:
+            executor.submit(waiting.popleft())
+            running += 1
+        result = executor.collect()
+        running -= 1
+        found[keys[result.key]] = outcome_of(result)
+        if waiting and hopeless(list(found.values())):
+            waiting.clear()
+    return {case.key: found[case.key] for case in cases if case.key in found}

@@ -14,7 +14,7 @@ from navstack.bench.barn_tables import read_cpp_results
 from navstack.bench.digests import for_workers
 from navstack.core.errors import InputError
 from navstack.jobs import SerialExecutor, run_jobs
-from navstack.tune.courses import BarnCourse
+from navstack.tune.evaluation import BarnEvaluation
 
 
 @pytest.fixture(scope="module")
@@ -98,8 +98,8 @@ def test_a_world_without_cylinders(jackal: Path, tmp_path: Path) -> None:
     assert [o.outcome for o in report.outcomes] == ["success", "success"]
     assert [o.clearance_m for o in report.outcomes] == [np.inf, np.inf]
     assert report.worlds.rows[0]["clearance_m"] == np.inf
-    course = BarnCourse(load_worlds(tmp_path / "worlds.npz"), [0])
-    outcome = course.drive(course.cases[0], task.configuration)[0]
+    evaluation = BarnEvaluation(load_worlds(tmp_path / "worlds.npz"), [0])
+    outcome = evaluation.drive(evaluation.cases[0], task.configuration)[0]
     assert outcome.clearance_m == 0.0 and outcome.jerk > 0.0
 
 

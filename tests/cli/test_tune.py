@@ -1,4 +1,4 @@
-"""`navstack sweep` and `navstack tune` at the command line: what they print, and what they say to wrong input."""
+"""`navstack sweep` and `navstack tune` at the command line: output and error messages."""
 
 from __future__ import annotations
 
@@ -32,29 +32,31 @@ def test_sweep_prints_a_ranking_and_writes_lines(tmp_path: Path, capsys: pytest.
     assert document["ranking"][0]["success"] == 1.0
     lines = (tmp_path / "out" / "runs.jsonl").read_text().splitlines()
     assert len(lines) == 5
-    assert run(["sweep", *options, "--workers", "1", "--out", str(tmp_path / "out")]) == 2  # not overwritten
+    assert (
+        run(["sweep", *options, "--workers", "1", "--out", str(tmp_path / "out")]) == 2
+    )  # existing results are not overwritten
     assert run(["sweep", *options, "--workers", "1", "--out", str(tmp_path / "out"), "--resume"]) == 0
     assert "max_vel_trans 0.5" in capsys.readouterr().out
 
 
-def test_a_sweep_whose_runs_give_no_result_says_so(
+def test_a_sweep_reports_runs_without_a_result(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fall(*_: object, **__: object) -> None:
-        raise ZeroDivisionError("by hand")
+    def fail(*_: object, **__: object) -> None:
+        raise ZeroDivisionError("on purpose")
 
-    monkeypatch.setattr("navstack.tune.courses.ScenarioCourse.drive", fall)
+    monkeypatch.setattr("navstack.tune.evaluation.ScenarioEvaluation.drive", fail)
     monkeypatch.setattr("navstack.tune.sweep.ProcessExecutor", lambda work, workers: SerialExecutor(work))
     options = ["--suite", str(make_room(tmp_path)), "--param", "sim_time=1:2", "--samples", "1"]
     assert run(["sweep", *options, "--out", str(tmp_path / "out"), "--json"]) == 1
     captured = capsys.readouterr()
     assert json.loads(captured.out)["ranking"][0]["errors"] == 2
-    assert "gave no result: ZeroDivisionError: by hand" in captured.err
+    assert "gave no result: ZeroDivisionError: on purpose" in captured.err
 
 
 @pytest.mark.parametrize("command", ["tune", "sweep"])
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "expected"),
     [
         (["--param", "DWAPlannerROS/sim_tme=1:2"], 'did you mean "DWAPlannerROS/sim_time"?'),
         (["--param", "DWAPlannerROS/sim_time=2:1"], "is empty"),
@@ -63,24 +65,24 @@ def test_a_sweep_whose_runs_give_no_result_says_so(
         (["--suite", "barn"], "give the folder of their worlds.npz"),
         (["--params", "turtlebott"], 'did you mean "turtlebot"?'),
         (["--scenario", "acros"], 'did you mean "across"?'),
-        (["--keep", "nonsense"], "there is no parameter"),
+        (["--keep", "nonsense"], "no parameter in use is named"),
         (["--set", "DWAPlannerROS/sim_time=-1"], "sim_time"),
         (["--seeds", "0"], "--seeds"),
     ],
 )
 def test_wrong_input(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str, options: list[str], said: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str, options: list[str], expected: str
 ) -> None:
     suite = [] if "--suite" in options else ["--suite", str(make_room(tmp_path))]
     out = tmp_path / "out"
     assert run([command, *suite, "--workers", "1", "--out", str(out), *options, "--json"]) == 2
     message = json.loads(capsys.readouterr().out)["error"]["message"]
-    assert said in message
+    assert expected in message
     assert not out.exists()
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "expected"),
     [
         (["--objective", "speed"], "choose score, time"),
         (["--sampler", "annealing"], "choose tpe"),
@@ -89,16 +91,18 @@ def test_wrong_input(
         (["--against", "nobody"], '"nobody" is not a file, folder or packaged set'),
     ],
 )
-def test_wrong_tuning(tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], said: str) -> None:
+def test_wrong_tuning_options(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], expected: str
+) -> None:
     suite = make_room(tmp_path)
     assert (
         run(["tune", "--suite", str(suite), "--workers", "1", "--out", str(tmp_path / "out"), *options, "--json"]) == 2
     )
-    assert said in json.loads(capsys.readouterr().out)["error"]["message"]
+    assert expected in json.loads(capsys.readouterr().out)["error"]["message"]
     assert not list((tmp_path / "out").glob("*.html"))
 
 
-def test_a_scenario_that_cannot_begin(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_scenarios_that_cannot_start(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     suite = make_room(tmp_path)
     for file in suite.glob("*.yaml"):
         file.write_text(file.read_text().replace("[0.6, 1.0, 0]", "[0.05, 1.0, 0]"))

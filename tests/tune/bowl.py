@@ -1,4 +1,4 @@
-"""A course that costs nothing to drive: the score falls off from a best place, and each case has its own."""
+"""An evaluation without simulation: the score decreases with the distance from an optimum, which differs by case."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from pathlib import Path
 
 from navstack.parameters.configuration import Configuration, load_configuration
 from navstack.record import RunRecorder
-from navstack.tune.courses import Case, Course, RunOutcome
-from navstack.tune.given import search_space
-from navstack.tune.objectives import chosen
+from navstack.tune.evaluation import Case, Evaluation, RunOutcome
+from navstack.tune.objectives import select_objectives
+from navstack.tune.problem import Problem
+from navstack.tune.search_space_parser import parse_search_space
 from navstack.tune.space import SearchSpace
-from navstack.tune.study import Problem
 
 PARAMS = (
     "DWAPlannerROS/sim_time=0.5:4.0",
@@ -22,8 +22,8 @@ PARAMS = (
 )
 
 
-class Bowl(Course):
-    """Best at sim_time 2.0 + a little per case, occdist_scale 0.05; fails far from it."""
+class Bowl(Evaluation):
+    """Optimum at sim_time 2.0 + 0.05 per case, occdist_scale 0.05; fails far from it."""
 
     failed_score = -1.0
     best_score = 1.0
@@ -31,7 +31,7 @@ class Bowl(Course):
     def __init__(self, cases: int = 4, *, suicide: Path | None = None, after: int = 0, hopeless: bool = False) -> None:
         super().__init__("bowl", [Case(f"case {i}", 0) for i in range(cases)])
         self.suicide = suicide
-        """A file that counts the runs; at `after` of them the process is killed, once."""
+        """A file that counts the runs; the process is killed once, at run `after`."""
         self.after = after
         self.hopeless = hopeless
 
@@ -52,10 +52,12 @@ class Bowl(Course):
         ), None
 
 
-def problem(course: Course | None = None, *, objectives: tuple[str, ...] = (), sim_time: float = 0.6) -> Problem:
+def problem(
+    evaluation: Evaluation | None = None, *, objectives: tuple[str, ...] = (), sim_time: float = 0.6
+) -> Problem:
     base = load_configuration(["turtlebot"], overrides=[f"DWAPlannerROS/sim_time={sim_time}"])
-    return Problem(base, space(base), course or Bowl(), chosen(objectives))
+    return Problem(base, space(base), evaluation or Bowl(), select_objectives(objectives))
 
 
 def space(base: Configuration) -> SearchSpace:
-    return search_space(base, params=PARAMS)
+    return parse_search_space(base, params=PARAMS)

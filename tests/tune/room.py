@@ -1,4 +1,4 @@
-"""A room of three metres and a scenario in it that takes a few simulated seconds."""
+"""A room of 3 x 2 m with scenarios of a few simulated seconds."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from PIL import Image
 
 
 def make_room(folder: Path, *, names: tuple[str, ...] = ("across", "back")) -> Path:
-    """Writes the map and a scenario file for each name; the folder of the scenarios."""
+    """Writes the map and a scenario file per name; returns the folder of the scenarios."""
     cells = np.full((40, 60), 254, np.uint8)
     cells[[0, -1]] = 0
     cells[:, [0, -1]] = 0

@@ -6,9 +6,9 @@ import pytest
 
 from navstack.core.errors import InputError
 from navstack.parameters.configuration import Configuration, load_configuration
-from navstack.tune.given import search_space
+from navstack.tune.default_ranges import default_space
 from navstack.tune.sampling import candidates
-from navstack.tune.space import ready_made_space
+from navstack.tune.search_space_parser import parse_search_space
 
 INFLATION = "inflation_layer/inflation_radius"
 
@@ -18,11 +18,11 @@ def turtlebot() -> Configuration:
     return load_configuration(["turtlebot"])
 
 
-def test_ready_made_space_covers_planner_and_costmaps_and_loads(turtlebot: Configuration) -> None:
-    space = ready_made_space(turtlebot)
+def test_default_space_covers_planner_and_costmaps_and_loads(turtlebot: Configuration) -> None:
+    space = default_space(turtlebot)
     names = {d.name for d in space}
     assert {"DWAPlannerROS/sim_time", "DWAPlannerROS/path_distance_bias", f"global_costmap/{INFLATION}"} <= names
-    # speeds end at what the YAML has; both costmaps' inflation goes together
+    # speeds end at the present value; the inflation of both costmaps is tied
     by_name = {d.name: d for d in space}
     assert by_name["DWAPlannerROS/max_vel_theta"].high == 5.0
     assert by_name[f"global_costmap/{INFLATION}"].names == (f"global_costmap/{INFLATION}", f"local_costmap/{INFLATION}")
@@ -31,9 +31,9 @@ def test_ready_made_space_covers_planner_and_costmaps_and_loads(turtlebot: Confi
         load_configuration(["turtlebot"], overrides=space.overrides(candidate))
 
 
-def test_ready_made_space_of_trajectory_planner() -> None:
+def test_default_space_of_trajectory_planner() -> None:
     base = load_configuration(["turtlebot"], overrides=["base_local_planner=base_local_planner/TrajectoryPlannerROS"])
-    by_name = {d.name: d for d in ready_made_space(base)}
+    by_name = {d.name: d for d in default_space(base)}
     turning = by_name["TrajectoryPlannerROS/max_vel_theta"]
     assert dict(turning.settings(0.8)) == {
         "TrajectoryPlannerROS/max_vel_theta": 0.8,
@@ -41,8 +41,8 @@ def test_ready_made_space_of_trajectory_planner() -> None:
     }
 
 
-def test_names_as_users_write_them(turtlebot: Configuration) -> None:
-    space = search_space(
+def test_parameter_names_and_patterns(turtlebot: Configuration) -> None:
+    space = parse_search_space(
         turtlebot, params=["max_rot_vel=0.5:2", "sim_time", "use_dwa", f"*_costmap/{INFLATION}=0.3:0.8"]
     )
     by_name = {d.name: d for d in space}
@@ -53,28 +53,28 @@ def test_names_as_users_write_them(turtlebot: Configuration) -> None:
     assert len(by_name[f"global_costmap/{INFLATION}"].names) == 2
 
 
-def test_given_range_replaces_the_ready_made_one_and_keeps_its_ties(turtlebot: Configuration) -> None:
-    space = search_space(turtlebot, space="auto", params=["DWAPlannerROS/max_vel_x=0.1:0.4"], keep=["vx_samples"])
+def test_a_given_range_replaces_the_default_one_and_keeps_its_ties(turtlebot: Configuration) -> None:
+    space = parse_search_space(turtlebot, space="auto", params=["DWAPlannerROS/max_vel_x=0.1:0.4"], keep=["vx_samples"])
     by_name = {d.name: d for d in space}
     assert by_name["DWAPlannerROS/max_vel_x"].high == 0.4
     assert by_name["DWAPlannerROS/max_vel_x"].ties == (("DWAPlannerROS/max_vel_trans", 1.0),)
     assert "DWAPlannerROS/vx_samples" not in by_name
 
 
-def test_what_is_kept_is_left_alone_wherever_it_stands(turtlebot: Configuration) -> None:
+def test_kept_parameters_are_not_searched(turtlebot: Configuration) -> None:
     both = (f"global_costmap/{INFLATION}", f"local_costmap/{INFLATION}")
 
     def searched(*keep: str) -> set[str]:
-        return {n for d in search_space(turtlebot, space="auto", keep=keep) for n in d.names}
+        return {n for d in parse_search_space(turtlebot, space="auto", keep=keep) for n in d.names}
 
     everything = searched()
     assert set(both) <= everything
-    for kept in both:  # the two go together, and each can be left out
+    for kept in both:  # both are tied, and each can be excluded
         assert searched(kept) == everything - {kept}
     assert searched(f"*/{INFLATION}") == everything - set(both)
     speeds = {"DWAPlannerROS/max_vel_x", "DWAPlannerROS/max_vel_trans"}
     assert searched("max_vel_trans") == everything - {"DWAPlannerROS/max_vel_trans"}
-    assert searched("max_vel_x") == everything - speeds  # what only follows it stays with it
+    assert searched("max_vel_x") == everything - speeds  # the parameter that follows it is removed too
 
 
 def test_space_file(turtlebot: Configuration, tmp_path: Path) -> None:
@@ -83,7 +83,7 @@ def test_space_file(turtlebot: Configuration, tmp_path: Path) -> None:
         "DWAPlannerROS:\n  sim_time: [0.5, 3]\n  occdist_scale: {low: 0.001, high: 1, log: true}\n"
         f'  vx_samples: {{choices: [3, 6]}}\n"*/{INFLATION}": [0.3, 0.9]\n'
     )
-    by_name = {d.name: d for d in search_space(turtlebot, space=str(file))}
+    by_name = {d.name: d for d in parse_search_space(turtlebot, space=str(file))}
     assert by_name["DWAPlannerROS/occdist_scale"].log
     assert by_name["DWAPlannerROS/vx_samples"].grid(9) == [3, 6]
     assert len(by_name[f"global_costmap/{INFLATION}"].names) == 2
@@ -94,76 +94,76 @@ WRONG_PARAMS = [
     ("sim_time=4:1", "the range of DWAPlannerROS/sim_time is empty: 4 is not below 1"),
     ("sim_time=2:2", "is empty"),
     ("sim_time=-1:1", "must be above 0 s, not -1 to 1"),
-    ("sim_time=1:x", "no number"),
-    ("sim_time=1:2:cubic", 'the scale "cubic" is none'),
+    ("sim_time=1:x", "not a number"),
+    ("sim_time=1:2:cubic", 'unknown scale "cubic"'),
     ("sim_time=1:.inf", "must be finite"),
-    ("min_vel_x=-1:1:log", "a log scale needs a range above 0"),
+    ("min_vel_x=-1:1:log", "a log scale needs values above 0"),
     ("sim_time=", "NAME=LOW:HIGH"),
     ("=1:2", "NAME=LOW:HIGH"),
     ("sim_time=1,,2", "a value is missing"),
     ("sim_time=1", "at least two values"),
-    ("vx_samples=1.2:1.9", "holds fewer than two"),
-    ("vx_samples=3,4.5", "it is whole"),
+    ("vx_samples=1.2:1.9", "contains fewer than two"),
+    ("vx_samples=3,4.5", "it takes integers"),
     ("use_dwa=1,2", "cannot be 1; it takes false, true"),
-    ("use_dwa=0:1", "is no number; give its choices"),
+    ("use_dwa=0:1", "is not a number; give its choices"),
     ("critics", "neither a number nor a choice"),
-    ("twirling_scale", "knows no range to search; give one"),
-    ("inflation_radius=0.3:1", "several parameters are called"),
+    ("twirling_scale", "no range is known for DWAPlannerROS/twirling_scale"),
+    ("inflation_radius=0.3:1", "is ambiguous"),
     ("*/no_such=0:1", "no parameter matches"),
-    ("nonsense=0:1", "there is no parameter"),
+    ("nonsense=0:1", "no parameter in use is named"),
 ]
 
 
-@pytest.mark.parametrize(("text", "said"), WRONG_PARAMS)
-def test_wrong_param(turtlebot: Configuration, text: str, said: str) -> None:
+@pytest.mark.parametrize(("text", "expected"), WRONG_PARAMS)
+def test_wrong_param(turtlebot: Configuration, text: str, expected: str) -> None:
     with pytest.raises(InputError) as error:
-        search_space(turtlebot, params=[text])
-    assert said in error.value.message
+        parse_search_space(turtlebot, params=[text])
+    assert expected in error.value.message
     assert "\n" not in error.value.message
 
 
 WRONG_FILES = [
-    ("DWAPlannerROS: {sim_time: [1]}", "space.yaml:1:27: a range has two ends, not 1"),
-    ("DWAPlannerROS: {sim_time: 3}", "is no range; write"),
+    ("DWAPlannerROS: {sim_time: [1]}", "space.yaml:1:27: a range needs two numbers, not 1"),
+    ("DWAPlannerROS: {sim_time: 3}", "is not a range; write"),
     ("DWAPlannerROS: {sim_time: {low: 1}}", "high of DWAPlannerROS/sim_time is missing"),
-    ("DWAPlannerROS: {sim_time: {low: 1, hihg: 2}}", 'a range has no "hihg"'),
-    ("DWAPlannerROS: {sim_time: {low: 1, high: 2, log: 3}}", "log is true or false"),
-    ("DWAPlannerROS: {vx_samples: {choices: 3}}", "are a list"),
+    ("DWAPlannerROS: {sim_time: {low: 1, hihg: 2}}", 'unknown key "hihg"'),
+    ("DWAPlannerROS: {sim_time: {low: 1, high: 2, log: 3}}", "log must be true or false"),
+    ("DWAPlannerROS: {vx_samples: {choices: 3}}", "must be a list"),
     ("DWAPlannerROS: {sim_tme: [1, 2]}", 'did you mean "DWAPlannerROS/sim_time"?'),
     ("a: [", "invalid YAML"),
 ]
 
 
-@pytest.mark.parametrize(("text", "said"), WRONG_FILES)
-def test_wrong_space_file(turtlebot: Configuration, tmp_path: Path, text: str, said: str) -> None:
+@pytest.mark.parametrize(("text", "expected"), WRONG_FILES)
+def test_wrong_space_file(turtlebot: Configuration, tmp_path: Path, text: str, expected: str) -> None:
     (tmp_path / "space.yaml").write_text(text)
     with pytest.raises(InputError) as error:
-        search_space(turtlebot, space=str(tmp_path / "space.yaml"))
-    assert said in error.value.message
+        parse_search_space(turtlebot, space=str(tmp_path / "space.yaml"))
+    assert expected in error.value.message
     assert "space.yaml" in error.value.message
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "expected"),
     [
         ({"space": "costmap"}, 'did you mean "costmaps"?'),
-        ({"space": "global_planner"}, "there is nothing to search"),
+        ({"space": "global_planner"}, "the search space is empty"),
         ({"params": ["sim_time=1:2", "DWAPlannerROS/sim_time=1:3", "*/sim_time=1:2"]}, None),
     ],
 )
-def test_spaces_that_cannot_be(turtlebot: Configuration, options: dict[str, object], said: str | None) -> None:
-    if said is None:  # the last one given counts
-        assert [d.high for d in search_space(turtlebot, **options)] == [2.0]  # type: ignore[arg-type]
+def test_invalid_spaces(turtlebot: Configuration, options: dict[str, object], expected: str | None) -> None:
+    if expected is None:  # the last one takes precedence
+        assert [d.high for d in parse_search_space(turtlebot, **options)] == [2.0]  # type: ignore[arg-type]
         return
-    with pytest.raises(InputError, match=said.replace("?", r"\?")):
-        search_space(turtlebot, **options)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=expected.replace("?", r"\?")):
+        parse_search_space(turtlebot, **options)  # type: ignore[arg-type]
 
 
 # --- samples ----------------------------------------------------------------------------------------------------------
 
 
 def test_grid_has_every_combination(turtlebot: Configuration) -> None:
-    space = search_space(turtlebot, params=["sim_time=1:3", "use_dwa", "vx_samples=3:5"])
+    space = parse_search_space(turtlebot, params=["sim_time=1:3", "use_dwa", "vx_samples=3:5"])
     found = candidates(space, "grid", samples=0, points=3, seed=0)
     assert len(found) == 3 * 2 * 3
     assert found[0] == {"DWAPlannerROS/sim_time": 1.0, "DWAPlannerROS/use_dwa": False, "DWAPlannerROS/vx_samples": 3}
@@ -171,8 +171,8 @@ def test_grid_has_every_combination(turtlebot: Configuration) -> None:
 
 
 @pytest.mark.parametrize("method", ["random", "lhs"])
-def test_samples_are_a_function_of_their_seed(turtlebot: Configuration, method: str) -> None:
-    space = ready_made_space(turtlebot)
+def test_samples_depend_only_on_the_seed(turtlebot: Configuration, method: str) -> None:
+    space = default_space(turtlebot)
     first, again, other = (candidates(space, method, samples=6, points=1, seed=s) for s in (1, 1, 2))
     assert first == again != other
     for candidate in first:
@@ -181,13 +181,13 @@ def test_samples_are_a_function_of_their_seed(turtlebot: Configuration, method: 
 
 
 def test_latin_hypercube_visits_every_stratum(turtlebot: Configuration) -> None:
-    space = search_space(turtlebot, params=["sim_time=0.5:4.5", "occdist_scale=0.001:1:log"])
+    space = parse_search_space(turtlebot, params=["sim_time=0.5:4.5", "occdist_scale=0.001:1:log"])
     found = candidates(space, "lhs", samples=8, points=1, seed=3)
     assert sorted(int((float(c["DWAPlannerROS/sim_time"]) - 0.5) / 0.5) for c in found) == list(range(8))
 
 
 @pytest.mark.parametrize(
-    ("method", "samples", "points", "said"),
+    ("method", "samples", "points", "expected"),
     [
         ("latin", 5, 5, "choose grid, random, lhs"),
         ("lhs", 0, 5, "at least 1"),
@@ -195,6 +195,6 @@ def test_latin_hypercube_visits_every_stratum(turtlebot: Configuration) -> None:
         ("grid", 5, 5, "candidates; give fewer"),
     ],
 )
-def test_samples_that_cannot_be(turtlebot: Configuration, method: str, samples: int, points: int, said: str) -> None:
-    with pytest.raises(InputError, match=said):
-        candidates(ready_made_space(turtlebot), method, samples=samples, points=points, seed=0)
+def test_invalid_samples(turtlebot: Configuration, method: str, samples: int, points: int, expected: str) -> None:
+    with pytest.raises(InputError, match=expected):
+        candidates(default_space(turtlebot), method, samples=samples, points=points, seed=0)

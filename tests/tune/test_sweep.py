@@ -1,4 +1,4 @@
-"""The same sweep in this process, by processes and on a Dask cluster: the same lines."""
+"""Sweeps in worker processes and on a Dask cluster write the same lines."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ import pytest
 from navstack.core.errors import InputError
 from navstack.parameters.configuration import load_configuration
 from navstack.tune.cluster import DaskExecutor
-from navstack.tune.courses import Case, RunOutcome
+from navstack.tune.evaluation import Case, RunOutcome
 from navstack.tune.sampling import candidates
 from navstack.tune.sweep import Sweep, run_sweep, summary_of
 from navstack.tune.work import RunWork, run_job
 from tests.tune.bowl import Bowl, space
 
-# what a cluster of processes leaves to the garbage collector when it ends is not ours
+# resources that the cluster leaves to the garbage collector
 pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
 
 
-def sweep(course: Bowl | None = None, samples: int = 6) -> Sweep:
+def sweep(evaluation: Bowl | None = None, samples: int = 6) -> Sweep:
     base = load_configuration(["turtlebot"])
     searched = space(base)
     return Sweep(
-        base, searched, candidates(searched, "lhs", samples=samples, points=1, seed=0), course or Bowl(), {"a": 1}
+        base, searched, candidates(searched, "lhs", samples=samples, points=1, seed=0), evaluation or Bowl(), {"a": 1}
     )
 
 
@@ -59,9 +59,9 @@ def test_processes_and_cluster_write_the_same_lines(tmp_path: Path, cluster: Any
     assert all("sim_time=" in json.loads(line)["key"] for line in lines.splitlines()[1:])
 
 
-def test_a_worker_killed_in_the_middle_loses_and_doubles_nothing(tmp_path: Path, cluster: Any) -> None:
-    asked = sweep(Slow(3), samples=5)
-    want = [r.result for r in run_sweep(asked, None, workers=2)]
+def test_no_run_is_lost_or_repeated_if_a_worker_is_killed(tmp_path: Path, cluster: Any) -> None:
+    wanted = sweep(Slow(3), samples=5)
+    expected = [r.result for r in run_sweep(wanted, None, workers=2)]
     killed: list[int] = []
 
     def kill(result: object) -> None:
@@ -69,14 +69,14 @@ def test_a_worker_killed_in_the_middle_loses_and_doubles_nothing(tmp_path: Path,
             killed.append(next(w.pid for w in cluster.workers.values() if w.pid is not None))
             os.kill(killed[0], signal.SIGKILL)
 
-    found = run_sweep(asked, tmp_path / "runs.jsonl", scheduler=cluster.scheduler_address, heard=kill)
+    found = run_sweep(wanted, tmp_path / "runs.jsonl", scheduler=cluster.scheduler_address, on_result=kill)
     assert killed
-    assert [r.result for r in found] == want
+    assert [r.result for r in found] == expected
     assert len((tmp_path / "runs.jsonl").read_text().splitlines()) == 1 + 15
 
 
 class Slow(Bowl):
-    """Slow enough to be in the middle of something."""
+    """Slow enough to be interrupted."""
 
     def drive(self, case: Case, configuration: Any, *, record: bool = False) -> tuple[RunOutcome, None]:
         import time
@@ -85,36 +85,38 @@ class Slow(Bowl):
         return super().drive(case, configuration)[0], None
 
 
-def test_a_killed_sweep_goes_on(tmp_path: Path) -> None:
+def test_a_killed_sweep_resumes(tmp_path: Path) -> None:
     whole = run_sweep(sweep(), tmp_path / "whole.jsonl", workers=1)
     lines = (tmp_path / "whole.jsonl").read_text().splitlines(keepends=True)
     (tmp_path / "part.jsonl").write_text("".join(lines[:8]) + lines[8][:20])
-    heard: list[str] = []
-    found = run_sweep(sweep(), tmp_path / "part.jsonl", workers=1, resume=True, heard=lambda r: heard.append(r.key))
+    received: list[str] = []
+    found = run_sweep(
+        sweep(), tmp_path / "part.jsonl", workers=1, resume=True, on_result=lambda r: received.append(r.key)
+    )
     assert found == whole
-    assert len(heard) == 24 - 7
+    assert len(received) == 24 - 7
     assert (tmp_path / "part.jsonl").read_text() == "".join(lines)
 
 
-def test_a_scheduler_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("navstack.tune.cluster.ANSWER_S", 0.5)
+def test_an_unreachable_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("navstack.tune.cluster.CONNECT_TIMEOUT_S", 0.5)
     work = RunWork(load_configuration(["turtlebot"]), Bowl())
     for address in ("tcp://127.0.0.1:1", "nonsense://"):
-        with pytest.raises(InputError, match=r"no Dask scheduler answers at .*start one by `dask scheduler`"):
+        with pytest.raises(InputError, match=r"no Dask scheduler answers at .*start one with `dask scheduler`"):
             DaskExecutor(work, address)
 
 
-def test_candidates_that_cannot_be_used_are_lines_too() -> None:
+def test_invalid_candidates_have_results_too() -> None:
     work = RunWork(load_configuration(["turtlebot"]), Bowl())
-    job = run_job("1", ("DWAPlannerROS/sim_time=-3",), work.course.cases[0])
+    job = run_job("1", ("DWAPlannerROS/sim_time=-3",), work.evaluation.cases[0])
     outcome = work(job.input)
     assert (outcome["outcome"], outcome["success"], outcome["score"]) == ("refused", False, -1.0)
     assert "sim_time" in outcome["text"]
 
 
 def test_summary_ranks_candidates() -> None:
-    asked = sweep()
-    runs = run_sweep(asked, None, workers=1)
+    wanted = sweep()
+    runs = run_sweep(wanted, None, workers=1)
     ranking = summary_of(runs, 4)["ranking"]
     assert [row["score"] for row in ranking] == sorted((row["score"] for row in ranking), reverse=True)
     assert {row["candidate"] for row in ranking} == set(range(6))

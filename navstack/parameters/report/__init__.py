@@ -7,7 +7,7 @@
 - `migrate`: the files of a robot with current parameter names.
 """
 
-from navstack.parameters.report.document import Parameter, as_dict, as_yaml, parameters_of, same_parameters
+from navstack.parameters.report.document import Parameter, as_dict, as_yaml, parameters_of, same_parameters, value_text
 from navstack.parameters.report.migrate import Migration, migrate
 from navstack.parameters.report.reference import reference
 from navstack.parameters.report.schema import json_schema
@@ -22,4 +22,5 @@ __all__ = [
     "parameters_of",
     "reference",
     "same_parameters",
+    "value_text",
 ]

@@ -1,17 +1,21 @@
-"""The libraries of the extra `tune`, and what is said where they are missing."""
+"""Imports of libraries that come with an optional extra of navstack."""
 
 from __future__ import annotations
 
 import importlib
-from typing import Any
+from typing import Any, Final
 
 from navstack.core.errors import InputError
 
-_PACKAGES = {"ruamel.yaml": "ruamel.yaml", "distributed": "dask[distributed]"}
+_PACKAGES: Final = {"ruamel.yaml": "ruamel.yaml", "distributed": "dask[distributed]"}
+"""Name of the package, where it is not the first part of the module's name."""
 
 
-def need(module: str, purpose: str) -> Any:
-    """The module, imported; `purpose` begins the sentence of the InputError that says how to get it."""
+def require(module: str, purpose: str) -> Any:
+    """Imports an optional module.
+
+    Raises InputError, with the command to install it, if it is missing; `purpose` is the subject of the message.
+    """
     try:
         return importlib.import_module(module)
     except ImportError as exc:

@@ -1,4 +1,4 @@
-"""What candidates are driven over: scenarios, BARN worlds. A run of one is a pure function of candidate, case and seed."""
+"""What candidates are evaluated on: scenarios or BARN worlds. A run is a pure function of candidate, case and seed."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from navstack.bench.barn import BarnWorld, run_world
 from navstack.core.errors import NavError
 from navstack.parameters.configuration import Configuration
 from navstack.record import RunRecorder
-from navstack.scenario import Run, Scenario
+from navstack.scenario import Run, RunResult, Scenario
 
 FAILED_SCORE: Final = -1.0
-"""Score of a run over a scenario that did not get to its goals, or touched something."""
+"""Score of a run that missed a goal or collided."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,12 +23,12 @@ class Case:
     """One scenario with one seed."""
 
     name: str
-    """Of the scenario; runs of one are a group."""
+    """Name of the scenario; the runs of one scenario form a group."""
     seed: int
 
     @property
     def key(self) -> str:
-        """Its name among all cases."""
+        """Unique among all cases."""
         return f"{self.name} seed {self.seed}"
 
 
@@ -37,27 +37,26 @@ class RunOutcome:
     """How a run ended."""
 
     success: bool
-    """At every goal, and nothing touched."""
+    """Every goal reached, without a collision."""
     outcome: str
-    """success, collision, timeout, the state in which a goal ended, `refused` for parameters that cannot be used."""
+    """success, collision, timeout, the terminal state of a goal, or `refused` for invalid parameters."""
     score: float
-    """The higher the better; of the course's own rule."""
+    """By the rule of the evaluation; higher is better."""
     time_s: float
-    """Simulated seconds, by the course's own clock: of all goals, or since a BARN robot has moved 0.1 m."""
+    """Simulated time: of all goals, or since a BARN robot has moved 0.1 m."""
     length_m: float
-    """Metres driven."""
+    """Distance driven."""
     clearance_m: float
-    """Least distance between the robot's outline and anything, at the control cycles; 0 where there is nothing at all, so
-    that it is a number."""
+    """Smallest distance between the footprint and any obstacle, at the control cycles; 0 without obstacles."""
     jerk: float
-    """Root mean square of the jerk (m/s³): how smooth the run was."""
+    """Root mean square of the jerk (m/s³)."""
     recoveries: int
-    """Recovery behaviours run."""
+    """Number of recovery behaviours run."""
     text: str = ""
-    """Why it was no success; nothing for one."""
+    """Why the run failed; empty on success."""
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON; rounded to what means something, so that a line is short."""
+        """For JSON, rounded."""
         return {
             "success": self.success,
             "outcome": self.outcome,
@@ -71,20 +70,20 @@ class RunOutcome:
         }
 
 
-class Course(ABC):
-    """A list of cases, and how one is driven. Goes to other processes and machines, with all it needs."""
+class Evaluation(ABC):
+    """A list of cases and how to drive them. Pickled with all it needs, for other processes and machines."""
 
     failed_score: ClassVar[float]
-    """The score of a run that failed."""
+    """Score of a failed run."""
     best_score: ClassVar[float]
-    """No run has a higher one."""
+    """Upper bound of the score."""
 
     def __init__(self, name: str, cases: Sequence[Case]) -> None:
         self.name = name
         self.cases = tuple(cases)
 
-    def over(self, case: Case) -> tuple[Mapping[str, Any], ...]:
-        """Parameters that a case lays over those of the robot."""
+    def overlays(self, case: Case) -> tuple[Mapping[str, Any], ...]:
+        """Parameters of a case that override those of the robot."""
         del case
         return ()
 
@@ -92,35 +91,35 @@ class Course(ABC):
     def drive(
         self, case: Case, configuration: Configuration, *, record: bool = False
     ) -> tuple[RunOutcome, RunRecorder | None]:
-        """Drives once. The recorder only with `record`. Raises NavError where the run cannot begin."""
+        """Drives once. The recorder is None without `record`. Raises NavError if the run cannot start."""
 
     def outcome(
         self, case: Case, configuration: Configuration, *, record: bool = False
     ) -> tuple[RunOutcome, RunRecorder | None]:
-        """The same; a run that cannot begin is an outcome too."""
+        """Drives once; a run that cannot start is an outcome too."""
         try:
             return self.drive(case, configuration, record=record)
         except NavError as error:
             return self.refused(error.name.lower(), error.message), None
 
     def refused(self, outcome: str, text: str) -> RunOutcome:
-        """The outcome of a run that was never driven."""
+        """The outcome of a run that was not driven."""
         return RunOutcome(False, outcome, self.failed_score, 0.0, 0.0, 0.0, 0.0, 0, text)
 
 
 @dataclass(frozen=True, slots=True)
 class NamedScenario:
-    """A scenario of a course. Its parameters are replaced by the candidate's."""
+    """A scenario of an evaluation. The parameters of the candidate replace its own."""
 
     name: str
     scenario: Scenario
     reference_s: float
-    """What the way takes at full speed: the time that a score of 1 needs."""
-    over: tuple[Mapping[str, Any], ...] = ()
-    """Parameters that the scenario lays over those of the robot: its `set:` and `sim:`."""
+    """Time along the straight line at full speed: the time that gives a score of 1."""
+    overlays: tuple[Mapping[str, Any], ...] = ()
+    """Parameters of the scenario (`set:` and `sim:`) that override those of the robot."""
 
 
-class ScenarioCourse(Course):
+class ScenarioEvaluation(Evaluation):
     """Scenarios; the score of a run is the reference time over the time taken, at most 1, or -1 without success."""
 
     failed_score = FAILED_SCORE
@@ -130,14 +129,14 @@ class ScenarioCourse(Course):
         self._scenarios = {s.name: s for s in scenarios}
         super().__init__(name, [Case(s.name, seed) for seed in seeds for s in scenarios])
 
-    def over(self, case: Case) -> tuple[Mapping[str, Any], ...]:
+    def overlays(self, case: Case) -> tuple[Mapping[str, Any], ...]:
         """The scenario's own."""
-        return self._scenarios[case.name].over
+        return self._scenarios[case.name].overlays
 
     def drive(
         self, case: Case, configuration: Configuration, *, record: bool = False
     ) -> tuple[RunOutcome, RunRecorder | None]:
-        """A collision ends the run, unless the scenario allows it, and so does a goal that was not reached."""
+        """Drives until all goals are done; stops at the first missed goal and at a collision that the scenario forbids."""
         named = self._scenarios[case.name]
         scenario = replace(named.scenario, configuration=configuration, seed=case.seed, stop_on_failure=True)
         allowed = scenario.success.max_collisions
@@ -146,34 +145,37 @@ class ScenarioCourse(Course):
             if allowed is not None and len(run.robot.collisions) > allowed:
                 run.stop()
                 break
-        result = run.result(0.0)
-        metrics, goals = result.metrics, result.goals
-        failed = next((c for c in result.conditions if not c.holds), None)
-        ended = "success"
-        if failed is not None:
-            ended = failed.condition
-            if allowed is not None and metrics.collisions > allowed:
-                ended = "collision"
-            elif failed.condition == "goals":
-                ended = goals[-1].state.lower() if goals else "timeout"
-                ended = "timeout" if ended == "preempted" else ended
-        taken = math.fsum(g.time_s for g in goals)
-        outcome = RunOutcome(
-            success=failed is None,
-            outcome=ended,
-            score=min(1.0, named.reference_s / max(taken, 1e-9)) if failed is None else FAILED_SCORE,
-            time_s=taken,
-            length_m=metrics.length_m,
-            clearance_m=metrics.clearance_min_m if math.isfinite(metrics.clearance_min_m) else 0.0,
-            jerk=metrics.jerk_rms_m_s3,
-            recoveries=metrics.recoveries,
-            text="" if failed is None else (goals[-1].message if goals and goals[-1].message else failed.text),
-        )
-        return outcome, run.recorder
+        return _outcome_of(run.result(0.0), named.reference_s, allowed), run.recorder
 
 
-class BarnCourse(Course):
-    """BARN worlds, scored by BARN's rule: 0 without success, 0.5 at most."""
+def _outcome_of(result: RunResult, reference_s: float, allowed_collisions: int | None) -> RunOutcome:
+    metrics, goals = result.metrics, result.goals
+    failed = next((c for c in result.conditions if not c.holds), None)
+    time_s = math.fsum(g.time_s for g in goals)
+    ended, text = "success", ""
+    if failed is not None:
+        ended = failed.condition
+        text = goals[-1].message if goals and goals[-1].message else failed.text
+        if allowed_collisions is not None and metrics.collisions > allowed_collisions:
+            ended = "collision"
+        elif failed.condition == "goals":
+            ended = goals[-1].state.lower() if goals else "timeout"
+            ended = "timeout" if ended == "preempted" else ended
+    return RunOutcome(
+        success=failed is None,
+        outcome=ended,
+        score=min(1.0, reference_s / max(time_s, 1e-9)) if failed is None else FAILED_SCORE,
+        time_s=time_s,
+        length_m=metrics.length_m,
+        clearance_m=metrics.clearance_min_m if math.isfinite(metrics.clearance_min_m) else 0.0,
+        jerk=metrics.jerk_rms_m_s3,
+        recoveries=metrics.recoveries,
+        text=text,
+    )
+
+
+class BarnEvaluation(Evaluation):
+    """BARN worlds, scored by the rule of BARN: 0 without success, at most 0.5."""
 
     failed_score = 0.0
     best_score = 0.5
@@ -185,7 +187,7 @@ class BarnCourse(Course):
     def drive(
         self, case: Case, configuration: Configuration, *, record: bool = False
     ) -> tuple[RunOutcome, RunRecorder | None]:
-        """As `navstack.bench.barn` does."""
+        """Drives as `navstack.bench.barn` does."""
         o, recorder = run_world(self._worlds[case.name], configuration, seed=case.seed, record=record)
         outcome = RunOutcome(
             success=o.succeeded,

@@ -1,0 +1,272 @@
+"""Writes changed parameter values into copies of the user's YAML files; layout, key names and comments stay as they are.
+
+A parameter that no file sets gets a new line in its namespace. The result is loaded again and compared with the wanted
+configuration before it is returned. Where the files cannot express it (for example, a launch file), the values go to an
+overlay file that is loaded after them. Needs ruamel.yaml (extra `tune`).
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from navstack.core.errors import NavError, OutputError, ParameterError
+from navstack.core.files import ensure_directory, write_text
+from navstack.core.optional_dependencies import require
+from navstack.parameters.configuration import Configuration, load_configuration
+from navstack.parameters.findings import Location
+from navstack.parameters.report import Parameter, parameters_of, same_parameters, value_text
+from navstack.parameters.source_copies import SourceCopies, SourceCopy
+from navstack.parameters.sources import Source
+from navstack.parameters.yaml_editor import block_lines
+
+OVERLAY_FILE = "overlay.yaml"
+"""Default name of the file for values that the user's own files cannot express."""
+
+
+@dataclass(frozen=True, slots=True)
+class ValueChange:
+    """A parameter with a new value."""
+
+    name: str
+    old: Any
+    """None if no file sets it."""
+    new: Any
+    place: str
+    """file:line in the user's file; empty for an added line."""
+    added: bool
+    """True if the parameter gets a new line."""
+
+
+@dataclass(frozen=True, slots=True)
+class RewrittenFiles:
+    """Files with the new values."""
+
+    files: dict[str, str]
+    """Name relative to the new folder -> text."""
+    params: tuple[str, ...]
+    """Values of `--params`, in order, relative to the new folder (`.`: the folder itself; `=NAME`: not copied)."""
+    changes: tuple[ValueChange, ...]
+    overlay_reason: str = ""
+    """Why an overlay file is needed; empty without one."""
+
+    def sources(self, folder: Path) -> list[str]:
+        """Values of `--params` for files saved in `folder`."""
+        return [_source_in(folder, name) for name in self.params]
+
+    def save(self, folder: Path) -> list[str]:
+        """Writes the files; returns `sources(folder)`. Raises OutputError."""
+        ensure_directory(folder)
+        for name, text in self.files.items():
+            ensure_directory((folder / name).parent)
+            _write_exactly(folder / name, text)
+        return self.sources(folder)
+
+
+def _source_in(folder: Path, name: str) -> str:
+    if name.startswith("="):
+        return name[1:]
+    file, at, namespace = name.partition("@")
+    return f"{folder if file == '.' else folder / file}{at}{namespace}"
+
+
+def _write_exactly(path: Path, text: str) -> None:
+    """Writes without converting line ends."""
+    if "\r" not in text:
+        write_text(path, text)
+        return
+    try:
+        path.write_bytes(text.encode("utf-8"))
+    except OSError as exc:
+        raise OutputError(f"cannot write {path}: {exc.strerror or exc}", path=str(path)) from exc
+
+
+def rewrite_parameters(
+    sources: Sequence[Source],
+    values: Mapping[str, Any],
+    *,
+    overrides: Sequence[str] = (),
+    distro: str | None = None,
+    allow_missing: bool = False,
+    overlay: str = OVERLAY_FILE,
+) -> RewrittenFiles:
+    """Copies of the files of `sources` with `values` (full name -> value) in them.
+
+    `overrides` and `distro` of the command line are written too: the new files alone give the same configuration. `overlay`
+    names the overlay file. Raises InputError if ruamel.yaml is missing, ParameterError for invalid values.
+    """
+    require("ruamel.yaml", "writing parameters")
+    target = load_configuration(
+        sources,
+        overrides=[*overrides, *(f"{name}={value_text(value)}" for name, value in values.items())],
+        distro=distro,
+        allow_missing=allow_missing,
+    )
+    named = [str(s) for s in sources if not isinstance(s, Mapping)]
+    try:
+        base = load_configuration(sources, allow_missing=allow_missing)
+    except ParameterError:  # valid only with the overrides
+        return _with_overlay(
+            named,
+            overlay,
+            tuple(
+                ValueChange(name, None, p.value, "", True)
+                for name, p in _by_name(target).items()
+                if name in values or _from_command_line(target, name)
+            ),
+            "your files cannot be loaded without the values of the command line",
+        )
+    changes = tuple(_changes(base, target))
+    rewriter = _Rewriter(base, SourceCopies(named))
+    reason = rewriter.apply(changes)
+    changes = tuple(replace(c, place="", added=True) if c.name in rewriter.added else c for c in changes)
+    made = RewrittenFiles(rewriter.copies.files(), rewriter.copies.params, changes)
+    if not reason:
+        environment = [s for s in sources if isinstance(s, Mapping)]
+        reason = _difference(made, environment, target, allow_missing)
+    return _with_overlay(named, overlay, changes, reason) if reason else made
+
+
+def _with_overlay(named: Sequence[str], overlay: str, changes: tuple[ValueChange, ...], reason: str) -> RewrittenFiles:
+    """Unchanged copies, and a file with the new values."""
+    tree: dict[str, Any] = {}
+    for change in changes:
+        *namespaces, last = change.name.split("/")
+        at = tree
+        for part in namespaces:
+            at = at.setdefault(part, {})
+        at[last] = change.new
+    lines = [
+        "# New values. Load this file after the others. The values are in a separate file because",
+        f"# {reason}.",
+        *block_lines(tree),
+    ]
+    copies = SourceCopies(named)
+    params = copies.params if copies.movable else tuple(f"={name}" for name in named)
+    files = copies.files() if copies.movable else {}
+    return RewrittenFiles({**files, overlay: "\n".join(lines) + "\n"}, (*params, overlay), changes, reason)
+
+
+def _by_name(configuration: Configuration) -> dict[str, Parameter]:
+    return {p.name: p for p in parameters_of(configuration)}
+
+
+def _from_command_line(configuration: Configuration, name: str) -> bool:
+    origin = configuration.origins.get(name)
+    return origin is not None and origin.file.startswith("--")
+
+
+def _changes(base: Configuration, target: Configuration) -> Iterator[ValueChange]:
+    before = _by_name(base)
+    for name, parameter in _by_name(target).items():
+        old = before.get(name)
+        if parameter.remark or parameter.value is None or (old is not None and old.value == parameter.value):
+            continue
+        origin = old.origin if old is not None else None
+        place = f"{origin.file}:{origin.line}" if origin is not None and origin.line else ""
+        yield ValueChange(name, old.value if old is not None else None, parameter.value, place, origin is None)
+
+
+def _difference(made: RewrittenFiles, environment: Sequence[Source], target: Configuration, allow_missing: bool) -> str:
+    """Why the new files do not give the target configuration; empty if they do."""
+    with tempfile.TemporaryDirectory(prefix="navstack-") as name:
+        sources: list[Source] = [*made.save(Path(name)), *environment]
+        try:
+            again = load_configuration(sources, allow_missing=allow_missing)
+        except NavError:
+            return "the edited files could not be loaded"
+    if same_parameters(again, target):
+        return ""
+    return "the layout of your files does not allow these values"
+
+
+class _Rewriter:
+    """Applies changes to the copies of the files."""
+
+    def __init__(self, base: Configuration, copies: SourceCopies) -> None:
+        self.base = base
+        self.copies = copies
+        self.added: set[str] = set()
+        """Names of the parameters that get a new line."""
+        self._sharing: dict[Location, list[str]] = {}
+        """Parameters by their origin: one value in a file may set several of them."""
+        for p in parameters_of(base):
+            if p.origin is not None:
+                self._sharing.setdefault(p.origin, []).append(p.name)
+        self._namespaces = _namespaces_by_place(base)
+
+    def apply(self, changes: Sequence[ValueChange]) -> str:
+        """Edits the copies; the reason if that is impossible, or an empty string."""
+        if not self.copies.movable:
+            return "a launch file refers to other files by its own location"
+        new = {c.name: c.new for c in changes}
+        present = {p.name: p.value for p in parameters_of(self.base)}
+        replaced: set[str] = set()
+        for change in changes:
+            if change.name in replaced:
+                continue
+            origin = self.base.origins.get(change.name)
+            sharing = self._sharing[origin] if origin is not None else []
+            agree = all(new.get(n, present[n]) == change.new for n in sharing)
+            if origin is not None and agree:
+                done = self._replace(origin, change.new)
+                replaced |= set(sharing)
+            else:
+                done = False
+            if not done and not self._add(change):
+                return f"they have no place for {change.name}"
+        return ""
+
+    def _replace(self, origin: Location, value: Any) -> bool:
+        """Replaces the value at its origin; False if that is not a scalar in a file."""
+        copy = self.copies.by_shown.get(origin.file)
+        if copy is None or isinstance(value, (list, dict)):
+            return False
+        return copy.editor.replace(origin.line, origin.column, value)
+
+    def _add(self, change: ValueChange) -> bool:
+        """Adds a line, in a mapping that sets parameters of this namespace only; False if there is none."""
+        if isinstance(change.new, (list, dict)):
+            return False
+        namespace, _, name = change.name.rpartition("/")
+        path = [name]
+        # the namespace itself, or the nearest one above that has a mapping
+        while True:
+            for copy, mapping in self._mappings_of(namespace):
+                if copy.editor.add(mapping, path, change.new):
+                    self.added.add(change.name)
+                    return True
+            if not namespace:
+                return False
+            namespace, _, part = namespace.rpartition("/")
+            path.insert(0, part)
+
+    def _mappings_of(self, namespace: str) -> Iterator[tuple[SourceCopy, Any]]:
+        """Mappings whose keys all belong to this namespace alone, those of the last file first."""
+        for copy in reversed(self.copies.by_shown.values()):
+            used: dict[int, list[set[str]]] = {}
+            mappings: dict[int, Any] = {}
+            for pair in copy.editor.pairs():
+                namespaces = self._namespaces.get((copy.shown, *pair.at), set())
+                used.setdefault(id(pair.mapping), []).append(namespaces)
+                if namespaces == {namespace}:
+                    mappings.setdefault(id(pair.mapping), pair.mapping)
+            # not in a mapping with keys that set parameters of other namespaces too
+            yield from ((copy, m) for number, m in mappings.items() if all(n <= {namespace} for n in used[number]))
+
+
+def _namespaces_by_place(configuration: Configuration) -> dict[tuple[str, int, int], set[str]]:
+    """Place of a key (file, line, column) -> the namespaces that it sets parameters in."""
+    found: dict[tuple[str, int, int], set[str]] = {}
+
+    def walk(space: Any) -> None:
+        for child in space.children.values():
+            found.setdefault(tuple(child.at), set()).add(space.path)
+            if hasattr(child, "children"):
+                walk(child)
+
+    walk(configuration.tree)
+    return found

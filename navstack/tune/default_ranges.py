@@ -1,0 +1,152 @@
+"""Default search ranges by plugin, and recommended first values.
+
+The bounds of a parameter's model are often very wide; these ranges are the useful part. Limits of the robot (speeds and
+accelerations) are searched up to the present value, or up to the default of ROS if that is higher.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Final, NamedTuple
+
+from navstack.parameters.configuration import Configuration
+from navstack.parameters.report import Parameter, parameters_of
+from navstack.tune.dimensions import tied, without_range
+from navstack.tune.space import Dimension, SearchSpace
+
+
+class Range(NamedTuple):
+    """A range to search."""
+
+    low: float
+    high: float
+    start: float
+    """Recommended first value."""
+    log: bool = False
+    robot: bool = False
+    """True for a limit of the robot: `high` is the default of ROS, and the range ends at the present value if higher."""
+    ties: tuple[tuple[str, float], ...] = ()
+    """Parameters of the same namespace that are set with it: (name, factor)."""
+
+
+class Choice(NamedTuple):
+    """Values to choose from; `start` is one of them."""
+
+    values: tuple[bool | str, ...]
+    start: bool | str
+
+
+_DWA: Final[Mapping[str, Range | Choice]] = {
+    "sim_time": Range(0.6, 4.0, 1.7),
+    "path_distance_bias": Range(0.1, 100.0, 32.0, log=True),
+    "goal_distance_bias": Range(0.1, 100.0, 24.0, log=True),
+    "occdist_scale": Range(0.0005, 2.0, 0.02, log=True),
+    "vx_samples": Range(3, 20, 8),
+    "vth_samples": Range(8, 40, 20),
+    "forward_point_distance": Range(0.05, 0.6, 0.325),
+    "max_vel_x": Range(0.1, 0.55, 0.5, robot=True, ties=(("max_vel_trans", 1.0),)),
+    "min_vel_x": Range(-0.1, 0.1, 0.0),
+    "max_vel_theta": Range(0.4, 1.0, 1.0, robot=True),
+    "acc_lim_x": Range(0.3, 2.5, 2.5, robot=True),
+    "acc_lim_theta": Range(0.5, 3.2, 3.2, robot=True),
+}
+_ROLLOUT: Final[Mapping[str, Range | Choice]] = {
+    "sim_time": Range(0.6, 4.0, 1.7),
+    "path_distance_bias": Range(0.05, 5.0, 0.6, log=True),
+    "goal_distance_bias": Range(0.05, 5.0, 0.8, log=True),
+    "occdist_scale": Range(0.0005, 1.0, 0.01, log=True),
+    "vx_samples": Range(3, 20, 8),
+    "vtheta_samples": Range(8, 40, 20),
+    "dwa": Choice((False, True), True),
+    "max_vel_x": Range(0.1, 0.55, 0.5, robot=True),
+    "min_vel_x": Range(0.0, 0.2, 0.1),
+    "max_vel_theta": Range(0.4, 1.0, 1.0, robot=True, ties=(("min_vel_theta", -1.0),)),
+    "acc_lim_x": Range(0.3, 2.5, 2.5, robot=True),
+    "acc_lim_theta": Range(0.5, 3.2, 3.2, robot=True),
+}
+INFLATION: Final[Mapping[str, Range]] = {
+    # `_inflation` sets the lower end just above the inscribed radius: below it, plans cross walls
+    "inflation_radius": Range(0.0, 1.2, 0.5),
+    "cost_scaling_factor": Range(1.0, 20.0, 5.0, log=True),
+}
+_GLOBAL_PLANNER: Final[Mapping[str, Range | Choice]] = {
+    "cost_factor": Range(0.1, 5.0, 0.55, log=True),
+    "neutral_cost": Range(10, 100, 66),
+}
+
+LOCAL_PLANNERS: Final[Mapping[str, Mapping[str, Range | Choice]]] = {"dwa": _DWA, "trajectory_rollout": _ROLLOUT}
+"""By registered name of the plugin."""
+GLOBAL_PLANNERS: Final[Mapping[str, Mapping[str, Range | Choice]]] = {"global_planner": _GLOBAL_PLANNER}
+
+SPACES: Final = ("auto", "local_planner", "global_planner", "costmaps")
+"""Names for `--space`: everything, or one part."""
+
+
+def default_space(configuration: Configuration, part: str = "auto") -> SearchSpace:
+    """The default ranges of the planners and costmaps in use; `part` is one of `SPACES`."""
+    parameters = {p.name: p for p in parameters_of(configuration)}
+    found: list[Dimension] = []
+    if part in ("auto", "local_planner"):
+        found += _local_planner(configuration, parameters)
+    if part in ("auto", "global_planner"):
+        planner = configuration.global_planner
+        for name, default in GLOBAL_PLANNERS.get(planner.name, {}).items():
+            found.append(_dimension(parameters, f"{planner.namespace}/{name}", default))
+    if part in ("auto", "costmaps"):
+        found += _inflation(configuration, parameters)
+    return SearchSpace(tuple(found))
+
+
+def _dimension(
+    parameters: Mapping[str, Parameter], name: str, default: Range | Choice, robot_limit: float | None = None
+) -> Dimension:
+    """`robot_limit`: the known limit of the robot, instead of the present value."""
+    made = without_range(parameters[name], name)
+    if isinstance(default, Choice):
+        return replace(made, choices=default.values, start=default.start)
+    high, start = default.high, default.start
+    if default.robot:
+        present = abs(float(made.present)) if made.present is not None else 0.0
+        high = robot_limit if robot_limit is not None else max(high, present)
+        start = max(start, present)
+    path = name.rpartition("/")[0]
+    return replace(
+        made,
+        low=min(default.low, high / 2.0),
+        high=high,
+        log=default.log,
+        start=min(start, high),
+        robot=default.robot,
+        ties=tuple((f"{path}/{other}", factor) for other, factor in default.ties),
+    )
+
+
+def _local_planner(configuration: Configuration, parameters: Mapping[str, Parameter]) -> Iterator[Dimension]:
+    planner, sim = configuration.local_planner, configuration.navstack.sim
+    limits = {"acc_lim_x": sim.acc_lim_x, "acc_lim_theta": sim.acc_lim_theta}
+    holonomic = planner.name == "dwa" and planner.params.max_vel_y > 0.0
+    for name, default in LOCAL_PLANNERS.get(planner.name, {}).items():
+        made = _dimension(parameters, f"{planner.namespace}/{name}", default, limits.get(name))
+        # for a holonomic robot, max_vel_trans is independent of max_vel_x
+        yield replace(made, ties=()) if holonomic else made
+
+
+def _inflation(configuration: Configuration, parameters: Mapping[str, Parameter]) -> Iterator[Dimension]:
+    """The inflation of both costmaps, tied if the present values are equal."""
+    namespaces = {
+        name: layer.namespace
+        for name, costmap in (("global", configuration.global_costmap), ("local", configuration.local_costmap))
+        for layer in costmap.layers
+        if layer.cls.__name__ == "InflationLayer"
+    }
+    radius = configuration.local_costmap.footprint.inscribed_radius
+    for name, default in INFLATION.items():
+        if name == "inflation_radius":
+            low = float(f"{radius + 0.01:.2g}")
+            default = default._replace(low=low, high=max(default.high, 3.0 * low), start=max(default.start, 1.5 * low))
+        made = [_dimension(parameters, f"{namespace}/{name}", default) for namespace in namespaces.values()]
+        if len({d.present for d in made}) == 1:
+            yield tied(made)
+        else:
+            yield from made

@@ -1,0 +1,191 @@
+"""Charts of the trials of a study: history, importance, slices and Pareto front."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from navstack.plot import canvas, colors
+from navstack.tune.chart_canvas import DASHED, DPI, new_figure
+from navstack.tune.objectives import NO_SUCCESS, OBJECTIVES, Objective, dominates, success_rate
+from navstack.tune.problem import Trial
+from navstack.tune.space import Dimension
+from navstack.tune.tuning import TuningResult
+
+_COMPLETE, _PRUNED = "complete", "pruned (mean of its runs)"
+_TOLERANCE: Final = 1e-9
+_MAX_COLUMNS: Final = 3
+
+
+def history(tuning: TuningResult, path: Path) -> Path:
+    """The first objective of every trial, the best so far, and the present parameters."""
+    objective = tuning.problem.objectives[0]
+    with canvas.style():
+        figure = new_figure(8.0, 3.8, title="Trials")
+        axes: Any = figure.add_subplot()
+        # trials without any success would compress the scale
+        shown = [t for t in tuning.trials if t.values[0] < NO_SUCCESS]
+        left_out = len(tuning.trials) - len(shown)
+        present = {"color": colors.INK, "lw": 1.2, "ls": DASHED}
+        before = objective.of(list(tuning.training.before))
+        if before < NO_SUCCESS:
+            axes.axhline(before, label="present parameters", **present)
+        else:
+            axes.plot([], [], label="present parameters: no success", **present)
+        complete = [t for t in shown if t.complete]
+        pruned = [t for t in shown if not t.complete]
+        if pruned:
+            axes.plot(*_points(pruned), "x", color=colors.FAINT, ms=5, label=_PRUNED)
+        axes.plot(*_points(complete), "o", color=colors.BLUE, ms=5, label=_COMPLETE)
+        best = _best_so_far(complete, objective)
+        if best:
+            numbers = [t.number for t in complete]
+            axes.step(numbers, best, where="post", color=colors.VERMILLION, lw=1.6, label="best so far")
+        axes.set_xlabel("trial" + (f" ({left_out} without success not shown)" if left_out else ""))
+        axes.xaxis.get_major_locator().set_params(integer=True)
+        axes.set_ylabel(f"{objective.label} in training")
+        axes.legend(loc="best", fontsize=8)
+        return canvas.save(figure, path, DPI)
+
+
+def _points(trials: Sequence[Trial]) -> tuple[list[int], list[float]]:
+    return [t.number for t in trials], [t.values[0] for t in trials]
+
+
+def _best_so_far(trials: Sequence[Trial], objective: Objective) -> list[float]:
+    best: list[float] = []
+    for t in trials:
+        best.append(t.values[0] if not best or objective.better(t.values[0], best[-1]) else best[-1])
+    return best
+
+
+def importance(tuning: TuningResult, path: Path) -> Path:
+    """A bar per parameter."""
+    items = list(tuning.importance.items())
+    with canvas.style():
+        figure = new_figure(8.0, 1.3 + 0.28 * len(items), title="Importance of the parameters")
+        axes: Any = figure.add_subplot()
+        y = range(len(items))
+        axes.barh(y, [v for _, v in items], color=colors.BLUE, height=0.62)
+        axes.set_yticks(y, [name for name, _ in items], fontsize=8)
+        axes.invert_yaxis()
+        for i, (_, v) in enumerate(items):
+            axes.text(v, i, f" {v:.0%}", va="center", fontsize=7, color=colors.INK)
+        axes.set_xlabel("share of the difference between the best trials and the others (PED-ANOVA)")
+        axes.set_xlim(0.0, 1.12 * max([v for _, v in items], default=1.0))
+        return canvas.save(figure, path, DPI)
+
+
+# --- slices -----------------------------------------------------------------------------------------------------------
+
+
+def slices(tuning: TuningResult, path: Path, names: Sequence[str]) -> Path:
+    """The first objective against each of these parameters, with the present and the tuned value."""
+    objective = tuning.problem.objectives[0]
+    dimensions = {d.name: d for d in tuning.problem.space}
+    columns = min(_MAX_COLUMNS, len(names))
+    rows = -(-len(names) // columns)
+    with canvas.style():
+        figure = new_figure(3.1 * columns, 2.6 * rows + 0.8, title="Values of the most important parameters")
+        for i, name in enumerate(names):
+            axes: Any = figure.add_subplot(rows, columns, i + 1)
+            _draw_slice(axes, tuning, dimensions[name])
+            if i % columns == 0:
+                axes.set_ylabel(objective.label, fontsize=8)
+        first = figure.axes[0]
+        first.plot([], [], "o", color=colors.BLUE, ms=4, label=_COMPLETE)
+        first.plot([], [], "x", color=colors.FAINT, ms=4, label="pruned")
+        first.plot([], [], color=colors.ORANGE, lw=1.4, ls=DASHED, label="before")
+        first.plot([], [], color=colors.VERMILLION, lw=1.4, label="tuned")
+        figure.legend(loc="outside lower center", fontsize=8, ncols=4)
+        return canvas.save(figure, path, DPI)
+
+
+def _draw_slice(axes: Any, tuning: TuningResult, d: Dimension) -> None:
+    for complete, color, marker in ((False, colors.FAINT, "x"), (True, colors.BLUE, "o")):
+        some = [t for t in tuning.trials if t.complete is complete and t.values[0] < NO_SUCCESS]
+        values = [t.candidate[d.name] for t in some]
+        x = [str(v) if isinstance(v, (bool, str)) else float(v) for v in values]
+        axes.plot(x, [t.values[0] for t in some], marker, color=color, ms=4)
+    if d.log and d.kind != "choice":
+        axes.set_xscale("log")
+        # the default labels of a log scale need mathtext, which the style disables
+        axes.xaxis.set_major_formatter(_plain_number)
+        axes.xaxis.set_minor_formatter("")
+    if d.present is not None and not isinstance(d.present, str):
+        axes.axvline(float(d.present), color=colors.ORANGE, lw=1.4, ls=DASHED)
+    tuned = tuning.candidate.get(d.name)
+    if tuned is not None and not isinstance(tuned, str):
+        axes.axvline(float(tuned), color=colors.VERMILLION, lw=1.4)
+    axes.set_xlabel(f"{d.name.rpartition('/')[2]}{f' ({d.unit})' if d.unit else ''}", fontsize=8)
+    axes.tick_params(labelsize=7)
+
+
+def _plain_number(value: float, position: int) -> str:
+    del position
+    return f"{value:g}"
+
+
+# --- Pareto front -----------------------------------------------------------------------------------------------------
+
+
+def pareto(tuning: TuningResult, path: Path) -> Path:
+    """Complete trials by two objectives (by default, time and clearance), with the Pareto front."""
+    searched = tuning.problem.objectives
+    two = tuple(searched[:2]) if len(searched) > 1 else (OBJECTIVES["time"], OBJECTIVES["clearance"])
+    with canvas.style():
+        figure = new_figure(6.6, 4.4, title=f"{two[0].name.capitalize()} against {two[1].name}")
+        axes: Any = figure.add_subplot()
+        shown = _draw_trials(axes, tuning, two)
+        if tuning.found:
+            shown.append(tuple(o.of(list(tuning.training.after)) for o in two))
+            axes.plot(
+                *([v] for v in shown[-1]), "*", color=colors.VERMILLION, ms=12, mec="white", mew=0.8, label="tuned"
+            )
+        limits = _draw_before(axes, tuning, two, shown)
+        axes.set_xlim(*limits[0])
+        axes.set_ylim(*limits[1])
+        for set_label, o in ((axes.set_xlabel, two[0]), (axes.set_ylabel, two[1])):
+            set_label(f"{o.meaning}{f' ({o.unit})' if o.unit else ''}", fontsize=8)
+        axes.legend(fontsize=7, loc="best")
+        return canvas.save(figure, path, DPI)
+
+
+def _draw_trials(axes: Any, tuning: TuningResult, two: Sequence[Objective]) -> list[tuple[float, ...]]:
+    """Draws the complete trials; the points of those with the highest success rate."""
+    complete = [list(t.outcomes.values()) for t in tuning.trials if t.complete]
+    points = [tuple(o.of(outcomes) for o in two) for outcomes in complete]
+    rates = [success_rate(outcomes) for outcomes in complete]
+    highest = max(rates, default=0.0)
+    good = [p for p, rate in zip(points, rates) if rate >= highest - _TOLERANCE]
+    others = [p for p, rate in zip(points, rates) if rate < highest - _TOLERANCE]
+    front = sorted(p for p in good if not any(dominates(q, p, two) for q in good))
+    for some, style, label in (
+        (others, {"marker": "x", "ls": "none", "color": colors.FAINT, "ms": 5}, f"below {highest:.0%} success"),
+        (good, {"marker": "o", "ls": "none", "color": colors.SKY, "ms": 5}, f"{highest:.0%} success"),
+        (front, {"marker": "D", "ls": "-", "color": colors.BLUE, "ms": 6, "lw": 1.0}, "Pareto front"),
+    ):
+        axes.plot([p[0] for p in some], [p[1] for p in some], label=label, **style)
+    return good
+
+
+def _draw_before(
+    axes: Any, tuning: TuningResult, two: Sequence[Objective], shown: Sequence[tuple[float, ...]]
+) -> list[tuple[float, float]]:
+    """Draws the present parameters, or notes them in the legend if they are far away; the limits of both axes."""
+    before = tuple(o.of(list(tuning.training.before)) for o in two)
+    limits = [_limits([p[k] for p in shown]) for k in (0, 1)]
+    if all(low - 2.0 * (high - low) <= v <= high + 2.0 * (high - low) for v, (low, high) in zip(before, limits)):
+        axes.plot([before[0]], [before[1]], "s", color=colors.ORANGE, ms=9, mec="white", mew=0.8, label="before")
+        return [_limits([low, high, v]) for v, (low, high) in zip(before, limits)]
+    label = f"before: {before[0]:.4g}, {before[1]:.4g}, outside the chart"
+    axes.plot([], [], "s", color=colors.ORANGE, ms=9, label=label)
+    return limits
+
+
+def _limits(values: Sequence[float]) -> tuple[float, float]:
+    """Minimum and maximum with a margin."""
+    low, high = min(values, default=0.0), max(values, default=1.0)
+    margin = 0.08 * (high - low) or 0.1 * abs(high) or 1.0
+    return low - margin, high + margin
