@@ -99,7 +99,7 @@ def loading_kernels(*, quiet: bool = False) -> Generator[None]:
     """
     from navstack.core.jit import kernels_are_cached
     from navstack.global_planner.navfn import MAIN_KERNEL
-    from navstack.sim._lidar_kernels import sweep
+    from navstack.sim.lidar import sweep
 
     cached = kernels_are_cached(sweep, MAIN_KERNEL)
     what = "loading the kernels" if cached else "compiling the kernels (first run only, about 30 s)"

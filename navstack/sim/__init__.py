@@ -1,4 +1,4 @@
-"""The simulator: a robot's body, odometry, localization and sensors in a world of a map, shapes, doors and people."""
+"""The simulator: a robot with odometry, localization and sensors in a world with a map, obstacles, doors and pedestrians."""
 
 from navstack.parameters.models.sim import BumperParams, ImuParams, LidarParams, SimParams, SonarParams
 from navstack.sim.bumper import Bumper

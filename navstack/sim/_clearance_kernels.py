@@ -1,5 +1,5 @@
 # pyright: basic
-"""Exact distance from an outline to the nearest obstacle."""
+"""Exact distance from a footprint to the nearest obstacle."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import math
 import numpy as np
 
 from navstack.core.jit import kernel
-from navstack.sim._body_kernels import free_around, segment_meets_square
+from navstack.sim._grid_kernels import free_around, segment_meets_square
 from navstack.sim._polygon_kernels import polygon_contains, polygon_to_point, polygon_to_polygon
 
-# more than what rounding makes of distances, m or cells
+# tolerance above the rounding error of distances, m or cells
 CLOSE = 1e-9
 
 
@@ -24,38 +24,36 @@ def point_to_square(x, y, left, bottom):
 
 
 @kernel
-def outline_to_square(outline, left, bottom):
-    """Distance from the outline (n, 2) to the unit square with that corner."""
-    n = outline.shape[0]
+def polygon_to_square(polygon, left, bottom):
+    """Distance from the polygon (n, 2), n = 1: a point, to the unit square with that corner."""
+    n = polygon.shape[0]
     if n == 1:
-        return point_to_square(outline[0, 0], outline[0, 1], left, bottom)
+        return point_to_square(polygon[0, 0], polygon[0, 1], left, bottom)
     j = n - 1
     for i in range(n):
-        if segment_meets_square(outline[j, 0], outline[j, 1], outline[i, 0], outline[i, 1], left, bottom):
+        if segment_meets_square(polygon[j, 0], polygon[j, 1], polygon[i, 0], polygon[i, 1], left, bottom):
             return 0.0
         j = i
-    if polygon_contains(outline, left + 0.5, bottom + 0.5):
+    if polygon_contains(polygon, left + 0.5, bottom + 0.5):
         return 0.0
-    # apart: the nearest two points include a corner of one or the other
+    # disjoint: one of the two nearest points is a corner
     best = math.inf
     for i in range(n):
-        best = min(best, point_to_square(outline[i, 0], outline[i, 1], left, bottom))
+        best = min(best, point_to_square(polygon[i, 0], polygon[i, 1], left, bottom))
     for i in range(4):
-        best = min(best, polygon_to_point(outline, left + float(i & 1), bottom + float(i >> 1)))
+        best = min(best, polygon_to_point(polygon, left + float(i & 1), bottom + float(i >> 1)))
     return best
 
 
 @kernel
-def clearance(squares, grid, discs, circles, corners, first, outline, x, y, yaw):
-    """Distance (m) from the outline (n, 2) (robot frame, m; n = 1: a point) at a pose in the map, inf if alone.
+def clearance(squares, grid, discs, circles, corners, first, footprint, x, y, yaw):
+    """Distance (m) from the footprint (n, 2) (robot frame, m; n = 1: a point) at a pose in the map; inf without obstacles.
 
-    `discs` .. `first`: as of `Solids`.
-
-    What the circle about the outline already shows to be farther than the best so far is not looked at; `CLOSE` keeps
-    rounding out of that, so that the answer is the same to the bit as from looking at everything.
+    `discs` .. `first`: as in `Solids`. Skips obstacles that the footprint's circumscribed circle shows to be farther than the
+    best so far; the tolerance `CLOSE` makes the result identical to the bit to that of testing all of them.
     """
     _, ny, nx = squares.shape
-    n = outline.shape[0]
+    n = footprint.shape[0]
     resolution = grid[3]
     placed = np.empty((n, 2))
     c, s = math.cos(grid[2]), math.sin(grid[2])
@@ -64,11 +62,11 @@ def clearance(squares, grid, discs, circles, corners, first, outline, x, y, yaw)
     c, s = math.cos(yaw - grid[2]), math.sin(yaw - grid[2])
     radius = 0.0
     for i in range(n):
-        placed[i, 0] = gx + (c * outline[i, 0] - s * outline[i, 1]) / resolution
-        placed[i, 1] = gy + (s * outline[i, 0] + c * outline[i, 1]) / resolution
+        placed[i, 0] = gx + (c * footprint[i, 0] - s * footprint[i, 1]) / resolution
+        placed[i, 1] = gy + (s * footprint[i, 0] + c * footprint[i, 1]) / resolution
         radius = max(radius, math.hypot(placed[i, 0] - gx, placed[i, 1] - gy))
     best = math.inf
-    # squares around the centre's cell, from the inside out, until none can be nearer
+    # rings of cells around the centre's cell, outwards, until none can be nearer
     ix, iy = math.floor(gx), math.floor(gy)
     farthest = max(max(abs(ix), abs(nx - 1 - ix)), max(abs(iy), abs(ny - 1 - iy)))
     ring = 0
@@ -84,11 +82,11 @@ def clearance(squares, grid, discs, circles, corners, first, outline, x, y, yaw)
                 if column < 0:
                     column += 2 * ring
                     continue
-                free = int(squares[0, row, column])  # so many cells from here on towards larger x
+                free = int(squares[0, row, column])  # number of free cells towards larger x
                 if free == 0:
                     near = point_to_square(gx, gy, float(column), float(row)) - radius
                     if near <= best + CLOSE:
-                        best = min(best, outline_to_square(placed, float(column), float(row)))
+                        best = min(best, polygon_to_square(placed, float(column), float(row)))
                 column += max(free, 1) if whole else max(2 * ring, 1)
         ring += 1
     best *= resolution
@@ -100,21 +98,21 @@ def clearance(squares, grid, discs, circles, corners, first, outline, x, y, yaw)
         if away - discs[k, 2] - radius > best + CLOSE:
             continue
         if n > 1:
-            away = polygon_to_point(outline, c * dx + s * dy, c * dy - s * dx)
+            away = polygon_to_point(footprint, c * dx + s * dy, c * dy - s * dx)
         best = min(best, max(away - discs[k, 2], 0.0))
     for k in range(circles.shape[0]):
         if math.hypot(circles[k, 0] - x, circles[k, 1] - y) - circles[k, 2] - radius > best + CLOSE:
             continue
         for i in range(n):
-            placed[i, 0] = x + c * outline[i, 0] - s * outline[i, 1]
-            placed[i, 1] = y + s * outline[i, 0] + c * outline[i, 1]
+            placed[i, 0] = x + c * footprint[i, 0] - s * footprint[i, 1]
+            placed[i, 1] = y + s * footprint[i, 0] + c * footprint[i, 1]
         best = min(best, polygon_to_polygon(placed, corners[first[k] : first[k + 1]]))
     return best
 
 
 @kernel
-def clearances(squares, grid, discs, circles, corners, first, outline, poses, out):
-    """Into `out` (n,) the `clearance` at each of the `poses` (n, 3)."""
+def clearances(squares, grid, discs, circles, corners, first, footprint, poses, out):
+    """Writes the `clearance` at each of the `poses` (n, 3) into `out` (n,)."""
     for i in range(len(poses)):
         x, y, yaw = poses[i, 0], poses[i, 1], poses[i, 2]
-        out[i] = clearance(squares, grid, discs, circles, corners, first, outline, x, y, yaw)
+        out[i] = clearance(squares, grid, discs, circles, corners, first, footprint, x, y, yaw)

@@ -1,17 +1,19 @@
 # pyright: basic
-"""People who walk: the social force model.
+"""Pedestrians: the social force model.
 
 Source: D. Helbing, P. Molnár, "Social force model for pedestrian dynamics", Phys. Rev. E 51, 4282 (1995), equations 2 to 9
-and the values given there: relaxation 0.5 s; others V0 = 2.1 m²/s², sigma = 0.3 m, their step in 2 s; walls U0 = 10 m²/s²,
-R = 0.2 m; what lies outside 100 degrees to either side counts half; nobody walks faster than 1.3 times what he likes.
+and its parameters: relaxation 0.5 s; other pedestrians V0 = 2.1 m²/s², sigma = 0.3 m, step of 2 s; walls U0 = 10 m²/s²,
+R = 0.2 m; forces from more than 100 degrees off the walking direction count half; the maximum speed is 1.3 times the desired one.
 """
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from navstack.core.jit import kernel
-from navstack.sim._body_kernels import free_around
+from navstack.sim._grid_kernels import free_around
 from navstack.sim._polygon_kernels import polygon_contains
 
 RELAXATION = 0.5  # s
@@ -23,19 +25,33 @@ WALLS_REACH = 0.2  # m
 SIGHT = math.cos(math.radians(100.0))
 BEHIND = 0.5
 HURRY = 1.3
-# of a person, m: how near the centres of two come is meant between such
+# radius of the pedestrians in the model, m: its distances are between the centres of two of them
 BODY = 0.25
-# walls further away push less than 0.03 m/s²; others likewise
+# beyond these distances (m) the force is below 0.03 m/s²
 WALLS_SEEN = 1.5
 OTHERS_SEEN = 5.0
 
-# layout of a row of the people's state
+# layout of a row of the pedestrians' state; GOAL: index of the current goal, PAUSE: seconds left at it
 PX, PY, PVX, PVY, GOAL, PAUSE = 0, 1, 2, 3, 4, 5
+
+PEDESTRIAN = np.dtype(
+    [
+        ("speed", "f8"),  # desired speed, m/s
+        ("radius", "f8"),  # m
+        ("goal_radius", "f8"),  # distance at which a goal is reached, m
+        ("pause", "f8"),  # at each goal, s
+        ("first_goal", "i8"),  # index of the first goal
+        ("goals", "i8"),  # number of goals
+        ("notices_robot", "?"),
+    ],
+    align=True,
+)
+"""Element type of the pedestrians' settings."""
 
 
 @kernel
 def nearest_wall(squares, grid, x, y, reach):
-    """Distance (m) from the point to the nearest occupied cell, and that place (m); inf beyond `reach` (m)."""
+    """Distance (m) from the point to the nearest occupied cell, and the nearest point (m); inf beyond `reach` (m)."""
     _, ny, nx = squares.shape
     resolution = grid[3]
     c, s = math.cos(grid[2]), math.sin(grid[2])
@@ -64,7 +80,7 @@ def nearest_wall(squares, grid, x, y, reach):
 
 @kernel
 def nearest_on_polygon(polygon, x, y):
-    """Distance (m) from the point to the border of the polygon (n, 2), below 0 inside; and that place."""
+    """Distance (m) from the point to the border of the polygon (n, 2), negative inside; and the nearest point."""
     best, px, py = math.inf, 0.0, 0.0
     j = polygon.shape[0] - 1
     for i in range(polygon.shape[0]):
@@ -82,7 +98,7 @@ def nearest_on_polygon(polygon, x, y):
 
 @kernel
 def push_from_wall(away, wx, wy, x, y):
-    """Acceleration (m/s²) away from a wall whose nearest place is (wx, wy), `away` (m) off (equation 5)."""
+    """Acceleration (m/s²) away from a wall whose nearest point is (wx, wy), at the distance `away` (m) (equation 5)."""
     if away >= WALLS_SEEN or away == 0.0:
         return 0.0, 0.0
     push = WALLS / WALLS_REACH * math.exp(-max(away, 0.0) / WALLS_REACH)
@@ -91,10 +107,10 @@ def push_from_wall(away, wx, wy, x, y):
 
 @kernel
 def push_from_other(rx, ry, vx, vy, extra):
-    """Acceleration (m/s²) away from somebody who walks at (vx, vy), where (rx, ry) leads from him here (equations 3 and 4).
+    """Acceleration (m/s²) away from a pedestrian with velocity (vx, vy), at -(rx, ry) from here (equations 3 and 4).
 
-    `extra` (m): how much bigger than a person's his body is. The potential's lines are ellipses that reach as far ahead of
-    him as his next step.
+    `extra` (m): excess of the two radii over those of the model. The equipotential lines are ellipses that extend ahead of the
+    pedestrian by the length of the next step.
     """
     away = math.hypot(rx, ry)
     if away > OTHERS_SEEN + extra or away == 0.0:
@@ -113,107 +129,133 @@ def push_from_other(rx, ry, vx, vy, extra):
 
 
 @kernel
-def room_for(x, y, squares, grid, solids):
+def distance_to_obstacle(x, y, squares, grid, solids):
     """Distance (m) from the point to the nearest wall or solid."""
-    room, _, _ = nearest_wall(squares, grid, x, y, WALLS_SEEN)
+    nearest, _, _ = nearest_wall(squares, grid, x, y, WALLS_SEEN)
     for k in range(solids.discs.shape[0]):
-        room = min(room, math.hypot(x - solids.discs[k, 0], y - solids.discs[k, 1]) - solids.discs[k, 2])
+        nearest = min(nearest, math.hypot(x - solids.discs[k, 0], y - solids.discs[k, 1]) - solids.discs[k, 2])
     for k in range(solids.circles.shape[0]):
-        if math.hypot(x - solids.circles[k, 0], y - solids.circles[k, 1]) - solids.circles[k, 2] < room:
+        if math.hypot(x - solids.circles[k, 0], y - solids.circles[k, 1]) - solids.circles[k, 2] < nearest:
             away, _, _ = nearest_on_polygon(solids.corners[solids.first[k] : solids.first[k + 1]], x, y)
-            room = min(room, away)
-    return room
+            nearest = min(nearest, away)
+    return nearest
 
 
 @kernel
-def step_crowd(
-    people, speeds, bodies, notices, goal_radii, pauses, goals, first_goal, squares, grid, solids, robot, sway, dt
-):
-    """Moves the people (n, 6) on by `dt` (s).
+def head_for_goal(people, k, settings, goals, dt):
+    """Unit vector towards the goal of person `k`, (0, 0) while pausing or when it is reached; updates goal and pause."""
+    goal = settings.first_goal + int(people[k, GOAL])
+    gx, gy = goals[goal, 0] - people[k, PX], goals[goal, 1] - people[k, PY]
+    left = math.hypot(gx, gy)
+    if people[k, PAUSE] > 0.0:
+        people[k, PAUSE] = max(people[k, PAUSE] - dt, 0.0)
+    elif left <= settings.goal_radius:
+        people[k, GOAL] = (people[k, GOAL] + 1.0) % settings.goals
+        people[k, PAUSE] = settings.pause
+    else:
+        return gx / left, gy / left
+    return 0.0, 0.0
 
-    `robot` = [x, y, vx, vy, radius] in the map; `sway` (n, 2) accelerations (m/s²) that have no reason; `goals` of person k
-    are `first_goal[k]` .. `first_goal[k + 1] - 1`. Whoever would come nearer than his body allows to a wall, a solid or, if
-    he notices it, the robot, slides along it, or stays.
+
+@kernel
+def add_social_forces(before, settings, k, ex, ey, robot, ax, ay):
+    """Adds the forces of the other people, and of the robot if it is noticed, to the acceleration of person `k`."""
+    n = before.shape[0]
+    x, y, radius = before[k, PX], before[k, PY], settings[k].radius
+    for j in range(n + 1):
+        if j == k or (j == n and not settings[k].notices_robot):
+            continue
+        if j < n:
+            fx, fy = push_from_other(
+                x - before[j, PX],
+                y - before[j, PY],
+                before[j, PVX],
+                before[j, PVY],
+                settings[j].radius + radius - 2.0 * BODY,
+            )
+        else:
+            fx, fy = push_from_other(x - robot[0], y - robot[1], robot[2], robot[3], robot[4] + radius - 2.0 * BODY)
+        # within the field of view the force counts in full
+        if -(ex * fx + ey * fy) < SIGHT * math.hypot(fx, fy):
+            fx, fy = BEHIND * fx, BEHIND * fy
+        ax, ay = ax + fx, ay + fy
+    return ax, ay
+
+
+@kernel
+def add_obstacle_forces(x, y, squares, grid, solids, ax, ay):
+    """Adds the forces of walls and solids to the acceleration; returns it, the smallest distance (m) and its point."""
+    away, wx, wy = nearest_wall(squares, grid, x, y, WALLS_SEEN)
+    fx, fy = push_from_wall(away, wx, wy, x, y)
+    ax, ay = ax + fx, ay + fy
+    nearest, nearest_x, nearest_y = away, wx, wy
+    for j in range(solids.discs.shape[0]):
+        rx, ry = x - solids.discs[j, 0], y - solids.discs[j, 1]
+        centre = math.hypot(rx, ry)
+        away = centre - solids.discs[j, 2]
+        if away < WALLS_SEEN and centre > 0.0:
+            wx, wy = x - rx / centre * away, y - ry / centre * away
+            fx, fy = push_from_wall(away, wx, wy, x, y)
+            ax, ay = ax + fx, ay + fy
+            if away < nearest:
+                nearest, nearest_x, nearest_y = away, wx, wy
+    for j in range(solids.circles.shape[0]):
+        if math.hypot(x - solids.circles[j, 0], y - solids.circles[j, 1]) - solids.circles[j, 2] < WALLS_SEEN:
+            away, wx, wy = nearest_on_polygon(solids.corners[solids.first[j] : solids.first[j + 1]], x, y)
+            fx, fy = push_from_wall(away, wx, wy, x, y)
+            ax, ay = ax + fx, ay + fy
+            if away < nearest:
+                nearest, nearest_x, nearest_y = away, wx, wy
+    return ax, ay, nearest, nearest_x, nearest_y
+
+
+@kernel
+def remove_approach(vx, vy, dx, dy):
+    """Removes the component of the velocity towards (dx, dy)."""
+    size = math.hypot(dx, dy)
+    into = (vx * dx + vy * dy) / (size * size) if size > 0.0 else 0.0
+    if into > 0.0:
+        vx, vy = vx - into * dx, vy - into * dy
+    return vx, vy
+
+
+@kernel
+def step_crowd(people, settings, goals, squares, grid, solids, robot, sway, dt):
+    """Moves the people (n, 6) by one step of `dt` (s).
+
+    `settings` (n,) of type `PEDESTRIAN`; `goals` (g, 2) of all people (m); `robot` = [x, y, vx, vy, radius] in the map; `sway`
+    (n, 2) random accelerations (m/s²). A person whose next position is closer to a wall, a solid or a noticed robot than
+    the radii allow slides along it, or stops.
     """
     n = people.shape[0]
     before = people.copy()
     for k in range(n):
+        own = settings[k]
         x, y, vx, vy = before[k, PX], before[k, PY], before[k, PVX], before[k, PVY]
-        goal = first_goal[k] + int(before[k, GOAL])
-        gx, gy = goals[goal, 0] - x, goals[goal, 1] - y
-        left = math.hypot(gx, gy)
-        ex, ey = 0.0, 0.0
-        if before[k, PAUSE] > 0.0:
-            people[k, PAUSE] = max(before[k, PAUSE] - dt, 0.0)
-        elif left <= goal_radii[k]:
-            people[k, GOAL] = (before[k, GOAL] + 1.0) % (first_goal[k + 1] - first_goal[k])
-            people[k, PAUSE] = pauses[k]
-        else:
-            ex, ey = gx / left, gy / left
-        ax, ay = (speeds[k] * ex - vx) / RELAXATION + sway[k, 0], (speeds[k] * ey - vy) / RELAXATION + sway[k, 1]
-        for j in range(n + 1):
-            if j == k or (j == n and not notices[k]):
-                continue
-            if j < n:
-                fx, fy = push_from_other(
-                    x - before[j, PX],
-                    y - before[j, PY],
-                    before[j, PVX],
-                    before[j, PVY],
-                    bodies[j] + bodies[k] - 2.0 * BODY,
-                )
-            else:
-                fx, fy = push_from_other(
-                    x - robot[0], y - robot[1], robot[2], robot[3], robot[4] + bodies[k] - 2.0 * BODY
-                )
-            # who is looked at pushes in full
-            if -(ex * fx + ey * fy) < SIGHT * math.hypot(fx, fy):
-                fx, fy = BEHIND * fx, BEHIND * fy
-            ax, ay = ax + fx, ay + fy
-        away, wx, wy = nearest_wall(squares, grid, x, y, WALLS_SEEN)
-        fx, fy = push_from_wall(away, wx, wy, x, y)
-        ax, ay = ax + fx, ay + fy
-        room, nearest_x, nearest_y = away, wx, wy
-        for j in range(solids.discs.shape[0]):
-            rx, ry = x - solids.discs[j, 0], y - solids.discs[j, 1]
-            centre = math.hypot(rx, ry)
-            away = centre - solids.discs[j, 2]
-            if away < WALLS_SEEN and centre > 0.0:
-                wx, wy = x - rx / centre * away, y - ry / centre * away
-                fx, fy = push_from_wall(away, wx, wy, x, y)
-                ax, ay = ax + fx, ay + fy
-                if away < room:
-                    room, nearest_x, nearest_y = away, wx, wy
-        for j in range(solids.circles.shape[0]):
-            if math.hypot(x - solids.circles[j, 0], y - solids.circles[j, 1]) - solids.circles[j, 2] < WALLS_SEEN:
-                away, wx, wy = nearest_on_polygon(solids.corners[solids.first[j] : solids.first[j + 1]], x, y)
-                fx, fy = push_from_wall(away, wx, wy, x, y)
-                ax, ay = ax + fx, ay + fy
-                if away < room:
-                    room, nearest_x, nearest_y = away, wx, wy
+        ex, ey = head_for_goal(people, k, own, goals, dt)
+        ax, ay = (own.speed * ex - vx) / RELAXATION + sway[k, 0], (own.speed * ey - vy) / RELAXATION + sway[k, 1]
+        ax, ay = add_social_forces(before, settings, k, ex, ey, robot, ax, ay)
+        ax, ay, nearest, nearest_x, nearest_y = add_obstacle_forces(x, y, squares, grid, solids, ax, ay)
         vx, vy = vx + dt * ax, vy + dt * ay
         speed = math.hypot(vx, vy)
-        if speed > HURRY * speeds[k]:
-            vx, vy = vx * HURRY * speeds[k] / speed, vy * HURRY * speeds[k] / speed
+        if speed > HURRY * own.speed:
+            vx, vy = vx * HURRY * own.speed / speed, vy * HURRY * own.speed / speed
         for attempt in range(2):
             nx, ny = x + dt * vx, y + dt * vy
-            held = False
-            if room - math.hypot(nx - x, ny - y) < bodies[k]:
-                there = room_for(nx, ny, squares, grid, solids)
-                held = there < bodies[k] and there < room
-            apart = bodies[k] + robot[4]
+            blocked = False
+            if nearest - math.hypot(nx - x, ny - y) < own.radius:
+                there = distance_to_obstacle(nx, ny, squares, grid, solids)
+                blocked = there < own.radius and there < nearest
             there = math.hypot(nx - robot[0], ny - robot[1])
-            by_robot = notices[k] and there < apart and there < math.hypot(x - robot[0], y - robot[1])
-            if not held and not by_robot:
+            by_robot = (
+                own.notices_robot and there < own.radius + robot[4] and there < math.hypot(x - robot[0], y - robot[1])
+            )
+            if not blocked and not by_robot:
                 break
             if attempt == 1:
                 vx, vy = 0.0, 0.0
                 nx, ny = x, y
                 break
-            # the part towards it is lost
-            dx, dy = (nearest_x - x, nearest_y - y) if held else (robot[0] - x, robot[1] - y)
-            size = math.hypot(dx, dy)
-            into = (vx * dx + vy * dy) / (size * size) if size > 0.0 else 0.0
-            if into > 0.0:
-                vx, vy = vx - into * dx, vy - into * dy
+            dx, dy = (nearest_x - x, nearest_y - y) if blocked else (robot[0] - x, robot[1] - y)
+            vx, vy = remove_approach(vx, vy, dx, dy)
         people[k, PX], people[k, PY], people[k, PVX], people[k, PVY] = nx, ny, vx, vy

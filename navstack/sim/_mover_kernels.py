@@ -1,5 +1,5 @@
 # pyright: basic
-"""Where things on tracks are."""
+"""Positions of objects on tracks."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from navstack.core.jit import kernel
 
 @kernel
 def find_on_track(corners, corner_at, low, high, at):
-    """x, y (m) after `at` metres of the round trip whose corners are `low` .. `high`, and the leg's direction (x, y)."""
-    # the leg that holds `at`: corner_at[low] <= at < corner_at[high]
+    """Position x, y (m) after `at` metres of the round trip with corners `low` .. `high`, and the direction of the leg."""
+    # binary search for the leg: corner_at[low] <= at < corner_at[high]
     while high - low > 1:
         middle = (low + high) // 2
         if corner_at[middle] <= at:
@@ -27,29 +27,29 @@ def find_on_track(corners, corner_at, low, high, at):
 
 
 @kernel
-def place_on_tracks(corners, first_corner, corner_at, speed, begin, radius, time):
+def place_on_tracks(corners, first_corner, corner_at, speed, start_offset, radius, time):
     """(k, 3) x, y, radius (m) at `time` (s) of k discs.
 
-    `corners` (m, 2) of all round trips, one after the other, each closed by its first corner; those of disc k are
-    `first_corner[k]` .. `first_corner[k + 1] - 1`. `corner_at` (m,) = how far along its trip a corner lies (m).
+    `corners` (m, 2) of all round trips, concatenated, each closed by its first corner; those of disc k are `first_corner[k]` ..
+    `first_corner[k + 1] - 1`. `corner_at` (m,): distance of each corner along its trip (m).
     """
     count = speed.shape[0]
     discs = np.empty((count, 3))
     for k in range(count):
         low, high = first_corner[k], first_corner[k + 1] - 1
-        at = (begin[k] + speed[k] * time) % corner_at[high]
+        at = (start_offset[k] + speed[k] * time) % corner_at[high]
         discs[k, 0], discs[k, 1], _, _ = find_on_track(corners, corner_at, low, high, at)
         discs[k, 2] = radius[k]
     return discs
 
 
 @kernel
-def headings_on_tracks(corners, first_corner, corner_at, speed, begin, time):
-    """(k,) direction (rad) in which each of k things moves at `time` (s); arguments as of `place_on_tracks`."""
+def headings_on_tracks(corners, first_corner, corner_at, speed, start_offset, time):
+    """(k,) direction of motion (rad) of each of k objects at `time` (s); arguments as in `place_on_tracks`."""
     headings = np.empty(speed.shape[0])
     for k in range(speed.shape[0]):
         low, high = first_corner[k], first_corner[k + 1] - 1
-        at = (begin[k] + speed[k] * time) % corner_at[high]
+        at = (start_offset[k] + speed[k] * time) % corner_at[high]
         _, _, dx, dy = find_on_track(corners, corner_at, low, high, at)
         headings[k] = math.atan2(dy, dx) if speed[k] >= 0.0 else math.atan2(-dy, -dx)
     return headings

@@ -1,5 +1,5 @@
 # pyright: basic
-"""Polygons as arrays of corners (n, 2): points in them, distances, whether two of them meet. Exact but for rounding."""
+"""Polygons as arrays of corners (n, 2): containment, distance and intersection. Exact except for rounding."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ def polygon_to_point(polygon, x, y):
 
 @kernel
 def side_of(ax, ay, bx, by, x, y):
-    """Above 0 for a point to the left of the line from a to b, 0 on it: twice the triangle's area."""
+    """Twice the signed area of the triangle: positive for a point to the left of the line from a to b, 0 on it."""
     return (bx - ax) * (y - ay) - (by - ay) * (x - ax)
 
 
 @kernel
 def segments_meet(ax, ay, bx, by, cx, cy, dx, dy):
-    """True when the segments ab and cd have a point in common, ends included."""
+    """True if the segments ab and cd intersect, ends included."""
     if max(ax, bx) < min(cx, dx) or max(cx, dx) < min(ax, bx) or max(ay, by) < min(cy, dy) or max(cy, dy) < min(ay, by):
         return False
     c, d = side_of(ax, ay, bx, by, cx, cy), side_of(ax, ay, bx, by, dx, dy)
@@ -59,7 +59,7 @@ def segments_meet(ax, ay, bx, by, cx, cy, dx, dy):
 
 @kernel
 def polygons_meet(one, other):
-    """True when the polygons (n, 2) and (m, 2) have a point in common, borders included."""
+    """True if the polygons (n, 2) and (m, 2) intersect, borders included."""
     j = one.shape[0] - 1
     for i in range(one.shape[0]):
         k = other.shape[0] - 1
@@ -75,12 +75,12 @@ def polygons_meet(one, other):
 
 @kernel
 def polygon_to_polygon(one, other):
-    """Distance between the polygons (n, 2) and (m, 2), 0 where they meet; `one` may be a single point."""
+    """Distance between the polygons (n, 2) and (m, 2), 0 if they intersect; `one` may be a single point."""
     if one.shape[0] == 1:
         return polygon_to_point(other, one[0, 0], one[0, 1])
     if polygons_meet(one, other):
         return 0.0
-    # apart: the nearest two points include a corner of one or the other
+    # disjoint: one of the two nearest points is a corner
     best = math.inf
     for i in range(one.shape[0]):
         best = min(best, polygon_to_point(other, one[i, 0], one[i, 1]))

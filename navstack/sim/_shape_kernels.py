@@ -1,5 +1,5 @@
 # pyright: basic
-"""Polygons at their poses."""
+"""Placement of polygons at poses."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from navstack.core.jit import kernel
 
 @kernel
 def place_polygons(outlines, first, centres, poses):
-    """Corners (m, 2) and circles about them (p, 3) x, y, radius, in the map (m), of p polygons at `poses` (p, 3).
+    """Corners (m, 2) and bounding circles (p, 3) x, y, radius, in the map (m), of p polygons at `poses` (p, 3).
 
-    `outlines` (m, 2): all corners in the polygons' own frames, those of polygon k from `first[k]` to `first[k + 1] - 1`;
-    `centres` (p, 3): a circle about each in its own frame.
+    `outlines` (m, 2): corners in the polygons' own frames, those of polygon k at `first[k]` .. `first[k + 1] - 1`; `centres`
+    (p, 3): a bounding circle of each in its own frame.
     """
     corners = np.empty_like(outlines)
     circles = np.empty_like(centres)

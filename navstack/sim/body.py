@@ -1,9 +1,9 @@
-"""The robot's body as the kernels take it: from parameters and an outline to numbers per physics step."""
+"""The robot's body as the kernels take it: limits and errors per physics step, computed from the parameters."""
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,64 +11,72 @@ from numpy.typing import NDArray
 from navstack.core import Footprint, Twist2D
 from navstack.parameters.models.sim import SimParams
 
+BODY: Final = np.dtype(
+    [
+        ("dt", "f8"),  # length of a physics step, s
+        (
+            "max_change",
+            "f8",
+            (3,),
+        ),  # maximum change of vx, vy and wz (a car: of the steering angle) per step; inf: unlimited
+        ("max_jerk", "f8", (3,)),  # maximum difference of that change between consecutive steps; inf: unlimited
+        ("lag_factor", "f8"),  # share of the velocity error that remains after a step: exp(-dt / lag), 0 without lag
+        ("wheelbase", "f8"),  # of a car, m; 0: not a car
+        ("radius", "f8"),  # circumscribed radius of the footprint, m
+        ("fixed_yaw", "f8"),  # yaw of a footprint that does not rotate with the robot, rad; NaN: it rotates
+        ("odometry_scale", "f8"),  # systematic relative error of the odometry's distances
+        ("odometry_turn", "f8"),  # systematic error of the odometry's heading, rad/m
+        ("moving_obstacles", "?"),  # the solids may move between two calls
+    ],
+    align=True,
+)
+"""Element type of the kernels' body settings."""
 
-class BodyModel(NamedTuple):
-    """What of a robot does not change while it drives."""
 
-    limits: NDArray[np.float64]
-    """(3,) most change of vx, vy and wz (a car: of the steering angle) in a step; inf: any."""
-    jerks: NDArray[np.float64]
-    """(3,) most change of that change from step to step; inf: any."""
-    bias: NDArray[np.float64]
-    """(2,) systematic errors of the odometry: relative, and turns (rad) for every metre."""
-    keep: float
-    """Share of the velocity error that the lag leaves after a step: exp(-dt / lag), 0 without one."""
-    wheelbase: float
-    """Of a car (m); 0: not a car."""
-    footprint: NDArray[np.float64]
-    """(n, 2) outline (m) in the robot's frame."""
-    radius: float
-    """Circumscribed, m."""
-    facing: float
-    """Direction (rad) of a footprint that does not turn with the robot, NaN for one that does."""
-
-
-def body_model(params: SimParams, footprint: Footprint, yaw: float) -> BodyModel:
-    """The body of a robot that starts facing `yaw` (rad)."""
+def body_settings(
+    params: SimParams, footprint: Footprint, start_yaw: float, *, moving_obstacles: bool
+) -> NDArray[np.void]:
+    """Returns the body of a robot as an array (1,) of type `BODY`; `start_yaw` (rad) is its yaw at the start."""
     dt = 1.0 / params.physics_frequency
     car = params.kinematics == "ackermann"
     limits = (params.acc_lim_x, params.acc_lim_y, params.max_steering_rate if car else params.acc_lim_theta)
     jerks = (params.jerk_lim_x, params.jerk_lim_y, None if car else params.jerk_lim_theta)
-    return BodyModel(
-        limits=np.array([math.inf if limit is None else limit * dt for limit in limits]),
-        jerks=np.array([math.inf if jerk is None else jerk * dt * dt for jerk in jerks]),
-        bias=np.array([params.odometry_scale, params.odometry_turn]),
-        keep=math.exp(-dt / params.velocity_lag) if params.velocity_lag > 0.0 else 0.0,
-        wheelbase=params.wheelbase if car else 0.0,
-        footprint=footprint.vertices.copy(),  # the kernels are compiled for arrays that may be written to
-        radius=footprint.circumscribed_radius,
-        # the corners of a polygon that stands for a circle must not catch: it does not turn with the robot
-        facing=yaw if is_round(footprint) else math.nan,
-    )
+    settings = np.zeros(1, BODY)
+    values: dict[str, Any] = {
+        "dt": dt,
+        "max_change": [math.inf if limit is None else limit * dt for limit in limits],
+        "max_jerk": [math.inf if jerk is None else jerk * dt * dt for jerk in jerks],
+        "lag_factor": math.exp(-dt / params.velocity_lag) if params.velocity_lag > 0.0 else 0.0,
+        "wheelbase": params.wheelbase if car else 0.0,
+        "radius": footprint.circumscribed_radius,
+        # the corners of a polygon that approximates a circle must not collide: it does not rotate with the robot
+        "fixed_yaw": start_yaw if is_round(footprint) else math.nan,
+        "odometry_scale": params.odometry_scale,
+        "odometry_turn": params.odometry_turn,
+        "moving_obstacles": moving_obstacles,
+    }
+    for name, value in values.items():
+        settings[name] = value
+    return settings
 
 
 def steering(params: SimParams, twist: Twist2D, last: float) -> float:
-    """The steering angle (rad) that a command asks of a car, within its limits; `last` is the one it asked before.
+    """Returns the steering angle (rad) for a command to a car, within its limits; `last` is the previous angle.
 
-    atan(wheelbase w / v), as ROS's Ackermann controllers have it. The sign of v is in it: backwards, the same turning rate
-    needs the opposite angle. A command to stand leaves the wheels as they are.
+    atan(wheelbase w / v), as in ROS's Ackermann controllers. The sign of v is included: in reverse, the same turning rate needs
+    the opposite angle. A command to stop leaves the wheels unchanged.
     """
     if params.steering_command == "angle":
-        wanted = twist.wz
+        angle = twist.wz
     elif twist.vx == 0.0:
         return last
     else:
-        wanted = math.atan(params.wheelbase * twist.wz / twist.vx)
-    return min(max(wanted, -params.steering_limit), params.steering_limit)
+        angle = math.atan(params.wheelbase * twist.wz / twist.vx)
+    return min(max(angle, -params.steering_limit), params.steering_limit)
 
 
 def is_round(footprint: Footprint) -> bool:
-    """True for the polygon of a radius."""
+    """True for the polygon of `Footprint.from_radius`."""
     circle = Footprint.from_radius(footprint.circumscribed_radius).vertices
     return footprint.vertices.shape == circle.shape and bool(
         np.allclose(footprint.vertices, circle, rtol=0.0, atol=1e-9)

@@ -1,4 +1,4 @@
-"""Bumpers: which of their zones are pressed while the robot touches something, as a cloud of points."""
+"""Bumpers: a cloud with a point for each zone that is pressed while the robot is in collision."""
 
 from __future__ import annotations
 
@@ -13,37 +13,37 @@ from navstack.parameters.models.sim import BumperParams
 from navstack.sim.solids import Solids
 from navstack.sim.world import World
 
-FEELS: Final = 0.01
-"""What is this near to the outline presses (m): a robot in collision stands up to 5 mm off what stopped it."""
+PRESS_DISTANCE: Final = 0.01
+"""Obstacles within this distance of the footprint press (m); a robot in collision is up to 5 mm away from the obstacle."""
 SPACING: Final = 0.005
-"""Between the points of the outline that feel (m)."""
+"""Maximum distance between the sampled points of the footprint's outline (m)."""
 
 _NOTHING = np.empty((0, 3), np.float32)
 
 
 class Bumper:
-    """Makes clouds from the poses of a robot that is in collision."""
+    """Computes clouds from the poses of a robot in collision."""
 
     def __init__(self, params: BumperParams, footprint: Footprint) -> None:
         self.params = params
-        self._skin, self._outward = skin(footprint.vertices)
-        bearing = np.arctan2(self._skin[:, 1], self._skin[:, 0])
-        # (zones, points) which points of the outline belong to a zone
+        self._outline, self._outward = outline_points(footprint.vertices)
+        bearing = np.arctan2(self._outline[:, 1], self._outline[:, 0])
+        # (zones, points) which points of the outline belong to each zone
         self._zones = [np.mod(bearing - zone[0], 2.0 * math.pi) < zone[1] - zone[0] for zone in params.zones]
-        self._middles = [_nearest_bearing(bearing, 0.5 * (zone[0] + zone[1])) for zone in params.zones]
+        self._centres = [_nearest_bearing(bearing, 0.5 * (zone[0] + zone[1])) for zone in params.zones]
         self._last: tuple[Pose2D, Solids] | None = None
         self._points = _NOTHING
 
     def scan(self, world: World, base: Pose2D, index: int, stamp: float, solids: Solids | None = None) -> PointCloud:
-        """The cloud of a robot at `base` (map frame) at `stamp` (s): a point per pressed zone, in the sensor's frame (m).
+        """Returns the cloud of a robot at `base` (map frame) at `stamp` (s): a point per pressed zone, in the sensor's frame (m).
 
-        `index`, which numbers the scans of other sensors, says of a bumper whether the robot is in collision at all: with 0 the
-        cloud is empty. `solids`: the world's obstacles at that time, when the caller knows them already.
+        `index`, for other sensors the number of the scan, is 0 if the robot is not in collision: the cloud is then empty.
+        `solids`: the obstacles at that time, if known.
         """
         points = _NOTHING
         if index:
             solids = world.solids_at(stamp) if solids is None else solids
-            # a robot that is stuck feels the same as before
+            # a robot that does not move gets the same cloud again
             if self._last is None or self._last[0] != base or self._last[1] is not solids:
                 self._last, self._points = (base, solids), self._pressed(world, base, solids)
             points = self._points
@@ -51,28 +51,30 @@ class Bumper:
 
     def _pressed(self, world: World, base: Pose2D, solids: Solids) -> NDArray[np.float32]:
         c, s = math.cos(base.yaw), math.sin(base.yaw)
-        x, y = self._skin[:, 0], self._skin[:, 1]
-        touched = world.touched(np.column_stack((base.x + c * x - s * y, base.y + s * x + c * y)), FEELS, solids)
+        x, y = self._outline[:, 0], self._outline[:, 1]
+        pressed = world.near_obstacle(
+            np.column_stack((base.x + c * x - s * y, base.y + s * x + c * y)), PRESS_DISTANCE, solids
+        )
         points: list[tuple[float, float, float]] = []
-        for zone, middle in zip(self._zones, self._middles, strict=True):
-            felt = np.nonzero(zone & touched)[0]
-            if not len(felt):
+        for zone, centre_point in zip(self._zones, self._centres, strict=True):
+            pressed_points = np.nonzero(zone & pressed)[0]
+            if not len(pressed_points):
                 continue
-            at = middle
+            at = centre_point
             if self.params.point == "contact":
-                centre = self._skin[felt].mean(axis=0)
-                at = int(felt[np.argmin(((self._skin[felt] - centre) ** 2).sum(axis=1))])
-            px, py = (self._skin[at] + self.params.distance * self._outward[at]).tolist()
+                centre = self._outline[pressed_points].mean(axis=0)
+                at = int(pressed_points[np.argmin(((self._outline[pressed_points] - centre) ** 2).sum(axis=1))])
+            px, py = (self._outline[at] + self.params.distance * self._outward[at]).tolist()
             points.append((px, py, self.params.height))
         return np.array(points, np.float32).reshape(-1, 3)
 
 
-def skin(vertices: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Points along an outline (n, 2), no farther apart than `SPACING`, and the unit vectors out of it there: both (m, 2).
+def outline_points(vertices: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Returns points along an outline (n, 2), at most `SPACING` apart, and the outward unit normals there: both (m, 2).
 
-    Out of a corner is half way between its two edges' normals.
+    The normal at a corner bisects the normals of its two edges.
     """
-    vertices = vertices[np.any(vertices != np.roll(vertices, 1, axis=0), axis=1)]  # an edge has a length
+    vertices = vertices[np.any(vertices != np.roll(vertices, 1, axis=0), axis=1)]  # remove edges of length 0
     edges = np.roll(vertices, -1, axis=0) - vertices
     lengths = np.hypot(edges[:, 0], edges[:, 1])
     turn = 1.0 if float((vertices[:, 0] * edges[:, 1] - vertices[:, 1] * edges[:, 0]).sum()) >= 0.0 else -1.0
@@ -85,7 +87,7 @@ def skin(vertices: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np
         points.append(corner + (np.arange(count) / count)[:, None] * edges[k])
         along = np.tile(across[k], (count, 1))
         size = float(np.hypot(*at_corner[k]))
-        if size > 1e-9:  # a spike that turns back has no way out of its own
+        if size > 1e-9:  # a spike has no defined normal at its tip
             along[0] = at_corner[k] / size
         normals.append(along)
     return np.concatenate(points), np.concatenate(normals)

@@ -1,4 +1,4 @@
-"""People who walk through a simulated world, by social forces; the same for the same seed and the same robot."""
+"""Pedestrians in a simulated world, by social forces; the same for the same seed and the same robot motion."""
 
 from __future__ import annotations
 
@@ -11,50 +11,51 @@ from numpy.typing import NDArray
 
 from navstack.sim import _crowd_kernels as kernels
 from navstack.sim.shapes import PedestrianMotion, Shape
-from navstack.sim.solids import Solids, discs_only
+from navstack.sim.solids import Solids, solids_from_discs
 
-USUAL_SPEED: Final = (1.34, 0.26)
-"""Mean and deviation of what pedestrians like to walk (m/s), after Helbing and Molnár."""
-SLOWEST: Final = 0.5
-"""Nobody who is drawn likes to walk slower (m/s)."""
+DESIRED_SPEED: Final = (1.34, 0.26)
+"""Mean and standard deviation of the desired speed (m/s), after Helbing and Molnár."""
+MIN_DESIRED_SPEED: Final = 0.5
+"""Lower limit of random desired speeds (m/s)."""
 SWAY: Final = 0.1
-"""Deviation of accelerations without a reason (m/s² over a second); they end stand-offs."""
-LONGEST_STEP: Final = 0.05
-"""A longer step of the simulation is cut into equal ones no longer than this (s)."""
+"""Standard deviation of random accelerations (m/s² over one second); they resolve deadlocks."""
+MAX_STEP: Final = 0.05
+"""Longer simulation steps are divided into equal steps of at most this length (s)."""
 
 
 class Crowd:
-    """The people of a world while one robot drives: where they are depends on where it was."""
+    """The pedestrians of a world during one run; their motion depends on the robot's."""
 
     def __init__(self, shapes: Sequence[Shape], seed: int) -> None:
-        """`shapes`: discs whose motion is that of pedestrians."""
+        """`shapes`: discs with the motion of a pedestrian."""
         people = [(shape, shape.motion) for shape in shapes if isinstance(shape.motion, PedestrianMotion)]
         self._rng = np.random.Generator(np.random.PCG64([seed, 1 << 20]))
-        drawn = USUAL_SPEED[0] + USUAL_SPEED[1] * self._rng.standard_normal(len(people))
-        self._speeds = np.array(
-            [
-                max(speed, SLOWEST) if motion.speed is None else motion.speed
-                for (_, motion), speed in zip(people, drawn.tolist(), strict=True)
-            ]
-        )
-        self._bodies = np.array([shape.radius for shape, _ in people], np.float64)
-        self._notices = np.array([motion.notices_robot for _, motion in people], np.bool_)
-        self._goal_radii = np.array([motion.goal_radius for _, motion in people])
-        self._pauses = np.array([motion.pause for _, motion in people])
+        drawn = DESIRED_SPEED[0] + DESIRED_SPEED[1] * self._rng.standard_normal(len(people))
+        self._settings = np.zeros(len(people), kernels.PEDESTRIAN)
+        self._settings["speed"] = [
+            max(speed, MIN_DESIRED_SPEED) if motion.speed is None else motion.speed
+            for (_, motion), speed in zip(people, drawn.tolist(), strict=True)
+        ]
+        self._settings["radius"] = [shape.radius for shape, _ in people]
+        self._settings["notices_robot"] = [motion.notices_robot for _, motion in people]
+        self._settings["goal_radius"] = [motion.goal_radius for _, motion in people]
+        self._settings["pause"] = [motion.pause for _, motion in people]
+        counts = np.array([len(motion.goals) for _, motion in people], np.int64)
+        self._settings["goals"] = counts
+        self._settings["first_goal"] = np.cumsum(counts) - counts
         self._goals = np.array([goal for _, motion in people for goal in motion.goals], np.float64).reshape(-1, 2)
-        self._first_goal = np.cumsum([0, *(len(motion.goals) for _, motion in people)], dtype=np.int64)
         self._tops = np.array([shape.top for shape, _ in people])
         self._people = np.zeros((len(people), 6))
         self._people[:, :2] = np.array([shape.pose[:2] for shape, _ in people], np.float64).reshape(-1, 2)
 
     @property
     def velocities(self) -> NDArray[np.float64]:
-        """(n, 2) m/s in the map."""
+        """(n, 2) velocities in the map (m/s)."""
         return self._people[:, 2:4].copy()
 
     def solids(self) -> Solids:
-        """The people as discs, now."""
-        return discs_only(np.column_stack((self._people[:, :2], self._bodies)), self._tops)
+        """Returns the pedestrians as discs at the current time."""
+        return solids_from_discs(np.column_stack((self._people[:, :2], self._settings["radius"])), self._tops)
 
     def step(
         self,
@@ -64,26 +65,13 @@ class Crowd:
         solids: Solids,
         robot: NDArray[np.float64],
     ) -> None:
-        """On by `dt` (s) among the map's walls (as `World` has them) and `solids`.
+        """Advances by `dt` (s) among the map's walls (`World.squares`, `World.grid`) and `solids`.
 
         `robot` = [x, y, vx, vy, radius] in the map (m, m/s).
         """
-        parts = max(1, math.ceil(dt / LONGEST_STEP - 1e-9))
+        parts = max(1, math.ceil(dt / MAX_STEP - 1e-9))
         for _ in range(parts):
             sway = self._rng.standard_normal((len(self._people), 2)) * (SWAY / math.sqrt(dt / parts))
             kernels.step_crowd(
-                self._people,
-                self._speeds,
-                self._bodies,
-                self._notices,
-                self._goal_radii,
-                self._pauses,
-                self._goals,
-                self._first_goal,
-                squares,
-                grid,
-                solids,
-                robot,
-                sway,
-                dt / parts,
+                self._people, self._settings, self._goals, squares, grid, solids.geometry, robot, sway, dt / parts
             )

@@ -1,4 +1,4 @@
-"""Where the robot takes itself to be: the truth, with noise, delay and an offset, as a transform map -> odom."""
+"""Simulated localization: the true pose with noise, delay and an offset, as a transform map -> odom."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from navstack.parameters.models.sim import SimParams
 
 
 class Localization:
-    """Makes map -> odom from true poses, as ROS's fake_localization does.
+    """Computes map -> odom from true poses, as ROS's fake_localization does.
 
-    An update compares the true pose with the odometry of the same moment, so that a delay lets the correction come late,
-    not the pose: between updates the robot goes by its odometry. `delta_x`, `delta_y`, `delta_yaw` are fake_localization's:
-    the origin of the localization's map in the simulator's (a point p of the latter is R(-yaw) p - (x, y) in the former).
+    An update compares the true pose with the odometry at the same time, so a delay delays the correction, not the pose:
+    between updates the robot follows its odometry. `delta_x`, `delta_y`, `delta_yaw` are those of fake_localization: the origin
+    of the localization's map in the simulator's (a point p of the latter is R(-yaw) p - (x, y) in the former).
     """
 
     def __init__(self, params: SimParams, *, seed: int, offset: Transform2D) -> None:
@@ -31,8 +31,8 @@ class Localization:
         self._shifted = not self._delta.is_identity()
         self._update = 0
         self._next_step = 0
-        # (step from which it holds, map -> odom), oldest first
-        self._coming: deque[tuple[int, Transform2D]] = deque()
+        # (step from which it is in force, map -> odom), oldest first
+        self._delayed: deque[tuple[int, Transform2D]] = deque()
         truth = params.localization == "truth"
         self.start = self._delta @ offset if self._shifted and truth else offset
         """map -> odom before the first update."""
@@ -45,16 +45,16 @@ class Localization:
             or params.odometry_turn != 0.0
         )
         self.is_static = not (truth and (drifts or self._noisy))
-        """True when map -> odom never changes."""
+        """True if map -> odom is constant."""
         self._current = self.start
 
     def at(self, step: int, truth: Transform2D, odometry: Transform2D) -> Transform2D:
-        """Map -> odom at that physics step, where the base truly is at `truth` (map) and by its odometry at `odometry`.
+        """Returns map -> odom at a physics step with the base at `truth` (map) and, by its odometry, at `odometry`.
 
-        To be called for every step, in order.
+        Must be called for every step, in order.
         """
         if step >= self._next_step:
-            self._coming.append((step + self._delay_steps, self._found(truth, odometry)))
+            self._delayed.append((step + self._delay_steps, self._correction(truth, odometry)))
             self._update += 1
             if self._frequency is None:
                 self._next_step = step + 1
@@ -62,11 +62,11 @@ class Localization:
                 passed = math.floor(step * self._frequency / self._physics + 1e-6)
                 self._update = max(self._update, passed + 1)
                 self._next_step = math.ceil(self._update * self._physics / self._frequency - 1e-6)
-        while self._coming and self._coming[0][0] <= step:
-            self._current = self._coming.popleft()[1]
+        while self._delayed and self._delayed[0][0] <= step:
+            self._current = self._delayed.popleft()[1]
         return self._current
 
-    def _found(self, truth: Transform2D, odometry: Transform2D) -> Transform2D:
+    def _correction(self, truth: Transform2D, odometry: Transform2D) -> Transform2D:
         if self._shifted:
             truth = self._delta @ truth
         if self._noisy:

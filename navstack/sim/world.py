@@ -14,35 +14,34 @@ from numpy.typing import NDArray
 
 from navstack.core import Footprint, GridGeometry, OccupancyGrid, Pose2D
 from navstack.core.errors import InputError
-from navstack.sim import _body_kernels as body
 from navstack.sim._clearance_kernels import clearances
-from navstack.sim._lidar_kernels import free_rectangles, free_squares
+from navstack.sim._collision_kernels import find_collision
+from navstack.sim._grid_kernels import free_rectangles, free_squares
 from navstack.sim._shape_kernels import place_polygons
 from navstack.sim.crowd import Crowd
 from navstack.sim.shapes import LOW, PedestrianMotion, Shape, Still
-from navstack.sim.solids import Solids, discs_only, joined
-from navstack.sim.timed import TimedShapes, packed
+from navstack.sim.solids import Solids, concatenate_solids, solids_from_discs
+from navstack.sim.timed import TimedShapes, pack_outlines
 
 OCCUPIED = 100
-"""A cell of a map is a wall from this value on: what the static layer takes as lethal by default."""
+"""Cells of a map with at least this value are walls; the static layer's default lethal threshold."""
 
 _POINT = np.zeros((1, 2))
 
 
 class Mover(Protocol):
-    """Round obstacles whose places are a function of time."""
+    """Round obstacles whose positions are a function of time."""
 
     def discs(self, time: float) -> NDArray[np.float64]:
-        """(k, 3) x, y, radius in the map (m) at `time` (s); always the same k."""
+        """(k, 3) x, y, radius in the map (m) at `time` (s); k is constant."""
         ...
 
 
 class World:
-    """A map, discs and polygons, in the map's frame (m).
+    """A map, discs and polygons, in the map frame (m).
 
-    Occupied cells are solid squares. Unknown cells, and everything outside the map, are empty: they hide nothing and hurt
-    nothing. The grid may be turned (`origin_yaw`). A world has no state: people, whose ways depend on the robot's, are
-    walked by whoever drives it (`crowd`).
+    Occupied cells are solid squares. Unknown cells, and everything outside the map, are empty. The grid may be rotated
+    (`origin_yaw`). A world has no state: the simulated robot advances the pedestrians, whose motion depends on it (`crowd`).
     """
 
     def __init__(
@@ -53,9 +52,9 @@ class World:
         low_discs: NDArray[np.float64] | Sequence[Sequence[float]] = (),
         shapes: Sequence[Shape] = (),
     ) -> None:
-        """`discs` (n, 3): x, y, radius (m) of what stands still; without a map the ground is empty. `low_discs` likewise,
-        but no higher than `LOW`: thresholds, feet of chairs. A lidar above does not see them; a robot runs into them all
-        the same. `shapes`: anything else, standing or moving.
+        """`discs` (n, 3): x, y, radius (m) of static obstacles. `low_discs` likewise, of height `LOW`: a lidar mounted higher
+        does not see them, but the robot collides with them. `shapes`: further obstacles, static or moving. Without a map, the
+        ground is empty.
 
         Raises InputError for discs that are not finite or have no radius, and for tracks without length.
         """
@@ -67,29 +66,28 @@ class World:
         """[origin x, origin y, origin yaw, resolution] for the kernels."""
         self._tables = _tables_of(self.map.data >= OCCUPIED)
         self.squares: NDArray[np.uint8] = self._tables.squares
-        """(4, ny, nx): the free squares of every cell, one in each quadrant; 0 = occupied."""
+        """(4, ny, nx): free squares of every cell, one per quadrant; 0 = occupied."""
         self.movers = tuple(movers)
         self.shapes = tuple(shapes)
-        """As given."""
         self.people = [shape for shape in shapes if isinstance(shape.motion, PedestrianMotion)]
         self._low = _checked_discs(low_discs)
         self._timed = TimedShapes(shapes)
         self._is_timed = bool(self.movers) or len(self._timed) > 0
         self.moves = self._is_timed or bool(self.people)
-        """True when not everything stays where it is."""
+        """True if any obstacle moves."""
         self._still = [shape for shape in shapes if isinstance(shape.motion, Still)]
-        self._shape_solids = _standing(self._still)
-        self._solids = self._standing(_checked_discs(discs))
+        self._shape_solids = _static_solids(self._still)
+        self._solids = self._with_static(_checked_discs(discs))
         self._last: tuple[float, Solids] | None = None
         self._layout: Solids | None = None
 
     @property
     def leaps(self) -> NDArray[np.uint8]:
-        """(8, ny, nx): free rectangles for rays (`free_rectangles`), made when the first ray is cast."""
+        """(8, ny, nx): free rectangles for rays (`free_rectangles`), computed for the first ray."""
         return self._tables.leaps
 
     def solids_at(self, time: float) -> Solids:
-        """All discs and polygons at `time` (s), but for people: low discs, others that stand, movers, shapes on tracks."""
+        """Returns all discs and polygons at `time` (s) except pedestrians: low discs, static discs, movers, moving shapes."""
         if not self._is_timed:
             return self._solids
         if self._last is not None and self._last[0] == time:
@@ -100,9 +98,9 @@ class World:
         if timed is not None:
             discs.append(timed.discs)
         if self._layout is None:
-            # heights, and which corner is whose, are the same at all times
-            parts = [still, *(discs_only(d, np.full(len(d), math.inf)) for d in discs[1 : 1 + len(self.movers)])]
-            solids = joined(parts if timed is None else [*parts, timed])
+            # heights and the polygons' corner counts are constant
+            parts = [still, *(solids_from_discs(d, np.full(len(d), math.inf)) for d in discs[1 : 1 + len(self.movers)])]
+            solids = concatenate_solids(parts if timed is None else [*parts, timed])
             self._layout = solids
         else:
             solids = self._layout._replace(discs=np.concatenate(discs))
@@ -115,25 +113,26 @@ class World:
         return solids
 
     def discs_at(self, time: float) -> NDArray[np.float64]:
-        """(n, 3) x, y, radius (m) of the round ones among `solids_at`, in its order. Not to be written to."""
+        """Returns the discs (n, 3) x, y, radius (m) of `solids_at`. Read-only."""
         return self.solids_at(time).discs
 
     def crowd(self, seed: int) -> Crowd | None:
-        """The people of this world at the start of a run with that seed; None when there are none."""
+        """Returns the pedestrians at the start of a run with this seed; None if there are none."""
         return Crowd(self.people, seed) if self.people else None
 
     def put_discs(self, discs: NDArray[np.float64] | Sequence[Sequence[float]]) -> None:
-        """Replaces the round obstacles that stand still, except low ones and shapes: for whoever moves things step by step."""
-        self._solids = self._standing(_checked_discs(discs))
+        """Replaces the static discs, except low discs and shapes: moves obstacles step by step."""
+        self._solids = self._with_static(_checked_discs(discs))
         self._last = self._layout = None
 
-    def _standing(self, discs: NDArray[np.float64]) -> Solids:
+    def _with_static(self, discs: NDArray[np.float64]) -> Solids:
+        """Returns the low discs, `discs` and the static shapes."""
         tops = np.concatenate((np.full(len(self._low), LOW), np.full(len(discs), math.inf)))
-        round_ones = discs_only(np.concatenate((self._low, discs)), tops)
-        return joined([round_ones, self._shape_solids]) if self._still else round_ones
+        solids = solids_from_discs(np.concatenate((self._low, discs)), tops)
+        return concatenate_solids([solids, self._shape_solids]) if self._still else solids
 
     def name_of(self, kind: str, index: int) -> str:
-        """What a scenario calls that disc or polygon (as `described` gives kind and index), "" for what has no name."""
+        """Returns the name of a disc or polygon (kind and index as from `identify`), "" if it has none."""
         named: list[Shape | None]
         if kind == "polygon":
             named = [*(shape for shape in self._still if shape.radius is None), *self._timed.polygons]
@@ -149,32 +148,31 @@ class World:
         return shape.name if shape is not None else ""
 
     def contains(self, pose: Pose2D) -> bool:
-        """True for a position on the map, whichever way it is turned; whatever the yaw."""
+        """True for a position on the map; the yaw of the pose is ignored."""
         geometry = self.map.geometry
         c, s = math.cos(self.map.origin_yaw), math.sin(self.map.origin_yaw)
         dx, dy = pose.x - geometry.origin_x, pose.y - geometry.origin_y
         return 0.0 <= c * dx + s * dy < geometry.width_m and 0.0 <= c * dy - s * dx < geometry.height_m
 
     def is_free(self, footprint: Footprint, pose: Pose2D, time: float = 0.0) -> bool:
-        """True when the outline at `pose` meets neither an occupied cell nor anything of `solids_at` that `time` (s)."""
+        """True if the footprint at `pose` collides with neither the map nor the solids at `time` (s)."""
         return self.collision(footprint, pose, time) is None
 
     def collision(
         self, footprint: Footprint, pose: Pose2D, time: float = 0.0, solids: Solids | None = None
     ) -> tuple[str, int, float, float] | None:
-        """What the outline at `pose` meets, as `described` says it; None when it is free.
+        """Returns what the footprint at `pose` collides with, as from `identify`; None if it is free.
 
-        `solids`: what there is beside the map, when the caller knows better than `solids_at(time)`. Raises InputError for
-        a pose that is not finite, which would meet nothing.
+        `solids` replace `solids_at(time)`. Raises InputError for a pose that is not finite.
         """
         _check_finite(pose)
         solids = self.solids_at(time) if solids is None else solids
         count = len(solids.discs) + len(solids.circles)
         hit = int(
-            body.find_collision(
+            find_collision(
                 self.squares,
                 self.grid,
-                solids,
+                solids.geometry,
                 np.arange(count),
                 count,
                 footprint.vertices.copy(),
@@ -185,12 +183,12 @@ class World:
                 np.empty_like(footprint.vertices),
             )
         )
-        return None if hit == -1 else self.described(hit, solids)
+        return None if hit == -1 else self.identify(hit, solids)
 
-    def touched(self, points: NDArray[np.float64], reach: float, solids: Solids) -> NDArray[np.bool_]:
-        """(n,) which of the points (n, 2) (m, map frame) have an occupied cell or one of `solids` within `reach` (m).
+    def near_obstacle(self, points: NDArray[np.float64], reach: float, solids: Solids) -> NDArray[np.bool_]:
+        """(n,) which of the points (n, 2) (m, map frame) are within `reach` (m) of an occupied cell or one of `solids`.
 
-        Cells are looked for on two rings of 16 points around each: good for those not much smaller than `reach`.
+        Cells are sampled on two rings of 16 points around each point: exact enough if they are not much smaller than `reach`.
         """
         x, y = points[:, 0], points[:, 1]
         discs = solids.discs
@@ -212,8 +210,8 @@ class World:
         ix, iy = np.where(inside, gx, 0.0).astype(np.int64), np.where(inside, gy, 0.0).astype(np.int64)
         return found | (inside & (self.squares[0, iy, ix] == 0)).any(axis=1)
 
-    def described(self, hit: int, solids: Solids) -> tuple[str, int, float, float]:
-        """A kernel's answer in words: what was hit and where its centre is (m).
+    def identify(self, hit: int, solids: Solids) -> tuple[str, int, float, float]:
+        """Decodes a result of `find_collision`: kind, index and centre x, y (m) of the obstacle.
 
         ("map", iy * nx + ix, x, y), ("disc", index, x, y) or ("polygon", index, x, y).
         """
@@ -232,9 +230,9 @@ class World:
     def clearance(
         self, pose: Pose2D, footprint: Footprint | None = None, time: float = 0.0, solids: Solids | None = None
     ) -> float:
-        """Distance (m) from the position, or from the outline there, to the nearest obstacle at `time` (s); exact.
+        """Returns the exact distance (m) from the position, or the footprint there, to the nearest obstacle at `time` (s).
 
-        0 in collision, inf when there is no obstacle at all. `solids` and InputError as of `collision`.
+        0 in collision, inf without obstacles. `solids` and InputError as in `collision`.
         """
         _check_finite(pose)
         solids = self.solids_at(time) if solids is None else solids
@@ -243,8 +241,8 @@ class World:
     def clearances(
         self, poses: NDArray[np.float64], footprint: Footprint | None, solids: Solids
     ) -> NDArray[np.float64]:
-        """(n,) m: `clearance` at each of the poses (n, 3) (m, rad, map frame), all finite, among `solids`."""
-        outline = _POINT if footprint is None else footprint.vertices.copy()
+        """(n,) `clearance` (m) at each of the poses (n, 3) (m, rad, map frame), all finite, among `solids`."""
+        vertices = _POINT if footprint is None else footprint.vertices.copy()
         out = np.empty(len(poses))
         clearances(
             self.squares,
@@ -253,32 +251,26 @@ class World:
             solids.circles,
             solids.corners,
             solids.first,
-            outline,
+            vertices,
             poses,
             out,
         )
         return out
 
 
-def _standing(shapes: Sequence[Shape]) -> Solids:
-    """Shapes where their poses are."""
+def _static_solids(shapes: Sequence[Shape]) -> Solids:
+    """Returns shapes at their poses."""
     discs = [(*shape.pose[:2], shape.radius) for shape in shapes if shape.radius is not None]
     polygons = [shape for shape in shapes if shape.radius is None]
-    outlines, first, centres = packed([np.array(shape.outline(), np.float64) for shape in polygons])
+    outlines, first, centres = pack_outlines([np.array(shape.outline(), np.float64) for shape in polygons])
     poses = np.array([shape.pose for shape in polygons], np.float64).reshape(-1, 3)
     corners, circles = place_polygons(outlines, first, centres, poses)
-    return Solids(
-        np.array(discs, np.float64).reshape(-1, 3),
-        np.array([shape.top for shape in shapes if shape.radius is not None], np.float64),
-        circles,
-        corners,
-        first,
-        np.array([shape.top for shape in polygons], np.float64),
-    )
+    tops = [shape.top for shape in (*(s for s in shapes if s.radius is not None), *polygons)]
+    return Solids(np.array(discs, np.float64).reshape(-1, 3), circles, corners, first, np.array(tops, np.float64))
 
 
 class _Tables:
-    """What the kernels need of a map's occupied cells."""
+    """Tables of a map's occupied cells for the kernels."""
 
     def __init__(self, occupied: NDArray[np.bool_]) -> None:
         self.squares = free_squares(occupied)
@@ -289,8 +281,8 @@ class _Tables:
 
 
 _TABLES: dict[bytes, _Tables] = {}
-"""By what the map holds: those of the maps used last, since many runs share one."""
-_MAPS_KEPT = 4
+"""Hash of the occupied cells -> tables of the most recently used maps; many runs share a map."""
+_MAX_TABLES = 4
 
 
 def _tables_of(occupied: NDArray[np.bool_]) -> _Tables:
@@ -298,8 +290,8 @@ def _tables_of(occupied: NDArray[np.bool_]) -> _Tables:
     tables = _TABLES.pop(key, None)
     if tables is None:
         tables = _Tables(occupied)
-    _TABLES[key] = tables  # the newest last
-    if len(_TABLES) > _MAPS_KEPT:
+    _TABLES[key] = tables  # most recent last
+    if len(_TABLES) > _MAX_TABLES:
         del _TABLES[next(iter(_TABLES))]
     return tables
 
@@ -314,12 +306,12 @@ def _checked_discs(discs: NDArray[np.float64] | Sequence[Sequence[float]]) -> ND
         array = np.array(discs, np.float64).reshape(len(discs), 3)
     except (ValueError, TypeError) as exc:
         raise InputError(
-            "round obstacles are rows x, y, radius in metres; give each three numbers", obstacles=list(discs)
+            "an obstacle is not a row of three numbers; give x, y, radius in metres", obstacles=list(discs)
         ) from exc
     for x, y, r in array:
         if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(r) and r > 0.0):
             raise InputError(
-                f"the obstacle {x:g},{y:g},{r:g} is none: give x, y and a radius above 0, in metres",
+                f"the obstacle {x:g},{y:g},{r:g} is invalid; give finite x and y and a radius above 0, in metres",
                 obstacle=[float(x), float(y), float(r)],
             )
     return array

@@ -166,7 +166,7 @@ CASES = {
     ),
     "shape without a look": (
         GOOD + "shapes:\n  - {pose: [3, 7]}\n",
-        "5:5: a shape is given by one of radius, box, polygon and segment; it has none of them",
+        "5:5: a shape has exactly one of radius, box, polygon and segment; it has none",
     ),
     "shape with a foreign key": (
         GOOD + "shapes:\n  - {radius: 0.2, at: [3, 7]}\n",
@@ -178,7 +178,7 @@ CASES = {
     ),
     "polygon that crosses itself": (
         GOOD + "shapes:\n  - {polygon: [[0, 0], [1, 1], [1, 0], [0, 1]]}\n",
-        "5:15: the polygon crosses or touches itself, or has no area; give its corners in order, once round",
+        "5:15: the polygon intersects or touches itself, or has no area; list its corners in order around it",
     ),
     "motion of no kind": (
         GOOD + "shapes:\n  - {radius: 0.2, motion: {speed: 1}}\n",
@@ -194,11 +194,11 @@ CASES = {
     ),
     "door that closes first": (
         GOOD + "shapes:\n  - {segment: [[0, 0], [1, 0]], motion: {kind: door, open: [[5, 2]]}}\n",
-        "5:60: a door is open [from, to] in s, with from below to and not below 0, not [5, 2]",
+        "5:60: open = [5, 2] is not a time span; give [from, to] in s with 0 <= from < to",
     ),
     "box that walks": (
         GOOD + "shapes:\n  - {box: [1, 1], motion: {kind: pedestrian, goals: [[1, 1]]}}\n",
-        "5:5: a pedestrian is a disc; give it a radius (0.25 m is usual)",
+        "5:5: a pedestrian is a disc; give it a radius (typically 0.25 m)",
     ),
     "start in a wall": (
         GOOD.replace("corridor_west", "[-0.05, 3.0]"),

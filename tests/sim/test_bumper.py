@@ -14,7 +14,7 @@ from navstack.bringup import build_move_base, simulated_robot
 from navstack.core import Footprint, LaserScan, PointCloud, Pose2D, Twist2D
 from navstack.core.errors import InputError
 from navstack.sim import LOW, BumperParams, LidarParams, SimParams, SimulatedRobot, World
-from navstack.sim.bumper import SPACING, skin
+from navstack.sim.bumper import SPACING, outline_points
 from tests.sim.test_robot import BOX, CIRCLE, corridor
 
 DISTANCE = BumperParams().distance
@@ -122,7 +122,7 @@ def test_lidar_and_bumper_in_the_order_of_their_times() -> None:
 
 def test_skin_is_dense_and_points_outwards() -> None:
     for footprint in (CIRCLE, BOX, Footprint(BOX.vertices[::-1].copy())):
-        points, normals = skin(footprint.vertices)
+        points, normals = outline_points(footprint.vertices)
         gaps = np.hypot(*(np.roll(points, -1, axis=0) - points).T)
         assert gaps.max() <= SPACING + 1e-12
         assert np.hypot(*normals.T) == pytest.approx(1.0)
@@ -137,7 +137,7 @@ def test_bad_bumpers_are_refused() -> None:
     with pytest.raises(ValueError, match="the name a is used twice"):
         SimParams(bumpers=["a", "a"])
     shared = SimParams(sensors={"bumper": BumperParams(frame="base_laser_link")})
-    with pytest.raises(InputError, match="two sensors share the frame"):
+    with pytest.raises(InputError, match="two sensors have the frame"):
         SimulatedRobot(shared, World(), CIRCLE, Pose2D(0, 0, 0))
 
 

@@ -28,7 +28,9 @@ def test_there_and_back() -> None:
 
 def test_round_and_round_and_backwards() -> None:
     square = [(0, 0), (1, 0), (1, 1), (0, 1)]
-    tracked = TrackedDiscs([Track(square, 1.0, 0.1, closed=True, begin=0.5), Track(square, -1.0, 0.3, closed=True)])
+    tracked = TrackedDiscs(
+        [Track(square, 1.0, 0.1, closed=True, start_offset=0.5), Track(square, -1.0, 0.3, closed=True)]
+    )
     assert tracked.discs(3.0)[:, :2] == pytest.approx(np.array([[0.0, 0.5], [1.0, 0.0]]))
     assert tracked.discs(403.0) == pytest.approx(tracked.discs(3.0))
     assert tracked.discs(3.0)[:, 2].tolist() == [0.1, 0.3]

@@ -210,7 +210,7 @@ def test_two_lidars() -> None:
     it = robot(SimParams(lasers=["front", "rear"], sensors={"front": front, "rear": rear}))
     it.advance_to(0.4)
     assert "".join(scan.topic for scan in it.scans()) == "abaabaab"
-    with pytest.raises(InputError, match="two sensors share the frame"):
+    with pytest.raises(InputError, match="two sensors have the frame"):
         robot(SimParams(lasers=["a", "b"], sensors={"a": LidarParams(), "b": LidarParams(yaw=1.0)}))
 
 
@@ -277,7 +277,7 @@ def test_the_wheels_stop_with_the_robot() -> None:
 
 
 def test_a_start_in_a_wall_is_refused() -> None:
-    with pytest.raises(InputError, match=r"does not fit at the start \(1.9, 0, 0\): it touches the map at \(2\.0"):
+    with pytest.raises(InputError, match=r"the start \(1.9, 0, 0\) collides with the map at \(2\.0"):
         robot(world=corridor(10, 0.05), start=Pose2D(1.9, 0.0, 0.0))
 
 
@@ -296,12 +296,12 @@ def test_a_world_is_not_asked_about_a_place_that_is_none(pose: Pose2D) -> None:
 
 @pytest.mark.parametrize("discs", [[[0.0, 1.0]], [[None, 1.0]], [["a", 1.0, 0.2]]])
 def test_discs_that_are_no_rows_are_refused(discs: list[list[float]]) -> None:
-    with pytest.raises(InputError, match="give each three numbers"):
+    with pytest.raises(InputError, match="not a row of three numbers"):
         World(None, discs)
 
 
 def test_a_seed_below_zero_is_refused() -> None:
-    with pytest.raises(InputError, match="the seed -1 is below 0"):
+    with pytest.raises(InputError, match="the seed is -1"):
         robot(seed=-1)
 
 

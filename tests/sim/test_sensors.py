@@ -160,7 +160,7 @@ def test_an_imu_reads_the_same_however_the_run_is_cut() -> None:
 def test_a_name_belongs_to_one_sensor() -> None:
     with pytest.raises(ValueError, match="the name of a lidar and of an IMU"):
         SimParams(lasers=["a"], imus=["a"])
-    with pytest.raises(InputError, match="share the frame"):
+    with pytest.raises(InputError, match="two sensors have the frame"):
         robot(SimParams(sonars=["a", "b"], sensors={"b": SonarParams(x=0.2)}))
 
 

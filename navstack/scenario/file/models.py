@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal
 
 from pydantic import field_validator
 
@@ -20,7 +20,7 @@ from navstack.sim.shapes import DoorMotion, OnTrack, PedestrianMotion, Shape, St
 class Settings(ParamModel):
     """The scalar values of a scenario file; the other keys are sections."""
 
-    RENAMED = {"rest": "pause"}  # noqa: RUF012
+    RENAMED: ClassVar[Mapping[str, str]] = {"rest": "pause"}
 
     name: str = param("", "name of the scenario in tables; default: the name of the file")
     description: str = param("", "what the scenario shows, in one or two sentences")
