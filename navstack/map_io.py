@@ -1,7 +1,7 @@
-"""Maps of map_server: a YAML and an image <-> an OccupancyGrid.
+"""Read and write maps of map_server: a YAML file and an image <-> an OccupancyGrid.
 
 Source of the rules: map_server/src/main.cpp and image_loader.cpp. Row 0 of an image is its top, row 0 of a grid its bottom:
-the flip happens here and nowhere else.
+only this module flips them.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from navstack.core import GridGeometry, OccupancyGrid
 from navstack.core.data_files import data_folder
 from navstack.core.errors import MapError
-from navstack.core.files import ensure_directory, write_text, written_whole
+from navstack.core.files import atomic_write, ensure_directory, write_text
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -27,10 +27,10 @@ if TYPE_CHECKING:
 MODES: Final = ("trinary", "scale", "raw")
 IMAGE_SUFFIXES: Final = frozenset({".pgm", ".png", ".bmp", ".jpg", ".jpeg", ".gif", ".tif", ".tiff", ".ppm", ".pnm"})
 MAX_CELLS: Final = 80_000_000
-"""Largest image that is taken: 80 million cells, 447 m square at 5 cm. Beyond, a map is a mistake or an attack."""
+"""Largest image: 80 million cells, 447 m x 447 m at 5 cm. Larger maps are mistakes or attacks."""
 
 MAX_BYTES: Final = 100_000
-"""Largest YAML that is taken."""
+"""Largest YAML file."""
 
 _PLACES: Final = ".places.yaml"
 _EXAMPLES: Final = {
@@ -47,67 +47,68 @@ _REQUIRED: Final = ("image", "resolution", "origin", "negate", "occupied_thresh"
 
 @dataclass(frozen=True, slots=True)
 class _Yaml:
-    """The mapping of a map's YAML with the line of each key."""
+    """Content of a map's YAML file with the line of each key."""
 
     path: Path
     values: dict[str, Any]
     lines: dict[str, int]
 
     def error(self, key: str, problem: str) -> MapError:
-        """A MapError that points at the line of `key`."""
+        """Return a MapError with the line of `key`."""
         line = self.lines.get(key, 1)
         return MapError(f"{self.path}:{line}: {problem}", file=str(self.path), line=line, key=key)
 
     def value(self, key: str) -> Any:
-        """The value of a key that must be there."""
+        """Return the value of a required key."""
         if key not in self.values:
-            raise self.error(key, f'the map lacks "{key}"; add for instance "{_EXAMPLES[key]}"')
+            raise self.error(key, f'"{key}" is missing; add for example "{_EXAMPLES[key]}"')
         return self.values[key]
 
     def number(self, key: str) -> float:
-        """A finite number. `5e-2` is one too, though YAML 1.1 reads it as text."""
+        """Return a finite number. Also accepts `5e-2`, which YAML 1.1 reads as text."""
         number = _as_float(self.value(key))
         if number is None or not math.isfinite(number):
             raise self.error(
-                key, f'"{key}" must be a number, not {self.values[key]!r}; write for instance "{_EXAMPLES[key]}"'
+                key, f'"{key}" must be a number, not {self.values[key]!r}; write for example "{_EXAMPLES[key]}"'
             )
         return number
 
     def fraction(self, key: str) -> float:
-        """A number from 0 to 1."""
+        """Return a number from 0 to 1."""
         number = self.number(key)
         if not 0.0 <= number <= 1.0:
             raise self.error(
-                key, f'"{key}" is a share of black between 0 and 1, not {number:g}; write "{_EXAMPLES[key]}"'
+                key,
+                f'"{key}" must be between 0 (white) and 1 (black), not {number:g}; write for example "{_EXAMPLES[key]}"',
             )
         return number
 
 
 def load_map(path: str | Path) -> OccupancyGrid:
-    """The occupancy grid that map_server would publish for the YAML file at `path`, in the frame `map`.
+    """Return the occupancy grid that map_server publishes for the YAML file at `path`, in the frame `map`.
 
-    The image (pgm, png, bmp, ..) is looked for relative to the YAML. Modes trinary, scale and raw; `negate`; `origin`
-    with its yaw. Raises MapError, with file and line, for whatever cannot be used.
+    The path of the image (pgm, png, bmp, ..) is relative to the YAML file. Supports the modes trinary, scale and raw, `negate`,
+    and the yaw of `origin`. Raises MapError with file and line for an invalid map.
     """
     return _load(path, lowest=1.0, highest=99.0)
 
 
 def load_mask(path: str | Path) -> OccupancyGrid:
-    """A costmap filter's mask as Nav2's map_server would publish it.
+    """Return the mask of a costmap filter as Nav2's map_server publishes it.
 
-    As `load_map`, but for the mode scale, which Nav2 spreads over 0 .. 100, rounded: white is 0, which means no limit, where
-    ROS 1's map_server says 1, a limit of 1 %.
+    Differs from `load_map` in the mode scale: Nav2 maps it to 0 .. 100, rounded. White is 0, which means no limit; in ROS 1's
+    map_server it is 1, a limit of 1 %.
     """
     return _load(path, lowest=0.0, highest=100.0)
 
 
 def _load(path: str | Path, *, lowest: float, highest: float) -> OccupancyGrid:
-    """`lowest`, `highest`: what the mode scale makes of the two thresholds."""
+    """Load a map. `lowest`, `highest`: values of the two thresholds in the mode scale."""
     document = _read_yaml(Path(path))
     resolution = document.number("resolution")
     if resolution <= 0.0:
         raise document.error(
-            "resolution", f"the resolution must be a positive number of metres per cell, not {resolution:g}"
+            "resolution", f'"resolution" must be a positive number of metres per cell, not {resolution:g}'
         )
     x, y, yaw = _origin(document)
     negate = _negate(document)
@@ -116,11 +117,11 @@ def _load(path: str | Path, *, lowest: float, highest: float) -> OccupancyGrid:
         raise document.error(
             "free_thresh",
             f"free_thresh ({free:g}) must be smaller than occupied_thresh ({occupied:g}); "
-            f"map_server's usual values are 0.196 and 0.65",
+            f"the usual values of map_server are 0.196 and 0.65",
         )
     mode = str(document.values.get("mode", "trinary")).lower()
     if mode not in MODES:
-        raise document.error("mode", f'the mode must be one of {", ".join(MODES)}, not "{document.values["mode"]}"')
+        raise document.error("mode", f'"mode" must be one of {", ".join(MODES)}, not "{document.values["mode"]}"')
     channels, alpha = _read_image(document, with_alpha=mode == "trinary")
     data = _occupancy(channels, alpha, mode=mode, negate=negate, occupied=occupied, free=free, span=(lowest, highest))
     ny, nx = data.shape
@@ -128,10 +129,10 @@ def _load(path: str | Path, *, lowest: float, highest: float) -> OccupancyGrid:
 
 
 def save_map(grid: OccupancyGrid, path: str | Path) -> tuple[Path, Path]:
-    """Writes `grid` as the YAML at `path` and a pgm beside it, each whole or not at all; returns both paths.
+    """Write `grid` as the YAML file `path` and a pgm image beside it, each atomically; return both paths.
 
-    Grids of -1, 0 and 100 only are written as map_saver does (mode trinary, pixels 205, 254, 0), others in mode raw:
-    `load_map` gives the same cells back either way. Raises OutputError when the files cannot be written.
+    Grids of -1, 0 and 100 are written as by map_saver (mode trinary, pixels 205, 254, 0), others in mode raw. In both cases
+    `load_map` restores the same cells. Raises OutputError if the files cannot be written.
     """
     from PIL import Image
 
@@ -147,7 +148,7 @@ def save_map(grid: OccupancyGrid, path: str | Path) -> tuple[Path, Path]:
         pixels[grid.data == 100] = 0
     else:
         pixels = grid.data.view(np.uint8)
-    with written_whole(image_path) as beside:
+    with atomic_write(image_path) as beside:
         Image.fromarray(np.ascontiguousarray(pixels[::-1])).save(beside)
     geometry = grid.geometry
     write_text(
@@ -162,7 +163,7 @@ def save_map(grid: OccupancyGrid, path: str | Path) -> tuple[Path, Path]:
 
 
 def _yaml_float(value: float) -> str:
-    """Shortest text that reads back as the same float: YAML 1.1 wants a dot in it."""
+    """Return the shortest text that reads back as the same float. YAML 1.1 requires a dot in it."""
     text = repr(float(value))
     return text if "." in text or "e" not in text else text.replace("e", ".0e")
 
@@ -176,7 +177,7 @@ def _read_yaml(path: Path) -> _Yaml:
 
     if path.suffix.lower() in IMAGE_SUFFIXES:
         raise MapError(
-            f"{path} is an image; a map is given by its YAML, which names the image: write {path.stem}.yaml beside it with\n"
+            f"{path} is an image; pass the YAML file of the map, which names the image. Create {path.stem}.yaml with\n"
             + "\n".join(f"  {_EXAMPLES[k] if k != 'image' else 'image: ' + path.name}" for k in _REQUIRED),
             file=str(path),
         )
@@ -185,21 +186,22 @@ def _read_yaml(path: Path) -> _Yaml:
             data = stream.read(MAX_BYTES + 1)
         if len(data) > MAX_BYTES:
             raise MapError(
-                f"{path} is larger than {MAX_BYTES // 1000} kB: a map is given by a YAML of a few lines", file=str(path)
+                f"{path} is larger than {MAX_BYTES // 1000} kB; pass the YAML file of a map",
+                file=str(path),
             )
         text = data.decode("utf-8-sig")
     except FileNotFoundError:
         close = sorted(p.name for p in path.parent.glob("*.yaml"))[:5] if path.parent.is_dir() else []
-        hint = f"; the folder has {', '.join(close)}" if close else "; check the path"
+        hint = f"; the folder contains {', '.join(close)}" if close else "; check the path"
         if path.suffix == "" and path.parent == Path():
-            hint += f'; the file of a packaged map is given by navstack.map_path("{path}")'
-        raise MapError(f"there is no map {path}{hint}", file=str(path)) from None
+            hint += f'; for a packaged map, use navstack.map_path("{path}")'
+        raise MapError(f"the map {path} does not exist{hint}", file=str(path)) from None
     except IsADirectoryError:
         inside = sorted(p.name for p in path.glob("*.yaml"))[:5]
-        hint = f"; give {path / inside[0]}" if inside else "; give the map's YAML file"
-        raise MapError(f"{path} is a folder, not a map's YAML{hint}", file=str(path)) from None
+        hint = f"; pass {path / inside[0]}" if inside else "; pass the YAML file of the map"
+        raise MapError(f"{path} is a folder, not the YAML file of a map{hint}", file=str(path)) from None
     except UnicodeDecodeError:
-        raise MapError(f"{path} is not a text file; a map is given by its YAML", file=str(path)) from None
+        raise MapError(f"{path} is not a text file; pass the YAML file of the map", file=str(path)) from None
     except OSError as exc:
         raise MapError(f"cannot read the map {path}: {exc.strerror or exc}", file=str(path)) from exc
     try:
@@ -209,13 +211,13 @@ def _read_yaml(path: Path) -> _Yaml:
         mark = getattr(exc, "problem_mark", None)
         reason = getattr(exc, "problem", None) or (str(exc).splitlines() or ["not readable"])[0]
         raise error(
-            f"this is not YAML: {reason}; compare with a map_server file", mark.line + 1 if mark else 1
+            f"invalid YAML: {reason}; compare it with a file of map_server", mark.line + 1 if mark else 1
         ) from None
     if node is None or values is None:
-        raise error("the file is empty; a map's YAML has the keys " + ", ".join(_REQUIRED))
+        raise error("the file is empty; the YAML file of a map has the keys " + ", ".join(_REQUIRED))
     if not isinstance(node, yaml.MappingNode) or not isinstance(values, dict):
         raise error(
-            f"a map's YAML is a mapping with the keys {', '.join(_REQUIRED)}, not a {type(values).__name__}",
+            f"the YAML file of a map must be a mapping with the keys {', '.join(_REQUIRED)}, not a {type(values).__name__}",
             node.start_mark.line + 1,
         )
     lines = {str(k.value): k.start_mark.line + 1 for k, _ in node.value if isinstance(k, yaml.ScalarNode)}
@@ -239,7 +241,8 @@ def _origin(document: _Yaml) -> tuple[float, float, float]:
     finite = [n for n in numbers if n is not None and math.isfinite(n)]
     if len(numbers) != 3 or len(finite) != 3:
         raise document.error(
-            "origin", f'"origin" must be three numbers [x, y, yaw] (m, m, rad), not {value!r}; e.g. [0.0, 0.0, 0.0]'
+            "origin",
+            f'"origin" must be three numbers [x, y, yaw] (m, m, rad), not {value!r}; write for example [0.0, 0.0, 0.0]',
         )
     return finite[0], finite[1], finite[2]
 
@@ -255,12 +258,12 @@ def _negate(document: _Yaml) -> bool:
 
 
 def _read_image(document: _Yaml, *, with_alpha: bool) -> tuple[NDArray[np.uint8], NDArray[np.uint8] | None]:
-    """Channels (ny, nx, k) to be averaged and the alpha channel (ny, nx) if there is one; row 0 still the top."""
+    """Return the channels (ny, nx, k) to average, and the alpha channel (ny, nx) or None. Row 0 is the top."""
     from PIL import Image, UnidentifiedImageError
 
     name = document.value("image")
     if not isinstance(name, str) or not name.strip():
-        raise document.error("image", f'"image" must be a file name, not {name!r}; write for instance "image: map.pgm"')
+        raise document.error("image", f'"image" must be a file name, not {name!r}; write for example "image: map.pgm"')
     path = document.path.parent / name  # an absolute name stays absolute
     too_large = document.error("image", f"the image {path} is larger than {MAX_CELLS:,} cells; crop or resample it")
     try:
@@ -274,32 +277,30 @@ def _read_image(document: _Yaml, *, with_alpha: bool) -> tuple[NDArray[np.uint8]
     except FileNotFoundError:
         beside = document.path.parent / Path(name).name
         if beside.is_file():
-            hint = f'; there is one beside the YAML: write "image: {beside.name}"'
+            hint = f'; the folder of the YAML file contains it: write "image: {beside.name}"'
         else:
-            hint = "; the path is relative to the YAML: check the name, or copy the image there"
-        raise document.error("image", f"there is no image {path}{hint}") from None
+            hint = "; the path is relative to the YAML file: correct it, or copy the image there"
+        raise document.error("image", f"the image {path} does not exist{hint}") from None
     except (Image.DecompressionBombError, Image.DecompressionBombWarning):
         raise too_large from None
     except UnidentifiedImageError:
-        raise document.error(
-            "image", f"{path} is not an image that can be read (pgm, png, bmp); save it anew"
-        ) from None
+        raise document.error("image", f"{path} is not a readable image (pgm, png, bmp); save it again") from None
     except MapError:
         raise
-    # pillow's decoders raise nearly anything on broken files
+    # pillow's decoders raise many kinds of exceptions for broken files
     except Exception as exc:
         reason = getattr(exc, "strerror", None) or str(exc) or type(exc).__name__
-        raise document.error("image", f"the image {path} cannot be read: {reason}; save it anew") from exc
+        raise document.error("image", f"the image {path} cannot be read: {reason}; save it again") from exc
     if alpha is not None and with_alpha:
         channels = np.concatenate((channels, alpha[:, :, None]), axis=2)
     return channels, alpha
 
 
 def _channels(image: Image) -> tuple[NDArray[np.uint8], NDArray[np.uint8] | None]:
-    if image.mode.startswith("I") or image.mode == "F":  # 16 bits and more, of 0 .. 65535
+    if image.mode.startswith("I") or image.mode == "F":  # 16 bits or more, values 0 .. 65535
         raw = np.asarray(image).astype(np.float64)
         return np.clip(raw / 257.0, 0.0, 255.0).astype(np.uint8)[:, :, None], None
-    # ROS differs: of an image with a palette, SDL hands map_server the palette's indices; here it is the colours
+    # ROS differs: for an image with a palette, SDL returns the palette indices to map_server; here the colours are used
     if image.mode in ("P", "PA", "LA", "La", "RGBa"):
         image = image.convert("RGBA" if image.mode != "P" or "transparency" in image.info else "RGB")
     elif image.mode not in ("L", "RGB", "RGBA"):
@@ -322,7 +323,7 @@ def _occupancy(
     free: float,
     span: tuple[float, float],
 ) -> NDArray[np.int8]:
-    """(ny, nx) int8 with row 0 at the bottom. Every possible sum of channels is looked up in a table."""
+    """Return the occupancy (ny, nx) int8, row 0 at the bottom, from a table over all possible sums of channels."""
     count = channels.shape[2]
     mean = np.arange(255 * count + 1) / count
     if negate:
@@ -334,7 +335,7 @@ def _occupancy(
         table = np.full(share.shape, -1, np.int8)
         if mode == "scale":
             values = span[0] + (span[1] - span[0]) * ((share - free) / (occupied - free))
-            # ROS 1 cuts off, Nav2 rounds
+            # ROS 1 truncates, Nav2 rounds
             table[:] = np.clip(values if span[0] > 0.0 else np.rint(values), -1.0, 100.0).astype(np.int8)
         table[share < free] = 0
         table[share > occupied] = 100
@@ -346,19 +347,19 @@ def _occupancy(
 
 
 def map_names() -> list[str]:
-    """Names of the packaged maps, sorted."""
+    """Return the names of the packaged maps, sorted."""
     found = (entry.name for entry in data_folder("maps").iterdir())
     return sorted(name.removesuffix(_PLACES) for name in found if name.endswith(_PLACES))
 
 
 def map_path(name: str) -> Path:
-    """The YAML file of a packaged map; raises MapError with the names there are."""
+    """Return the YAML file of a packaged map. Raises MapError with the known names."""
     return packaged_map_file(name, ".yaml")
 
 
 def packaged_map_file(name: str, ending: str) -> Path:
-    """A file of a packaged map: `.yaml`, `.png` or `.places.yaml`; raises MapError with the names there are."""
+    """Return a file of a packaged map: `.yaml`, `.png` or `.places.yaml`. Raises MapError with the known names."""
     known = map_names()
     if name not in known:
-        raise MapError(f'there is no packaged map "{name}"; there are: {", ".join(known)}', map=name, known=known)
+        raise MapError(f'unknown packaged map "{name}"; choose one of {", ".join(known)}', map=name, known=known)
     return data_folder("maps") / f"{name}{ending}"

@@ -137,7 +137,7 @@ def test_saving_what_map_saver_would(tmp_path: Path) -> None:
 def test_saving_where_nothing_can_be_written(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     grid = OccupancyGrid(np.zeros((1, 1), np.int8), GridGeometry(1, 1, 0.05))
-    with pytest.raises(OutputError, match="cannot make the output folder"):
+    with pytest.raises(OutputError, match="cannot create the output folder"):
         save_map(grid, tmp_path / "file" / "map.yaml")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["file"]
 

@@ -53,7 +53,7 @@ def script() -> ModuleType:
 
 def test_names() -> None:
     assert map_names() == NAMES
-    with pytest.raises(MapError, match=r'no packaged map "ofice"; there are: maze, office, warehouse'):
+    with pytest.raises(MapError, match=r'unknown packaged map "ofice"; choose one of maze, office, warehouse'):
         map_path("ofice")
 
 

@@ -31,7 +31,7 @@ def test_poses_that_are_tuples(office: tuple[nav.Configuration, nav.OccupancyGri
         ("goal", lambda: move_base.send_goal(cast("nav.Pose2D", "kitchen"))),
     ]
     for what, call in wrong:
-        with pytest.raises(InputError, match=rf"the {what} .+ is no Pose2D; give navstack\.Pose2D\(x, y, yaw\)"):
+        with pytest.raises(InputError, match=rf"the {what} .+ is not a Pose2D; pass navstack\.Pose2D\(x, y, yaw\)"):
             call()
     assert move_base.send_goal(nav.Pose2D(*TUPLE)).id == "goal-1"  # what was refused left nothing behind
 

@@ -1,4 +1,4 @@
-"""Floor 0: values that every room uses. No planning, no files of the user, no plugins."""
+"""Values that every package uses: poses, grids, footprints, scans, frames, events."""
 
 from navstack.core.angles import angle_between, normalize_angle
 from navstack.core.costs import FREE, INSCRIBED, LETHAL, UNKNOWN, describe_cost

@@ -1,4 +1,4 @@
-"""How near a path comes to obstacles."""
+"""Clearance of a path: its distance to the nearest obstacle."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from navstack.core.costs import LETHAL
 from navstack.core.grid import Bounds, Costmap
 
 _FEW_PAIRS = 2_000_000
-"""Pairs of points and cells that are compared one by one (about 30 ms)."""
+"""Largest number of pairs of points and cells for brute force (about 30 ms)."""
 
 
 def clearance_along(costmap: Costmap, xy: NDArray[np.float64]) -> float:
-    """Smallest distance (m) between the polyline `xy` (n, 2 or more columns; costmap's frame) and a lethal cell's square.
+    """Return the smallest distance (m) between the polyline `xy` (n, >= 2; costmap's frame) and the square of a lethal cell.
 
-    0 inside a lethal cell, inf when the costmap has none. The line is looked at every half cell at least, so the distance
-    is exact to a quarter of a cell.
+    0 inside a lethal cell, inf without lethal cells. The line is sampled at least every half cell, so the distance is exact to
+    a quarter of a cell.
     """
-    points = _densified(np.asarray(xy, dtype=np.float64)[:, :2], 0.5 * costmap.geometry.resolution)
+    points = _resampled(np.asarray(xy, dtype=np.float64)[:, :2], 0.5 * costmap.geometry.resolution)
     g = costmap.geometry
     reach = max(1.0, 8.0 * g.resolution)
     while True:
         low, high = points.min(axis=0) - reach, points.max(axis=0) + reach
         window = g.window_of(Bounds(float(low[0]), float(low[1]), float(high[0]), float(high[1])))
-        distance = _least(
+        distance = _smallest_distance(
             costmap.data[window.slices] == LETHAL, points, g.resolution, *_corner(costmap, window.x0, window.y0)
         )
         if distance <= reach or window == g.window:
@@ -40,10 +40,10 @@ def _corner(costmap: Costmap, ix: int, iy: int) -> tuple[float, float]:
     return g.origin_x + ix * g.resolution, g.origin_y + iy * g.resolution
 
 
-def _least(
+def _smallest_distance(
     lethal: NDArray[np.bool_], points: NDArray[np.float64], resolution: float, left: float, bottom: float
 ) -> float:
-    """Distance of the nearest of `points` to the nearest square of `lethal`, whose corner lies at (left, bottom)."""
+    """Return the smallest distance from `points` to a square of `lethal`, whose corner is at (left, bottom)."""
     ys, xs = np.nonzero(lethal)
     if len(xs) == 0:
         return math.inf
@@ -51,22 +51,22 @@ def _least(
     if len(points) * len(centres) <= _FEW_PAIRS:
         gap = np.maximum(np.abs(centres[None] - points[:, None]) - 0.5 * resolution, 0.0)
         return float(np.hypot(gap[..., 0], gap[..., 1]).min())
-    from scipy.spatial import KDTree  # takes longer to import than a few pairs to compare
+    from scipy.spatial import KDTree  # slow import, not needed for few pairs
 
     tree = KDTree(centres)
     distances, _ = tree.query(points)
-    # a square is at most half a diagonal nearer than its centre, and at least half a side
+    # a square is nearer than its centre by half a side to half a diagonal
     near = points[distances <= distances.min() + 0.21 * resolution + 1e-9]
-    least = math.inf
+    smallest = math.inf
     for point in near:
         around = centres[tree.query_ball_point(point, float(distances.min()) + 0.42 * resolution + 1e-9)]
         if len(around):
             gap = np.maximum(np.abs(around - point) - 0.5 * resolution, 0.0)
-            least = min(least, float(np.hypot(gap[:, 0], gap[:, 1]).min()))
-    return least
+            smallest = min(smallest, float(np.hypot(gap[:, 0], gap[:, 1]).min()))
+    return smallest
 
 
-def _densified(points: NDArray[np.float64], step: float) -> NDArray[np.float64]:
+def _resampled(points: NDArray[np.float64], step: float) -> NDArray[np.float64]:
     pieces = [points[:1]]
     for a, b in pairwise(points):
         n = max(1, math.ceil(float(np.hypot(*(b - a))) / step))

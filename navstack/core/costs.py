@@ -5,17 +5,17 @@ from __future__ import annotations
 from typing import Final
 
 FREE: Final = 0
-"""Nothing near."""
+"""No obstacle nearby."""
 INSCRIBED: Final = 253
-"""The robot's centre here means contact, whatever its heading."""
+"""The robot is in collision if its centre is in this cell, at any heading."""
 LETHAL: Final = 254
-"""An obstacle is in this cell."""
+"""The cell contains an obstacle."""
 UNKNOWN: Final = 255
-"""Nobody has looked."""
+"""The cell has not been observed."""
 
 
 def describe_cost(cost: int) -> str:
-    """A cost in words, for messages: "lethal (254)"."""
+    """Describe a cost for messages: "lethal (254)"."""
     if cost == UNKNOWN:
         return "unknown (255)"
     if cost == LETHAL:

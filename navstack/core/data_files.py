@@ -18,7 +18,7 @@ _PACKAGE = Path(__file__).resolve().parent.parent
 def data_folder(kind: Literal["params", "maps"]) -> Path:
     """Return the folder of the packaged parameter sets or maps.
 
-    Raise NavError if it does not exist, for example if navstack is imported from a zip archive.
+    Raises NavError if it does not exist, for example if navstack is imported from a zip archive.
     """
     top = _PACKAGE.parent
     in_package, at_top = _PACKAGE / kind, top / kind

@@ -1,7 +1,7 @@
-"""One tree of exceptions: every failure carries a code, a message a user can act on, and the data behind it.
+"""Exceptions. Each one has a numeric code, a message that tells the user how to fix the problem, and data for programs.
 
-Codes are those of Nav2's action results where Nav2 has one (ComputePathToPose 2xx, FollowPath 1xx, Spin 7xx); what only
-navstack knows starts at 9000.
+The codes are those of Nav2's action results (ComputePathToPose 2xx, FollowPath 1xx, Spin 7xx); errors without a counterpart in
+Nav2 start at 9000.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ import numpy as np
 
 
 def jsonable(value: Any) -> Any:
-    """`value` with numpy scalars, arrays, tuples and paths turned into what `json` writes; not-a-number becomes None.
+    """Return `value` with numpy scalars, arrays, tuples and sets converted for `json`; NaN and infinity become None.
 
-    An object that has `as_dict` is asked for it; of others remains what `str` says.
+    Other objects are converted with `as_dict` if they have it, otherwise with `str`.
     """
     if isinstance(value, dict):
         return {str(k): jsonable(v) for k, v in value.items()}
@@ -24,7 +24,7 @@ def jsonable(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [jsonable(v) for v in value]
     if isinstance(value, (set, frozenset)):
-        # the order of a set of names differs from process to process
+        # the order of a set of strings differs between processes
         return sorted((jsonable(v) for v in value), key=repr)
     if isinstance(value, np.generic):
         return jsonable(value.item())
@@ -37,10 +37,10 @@ def jsonable(value: Any) -> Any:
 
 
 class NavError(Exception):
-    """Base of everything navstack raises on purpose.
+    """Base class of all errors that navstack raises.
 
-    `message` says what was wrong, with which value, and the way out. `data` holds what explains it, by name.
-    `code` is the number of the result, `name` its symbol (as in Nav2's interfaces: `NO_VALID_PATH`).
+    `message` describes the problem, the value and how to fix it. `data` contains the details by name. `code` is the number of
+    the result, `name` its symbol (as in Nav2's interfaces: `NO_VALID_PATH`).
     """
 
     code: ClassVar[int] = 9000
@@ -52,7 +52,7 @@ class NavError(Exception):
         self.data = data
 
     def as_dict(self) -> dict[str, Any]:
-        """`{"code", "name", "message", ..data}`, ready for JSON."""
+        """Return `{"code", "name", "message", ..data}` for JSON."""
         return {**jsonable(self.data), "code": self.code, "name": self.name, "message": self.message}
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -67,35 +67,35 @@ def _rebuild(cls: type[NavError], message: str, data: dict[str, Any]) -> NavErro
 
 
 class InputError(NavError):
-    """What the user gave cannot be used: an argument, a file, a parameter."""
+    """An argument, a file or a parameter is invalid."""
 
     code = 9001
     name = "INVALID_INPUT"
 
 
 class MapError(InputError):
-    """A map's YAML or image cannot be used."""
+    """The YAML file or the image of a map is invalid."""
 
     code = 9002
     name = "INVALID_MAP"
 
 
 class ParameterError(InputError):
-    """Parameters cannot be used. `data["findings"]` lists every reason, with file, line and column."""
+    """Parameters are invalid. `data["findings"]` lists the problems with file, line and column."""
 
     code = 9003
     name = "INVALID_PARAMETERS"
 
 
 class UnknownPluginError(ParameterError):
-    """No plugin of that kind has that name. The message says what was meant and what there is."""
+    """No plugin of this kind has this name. The message suggests similar names."""
 
     code = 9004
     name = "UNKNOWN_PLUGIN"
 
 
 class OutputError(InputError):
-    """A result cannot be written where the user asked for it."""
+    """A result cannot be written to the given path."""
 
     code = 9005
     name = "CANNOT_WRITE"
@@ -109,7 +109,7 @@ class RecordError(InputError):
 
 
 class ScenarioError(InputError):
-    """A scenario file cannot be used. `data["findings"]` lists every reason, with file, line and column."""
+    """A scenario file is invalid. `data["findings"]` lists the problems with file, line and column."""
 
     code = 9007
     name = "INVALID_SCENARIO"
@@ -119,7 +119,7 @@ class ScenarioError(InputError):
 
 
 class FrameError(NavError):
-    """Two frames are not connected, or not at that time."""
+    """Two frames are not connected at the requested time."""
 
     code = 102
     name = "TF_ERROR"
@@ -129,49 +129,49 @@ class FrameError(NavError):
 
 
 class PlanningError(NavError):
-    """A global planner has no plan to give."""
+    """A global planner found no plan."""
 
     code = 200
     name = "PLANNING_FAILED"
 
 
 class StartOutsideMapError(PlanningError):
-    """The start lies outside the costmap."""
+    """The start is outside the costmap."""
 
     code = 203
     name = "START_OUTSIDE_MAP"
 
 
 class GoalOutsideMapError(PlanningError):
-    """The goal lies outside the costmap."""
+    """The goal is outside the costmap."""
 
     code = 204
     name = "GOAL_OUTSIDE_MAP"
 
 
 class StartOccupiedError(PlanningError):
-    """The robot's centre cannot be where it starts."""
+    """The cell of the start is occupied."""
 
     code = 205
     name = "START_OCCUPIED"
 
 
 class GoalOccupiedError(PlanningError):
-    """The robot's centre cannot be where it is to go."""
+    """The cell of the goal is occupied."""
 
     code = 206
     name = "GOAL_OCCUPIED"
 
 
 class PlanningTimeoutError(PlanningError):
-    """The planner took longer than it may."""
+    """The planner exceeded its time limit."""
 
     code = 207
     name = "TIMEOUT"
 
 
 class NoValidPathError(PlanningError):
-    """Start and goal are free, but nothing connects them."""
+    """Start and goal are free, but no path connects them."""
 
     code = 208
     name = "NO_VALID_PATH"
@@ -181,21 +181,21 @@ class NoValidPathError(PlanningError):
 
 
 class ControlError(NavError):
-    """A local planner has no command to give."""
+    """A local planner found no command."""
 
     code = 100
     name = "CONTROL_FAILED"
 
 
 class InvalidPathError(ControlError):
-    """The plan handed to the local planner cannot be followed: empty, not finite, or out of reach."""
+    """The local planner cannot follow the plan: it is empty, not finite, or too far away."""
 
     code = 103
     name = "INVALID_PATH"
 
 
 class NoValidControlError(ControlError):
-    """Every sampled velocity was rejected; `data` says by which critic."""
+    """All velocity samples were rejected; `data` contains the critics that rejected them."""
 
     code = 106
     name = "NO_VALID_CONTROL"
@@ -205,14 +205,14 @@ class NoValidControlError(ControlError):
 
 
 class RecoveryError(NavError):
-    """A recovery behaviour could not do its work."""
+    """A recovery behavior failed."""
 
     code = 700
     name = "RECOVERY_FAILED"
 
 
 class CollisionAheadError(RecoveryError):
-    """A recovery behaviour stopped because its motion would hit something."""
+    """A recovery behavior stopped because its motion would cause a collision."""
 
     code = 703
     name = "COLLISION_AHEAD"
@@ -222,14 +222,14 @@ class CollisionAheadError(RecoveryError):
 
 
 class GoalTransitionError(NavError):
-    """A goal cannot go from its present status to the one asked for."""
+    """A goal cannot change from its current status to the requested one."""
 
     code = 9010
     name = "ILLEGAL_TRANSITION"
 
 
 class InternalError(NavError):
-    """A plugin broke its contract, or navstack has a bug."""
+    """A plugin violated its contract, or navstack has a bug."""
 
     code = 9099
     name = "INTERNAL"

@@ -1,4 +1,4 @@
-"""What happened, when, and why: the words of a run."""
+"""Events of a run, and their listeners."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import Any, Protocol
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something worth telling at `time` (s).
+    """An event at `time` (s).
 
     `kind` is one of: goal, status, feedback, plan, plan_failed, control_failed, state, recovery, warning, info.
-    `text` is for people; `data` is for programs and must be reproducible (no wall-clock times in it).
+    `text` is for users, `data` for programs. `data` must be reproducible: no wall-clock times.
     """
 
     time: float
@@ -21,11 +21,11 @@ class Event:
 
 
 class Listener(Protocol):
-    """Whoever wants to know: a record, a progress bar, a test.
+    """A receiver of events: a record, a progress bar, a test.
 
-    One with an attribute `hears_feedback` that is False is not sent the feedback of every control cycle on its account.
+    A listener with the attribute `hears_feedback = False` does not request the feedback events of every control cycle.
     """
 
     def on_event(self, event: Event) -> None:
-        """Called once per event, in order of time."""
+        """Receive an event. Events arrive once each, in chronological order."""
         ...

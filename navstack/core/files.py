@@ -1,4 +1,4 @@
-"""Files: whether there is one of that name, and writing them whole or not at all."""
+"""File checks that do not raise, and atomic writes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from navstack.core.errors import OutputError, jsonable
 
 
 def is_file(path: Path) -> bool:
-    """`Path.is_file`, but False, not an OSError, for a name that is too long or lies where nobody may look."""
+    """Return `Path.is_file`, but False instead of an OSError for names that are too long or not accessible."""
     try:
         return path.is_file()
     except OSError:
@@ -21,7 +21,7 @@ def is_file(path: Path) -> bool:
 
 
 def is_dir(path: Path) -> bool:
-    """`Path.is_dir`, likewise."""
+    """Return `Path.is_dir`, but False instead of an OSError."""
     try:
         return path.is_dir()
     except OSError:
@@ -29,7 +29,7 @@ def is_dir(path: Path) -> bool:
 
 
 def exists(path: Path) -> bool:
-    """`Path.exists`, likewise."""
+    """Return `Path.exists`, but False instead of an OSError."""
     try:
         return path.exists()
     except OSError:
@@ -37,24 +37,25 @@ def exists(path: Path) -> bool:
 
 
 def ensure_directory(path: Path) -> Path:
-    """Makes the folder and its parents; raises OutputError when it cannot be written to."""
+    """Create the folder and its parents. Raises OutputError if it is not writable."""
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as exc:
         raise OutputError(
-            f"cannot make the output folder {path}: {exc.strerror or exc}; choose another with --out", path=str(path)
+            f"cannot create the output folder {path}: {exc.strerror or exc}; choose another one with --out",
+            path=str(path),
         ) from exc
     if not os.access(path, os.W_OK | os.X_OK):
         raise OutputError(
-            f"the output folder {path} cannot be written to: permission denied; choose another with --out",
+            f"cannot write to the output folder {path}: permission denied; choose another one with --out",
             path=str(path),
         )
     return path
 
 
 @contextmanager
-def written_whole(path: Path) -> Generator[Path]:
-    """A name beside `path` to write to, with the same ending; renamed to `path` on success, removed on failure."""
+def atomic_write(path: Path) -> Generator[Path]:
+    """Yield a temporary file name beside `path` with the same suffix; rename it to `path` on success, remove it on failure."""
     beside = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
     try:
         yield beside
@@ -66,11 +67,11 @@ def written_whole(path: Path) -> Generator[Path]:
 
 
 def write_json(path: Path, document: Any) -> None:
-    """Writes a document as indented JSON, whole or not at all; what is not finite becomes null."""
+    """Write a document as indented JSON, atomically. NaN and infinity become null."""
     write_text(path, json.dumps(jsonable(document), indent=2, allow_nan=False) + "\n")
 
 
 def write_text(path: Path, text: str) -> None:
-    """Writes `text` as UTF-8, whole or not at all."""
-    with written_whole(path) as beside:
+    """Write `text` as UTF-8, atomically."""
+    with atomic_write(path) as beside:
         beside.write_text(text, encoding="utf-8")

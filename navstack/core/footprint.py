@@ -1,4 +1,4 @@
-"""The robot's outline: a polygon around its centre, with the two radii that costmap_2d derives from it.
+"""The robot's footprint: a polygon around its centre, and the two radii that costmap_2d derives from it.
 
 Source of the rules: costmap_2d/src/footprint.cpp (16-gon from a radius, padding away from zero per axis, inscribed and
 circumscribed radius over vertices and edges).
@@ -20,13 +20,13 @@ CIRCLE_VERTICES = 16
 
 
 class Footprint:
-    """Outline `vertices` (n, 2) float64, metres, in the robot's frame, padding included. Immutable."""
+    """Polygon with `vertices` (n, 2) float64 (m) in the robot's frame, padding included. Immutable."""
 
     def __init__(self, vertices: NDArray[np.float64], padding: float = 0.0) -> None:
         """`vertices` (n, 2) without padding; `padding` (m) moves each vertex away from zero along each axis.
 
-        Raises InputError for fewer than three points, points that are not finite, and outlines without area or that
-        cross themselves.
+        Raises InputError for fewer than three points, points that are not finite, and polygons that have no area or cross
+        themselves.
         """
         points = np.array(vertices, np.float64)
         if points.ndim != 2 or points.shape[1] != 2 or len(points) < 3:
@@ -36,12 +36,12 @@ class Footprint:
             )
         if not np.isfinite(points).all() or not math.isfinite(padding):
             raise InputError("a footprint's points and padding must be finite numbers", points=points.tolist())
-        # sign0: a coordinate of exactly zero is not moved
+        # as sign0 in ROS: a coordinate of exactly zero is not moved
         points = points + np.sign(points) * padding
         polygon = shapely.Polygon(points)
         if not polygon.is_valid or polygon.area <= 0.0:
             raise InputError(
-                "the footprint's outline crosses itself or has no area; list its corners in order around the robot",
+                "the footprint crosses itself or has no area; list its corners in order around the robot",
                 points=points.tolist(),
             )
         points.setflags(write=False)
@@ -55,7 +55,7 @@ class Footprint:
 
     @classmethod
     def from_radius(cls, radius: float, padding: float = 0.0) -> Footprint:
-        """A circle of `radius` (m) as costmap_2d draws it: a regular 16-gon."""
+        """Return the footprint of a circle of `radius` (m): a regular 16-gon, as in costmap_2d."""
         if not (math.isfinite(radius) and radius > 0.0):
             raise InputError(f"robot_radius must be a positive number of metres, not {radius}", radius=radius)
         angles = np.arange(CIRCLE_VERTICES) * (2.0 * np.pi / CIRCLE_VERTICES)
@@ -63,11 +63,11 @@ class Footprint:
 
     @cached_property
     def polygon(self) -> shapely.Polygon:
-        """The outline as a shapely polygon, in the robot's frame."""
+        """The footprint as a shapely polygon, in the robot's frame."""
         return shapely.Polygon(self.vertices)
 
     def at(self, pose: Pose2D) -> NDArray[np.float64]:
-        """Vertices (n, 2) in the frame of `pose` (m)."""
+        """Return the vertices (n, 2) at `pose`, in the frame of the pose (m)."""
         c, s = math.cos(pose.yaw), math.sin(pose.yaw)
         out = np.empty_like(self.vertices)
         out[:, 0] = pose.x + c * self.vertices[:, 0] - s * self.vertices[:, 1]

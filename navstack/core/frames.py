@@ -1,7 +1,7 @@
-"""A tree of planar frames over time: what tf does for move_base, without threads.
+"""A tree of planar frames over time, like tf, without threads.
 
-A dynamic frame keeps its last `history_s` seconds of transforms; look-ups between two of them interpolate linearly (yaw
-along the shorter way). Looking beyond the newest transform is an error, as in tf, except within `tolerance_s`.
+A dynamic frame stores the transforms of the last `history_s` seconds. Lookups between two of them interpolate linearly (yaw in
+the shorter direction). A lookup after the newest transform is an error, as in tf, except within `tolerance_s`.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ IDENTITY = Transform2D()
 
 
 def clean_frame(name: str) -> str:
-    """`/map` and `map` are one frame: tf2 dropped the leading slash of tf."""
+    """Return the name without a leading slash: tf2 treats `/map` as `map`."""
     return name.removeprefix("/")
 
 
 class _Edge:
-    """Transforms of one child in its parent, by time."""
+    """Transforms of one frame in its parent frame over time."""
 
     __slots__ = ("child", "parent", "stamps", "static", "transforms")
 
@@ -35,7 +35,7 @@ class _Edge:
         self.transforms: list[Transform2D] = []
 
     def at(self, stamp: float, tolerance_s: float) -> Transform2D:
-        """The transform at `stamp` (s), interpolated; raises FrameError off the ends by more than the tolerance."""
+        """Return the transform at `stamp` (s), interpolated. Raises FrameError outside the range plus tolerance."""
         if self.static:
             return self.transforms[0]
         stamps = self.stamps
@@ -52,7 +52,7 @@ class _Edge:
         if stamp <= stamps[0]:
             if stamps[0] - stamp > tolerance_s:
                 raise FrameError(
-                    f'the pose of "{self.child}" in "{self.parent}" is known from {stamps[0]:.3f} s on, not at {stamp:.3f} s',
+                    f'the pose of "{self.child}" in "{self.parent}" is known from {stamps[0]:.3f} s, not at {stamp:.3f} s',
                     frame=self.child,
                 )
             return self.transforms[0]
@@ -66,9 +66,9 @@ class _Edge:
 
 
 class _Chain:
-    """The edges between two frames, each from its end up to where both meet, and the last answer."""
+    """The edges from two frames up to their common ancestor, and the last result."""
 
-    __slots__ = ("answer", "changes", "down", "moving", "stamp", "tolerance_s", "up")
+    __slots__ = ("changes", "down", "moving", "result", "stamp", "tolerance_s", "up")
 
     def __init__(self, up: tuple[_Edge, ...], down: tuple[_Edge, ...]) -> None:
         self.up = up
@@ -77,17 +77,17 @@ class _Chain:
         self.changes = -1
         self.stamp = 0.0
         self.tolerance_s = 0.0
-        self.answer = IDENTITY
+        self.result = IDENTITY
 
     def newest(self) -> float:
-        """The newest time (s) at which all edges are known; inf when all are static."""
+        """Return the newest time (s) at which all edges are known; inf if all are static."""
         moving = self.moving
         if len(moving) == 1:
             return moving[0].stamps[-1]
         return min([edge.stamps[-1] for edge in moving], default=math.inf)
 
     def pose(self, stamp: float, tolerance_s: float) -> Transform2D:
-        """The source in the target's frame."""
+        """Return the pose of the source in the target frame."""
         if not self.down and len(self.up) == 1:
             return self.up[0].at(stamp, tolerance_s)
         pose = _composed(self.up, stamp, tolerance_s)
@@ -103,25 +103,25 @@ def _composed(edges: tuple[_Edge, ...], stamp: float, tolerance_s: float) -> Tra
 
 
 class FrameTree:
-    """Frames by name; each has one parent."""
+    """A tree of frames by name."""
 
     def __init__(self, history_s: float = 10.0) -> None:
         self.history_s = history_s
         self._edges: dict[str, _Edge] = {}
-        # by names as the callers write them; both are forgotten whenever the tree changes its shape
+        # keyed by the names as passed by the caller; cleared when the structure of the tree changes
         self._chains: dict[tuple[str, str], _Chain] = {}
         self._known: dict[tuple[str, str], _Edge] = {}
         self._changes = 0
 
     def set_static(self, parent: str, child: str, transform: Transform2D) -> None:
-        """`transform` = pose of `child` in `parent`, true at any time."""
+        """Set the pose of `child` in `parent`, valid at all times."""
         edge = self._edge(clean_frame(parent), clean_frame(child), static=True)
-        self._reshaped()  # answers that never change do so now
+        self._clear_caches()  # cached static chains depend on this edge
         edge.stamps[:] = [0.0]
         edge.transforms[:] = [transform]
 
     def set(self, parent: str, child: str, transform: Transform2D, stamp: float) -> None:
-        """`transform` = pose of `child` in `parent` at `stamp` (s). Stamps may come late, but not before the history."""
+        """Set the pose of `child` in `parent` at `stamp` (s). Older stamps are inserted if they are within the history."""
         edge = self._dynamic(parent, child)
         self._changes += 1
         stamps = edge.stamps
@@ -140,7 +140,7 @@ class FrameTree:
             edge.transforms.insert(at, transform)
 
     def extend(self, parent: str, child: str, transforms: Sequence[Transform2D], stamps: Sequence[float]) -> None:
-        """Several `set` at once; the stamps (s) rise."""
+        """Set several transforms at once; the stamps (s) must increase."""
         edge = self._dynamic(parent, child)
         if not stamps or (edge.stamps and stamps[0] <= edge.stamps[-1]):
             for transform, stamp in zip(transforms, stamps, strict=True):
@@ -159,7 +159,7 @@ class FrameTree:
         return edge
 
     def _trim(self, edge: _Edge) -> None:
-        """Forgets what is older than the history; in batches: deleting from the front of a list moves the rest."""
+        """Remove transforms older than the history, in batches because removing from the front of a list is slow."""
         stamps = edge.stamps
         stamp = stamps[-1]
         if stamps[0] < stamp - 2.0 * self.history_s:
@@ -167,25 +167,25 @@ class FrameTree:
             del stamps[:keep], edge.transforms[:keep]
 
     def remove(self, child: str) -> None:
-        """Forgets a frame, as when its publisher dies."""
+        """Remove a frame, for example when its publisher stops."""
         self._edges.pop(clean_frame(child), None)
-        self._reshaped()
+        self._clear_caches()
 
     def frames(self) -> list[str]:
-        """All names, sorted."""
+        """Return all names, sorted."""
         return sorted(set(self._edges) | {edge.parent for edge in self._edges.values()})
 
     def latest_stamp(self, target: str, source: str) -> float:
-        """The newest time (s) at which the two frames are connected; inf when only static ones lie between.
+        """Return the newest time (s) at which the two frames are connected; inf if only static transforms connect them.
 
-        Raises FrameError when they are not connected.
+        Raises FrameError if they are not connected.
         """
         return self._chain(target, source).newest()
 
     def lookup(self, target: str, source: str, stamp: float | None = None, tolerance_s: float = 0.0) -> Transform2D:
-        """Pose of frame `source` in frame `target` at `stamp` (s), or at the newest common time when None.
+        """Return the pose of frame `source` in frame `target` at `stamp` (s), or at the newest common time if None.
 
-        Raises FrameError when the frames are not connected, or not at that time give or take `tolerance_s`.
+        Raises FrameError if the frames are not connected at that time, within `tolerance_s`.
         """
         chain = self._chains.get((target, source))
         if chain is None:
@@ -193,13 +193,13 @@ class FrameTree:
         if stamp is None:
             stamp, tolerance_s = chain.newest(), math.inf
         if not chain.moving and chain.changes >= 0:
-            return chain.answer
-        # asked again and again for the present moment
+            return chain.result
+        # repeated lookup at the same time
         if chain.changes == self._changes and chain.stamp == stamp and chain.tolerance_s <= tolerance_s:
-            return chain.answer
-        chain.answer = answer = chain.pose(stamp, tolerance_s)
+            return chain.result
+        chain.result = result = chain.pose(stamp, tolerance_s)
         chain.changes, chain.stamp, chain.tolerance_s = self._changes, stamp, tolerance_s
-        return answer
+        return result
 
     def _chain(self, target: str, source: str) -> _Chain:
         known = self._chains.get((target, source))
@@ -210,19 +210,21 @@ class FrameTree:
         if common is None:
             frames = ", ".join(self.frames()) or "none"
             raise FrameError(
-                f'no transform from "{b}" to "{a}": they are not connected (frames: {frames})', target=a, source=b
+                f'no transform from "{b}" to "{a}": the frames are not connected (known frames: {frames})',
+                target=a,
+                source=b,
             )
-        chain = self._chains[target, source] = _Chain(self._way_up(b, common), self._way_up(a, common))
+        chain = self._chains[target, source] = _Chain(self._edges_up(b, common), self._edges_up(a, common))
         return chain
 
-    def _way_up(self, name: str, ancestor: str) -> tuple[_Edge, ...]:
-        way: list[_Edge] = []
+    def _edges_up(self, name: str, ancestor: str) -> tuple[_Edge, ...]:
+        edges: list[_Edge] = []
         while name != ancestor:
-            way.append(self._edges[name])
-            name = way[-1].parent
-        return tuple(way)
+            edges.append(self._edges[name])
+            name = edges[-1].parent
+        return tuple(edges)
 
-    def _reshaped(self) -> None:
+    def _clear_caches(self) -> None:
         self._changes += 1
         self._chains.clear()
         self._known.clear()
@@ -248,7 +250,10 @@ class FrameTree:
                 if name == child:
                     break
             if name == child or parent == child:
-                raise FrameError(f'frame "{child}" cannot hang below itself through "{parent}"', child=child)
+                raise FrameError(
+                    f'frame "{child}" cannot be its own ancestor, through "{parent}"; use a tree without cycles',
+                    child=child,
+                )
             edge = self._edges[child] = _Edge(parent, child, static)
-            self._reshaped()
+            self._clear_caches()
         return edge

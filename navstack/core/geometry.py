@@ -12,18 +12,18 @@ from navstack.core.angles import normalize_angle
 
 
 class Pose2D(NamedTuple):
-    """Position (m) and heading (rad) in some frame."""
+    """Position (m) and heading (rad) in a frame."""
 
     x: float
     y: float
     yaw: float = 0.0
 
     def distance_to(self, other: Pose2D) -> float:
-        """Euclidean distance between the two positions, in metres."""
+        """Return the Euclidean distance between the two positions (m)."""
         return math.hypot(other.x - self.x, other.y - self.y)
 
     def is_finite(self) -> bool:
-        """False when a coordinate is NaN or infinite."""
+        """Return False if a coordinate is NaN or infinite."""
         return math.isfinite(self.x) and math.isfinite(self.y) and math.isfinite(self.yaw)
 
 
@@ -40,26 +40,26 @@ class Twist2D(NamedTuple):
         return math.hypot(self.vx, self.vy)
 
     def is_finite(self) -> bool:
-        """False when a component is NaN or infinite."""
+        """Return False if a component is NaN or infinite."""
         return math.isfinite(self.vx) and math.isfinite(self.vy) and math.isfinite(self.wz)
 
 
 class Transform2D(NamedTuple):
-    """Pose of a frame B in a frame A; `apply` takes coordinates in B to coordinates in A."""
+    """Pose of a frame B in a frame A; `apply` transforms coordinates in B to coordinates in A."""
 
     x: float = 0.0
     y: float = 0.0
     yaw: float = 0.0
 
     def apply(self, pose: Pose2D) -> Pose2D:
-        """`pose` given in B, expressed in A."""
+        """Transform `pose` from B to A."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         return Pose2D(
             self.x + c * pose.x - s * pose.y, self.y + s * pose.x + c * pose.y, normalize_angle(self.yaw + pose.yaw)
         )
 
     def apply_points(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Points (n, 2) given in B, expressed in A: a new (n, 2) array."""
+        """Transform points (n, 2) from B to A; return a new array."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         out = np.empty((len(points), 2))
         out[:, 0] = self.x + c * points[:, 0] - s * points[:, 1]
@@ -67,7 +67,7 @@ class Transform2D(NamedTuple):
         return out
 
     def apply_poses(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Poses (n, 3) = x, y, yaw given in B, expressed in A: a new (n, 3) array, yaw in (-pi, pi]."""
+        """Transform poses (n, 3) = x, y, yaw from B to A; return a new array with yaw in (-pi, pi]."""
         out = np.empty((len(poses), 3))
         out[:, :2] = self.apply_points(poses[:, :2])
         yaw = poses[:, 2] + self.yaw
@@ -75,12 +75,12 @@ class Transform2D(NamedTuple):
         return out
 
     def inverse(self) -> Transform2D:
-        """The transform that takes coordinates in A to coordinates in B."""
+        """Return the transform from A to B."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         return Transform2D(-(c * self.x + s * self.y), s * self.x - c * self.y, normalize_angle(-self.yaw))
 
     def __matmul__(self, other: Transform2D) -> Transform2D:
-        """`A<-B @ B<-C = A<-C`."""
+        """Compose transforms: `A<-B @ B<-C = A<-C`."""
         x, y, yaw = self
         c, s = math.cos(yaw), math.sin(yaw)
         return Transform2D(
@@ -88,5 +88,5 @@ class Transform2D(NamedTuple):
         )
 
     def is_identity(self) -> bool:
-        """True when nothing would move."""
+        """Return True for the identity."""
         return self.x == 0.0 and self.y == 0.0 and self.yaw == 0.0

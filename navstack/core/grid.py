@@ -1,6 +1,6 @@
-"""Grids: where a cell lies in the world, an occupancy grid, a costmap.
+"""Grid geometry (world <-> cell), occupancy grids and costmaps.
 
-Arrays are `[iy, ix]`, row 0 = smallest y. `ix = floor((x - origin_x) / resolution)`; the centre of cell i lies at
+Arrays are `[iy, ix]`, row 0 = smallest y. `ix = floor((x - origin_x) / resolution)`; the centre of cell i is at
 `origin + (i + 0.5) * resolution` (costmap_2d/src/costmap_2d.cpp).
 """
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 
 class Bounds(NamedTuple):
-    """A box in world coordinates (m) that only grows; empty while `min > max`."""
+    """A box in world coordinates (m); empty if `min > max`."""
 
     min_x: float = math.inf
     min_y: float = math.inf
@@ -24,15 +24,15 @@ class Bounds(NamedTuple):
 
     @property
     def is_empty(self) -> bool:
-        """True while nothing has been put in."""
+        """True for an empty box."""
         return self.min_x > self.max_x or self.min_y > self.max_y
 
     def including(self, x: float, y: float) -> Bounds:
-        """Grown to hold the point (m)."""
+        """Return the bounds grown to contain the point (m)."""
         return Bounds(min(self.min_x, x), min(self.min_y, y), max(self.max_x, x), max(self.max_y, y))
 
     def union(self, other: Bounds) -> Bounds:
-        """Grown to hold `other`."""
+        """Return the bounds grown to contain `other`."""
         return Bounds(
             min(self.min_x, other.min_x),
             min(self.min_y, other.min_y),
@@ -41,12 +41,12 @@ class Bounds(NamedTuple):
         )
 
     def grown(self, margin: float) -> Bounds:
-        """Grown by `margin` (m) to every side."""
+        """Return the bounds grown by `margin` (m) on each side."""
         return Bounds(self.min_x - margin, self.min_y - margin, self.max_x + margin, self.max_y + margin)
 
 
 class Window(NamedTuple):
-    """A rectangle of cells, half open: `x0 <= ix < x1`, `y0 <= iy < y1`."""
+    """A half-open rectangle of cells: `x0 <= ix < x1`, `y0 <= iy < y1`."""
 
     x0: int
     y0: int
@@ -55,12 +55,12 @@ class Window(NamedTuple):
 
     @property
     def is_empty(self) -> bool:
-        """True when no cell is inside."""
+        """True without cells."""
         return self.x0 >= self.x1 or self.y0 >= self.y1
 
     @property
     def slices(self) -> tuple[slice, slice]:
-        """To index an `[iy, ix]` array."""
+        """Index of the window in an `[iy, ix]` array."""
         return slice(self.y0, self.y1), slice(self.x0, self.x1)
 
 
@@ -78,35 +78,35 @@ class GridGeometry:
         if not (math.isfinite(self.resolution) and self.resolution > 0.0):
             raise ValueError(f"resolution must be a positive number of metres per cell, not {self.resolution}")
         if self.nx < 1 or self.ny < 1:
-            raise ValueError(f"a grid has at least one cell in each direction, not {self.nx} x {self.ny}")
+            raise ValueError(f"a grid must have at least one cell in each direction, not {self.nx} x {self.ny}")
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(ny, nx), the shape of its arrays."""
+        """(ny, nx), the shape of the arrays."""
         return self.ny, self.nx
 
     @property
     def width_m(self) -> float:
-        """Extent along x, metres."""
+        """Extent along x (m)."""
         return self.nx * self.resolution
 
     @property
     def height_m(self) -> float:
-        """Extent along y, metres."""
+        """Extent along y (m)."""
         return self.ny * self.resolution
 
     @property
     def extent(self) -> tuple[float, float, float, float]:
-        """(left, right, bottom, top) in metres, as matplotlib's imshow takes it."""
+        """(left, right, bottom, top) in metres, as for matplotlib's imshow."""
         return self.origin_x, self.origin_x + self.width_m, self.origin_y, self.origin_y + self.height_m
 
     @property
     def window(self) -> Window:
-        """All cells."""
+        """The window of all cells."""
         return Window(0, 0, self.nx, self.ny)
 
     def world_to_cell(self, x: float, y: float) -> tuple[int, int] | None:
-        """(ix, iy) of the cell that holds the point (m), None when it lies outside or is not finite."""
+        """Return (ix, iy) of the cell that contains the point (m); None if it is outside or not finite."""
         if not (math.isfinite(x) and math.isfinite(y)) or x < self.origin_x or y < self.origin_y:
             return None
         fx = (x - self.origin_x) / self.resolution
@@ -116,19 +116,19 @@ class GridGeometry:
         return int(fx), int(fy)
 
     def world_to_cell_unbounded(self, x: float, y: float) -> tuple[int, int]:
-        """(ix, iy) of the cell that would hold the point (m) if the grid went on for ever."""
+        """Return (ix, iy) of the cell that contains the point (m) in an unbounded grid."""
         return math.floor((x - self.origin_x) / self.resolution), math.floor((y - self.origin_y) / self.resolution)
 
     def cell_to_world(self, ix: int, iy: int) -> tuple[float, float]:
-        """World coordinates (m) of the centre of a cell."""
+        """Return the world coordinates (m) of the centre of a cell."""
         return self.origin_x + (ix + 0.5) * self.resolution, self.origin_y + (iy + 0.5) * self.resolution
 
     def contains_cell(self, ix: int, iy: int) -> bool:
-        """True for a cell of this grid."""
+        """Return True for a cell of this grid."""
         return 0 <= ix < self.nx and 0 <= iy < self.ny
 
     def window_of(self, bounds: Bounds) -> Window:
-        """The cells that `bounds` (m) touches, clipped to the grid; from the cell of the minimum to that of the maximum."""
+        """Return the window from the cell of the minimum to that of the maximum of `bounds` (m), clipped to the grid."""
         if bounds.is_empty:
             return Window(0, 0, 0, 0)
         x0, y0 = self._clipped(bounds.min_x, bounds.min_y)
@@ -143,16 +143,15 @@ class GridGeometry:
         return ix, iy
 
     def moved_to(self, origin_x: float, origin_y: float) -> GridGeometry:
-        """The same grid with its corner elsewhere."""
+        """Return the same grid with another origin."""
         return GridGeometry(self.nx, self.ny, self.resolution, origin_x, origin_y)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OccupancyGrid:
-    """What map_server publishes: `data` (ny, nx) int8, 0 free .. 100 occupied, -1 unknown, in `frame`.
+    """A map as published by map_server: `data` (ny, nx) int8, 0 free .. 100 occupied, -1 unknown, in `frame`.
 
-    `origin_yaw` (rad) turns the grid about its lower left corner; costmap_2d ignores it, the static layer of navstack
-    looks cells up through it.
+    `origin_yaw` (rad) rotates the grid about its lower left corner. costmap_2d ignores it; navstack's static layer applies it.
     """
 
     data: NDArray[np.int8]
@@ -162,7 +161,7 @@ class OccupancyGrid:
 
 
 class Costmap:
-    """Costs `data` (ny, nx) uint8 at `geometry` in `frame`. The array may be written to; the geometry may be replaced."""
+    """Costs `data` (ny, nx) uint8 with `geometry` in `frame`. The array is writable; the geometry may be replaced."""
 
     __slots__ = ("data", "frame", "geometry")
 
@@ -178,10 +177,10 @@ class Costmap:
         self.frame = frame
 
     def cost_at(self, x: float, y: float) -> int | None:
-        """Cost of the cell at a world point (m), None outside."""
+        """Return the cost at a world point (m); None outside the grid."""
         cell = self.geometry.world_to_cell(x, y)
         return None if cell is None else int(self.data[cell[1], cell[0]])
 
     def copy(self) -> Costmap:
-        """An independent copy."""
+        """Return an independent copy."""
         return Costmap(self.geometry, self.data.copy(), self.frame)

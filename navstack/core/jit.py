@@ -1,12 +1,12 @@
-"""`@kernel`: numba, loaded when the first kernel runs, cached where that is possible, never required to be.
+"""`@kernel`: lazy compilation with numba, and a cache of the machine code.
 
-- Importing a module of kernels costs nothing: numba (half a second) is imported, and the whole chain of kernels that call
-  each other is bound, at the first call.
-- The cache lives in the user's cache folder under a key made of the size and time of the kernel's file and of those whose
-  kernels it calls, so that a change in a kernel that another file calls is seen too (numba looks only at the file of the
-  caller), and a change in one room does not compile the others anew.
-- Where nothing can be written, kernels are compiled anew in each process.
-- NAVSTACK_BOUNDSCHECK=1 compiles every kernel with bounds checks, into a cache of its own.
+- Importing a module of kernels is cheap: numba (half a second) is imported at the first call of a kernel, and only then are the
+  kernels that call each other compiled.
+- The cache is in the user's cache folder. Its key contains the size and time of the kernel's file and of the files of all
+  kernels that it calls (numba checks the file of the caller only). So a change in one file recompiles its callers, and no
+  other kernels.
+- Without a writable folder, each process compiles the kernels again.
+- NAVSTACK_BOUNDSCHECK=1 compiles every kernel with bounds checks, into a separate cache.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ _PACKAGE = Path(__file__).resolve().parent.parent
 
 
 def boundscheck_enabled() -> bool:
-    """True when NAVSTACK_BOUNDSCHECK asks for bounds checks."""
+    """Return True if NAVSTACK_BOUNDSCHECK enables bounds checks."""
     return os.environ.get("NAVSTACK_BOUNDSCHECK", "") not in ("", "0")
 
 
 class Kernel(Generic[P, R]):
-    """A function for numba; compiled at its first call."""
+    """A function that numba compiles at its first call."""
 
     def __init__(self, function: Callable[P, R]) -> None:
         self.function = function
@@ -49,13 +49,13 @@ class Kernel(Generic[P, R]):
         return compiled(*args, **kwargs)
 
     def compiled(self) -> Callable[P, R]:
-        """Numba's dispatcher; use it where a tenth of a microsecond per call counts."""
+        """Return numba's dispatcher, which saves a tenth of a microsecond per call."""
         if self._compiled is None:
             with _LOCK:
                 if self._compiled is None:
                     dispatcher = _dispatcher(self.function)
                     self._compiled = dispatcher
-                    # kernels that this one calls by their global names: numba must find dispatchers there
+                    # replace the kernels that this one calls by their dispatchers, which numba requires
                     names = self.function.__globals__
                     for name in self.function.__code__.co_names:
                         other = names.get(name)
@@ -65,7 +65,7 @@ class Kernel(Generic[P, R]):
 
 
 def kernel(function: Callable[P, R]) -> Kernel[P, R]:
-    """Decorator: compile with numba in nopython mode, releasing the GIL. No fastmath, no threads: reproducible to the bit."""
+    """Compile with numba in nopython mode, releasing the GIL. No fastmath and no threads: reproducible to the bit."""
     return Kernel(function)
 
 
@@ -79,27 +79,27 @@ def _dispatcher(function: Callable[P, R]) -> Callable[P, R]:
     folder = _cache_folder(_files_behind(function))
     if folder is not None:
         before = config.CACHE_DIR
-        config.CACHE_DIR = folder  # read by numba while it decorates; put back for the user's own functions
+        config.CACHE_DIR = folder  # read by numba during decoration; restored for other users of numba
         try:
             dispatcher: Any = numba.njit(cache=True, **options)(function)
-            _save_one_at_a_time(dispatcher, Path(folder))
+            _lock_cache_writes(dispatcher, Path(folder))
             return cast("Callable[P, R]", dispatcher)
         except (RuntimeError, OSError):
-            pass  # no place to cache in: compile without
+            pass  # the folder is not usable: compile without a cache
         finally:
             config.CACHE_DIR = before
     return cast("Callable[P, R]", numba.njit(**options)(function))
 
 
-def _save_one_at_a_time(dispatcher: Any, folder: Path) -> None:
-    """Lets no two processes write the cache at once.
+def _lock_cache_writes(dispatcher: Any, folder: Path) -> None:
+    """Serialize the cache writes of all processes.
 
-    numba looks for a free file name and writes the index and the file without a lock: of two processes that compile one
-    kernel for different types at the same moment, one can end up with the other's machine code under its own types.
+    numba chooses a free file name and writes the index and the file without a lock. If two processes compile one kernel for
+    different types at the same time, one can store the machine code of the other under its own types.
     """
     try:
         import fcntl
-    except ImportError:  # not on this system: as numba does it
+    except ImportError:  # not available on this system
         return
     save = dispatcher._cache.save_overload
 
@@ -116,7 +116,7 @@ def _save_one_at_a_time(dispatcher: Any, folder: Path) -> None:
 
 
 def kernels_are_cached(*kernels: Kernel[..., Any]) -> bool:
-    """False when one of these has yet to be compiled in its present state: its first run takes its time."""
+    """Return False if one of these kernels is not in the cache: its first call compiles it."""
     return all(_is_cached(_cache_folder(_files_behind(kernel.function))) for kernel in kernels)
 
 
@@ -125,12 +125,12 @@ def _is_cached(folder: str | None) -> bool:
 
 
 def _files_behind(function: Callable[..., Any]) -> tuple[str, ...]:
-    """The files of a kernel and of all kernels that its module can call, sorted."""
+    """Return the files of a kernel and of all kernels that its module can call, sorted."""
     files = {function.__code__.co_filename, __file__}
     modules = [function.__globals__]
     while modules:
         for value in list(modules.pop().values()):
-            # a kernel, or what has become of it: numba's dispatcher
+            # a kernel, or the dispatcher that replaced it
             other: Any = value.function if isinstance(value, Kernel) else getattr(value, "py_func", None)
             if other is not None and other.__code__.co_filename not in files:
                 files.add(other.__code__.co_filename)
@@ -140,7 +140,7 @@ def _files_behind(function: Callable[..., Any]) -> tuple[str, ...]:
 
 @cache
 def _cache_folder(files: tuple[str, ...]) -> str | None:
-    """The folder for kernels that stand in these files, as they are now; None when none can be written to."""
+    """Return the cache folder for the kernels in these files, in their current state; None if it is not writable."""
     digest = hashlib.sha256(b"boundscheck" if boundscheck_enabled() else b"")
     base = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME")
     try:
@@ -158,7 +158,7 @@ def _cache_folder(files: tuple[str, ...]) -> str | None:
 
 
 def _remove_outdated(present: Path) -> None:
-    """Removes caches of former states of the kernels that nobody made use of for a month."""
+    """Remove caches of former states of the kernels that were not used for a month."""
     for other in present.parent.glob("kernels-*"):
         if other != present and time.time() - other.stat().st_mtime > _OUTDATED_S:
             shutil.rmtree(other, ignore_errors=True)

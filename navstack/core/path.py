@@ -1,4 +1,4 @@
-"""A path: poses in a frame."""
+"""Paths."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Path:
 
     def __post_init__(self) -> None:
         if self.poses.ndim != 2 or self.poses.shape[1] != 3:
-            raise ValueError(f"a path is an array of shape (n, 3), not {self.poses.shape}")
+            raise ValueError(f"the poses of a path must be an array of shape (n, 3), not {self.poses.shape}")
 
     def __len__(self) -> int:
         return len(self.poses)
@@ -30,12 +30,12 @@ class Path:
 
     @property
     def length(self) -> float:
-        """Sum of the distances between successive positions, in metres."""
+        """Sum of the distances between successive positions (m)."""
         if len(self.poses) < 2:
             return 0.0
         x, y = self.poses[:, 0], self.poses[:, 1]
         return float(np.hypot(x[1:] - x[:-1], y[1:] - y[:-1]).sum())
 
     def transformed(self, transform: Transform2D, frame: str) -> Path:
-        """The same path in `frame`, given the pose of this path's frame in it."""
+        """Return the path in `frame`; `transform` is the pose of this path's frame in it."""
         return Path(transform.apply_poses(self.poses), frame)

@@ -1,4 +1,4 @@
-"""Poses that users hand over."""
+"""Validation of poses passed by users."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from navstack.core.geometry import Pose2D
 
 
 def require_pose(value: object, what: str) -> Pose2D:
-    """`value` if it is a Pose2D. Raises InputError, with the way out, for a plain tuple and anything else."""
+    """Return `value` if it is a Pose2D. Raises InputError for a plain tuple and all other types."""
     if isinstance(value, Pose2D):
         return value
-    raise InputError(f"the {what} {value!r} is no Pose2D; give navstack.Pose2D(x, y, yaw) in metres and radians")
+    raise InputError(f"the {what} {value!r} is not a Pose2D; pass navstack.Pose2D(x, y, yaw) in metres and radians")

@@ -1,4 +1,4 @@
-"""What a robot reports: its state and its scans."""
+"""State and sensor data of a robot."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ class RobotState(NamedTuple):
 class LaserScan:
     """One sweep of a planar range finder, as sensor_msgs/LaserScan.
 
-    `ranges` (n,) float32, metres; beam i points along `angle_min + i * angle_increment` (rad) in `frame`. Beams that hit
-    nothing are +inf; invalid ones NaN. `height` is the sensor's height above the ground (m), since frames here are planar.
+    `ranges` (n,) float32, metres; beam i has the direction `angle_min + i * angle_increment` (rad) in `frame`. Beams without
+    a hit are +inf, invalid ones NaN. `height` is the height of the sensor above the ground (m), because frames are planar.
     """
 
     ranges: NDArray[np.float32]
@@ -42,8 +42,9 @@ class LaserScan:
 
 
 class DeferredScan(LaserScan):
-    """A scan whose ranges are worked out when somebody reads them: a costmap that updates less often than the sensor
-    measures reads one in several. For sensors whose result is a pure function of what they hold, such as simulated ones.
+    """A scan whose ranges are computed at the first access: a costmap with a lower rate than the sensor skips most scans.
+
+    For sensors whose result is a pure function of their input, such as simulated ones.
     """
 
     __slots__ = ("_measure", "_measured")
@@ -62,7 +63,7 @@ class DeferredScan(LaserScan):
         topic: str = "scan",
         height: float = 0.3,
     ) -> None:
-        """`ranges`: gives the array of `LaserScan.ranges`, at most once; or the array itself (`dataclasses.replace`)."""
+        """`ranges`: a function that returns `LaserScan.ranges`, called at most once; or the array (for `dataclasses.replace`)."""
         put = object.__setattr__
         measured, measure = (None, ranges) if callable(ranges) else (ranges, None)
         put(self, "_measure", measure)
@@ -78,12 +79,12 @@ class DeferredScan(LaserScan):
 
     @property
     def ranges(self) -> NDArray[np.float32]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """(n,) float32, metres; measured at the first call."""
+        """(n,) float32, metres; computed at the first access."""
         measured: Any = self._measured
         if measured is None:
             measured = self._measure()
             object.__setattr__(self, "_measured", measured)
-            object.__setattr__(self, "_measure", None)  # what it holds on to may go
+            object.__setattr__(self, "_measure", None)  # releases the references of the function
         return measured
 
 
@@ -99,8 +100,10 @@ class PointCloud:
 
 @dataclass(frozen=True, slots=True)
 class RangeReading:
-    """One distance of a sonar or infrared sensor, as sensor_msgs/Range: something lies on an arc of `field_of_view` (rad)
-    about the x axis of `frame`, `range_m` metres away; nothing within `max_range` when it is that or more.
+    """One reading of a sonar or infrared sensor, as sensor_msgs/Range.
+
+    An obstacle is at the distance `range_m` (m) on an arc of `field_of_view` (rad) about the x axis of `frame`. A reading of
+    `max_range` or more means no obstacle.
     """
 
     range_m: float
@@ -114,7 +117,7 @@ class RangeReading:
 
 @dataclass(frozen=True, slots=True)
 class ImuReading:
-    """What an inertial measurement unit reports, as sensor_msgs/Imu, of a robot that stays in the plane.
+    """A reading of an inertial measurement unit, as sensor_msgs/Imu, on a planar robot.
 
     `orientation` is the quaternion (x, y, z, w) of `frame` in the map; `yaw_rate` (rad/s) counter-clockwise.
     """
@@ -127,7 +130,7 @@ class ImuReading:
 
     @property
     def yaw(self) -> float:
-        """Of the orientation, rad."""
+        """Yaw of the orientation (rad)."""
         x, y, z, w = self.orientation
         return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 

@@ -16,7 +16,7 @@ from typing import Any, Final, Self
 
 from navstack import __version__
 from navstack.core.errors import InputError, OutputError, jsonable
-from navstack.core.files import ensure_directory, written_whole
+from navstack.core.files import atomic_write, ensure_directory
 from navstack.jobs.job import JobResult
 
 FORMAT: Final = 1
@@ -54,7 +54,7 @@ class ResultsFile:
         """Writes the file anew, whole or not at all: the results in this order, a line each. Closes it."""
         text = "".join(f"{line}\n" for line in (json.dumps(self._head), *(r.as_line() for r in results)))
         if self.path.read_bytes() != text.encode():
-            with written_whole(self.path) as beside, beside.open("w", encoding="utf-8") as file:
+            with atomic_write(self.path) as beside, beside.open("w", encoding="utf-8") as file:
                 file.write(text)
                 file.flush()
                 os.fsync(file.fileno())

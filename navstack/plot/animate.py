@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core.errors import InputError
-from navstack.core.files import ensure_directory, written_whole
+from navstack.core.files import atomic_write, ensure_directory
 from navstack.plot import canvas
 from navstack.plot.encoders import find_ffmpeg, write_gif, write_mp4
 from navstack.plot.film import Film
@@ -46,7 +46,7 @@ def animate_run(
     with canvas.style():
         film = Film(record, title or headline(record), dpi)
         times = _frame_times(record, fps, speed)
-        with written_whole(out) as partial:
+        with atomic_write(out) as partial:
             if ffmpeg is None:
                 write_gif(film.frame, times, fps, partial, progress)
             else:

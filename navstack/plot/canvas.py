@@ -15,7 +15,7 @@ from typing import Any, Literal
 
 from navstack.core import Bounds
 from navstack.core.errors import OutputError
-from navstack.core.files import ensure_directory, written_whole
+from navstack.core.files import atomic_write, ensure_directory
 from navstack.plot import colors
 from navstack.plot.areas import shaped
 from navstack.plot.legend import handlers
@@ -80,7 +80,7 @@ def save(figure: Any, path: Path, dpi: float) -> Path:
         ".pdf": {"CreationDate": None, "Creator": None, "Producer": None},
     }[suffix]
     ensure_directory(path.parent)
-    with written_whole(path) as beside:
+    with atomic_write(path) as beside:
         figure.savefig(beside, dpi=dpi, format=suffix[1:], metadata=metadata)
     return path
 

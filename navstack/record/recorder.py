@@ -25,7 +25,7 @@ from navstack.core import (
     Window,
 )
 from navstack.core.errors import jsonable
-from navstack.core.files import ensure_directory, written_whole
+from navstack.core.files import atomic_write, ensure_directory
 from navstack.interfaces import LocalPlan
 from navstack.record import format as fmt
 from navstack.record._grid_kernels import take_over
@@ -201,7 +201,7 @@ class RunRecorder:
         text = render_log(meta, events)
         ensure_directory(folder)
         files = {"record": folder / fmt.RUN_FILE, "log": folder / fmt.LOG_FILE}
-        with written_whole(files["record"]) as record, written_whole(files["log"]) as log:
+        with atomic_write(files["record"]) as record, atomic_write(files["log"]) as log:
             with record.open("wb") as out:
                 fmt.write(out, meta, events, arrays)
             log.write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")

@@ -5,13 +5,13 @@ from pathlib import Path
 import pytest
 
 from navstack.core.errors import OutputError
-from navstack.core.files import ensure_directory, write_text, written_whole
+from navstack.core.files import atomic_write, ensure_directory, write_text
 
 
 def test_nothing_half_written(tmp_path: Path) -> None:
     target = tmp_path / "log.txt"
     write_text(target, "old")
-    with pytest.raises(RuntimeError), written_whole(target) as beside:
+    with pytest.raises(RuntimeError), atomic_write(target) as beside:
         beside.write_text("half")
         raise RuntimeError("power cut")
     assert target.read_text() == "old"

@@ -71,7 +71,7 @@ def test_unconnected_frames_and_loops_are_errors() -> None:
     frames = tree()
     with pytest.raises(FrameError, match="not connected"):
         frames.lookup("map", "moon", 0.0)
-    with pytest.raises(FrameError, match="below itself"):
+    with pytest.raises(FrameError, match="its own ancestor"):
         frames.set_static("laser", "map", Transform2D())
 
 

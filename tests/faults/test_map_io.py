@@ -49,8 +49,8 @@ def test_the_good_one_loads(folder: Path) -> None:
 @pytest.mark.parametrize("key", GOOD)
 def test_each_missing_key(key: str, folder: Path) -> None:
     message = refused(write(folder, **{key: None}))
-    assert f'lacks "{key}"' in message
-    assert f'add for instance "{key}: ' in message
+    assert f'"{key}" is missing' in message
+    assert f'add for example "{key}: ' in message
 
 
 @pytest.mark.parametrize(
@@ -70,16 +70,16 @@ def test_each_missing_key(key: str, folder: Path) -> None:
         ("origin", "[0, 0, left]", "three numbers [x, y, yaw]"),
         ("negate", "2", "must be 0 or 1, not 2"),
         ("negate", "no thanks", "must be 0 or 1"),
-        ("occupied_thresh", "65", "between 0 and 1, not 65"),
+        ("occupied_thresh", "65", "between 0 (white) and 1 (black), not 65"),
         ("occupied_thresh", "0.1", "free_thresh (0.196) must be smaller than occupied_thresh (0.1)"),
-        ("free_thresh", "-0.1", "between 0 and 1, not -0.1"),
+        ("free_thresh", "-0.1", "between 0 (white) and 1 (black), not -0.1"),
         ("free_thresh", "x", "must be a number, not 'x'"),
         ("mode", "binary", "one of trinary, scale, raw"),
         ("image", "42", "must be a file name, not 42"),
         ("image", "''", "must be a file name"),
         ("image", "none.png", "the path is relative to the YAML"),
-        ("image", "/map/map.png", 'there is one beside the YAML: write "image: map.png"'),
-        ("image", "map.yaml", "is not an image"),
+        ("image", "/map/map.png", 'the folder of the YAML file contains it: write "image: map.png"'),
+        ("image", "map.yaml", "is not a readable image"),
         ("image", ".", "cannot be read"),
     ],
 )
@@ -98,11 +98,11 @@ def test_values(key: str, value: str, says: str, folder: Path) -> None:
     [
         ("", ":1: the file is empty"),
         ("# only a comment\n", ":1: the file is empty"),
-        ("- image: map.png\n", ":1: a map's YAML is a mapping with the keys image, resolution"),
-        ("just text", ":1: a map's YAML is a mapping"),
-        ("image: map.png\nresolution: [0.05\n", "this is not YAML"),
-        ("image: map.png\n\tresolution: 0.05\n", ":2: this is not YAML"),
-        ("a: &a [*a]\nb: !!python/object:os.system x\n", "this is not YAML"),
+        ("- image: map.png\n", ":1: the YAML file of a map must be a mapping with the keys image, resolution"),
+        ("just text", ":1: the YAML file of a map must be a mapping"),
+        ("image: map.png\nresolution: [0.05\n", "invalid YAML"),
+        ("image: map.png\n\tresolution: 0.05\n", ":2: invalid YAML"),
+        ("a: &a [*a]\nb: !!python/object:os.system x\n", "invalid YAML"),
     ],
 )
 def test_yaml(text: str, says: str, folder: Path) -> None:
@@ -111,14 +111,14 @@ def test_yaml(text: str, says: str, folder: Path) -> None:
 
 def test_no_such_map_names_what_is_there(folder: Path) -> None:
     write(folder)
-    assert "the folder has map.yaml" in refused(folder / "mpa.yaml")
+    assert "the folder contains map.yaml" in refused(folder / "mpa.yaml")
     assert "check the path" in refused(folder / "nowhere" / "map.yaml")
-    assert f"give {folder / 'map.yaml'}" in refused(folder)
+    assert f"pass {folder / 'map.yaml'}" in refused(folder)
 
 
 def test_an_image_instead_of_a_yaml(folder: Path) -> None:
     message = refused(folder / "map.png")
-    assert "is an image; a map is given by its YAML" in message
+    assert "is an image; pass the YAML file of the map" in message
     assert "image: map.png" in message
 
 
@@ -134,7 +134,7 @@ def test_truncated_images(folder: Path) -> None:
     whole = (folder / "map.png").read_bytes()
     for share in (0.02, 0.3, 0.9):
         (folder / "map.png").write_bytes(whole[: int(len(whole) * share)])
-        assert "save it anew" in refused(write(folder))
+        assert "save it again" in refused(write(folder))
     (folder / "map.pgm").write_bytes(b"P5\n64 64\n255\n" + b"\x00" * 100)
     assert "cannot be read" in refused(write(folder, image="map.pgm"))
 

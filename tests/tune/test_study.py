@@ -158,7 +158,8 @@ def test_invalid_storages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stora
     assert Path("notes.txt").read_text() == "not a journal\n"
     with (
         pytest.raises(
-            OutputError, match=r"cannot make the study's folder notes.txt/deeper: .*; choose another with --storage"
+            OutputError,
+            match=r"cannot create the study's folder notes.txt/deeper: .*; choose another one with --storage",
         ),
         open_storage("notes.txt/deeper/study.journal"),
     ):
