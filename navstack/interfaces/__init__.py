@@ -5,26 +5,23 @@ Parameters are passed to the constructor, data as arguments, failures as excepti
 
 from navstack.interfaces.cell_explanation import CellExplanation, CellProvenance, LayerShare
 from navstack.interfaces.costmap import CostmapServer, Layer, LayerContext
+from navstack.interfaces.critic import Critic, DistanceGrid, RejectionDetail, ScoringContext
 from navstack.interfaces.global_planner import GlobalPlanner, Plan
-from navstack.interfaces.local_planner import (
-    ControlInput,
-    Critic,
-    LocalPlan,
-    LocalPlanner,
-    Rollouts,
-    ScoringContext,
-    VelocityLimits,
-)
+from navstack.interfaces.local_planner import ControlDiagnostics, ControlInput, GoalChecker, LocalPlan, LocalPlanner
 from navstack.interfaces.recovery import RecoveryBehavior, RecoveryContext, RecoveryStatus, RecoveryStep
 from navstack.interfaces.robot import Robot
+from navstack.interfaces.rollouts import RolloutCells, Rollouts, TrajectoryGenerator, VelocityLimits
 
 __all__ = [
     "CellExplanation",
     "CellProvenance",
+    "ControlDiagnostics",
     "ControlInput",
     "CostmapServer",
     "Critic",
+    "DistanceGrid",
     "GlobalPlanner",
+    "GoalChecker",
     "Layer",
     "LayerContext",
     "LayerShare",
@@ -35,8 +32,11 @@ __all__ = [
     "RecoveryContext",
     "RecoveryStatus",
     "RecoveryStep",
+    "RejectionDetail",
     "Robot",
+    "RolloutCells",
     "Rollouts",
     "ScoringContext",
+    "TrajectoryGenerator",
     "VelocityLimits",
 ]

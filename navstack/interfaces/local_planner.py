@@ -1,10 +1,10 @@
-"""Local planners, their critics, and the values they exchange in a control cycle."""
+"""Local planners, their goal checker, and the input and output of a control cycle."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,66 +19,50 @@ from navstack.core import (
     Twist2D,
 )
 from navstack.core.parameters import ParamModel
-
-
-class VelocityLimits(NamedTuple):
-    """What a local planner allows the base (m/s, rad/s, m/s², rad/s²), for behaviours that drive it otherwise."""
-
-    max_vel_x: float
-    min_vel_x: float
-    max_vel_y: float
-    min_vel_y: float
-    max_vel_trans: float
-    min_vel_trans: float
-    max_vel_theta: float
-    min_vel_theta: float
-    acc_lim_x: float
-    acc_lim_y: float
-    acc_lim_theta: float
-    yaw_goal_tolerance: float
-    xy_goal_tolerance: float
+from navstack.interfaces.critic import RejectionDetail
+from navstack.interfaces.rollouts import Rollouts, VelocityLimits
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ControlInput:
-    """Everything a local planner looks at in one cycle."""
+    """Input of a local planner in one control cycle."""
 
     state: RobotState
-    """Pose in the costmap's frame, velocity in the robot's."""
+    """Pose in the costmap's frame, velocity in the robot's frame."""
     costmap: Costmap
     footprint: Footprint
     plan_to_costmap: Transform2D = field(default_factory=Transform2D)
-    """Pose of the plan's frame in the costmap's frame at this time."""
+    """Pose of the plan's frame in the costmap's frame."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LocalPlan:
-    """A command and how it was chosen. K samples, T points, C critics."""
+    """A command and how it was selected. K velocity samples, T points, C critics."""
 
     command: Twist2D
     mode: str = "follow"
-    """follow, brake, rotate_to_goal, arrived, or escape: backing out where every sample was rejected."""
+    """follow, brake, rotate_to_goal, arrived, or escape (backs up because every sample was rejected)."""
     samples: NDArray[np.float64] | None = None
-    """(K, 3) velocities vx, vy, wz that were tried."""
+    """(K, 3) velocity samples vx, vy, wz."""
     critics: tuple[str, ...] = ()
     costs: NDArray[np.float64] | None = None
-    """(K, C) raw costs per critic; NaN where a sample was not scored by it."""
+    """(K, C) raw costs by critic; NaN where a critic did not score a sample."""
     scales: NDArray[np.float64] | None = None
-    """(C,) weights."""
+    """(C,) weights of the critics."""
     totals: NDArray[np.float64] | None = None
-    """(K,) weighted sums; negative: the code of the rejection."""
+    """(K,) weighted sums; negative: code of the rejection."""
     rejected_by: NDArray[np.int8] | None = None
-    """(K,) index of the critic that rejected the sample, -1 legal, -2 never a trajectory (too slow, too fast)."""
+    """(K,) index of the critic that rejected the sample; -1: legal; -2: outside the speed limits, not simulated."""
     best: int = -1
-    """Index of the winner, -1 without samples."""
+    """Index of the selected sample, -1 without one."""
     trajectory: NDArray[np.float64] | None = None
-    """(T, 3) the winner's poses in the costmap's frame."""
+    """(T, 3) poses of the selected rollout in the costmap's frame."""
     local_plan: Path | None = None
-    """The part of the global plan in sight, in the costmap's frame."""
+    """The part of the global plan inside the local costmap, in the costmap's frame."""
     notes: tuple[str, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
-        """A summary for JSON: the command, and how many samples were legal or rejected by which critic."""
+        """Summary for JSON: the command, the number of legal samples and of rejected ones by critic."""
         rejected: dict[str, int] = {}
         legal = 0
         if self.rejected_by is not None:
@@ -99,8 +83,53 @@ class LocalPlan:
         }
 
 
+class GoalChecker(ABC):
+    """Decides whether the robot is at its goal. Poses are in one frame."""
+
+    def reset(self) -> None:  # noqa: B027
+        """Called with every new goal."""
+
+    @abstractmethod
+    def at_position(self, pose: Pose2D, goal: Pose2D) -> bool:
+        """True within the position tolerance."""
+
+    @abstractmethod
+    def at_heading(self, pose: Pose2D, goal: Pose2D) -> bool:
+        """True within the heading tolerance."""
+
+    @abstractmethod
+    def stopped(self, velocity: Twist2D) -> bool:
+        """True if the robot counts as stopped."""
+
+    def reached(self, pose: Pose2D, goal: Pose2D, velocity: Twist2D) -> bool:
+        """True at position and heading, and stopped."""
+        return self.at_position(pose, goal) and self.at_heading(pose, goal) and self.stopped(velocity)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ControlDiagnostics:
+    """How the last command was selected, legal or not. K velocity samples."""
+
+    plan: LocalPlan
+    rollouts: Rollouts
+    costmap: Costmap
+    """The costmap the critics used."""
+    footprint: Footprint
+    """The footprint the critics used, padding included."""
+    rejections: str
+    """How many samples were rejected, by which critic, and where first."""
+    samples: tuple[tuple[str | None, RejectionDetail], ...]
+    """For each sample the critic that rejected it (`limits`: not simulated, None: legal) and why."""
+    rule: str = ""
+    """How the planner selects a sample, if not simply by the lowest total."""
+    grids: dict[str, NDArray[np.float64]] = field(default_factory=dict[str, NDArray[np.float64]])
+    """(ny, nx) grid of each critic that has one."""
+    critic_states: dict[str, dict[str, Any]] = field(default_factory=dict[str, dict[str, Any]])
+    """State that critics keep between cycles."""
+
+
 class LocalPlanner(ABC):
-    """Turns a plan, a pose and a local costmap into a velocity."""
+    """Computes velocity commands from a plan, a pose and a local costmap."""
 
     Params: ClassVar[type[ParamModel]]
 
@@ -114,79 +143,46 @@ class LocalPlanner(ABC):
 
     @abstractmethod
     def set_limits(self, *, max_vel_trans: float | None = None, max_vel_theta: float | None = None) -> None:
-        """Lowers the speed limits for a while (move_slow_and_clear, speed masks); None restores that of the parameters."""
+        """Lower the speed limits temporarily (move_slow_and_clear, speed masks); None restores the parameter's value."""
 
     @abstractmethod
     def set_plan(self, plan: Path, goal: Pose2D) -> None:
         """Follow this plan to this goal, both in the plan's frame.
 
-        Same goal as before: a replan, and what was achieved (a latched position) holds. Oscillation flags are reset by every
-        plan, as in C++.
+        With the same goal as before it is a replan, and a latched position remains latched. Every plan resets the critics,
+        as in C++.
 
         Raises InvalidPathError for a plan that is empty or not finite.
         """
 
     @abstractmethod
     def compute_command(self, inputs: ControlInput) -> LocalPlan:
-        """The velocity to command now; raises a ControlError (NoValidControlError with the table of samples) if none."""
+        """Compute the velocity command.
+
+        Raises a ControlError; a NoValidControlError with the table of samples if every sample is rejected.
+        """
 
     @abstractmethod
     def goal_reached(self, inputs: ControlInput) -> bool:
-        """True once the robot stands at the goal within the tolerances."""
+        """True if the robot is at the goal within the tolerances."""
+
+    def diagnostics(self) -> ControlDiagnostics | None:
+        """How the last command was selected, computed on request; None before the first or if not supported."""
+        return None
 
     def explain(self, inputs: ControlInput) -> dict[str, Any]:
-        """More about the last cycle than a command needs (grids, rollouts), computed on request only."""
+        """`diagnostics` as a dictionary; empty without."""
         del inputs
-        return {}
-
-
-class Rollouts(NamedTuple):
-    """K simulated trajectories of at most T points, in the costmap's frame; row k has `counts[k]` valid points."""
-
-    samples: NDArray[np.float64]
-    """(K, 3) the velocities vx, vy, wz of the first step, which would be commanded."""
-    poses: NDArray[np.float64]
-    """(K, T, 3) x, y, yaw; the first point is the present pose."""
-    counts: NDArray[np.int64]
-    """(K,) points per row; 0 = never a trajectory (too slow, too fast)."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ScoringContext:
-    """What critics may look at in one cycle, all in the costmap's frame."""
-
-    state: RobotState
-    costmap: Costmap
-    footprint: Footprint
-    plan: NDArray[np.float64]
-    """(n, 3) the part of the plan in sight."""
-    goal: Pose2D
-    """The final goal."""
-    limits: VelocityLimits
-    shared: dict[str, Any] = field(default_factory=dict[str, Any])
-    """What one critic computed and others may use in this cycle, by name (`path_grid`)."""
-
-
-class Critic(ABC):
-    """Scores trajectories; a file each."""
-
-    Params: ClassVar[type[ParamModel]]
-    CODES: ClassVar[dict[int, str]] = {}
-    """Negative score -> what it means, in words."""
-
-    def __init__(self, name: str, params: Any) -> None:
-        self.name = name
-        self.params = params
-
-    @property
-    def scale(self) -> float:
-        """Weight of this critic's scores in the sum; with 0 it is skipped."""
-        return 1.0
-
-    @abstractmethod
-    def prepare(self, context: ScoringContext) -> None:
-        """Called once per cycle, before scoring."""
-
-    @abstractmethod
-    def score(self, rollouts: Rollouts, alive: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """(K,) raw costs of the rows that are `alive` (others: anything); negative = rejected, the code from `CODES`."""
+        found = self.diagnostics()
+        if found is None:
+            return {}
+        return {
+            "plan": found.plan,
+            "poses": found.rollouts.poses,
+            "counts": found.rollouts.counts,
+            "costmap": found.costmap,
+            "footprint": found.footprint,
+            "rejections": found.rejections,
+            "accounts": [{"rejected_by": by, **detail.as_dict()} for by, detail in found.samples],
+            "rule": found.rule,
+        }

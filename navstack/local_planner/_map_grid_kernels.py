@@ -1,17 +1,17 @@
 # pyright: basic
-"""Breadth-first distances over the local costmap, and what trajectories cost on them (base_local_planner's MapGrid).
+"""Breadth-first distances over the local costmap, and the scores of rollouts on them (base_local_planner's MapGrid).
 
-A grid is stored flat with a ring of obstacles around it, so that no neighbour needs a bounds check. Its values:
-0.. = steps to the target over 4-connected free cells, FREE_UNREACHED, BLOCKED (cost >= 253, or the ring). One more value
-at the end is FREE_UNREACHED for ever.
+A grid is stored flat with a border of obstacle cells, so that neighbours need no bounds checks. Values: 0 and more = steps
+to the target over 4-connected free cells, FREE_UNREACHED, BLOCKED (cost >= 253, or the border). One extra element at the
+end stays FREE_UNREACHED.
 
-The wave goes no farther than somebody looks: trajectories end near the robot, and the wave passes most of the costmap only
-after that. A distance is final when it is set, so a wave that stopped and went on gives the same grid.
+A wavefront expands only as far as scores need it: rollouts end near the robot, and the wavefront covers most of the costmap
+after that. A distance is final once it is set, so a wavefront that is interrupted and resumed gives the same grid.
 
-From a single cell, which as a rule lies at the window's edge, a wave in all directions would pass most of the costmap on
-its way to the robot. It is steered instead: A* (P. Hart, N. Nilsson, B. Raphael, 1968) towards the cell where trajectories
-are expected to end. The Manhattan distance to it is consistent, so that the distances are those of the wave; and each step
-keeps the length of the way or makes it longer by two, so that two stacks are all the order there is to keep.
+From a single cell, usually at the edge of the window, an undirected wavefront would cover most of the costmap before it
+reaches the robot. It is directed instead: A* (P. Hart, N. Nilsson, B. Raphael, 1968) towards the cell where rollouts are
+expected to end. The Manhattan distance is a consistent heuristic, so the distances equal those of the undirected wavefront.
+Each step keeps the estimated path length or increases it by two, so two stacks suffice as the priority queue.
 """
 
 from __future__ import annotations
@@ -25,34 +25,33 @@ from navstack.core.jit import kernel
 FREE_UNREACHED = -1
 BLOCKED = -2
 
-WAVE_SIZE = 7
-# of a wave in all directions: where its queue begins and ends
+STATE_SIZE = 16
+"""Elements before the distances; 64 bytes, so that the distances are aligned."""
+# state of an undirected wavefront: begin and end of its queue
 HEAD, TAIL = 0, 1
-# of a steered one: how many wait on the stack of ways as long as `LENGTH`, and on that of ways longer by two
+# state of a directed one: cells on the stack of paths of `LENGTH`, and on the stack of paths longer by two
 SHORT, LONG = 0, 1
 LENGTH = 2
-TOWARDS_X, TOWARDS_Y = 3, 4  # where to, in cells of the ringed grid
-SWAPPED = 5  # 1 when the stack of the longer ways lies first
-STEERED = 6  # 1 for a steered wave
+TARGET_X, TARGET_Y = 3, 4  # in cells of the padded grid
+SWAPPED = 5  # 1 while the stack of the longer paths is the first half of the queue
+DIRECTED = 6  # 1 for a directed wavefront
+SEEDS = 7  # cells the wavefront started from
+STEPPED_BACK = 8  # blocked cells of the plan that the target was moved back over
 
 
-def queue_length(cells):
-    """What a wave over so many cells (ring included) needs as its queue.
+def storage_size(nx, ny):
+    """Elements of a grid's storage: state, distances, queue.
 
-    A cell waits at most once from each of its neighbours; what need not wait is written where the next one will be.
+    A cell is queued at most once by each of its neighbours. Cells that need not be queued are written to the next free
+    position, where the next cell overwrites them.
     """
-    return 2 * (4 * cells + 1)
+    cells = (nx + 2) * (ny + 2)
+    return STATE_SIZE + cells + 1 + 2 * (4 * cells + 1)
 
 
 @kernel
-def start_wave(costs, origin_x, origin_y, resolution, plan, last_only, step_back, x, y, distances, queue, wave):
-    """Starts a wave at the plan's cells inside the map, or with `last_only` at the last of them, towards x, y.
-
-    `plan` (n, 3) is densified to the resolution; its cells count from the first inside the map until it leaves (unknown
-    cells are outside). With `step_back` a last cell that is blocked is replaced by the last one before that is not.
-    `distances` int32, (ny + 2) * (nx + 2) + 1; `queue` int32, see `queue_length`; `wave` (WAVE_SIZE,) int64. Returns how many
-    seeds there were and how many cells were stepped back over; 0 seeds: nothing of the plan is inside.
-    """
+def mark_obstacles(costs, distances):
+    """Set every cell of `distances` to FREE_UNREACHED or BLOCKED."""
     ny, nx = costs.shape
     width = nx + 2
     distances[:width] = BLOCKED
@@ -67,12 +66,28 @@ def start_wave(costs, origin_x, origin_y, resolution, plan, last_only, step_back
         for ix in range(len(row)):
             inner[ix] = FREE_UNREACHED if row[ix] < 253 else BLOCKED
 
+
+@kernel
+def start_wavefront(costs, grid, plan, last_only, step_back, x, y, storage):
+    """Start a wavefront at the plan's cells inside the map or, with `last_only`, at the last of them, towards (x, y).
+
+    `plan` (n, 3) is densified to the resolution. Its cells count from the first inside the map until the plan leaves the
+    map (unknown cells are outside). With `step_back` a blocked last cell is replaced by the last free cell before it.
+    `grid`: see `grid_record`. `storage` int32, see `storage_size`: SEEDS of its state is 0 if no part of the plan is inside.
+    """
+    ny, nx = costs.shape
+    width = nx + 2
+    cells = (ny + 2) * width
+    origin_x, origin_y, resolution = grid[0].origin_x, grid[0].origin_y, grid[0].resolution
+    end = STATE_SIZE + cells + 1
+    state, distances, queue = storage[:STATE_SIZE], storage[STATE_SIZE:end], storage[end:]
+    mark_obstacles(costs, distances)
     tail = 0
     started = False
     left = False
     last = -1
     last_free = -1
-    behind = 0  # cells of the plan after the last free one
+    behind = 0  # cells of the plan after the last free cell
     for i in range(len(plan)):
         steps = 1
         x0, y0, dx, dy = plan[i, 0], plan[i, 1], 0.0, 0.0
@@ -115,38 +130,37 @@ def start_wave(costs, origin_x, origin_y, resolution, plan, last_only, step_back
                 break
         if left:
             break
-    stepped_back = 0
+    state[:] = 0
+    state[TAIL] = tail
+    state[SEEDS] = tail
     if last_only and last >= 0:
         cell = last
         if step_back and last_free >= 0:
             cell = last_free
-            stepped_back = behind
-        wave[:] = 0
-        wave[STEERED] = 1
-        # the wave begins there, be it an obstacle
+            state[STEPPED_BACK] = behind
+        state[DIRECTED] = 1
+        # the wavefront starts there even if the cell is an obstacle
         distances[cell] = FREE_UNREACHED
         queue[0] = cell
-        wave[SHORT] = 1
-        # towards a place off the map, or none at all: to the border
+        state[SHORT] = 1
+        state[LONG] = 0
+        state[SEEDS] = 1
+        # a target off the map, or NaN, is replaced by a cell at the border
         fx, fy = (x - origin_x) / resolution, (y - origin_y) / resolution
-        wave[TOWARDS_X] = int(min(max(fx, 0.0), nx - 1.0)) + 1 if fx == fx else 1
-        wave[TOWARDS_Y] = int(min(max(fy, 0.0), ny - 1.0)) + 1 if fy == fy else 1
+        state[TARGET_X] = int(min(max(fx, 0.0), nx - 1.0)) + 1 if fx == fx else 1
+        state[TARGET_Y] = int(min(max(fy, 0.0), ny - 1.0)) + 1 if fy == fy else 1
         row = cell // width
-        wave[LENGTH] = abs(cell - row * width - wave[TOWARDS_X]) + abs(row - wave[TOWARDS_Y])
-        return 1, stepped_back
-    wave[:] = 0
-    wave[TAIL] = tail
-    return tail, stepped_back
+        state[LENGTH] = abs(cell - row * width - state[TARGET_X]) + abs(row - state[TARGET_Y])
 
 
 @kernel
-def run_wave(distances, queue, wave, until, width):
-    """Goes on with the wave until the cell `until` is reached, or to its end."""
-    if wave[STEERED]:
-        run_steered(distances, queue, wave, until, width)
+def expand(distances, queue, state, until, width):
+    """Expand the wavefront until it reaches the cell `until`, or completely."""
+    if state[DIRECTED]:
+        expand_directed(distances, queue, state, until, width)
         return
-    head, tail = wave[HEAD], wave[TAIL]
-    # without branches: a cell that needs no visit is written where the next one will overwrite it
+    head, tail = np.int64(state[HEAD]), np.int64(state[TAIL])
+    # branchless: a cell that needs no visit is written to where the next one overwrites it
     while head < tail and distances[until] == FREE_UNREACHED:
         cell = queue[head]
         head += 1
@@ -175,17 +189,17 @@ def run_wave(distances, queue, wave, until, width):
         queue[tail] = near
         distances[near] = step if new else distances[near]
         tail += new
-    wave[HEAD] = head
-    wave[TAIL] = tail
+    state[HEAD] = head
+    state[TAIL] = tail
 
 
 @kernel
-def run_steered(distances, queue, wave, until, width):
-    """Goes on with a steered wave until the cell `until` is reached, or to its end."""
+def expand_directed(distances, queue, state, until, width):
+    """Expand a directed wavefront until it reaches the cell `until`, or completely."""
     half = len(queue) // 2
-    base = half if wave[SWAPPED] else 0
-    short, long, length = wave[SHORT], wave[LONG], wave[LENGTH]
-    to_x, to_y = wave[TOWARDS_X], wave[TOWARDS_Y]
+    base = half if state[SWAPPED] else 0
+    short, long, length = np.int64(state[SHORT]), np.int64(state[LONG]), np.int64(state[LENGTH])
+    to_x, to_y = np.int64(state[TARGET_X]), np.int64(state[TARGET_Y])
     while distances[until] == FREE_UNREACHED:
         if short == 0:
             if long == 0:
@@ -228,16 +242,16 @@ def run_steered(distances, queue, wave, until, width):
         queue[base + short if nearer else other + long] = near
         short += new & nearer
         long += new & (not nearer)
-    wave[SHORT], wave[LONG], wave[LENGTH] = short, long, length
-    wave[SWAPPED] = 1 if base > 0 else 0
+    state[SHORT], state[LONG], state[LENGTH] = short, long, length
+    state[SWAPPED] = 1 if base > 0 else 0
 
 
 @kernel
-def grid_value(distances, queue, wave, cell, width, size):
-    """C++'s target_dist of a cell: its distance, `size` for an obstacle the wave touched, `size + 1` unreachable."""
+def grid_value(distances, queue, state, cell, width, size):
+    """C++'s target_dist of a cell: its distance, `size` for an obstacle next to a reached cell, `size + 1` if unreachable."""
     blocked = distances[cell] == BLOCKED
     for side in range(5):
-        # an obstacle was touched when the wave reached one of its neighbours
+        # C++ marks an obstacle when the wavefront reaches one of its neighbours
         near = cell
         if side == 1:
             near = cell - 1
@@ -250,21 +264,38 @@ def grid_value(distances, queue, wave, cell, width, size):
         if side > 0 and not blocked:
             break
         if distances[near] == FREE_UNREACHED:
-            run_wave(distances, queue, wave, near, width)
+            expand(distances, queue, state, near, width)
         if distances[near] >= 0:
             return np.int64(size) if blocked else np.int64(distances[near])
     return np.int64(size + 1)
 
 
 @kernel
-def center_scores(distances, queue, wave, nx, ny, cells, counts, alive, out):
-    """Value of the grid at the last point of each trajectory that is alive.
+def whole_grid(grid, storage, out):
+    """Write the completely expanded grid to `out` (ny, nx), with C++'s values: see `grid_value`."""
+    nx, ny = grid[0].nx, grid[0].ny
+    width = nx + 2
+    cells = (ny + 2) * width
+    end = STATE_SIZE + cells + 1
+    state, distances, queue = storage[:STATE_SIZE], storage[STATE_SIZE:end], storage[end:]
+    expand(distances, queue, state, cells, width)
+    for iy in range(ny):
+        for ix in range(nx):
+            out[iy, ix] = grid_value(distances, queue, state, (iy + 1) * width + ix + 1, width, nx * ny)
 
-    `cells` (K, T): each point's cell in the ringed grid. -4: a point off the map, -3: in an obstacle, -2: that cannot be
-    reached; whichever comes first.
+
+@kernel
+def centre_scores(grid, storage, cells, counts, alive, out):
+    """Write the grid's value at the last point of each rollout that is alive to `out` (K,).
+
+    `cells` (K, T): cells of the points in the padded grid. -4: a point off the map; -3: in an obstacle; -2: in a cell from
+    which the target is unreachable; whichever comes first.
     """
+    nx, ny = grid[0].nx, grid[0].ny
     width = nx + 2
     size = nx * ny
+    end = STATE_SIZE + (ny + 2) * width + 1
+    state, distances, queue = storage[:STATE_SIZE], storage[STATE_SIZE:end], storage[end:]
     for k in range(len(counts)):
         if not alive[k]:
             continue
@@ -276,7 +307,7 @@ def center_scores(distances, queue, wave, nx, ny, cells, counts, alive, out):
                 break
             value = np.int64(distances[cell])
             if value < 0:
-                value = grid_value(distances, queue, wave, cell, width, size)
+                value = grid_value(distances, queue, state, cell, width, size)
                 if value >= size:
                     score = -3.0 if value == size else -2.0
                     break
@@ -285,22 +316,24 @@ def center_scores(distances, queue, wave, nx, ny, cells, counts, alive, out):
 
 
 @kernel
-def nose_scores(
-    distances, queue, wave, nx, ny, origin_x, origin_y, resolution, poses, counts, boxes, alive, ahead, out
-):
-    """Value of the grid `ahead` metres before the last point of each trajectory that is alive; obstacles count as far away.
+def nose_scores(grid, storage, poses, counts, boxes, alive, ahead, out):
+    """Write the grid's value `ahead` metres in front of the last point of each rollout that is alive to `out` (K,).
 
-    -4: a nose off the map at any point. `boxes` (K, 4): see `point_cells`.
+    -4: the nose is off the map at any point. Obstacles count as far away. `boxes` (K + 1, 4): see `point_cells`.
     """
+    nx, ny = grid[0].nx, grid[0].ny
+    origin_x, origin_y, resolution = grid[0].origin_x, grid[0].origin_y, grid[0].resolution
     width = nx + 2
     size = nx * ny
+    end = STATE_SIZE + (ny + 2) * width + 1
+    state, distances, queue = storage[:STATE_SIZE], storage[STATE_SIZE:end], storage[end:]
     margin = math.ceil(min(abs(ahead) / resolution, nx + ny)) + 1
     for k in range(len(counts)):
         if not alive[k]:
             continue
         score = 0.0
         n = counts[k]
-        # the noses of a trajectory that keeps clear of the border cannot leave the map: only the last one is looked at
+        # the nose cannot leave the map on a rollout that stays clear of the border: only the last one is checked
         clear = (
             boxes[k, 0] >= margin and boxes[k, 1] >= margin and boxes[k, 2] < nx - margin and boxes[k, 3] < ny - margin
         )
@@ -316,6 +349,17 @@ def nose_scores(
                 cell = (int(fy) + 1) * width + int(fx) + 1
                 value = np.int64(distances[cell])
                 if value < 0:
-                    value = grid_value(distances, queue, wave, cell, width, size)
+                    value = grid_value(distances, queue, state, cell, width, size)
                 score = np.float64(value)
         out[k] = score
+
+
+@kernel
+def extend_plan(plan, x, y, distance):
+    """Copy of the plan (n, 3) with its last pose moved by `distance` (m) away from (x, y)."""
+    extended = plan.copy()
+    last = len(plan) - 1
+    bearing = math.atan2(plan[last, 1] - y, plan[last, 0] - x)
+    extended[last, 0] += distance * math.cos(bearing)
+    extended[last, 1] += distance * math.sin(bearing)
+    return extended

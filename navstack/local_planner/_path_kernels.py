@@ -10,10 +10,10 @@ from navstack.core.jit import kernel
 
 @kernel
 def transform_nearby_plan(plan, begin, x, y, reach, tx, ty, tyaw, out):
-    """Transforms the plan's poses near (x, y) by (tx, ty, tyaw) into `out`; (index of the first, how many).
+    """Write the poses of `plan` near (x, y), transformed by (tx, ty, tyaw), to `out`. Returns (first index, count).
 
-    From the first pose within `reach` (m) up to and including the first one beyond (transformGlobalPlan). `begin` is where
-    to start looking, x and y are in the plan's frame.
+    From the first pose within `reach` (m) up to and including the first one beyond it (transformGlobalPlan of
+    base_local_planner). The search starts at index `begin`; x and y are in the plan's frame.
     """
     limit = reach * reach
     first = begin

@@ -1,5 +1,5 @@
 # pyright: basic
-"""Folding critics' scores into totals."""
+"""Adding critics' scores to the totals of rollouts."""
 
 from __future__ import annotations
 
@@ -7,29 +7,32 @@ import numpy as np
 
 from navstack.core.jit import kernel
 
+OUTSIDE_LIMITS = -2
+"""`rejected_by` of a velocity sample without a trajectory: below the lowest or above the highest speed."""
+
 
 @kernel
-def begin(counts, never, alive, costs, totals, rejected_by):
-    """An empty table: nobody has said anything; what has no points is no trajectory (`never`)."""
+def begin_table(counts, alive, costs, totals, rejected_by):
+    """Initialize the table: rollouts without points are OUTSIDE_LIMITS, all others are alive."""
     for k in range(len(counts)):
         alive[k] = counts[k] > 0
         totals[k] = 0.0 if alive[k] else np.nan
-        rejected_by[k] = -1 if alive[k] else never
+        rejected_by[k] = -1 if alive[k] else OUTSIDE_LIMITS
         for critic in range(costs.shape[1]):
             costs[k, critic] = np.nan
 
 
 @kernel
-def fold(raw, scale, critic, alive, costs, totals, rejected_by):
-    """Takes one critic's raw scores in: adds to the totals of what is alive, rejects what is negative (or not a number).
+def add_scores(scores, scale, critic, alive, costs, totals, rejected_by):
+    """Add one critic's scores to the totals of the rollouts that are alive; a negative score (or NaN) rejects.
 
-    `costs` (K, C), `totals` (K,), `rejected_by` (K,) and `alive` (K,) are written. Returns how many are still alive.
+    Writes `costs` (K, C), `totals`, `rejected_by` and `alive` (K,). Returns how many are still alive.
     """
     left = 0
-    for k in range(len(raw)):
+    for k in range(len(scores)):
         if not alive[k]:
             continue
-        score = raw[k]
+        score = scores[k]
         costs[k, critic] = score
         if score >= 0.0:
             totals[k] += score * scale
@@ -42,8 +45,8 @@ def fold(raw, scale, critic, alive, costs, totals, rejected_by):
 
 
 @kernel
-def lowest(totals, alive):
-    """The first index of the lowest total that is alive, -1 without any."""
+def lowest_total(totals, alive):
+    """Index of the lowest total among the rollouts that are alive (the first of equals); -1 if none is."""
     best = -1
     for k in range(len(totals)):
         if alive[k] and (best < 0 or totals[k] < totals[best]):

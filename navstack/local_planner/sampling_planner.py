@@ -1,4 +1,4 @@
-"""What DWA and trajectory rollout have in common: the plan, the goal, the latch, braking and turning at the goal."""
+"""Base of DWA and trajectory rollout: plan, goal checker, critics, and braking and turning at the goal."""
 
 from __future__ import annotations
 
@@ -9,69 +9,60 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Costmap, Footprint, Path, Pose2D, RobotState, Twist2D
+from navstack.core import Costmap, Footprint, Path, Pose2D, RobotState, Twist2D, angle_between
 from navstack.core.errors import ControlError, InvalidPathError, NoValidControlError
 from navstack.interfaces import (
+    ControlDiagnostics,
     ControlInput,
     Critic,
+    GoalChecker,
     LocalPlan,
     LocalPlanner,
     Rollouts,
     ScoringContext,
+    TrajectoryGenerator,
     VelocityLimits,
 )
 from navstack.local_planner.critics.obstacle import ObstacleCritic
-from navstack.local_planner.goal_checker import GoalChecker
-from navstack.local_planner.map_grid import MapGrid
 from navstack.local_planner.path_handler import PathHandler
 from navstack.local_planner.rejection_report import rejection_details, rejection_report
-from navstack.local_planner.rollouts import RolloutCells
 from navstack.local_planner.scoring import ScoreTable, score
 from navstack.local_planner.stop_rotate import braking_twist, turning_twist
 
 DEFAULT_PERIOD_S = 0.05
-"""The control period without a controller_frequency."""
+"""Control period if controller_frequency is 0."""
 SAME_GOAL = 1e-6
-"""Goals nearer than this (m, rad) are one goal."""
+"""Goals that differ by less (m, rad) are the same goal."""
 
 
 class SamplingPlanner(LocalPlanner):
-    """Follows a plan by `search`; at the goal's position brakes, then turns in place.
+    """Follows a plan by `search`, a selection among velocity samples; at the goal's position brakes, then turns in place.
 
-    Stateful between cycles: the plan, whether the goal's position has been reached.
+    State between cycles: the plan, the goal checker, the phase at the goal.
     """
 
     def __init__(
         self,
         params: Any,
         critics: list[Critic],
-        guard: ObstacleCritic,
-        checker: GoalChecker,
-        *,
-        latch: bool,
-        prune: bool,
-        controller_frequency: float,
+        collision_check: ObstacleCritic,
+        goal_checker: GoalChecker,
+        generator: TrajectoryGenerator,
     ) -> None:
+        """`collision_check` checks commands at the goal; it may be one of `critics`."""
         super().__init__(params)
         self.critics = critics
-        self.checker = checker
+        self.goal_checker = goal_checker
+        self.generator = generator
         self._names = tuple(critic.name for critic in critics)
-        self._guard = guard
-        self._latch = latch
-        self._prune = prune
-        self._period = 1.0 / controller_frequency if controller_frequency > 0.0 else DEFAULT_PERIOD_S
-        self._plan = PathHandler()
-        self._cells = RolloutCells()
+        self._collision_check = collision_check
+        self._period = control_period(params.controller_frequency)
+        self._path = PathHandler()
         self._goal: Pose2D | None = None
-        self._latched = False
         self._rotating = False
         self._limits: VelocityLimits
         self._last: tuple[ScoringContext, Rollouts, ScoreTable, LocalPlan] | None = None
-
-    @property
-    def period(self) -> float:
-        """Seconds between two commands."""
-        return self._period
+        self.set_limits()
 
     # --- limits -----------------------------------------------------------------------------------------------------
 
@@ -81,54 +72,56 @@ class SamplingPlanner(LocalPlanner):
         return self._limits
 
     def set_limits(self, *, max_vel_trans: float | None = None, max_vel_theta: float | None = None) -> None:
-        """Lowers the speed limits (m/s, rad/s) until called again; None restores that of the parameters."""
+        """Lower the speed limits (m/s, rad/s) until the next call; None restores the parameter's value."""
         for name, value in (("max_vel_trans", max_vel_trans), ("max_vel_theta", max_vel_theta)):
             if value is not None and not (math.isfinite(value) and value >= 0.0):
-                raise ControlError(f"{name} must be a speed of at least 0, not {value}", limit=name, value=value)
-        self._limits = self.limits_of(max_vel_trans, max_vel_theta)
+                raise ControlError(f"{name} must be a finite speed of at least 0, not {value}", limit=name, value=value)
+        self._limits = self.lowered_limits(max_vel_trans, max_vel_theta)
 
     @abstractmethod
-    def limits_of(self, max_vel_trans: float | None, max_vel_theta: float | None) -> VelocityLimits:
-        """Those of the parameters, with lower ones in place (None: not lowered)."""
+    def lowered_limits(self, max_vel_trans: float | None, max_vel_theta: float | None) -> VelocityLimits:
+        """The limits of the parameters, lowered to these speeds (None: not lowered)."""
+
+    def turning_limits(self) -> tuple[VelocityLimits, float]:
+        """Limits of the turn at the goal, and its lowest speed (rad/s)."""
+        return self._limits, self._limits.min_vel_theta
 
     # --- plan and goal ----------------------------------------------------------------------------------------------
 
     def set_plan(self, plan: Path, goal: Pose2D) -> None:
-        """Follow `plan` to `goal`. With the goal of before it is a replan: the latch holds."""
+        """Follow `plan` to `goal`; with the same goal as before it is a replan, and a latched position remains latched."""
         if not goal.is_finite():
-            raise ControlError(f"the goal is not finite: {tuple(goal)}", goal=list(goal))
-        self._plan.set(plan)
-        before = self._goal
-        self._goal = Pose2D(*goal)
-        # ROS differs: there every replan forgets that the position was reached (parity 17)
-        same = before is not None and all(abs(a - b) <= SAME_GOAL for a, b in zip(before, goal))
-        if not same:
-            self._latched = False
-            self._rotating = False
-        self.plan_changed(same_goal=same)
+            raise ControlError(f"the goal {tuple(goal)} is not finite", goal=list(goal))
+        self._path.set_plan(plan)
+        before, self._goal = self._goal, Pose2D(*goal)
+        # ROS differs: there every replan releases the latch (parity 17)
+        if before is None or any(abs(a - b) > SAME_GOAL for a, b in zip(before, goal)):
+            self.goal_changed()
+        self.reset_critics()
 
-    def plan_changed(self, *, same_goal: bool) -> None:
-        """Called after a plan was set."""
-        del same_goal
+    def goal_changed(self) -> None:
+        """Called by `set_plan` for a new goal."""
+        self.goal_checker.reset()
+        self._rotating = False
 
-    def command_checked(self) -> None:
-        """Called before a command at the goal is checked."""
+    def reset_critics(self) -> None:
+        """Clear the state that critics keep between cycles."""
+        for critic in self.critics:
+            critic.reset()
 
-    def at_position(self, pose: Pose2D, goal: Pose2D) -> bool:
-        """At the goal's position, or there before and latched. Takes note of it."""
-        if self._latch and self._latched:
-            return True
-        if self.checker.at_position(pose, goal):
-            self._latched = True
-            return True
-        return False
+    def goal_reached(self, inputs: ControlInput) -> bool:
+        """Position (or latched), heading and stopped."""
+        if self._goal is None:
+            return False
+        goal = inputs.plan_to_costmap.apply(self._goal)
+        return self.goal_checker.reached(inputs.state.pose, goal, inputs.state.velocity)
 
     # --- the command ------------------------------------------------------------------------------------------------
 
     def compute_command(self, inputs: ControlInput) -> LocalPlan:
-        """One cycle: follow the plan, or brake and turn at the goal's position.
+        """Follow the plan, or brake and turn at the goal's position.
 
-        Raises InvalidPathError when no part of the plan is near, NoValidControlError when every sample is rejected.
+        Raises InvalidPathError if no part of the plan is near, NoValidControlError if every sample is rejected.
         """
         state = inputs.state
         self._last = None
@@ -139,10 +132,12 @@ class SamplingPlanner(LocalPlanner):
                 velocity=list(state.velocity),
             )
         if self._goal is None:
-            raise InvalidPathError("there is no plan to follow: call set_plan first", poses=0)
-        plan = self._plan.in_sight(state.pose, inputs.plan_to_costmap, inputs.costmap.geometry, prune=self._prune)
+            raise InvalidPathError("the local planner has no plan to follow: call set_plan first", poses=0)
+        plan = self._path.nearby_plan(
+            state.pose, inputs.plan_to_costmap, inputs.costmap.geometry, prune=self.params.prune_plan
+        )
         goal = inputs.plan_to_costmap.apply(self._goal)
-        if self.at_position(state.pose, goal):
+        if self.goal_checker.at_position(state.pose, goal):
             return self._stop_and_rotate(inputs, plan, goal)
         return self.search(state, inputs.costmap, inputs.footprint, plan, goal)
 
@@ -155,25 +150,16 @@ class SamplingPlanner(LocalPlanner):
         plan: NDArray[np.float64],
         goal: Pose2D,
     ) -> LocalPlan:
-        """The best sample for following `plan` (n, 3), all in the costmap's frame; raises NoValidControlError."""
-
-    @abstractmethod
-    def simulated(self, command: Twist2D, state: RobotState) -> Rollouts:
-        """The one trajectory of a command at the goal, however slow it is."""
-
-    def turning_limits(self) -> tuple[VelocityLimits, float]:
-        """Limits of the turn at the goal, and its lowest speed (rad/s)."""
-        return self.limits, self.limits.min_vel_theta
+        """Select a sample for following `plan` (n, 3), all in the costmap's frame; raises NoValidControlError."""
 
     def context(
         self, state: RobotState, costmap: Costmap, footprint: Footprint, plan: NDArray[np.float64], goal: Pose2D
     ) -> ScoringContext:
-        """What critics see, with a costmap whose array the kernels are compiled for."""
+        """Input of the critics; the costmap is copied if kernels cannot use its array."""
         flags = costmap.data.flags
         if not (flags.c_contiguous and flags.writeable):  # a view, or read-only
             costmap = costmap.copy()
-        self._cells.forget()
-        return ScoringContext(state, costmap, footprint, plan, goal, self.limits, {"cells": self._cells})
+        return ScoringContext(state, costmap, footprint, plan, goal, self._limits)
 
     def result(
         self,
@@ -184,7 +170,24 @@ class SamplingPlanner(LocalPlanner):
         context: ScoringContext,
         mode: str = "follow",
     ) -> LocalPlan:
-        """The command with its table; raises NoValidControlError with the table when no sample is legal."""
+        """The command with its table; raises NoValidControlError with the table if no sample is legal."""
+        plan = self._local_plan(command, samples, table, rollouts, context, mode)
+        if table.best < 0:
+            text, data = rejection_report(table, self.critics, samples)
+            raise NoValidControlError(text, **data, plan=plan)
+        for critic in self.critics:
+            critic.debrief(command, context.state.pose)
+        return plan
+
+    def _local_plan(
+        self,
+        command: Twist2D,
+        samples: NDArray[np.float64],
+        table: ScoreTable,
+        rollouts: Rollouts,
+        context: ScoringContext,
+        mode: str,
+    ) -> LocalPlan:
         best = table.best
         plan = LocalPlan(
             command,
@@ -198,64 +201,44 @@ class SamplingPlanner(LocalPlanner):
             best,
             rollouts.poses[best, : rollouts.counts[best]].copy() if best >= 0 else None,
             Path(context.plan, context.costmap.frame),
-            tuple(context.shared.get("notes", ())),
+            tuple(context.notes),
         )
         self._last = context, rollouts, table, plan
-        if best < 0:
-            text, data = rejection_report(
-                table, self.critics, rollouts, samples, context.costmap, context.footprint, self.limits.max_vel_trans
-            )
-            raise NoValidControlError(text, **data, plan=plan)
         return plan
 
-    def explain(self, inputs: ControlInput) -> dict[str, Any]:
-        """What `explain_last` says, of the last search whatever `inputs` are."""
-        del inputs
-        return self.explain_last()
+    # --- diagnostics ------------------------------------------------------------------------------------------------
 
-    def explain_last(self) -> dict[str, Any]:
-        """Of the last search, legal or not; empty before the first and where the robot has arrived.
-
-        `plan` the LocalPlan with its table, `poses` (K, T, 3), `counts` (K,), `commands` (K, 3), `first_collision` (K,), `grids`
-        by critic, `costmap` and `footprint` as the critics saw them, `rejections` in a sentence, `accounts`: per sample what
-        rejected it and where, `rule`: how the planner chooses, where that is not simply the lowest total.
-        """
+    def diagnostics(self) -> ControlDiagnostics | None:
+        """Diagnostics of the last cycle, legal or not; None before the first, without a search, and on arrival."""
         if self._last is None:
-            return {}
+            return None
         context, rollouts, table, plan = self._last
-        critics = self.critics if plan.mode in ("follow", "escape") else [self._guard]
-        samples = plan.samples if plan.samples is not None else rollouts.samples
-        fastest = self.limits.max_vel_trans
-        text, _ = rejection_report(table, critics, rollouts, samples, context.costmap, context.footprint, fastest)
-        grids: dict[str, NDArray[np.float64]] = {}
-        for critic in self.critics:
-            grid = getattr(critic, "grid", None)
-            if isinstance(grid, MapGrid):
-                grids[critic.name] = grid.values()
-        return {
-            "poses": rollouts.poses.copy(),
-            "counts": rollouts.counts.copy(),
-            "commands": rollouts.samples.copy(),
-            "first_collision": self._guard.first_collision.copy(),
-            "grids": grids,
-            "plan": plan,
-            "costmap": context.costmap,
-            "footprint": context.footprint,
-            "rejections": text,
-            "accounts": rejection_details(table, critics, rollouts, context.costmap, context.footprint, fastest),
-            "rule": self.rule,
-        }
+        at_goal = plan.mode not in ("follow", "escape")
+        critics: list[Critic] = [self._collision_check] if at_goal else self.critics
+        samples = plan.samples if plan.samples is not None else rollouts.commands
+        grids = {critic.name: critic.grid_values() for critic in self.critics}
+        return ControlDiagnostics(
+            plan=plan,
+            rollouts=Rollouts(rollouts.commands.copy(), rollouts.poses.copy(), rollouts.counts.copy()),
+            costmap=context.costmap,
+            footprint=context.footprint,
+            rejections=rejection_report(table, critics, samples)[0],
+            samples=rejection_details(table, critics),
+            rule=self.rule,
+            grids={name: grid for name, grid in grids.items() if grid is not None},
+            critic_states={critic.name: critic.state() for critic in self.critics},
+        )
 
     @property
     def rule(self) -> str:
-        """How the winner is chosen, where that is not simply the lowest total."""
+        """How the planner selects a sample, if not simply by the lowest total."""
         return ""
 
     # --- at the goal's position -------------------------------------------------------------------------------------
 
     def _stop_and_rotate(self, inputs: ControlInput, plan: NDArray[np.float64], goal: Pose2D) -> LocalPlan:
         state = inputs.state
-        if self.checker.at_heading(state.pose, goal):
+        if self.goal_checker.at_heading(state.pose, goal):
             self._rotating = False
             return LocalPlan(
                 Twist2D(),
@@ -268,69 +251,60 @@ class SamplingPlanner(LocalPlanner):
                 np.empty(0, np.int8),
                 local_plan=Path(plan, inputs.costmap.frame),
             )
-        if not self._rotating and not self.checker.stopped(state.velocity):
-            mode, doing = "brake", "braking"
-            command = braking_twist(state.velocity, self.limits, self._period)
+        if not self._rotating and not self.goal_checker.stopped(state.velocity):
+            mode, action = "brake", "braking"
+            command = braking_twist(state.velocity, self._limits, self._period)
         else:
             self._rotating = True
-            mode, doing = "rotate_to_goal", "turning in place"
+            mode, action = "rotate_to_goal", "turning in place"
             limits, slowest = self.turning_limits()
-            error = self.checker.yaw_error(state.pose, goal)
+            error = angle_between(state.pose.yaw, goal.yaw)
             command = turning_twist(error, state.velocity.wz, limits, self._period, slowest)
-        return self._checked(command, mode, doing, inputs, plan, goal)
+        return self._checked(command, mode, action, inputs, plan, goal)
 
     def _checked(
-        self, command: Twist2D, mode: str, doing: str, inputs: ControlInput, plan: NDArray[np.float64], goal: Pose2D
+        self, command: Twist2D, mode: str, action: str, inputs: ControlInput, plan: NDArray[np.float64], goal: Pose2D
     ) -> LocalPlan:
-        """`command` if its trajectory hits nothing."""
-        self.command_checked()
+        """`command` if its rollout is free of collisions; raises NoValidControlError otherwise."""
+        self.reset_critics()
         context = self.context(inputs.state, inputs.costmap, inputs.footprint, plan, goal)
         samples = np.array([command])
-        rollouts = self.simulated(command, inputs.state)
-        if rollouts.counts[0] == 0:  # standing: the present pose is what can be checked
+        rollouts = self.generator.simulate(samples, inputs.state, without_speed_limits(self._limits))
+        if rollouts.counts[0] == 0:  # a command of zero: check the current pose
             rollouts.counts[0] = 1
             rollouts.poses[0, 0] = inputs.state.pose
-        table = score([self._guard], context, rollouts)
-        costs = np.full((1, len(self._names)), np.nan)
-        rejected_by = table.rejected_by.copy()
-        if self._guard in self.critics:
-            place = self.critics.index(self._guard)
-            costs[0, place] = table.costs[0, 0]
-            rejected_by[rejected_by == 0] = place
-        legal = table.best >= 0
-        local = LocalPlan(
-            command if legal else Twist2D(),
-            mode,
-            samples,
-            self._names,
-            costs,
-            np.array([critic.scale for critic in self.critics]),
-            table.totals,
-            rejected_by,
-            table.best,
-            rollouts.poses[0, : rollouts.counts[0]].copy() if legal else None,
-            Path(plan, context.costmap.frame),
-        )
-        self._last = context, rollouts, table, local
+        checked = score([self._collision_check], context, rollouts)
+        legal = checked.best >= 0
+        table = self._all_columns(checked)
+        local = self._local_plan(command if legal else Twist2D(), samples, table, rollouts, context, mode)
+        self._last = context, rollouts, checked, local
         if not legal:
-            text, data = rejection_report(
-                table,
-                [self._guard],
-                rollouts,
-                samples,
-                context.costmap,
-                inputs.footprint,
-                self.limits.max_vel_trans,
-            )
+            text, data = rejection_report(checked, [self._collision_check], samples)
             raise NoValidControlError(
-                f"{doing} at the goal at ({command.vx:.3f}, {command.vy:.3f}) m/s, {command.wz:.3f} rad/s: {text}",
+                f"{action} at the goal at ({command.vx:.3f}, {command.vy:.3f}) m/s, {command.wz:.3f} rad/s: {text}",
                 **data,
                 mode=mode,
                 plan=local,
             )
         return local
 
+    def _all_columns(self, checked: ScoreTable) -> ScoreTable:
+        """The table of the collision check with a column for each of the planner's critics."""
+        costs = np.full((1, len(self._names)), np.nan)
+        rejected_by = checked.rejected_by.copy()
+        if self._collision_check in self.critics:
+            column = self.critics.index(self._collision_check)
+            costs[0, column] = checked.costs[0, 0]
+            rejected_by[rejected_by == 0] = column
+        scales = np.array([critic.scale for critic in self.critics])
+        return ScoreTable(costs, scales, checked.totals, rejected_by, checked.best)
 
-def at_least_standing(limits: VelocityLimits) -> VelocityLimits:
-    """Without lowest and highest speeds: a brake may be slower, or faster, than samples may be."""
+
+def control_period(controller_frequency: float) -> float:
+    """Seconds between two commands."""
+    return 1.0 / controller_frequency if controller_frequency > 0.0 else DEFAULT_PERIOD_S
+
+
+def without_speed_limits(limits: VelocityLimits) -> VelocityLimits:
+    """Limits without lowest and highest speeds: a braking command may be slower or faster than samples may be."""
     return limits._replace(min_vel_trans=0.0, min_vel_theta=0.0, max_vel_trans=math.inf)

@@ -1,4 +1,4 @@
-"""At the goal's position: brake, then turn in place (base_local_planner's LatchedStopRotateController)."""
+"""Commands at the goal's position: brake, then turn in place (base_local_planner's LatchedStopRotateController)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from navstack.interfaces import VelocityLimits
 
 
 def braking_twist(velocity: Twist2D, limits: VelocityLimits, period: float) -> Twist2D:
-    """`velocity` brought toward zero by one period's deceleration on every axis."""
+    """`velocity` reduced towards zero by one period's deceleration on every axis."""
 
     def slower(value: float, deceleration: float) -> float:
         return math.copysign(max(0.0, abs(value) - deceleration * period), value)
@@ -22,10 +22,10 @@ def braking_twist(velocity: Twist2D, limits: VelocityLimits, period: float) -> T
 
 
 def turning_twist(error: float, turning: float, limits: VelocityLimits, period: float, slowest: float) -> Twist2D:
-    """A turn in place toward an angle `error` (rad) away, while turning at `turning` (rad/s).
+    """A turn in place that reduces the heading error `error` (rad), at the current turning speed `turning` (rad/s).
 
-    The error itself as a speed, within one period's acceleration of the present one, no faster than can be stopped in time,
-    and in the end always between `slowest` and the limit: a base that cannot turn slower would not move at all.
+    The speed equals the error, within one period's acceleration of the current speed and low enough to stop in time. It is
+    finally clamped between `slowest`, below which the base would not turn, and the limit.
     """
     fastest = limits.max_vel_theta
     speed = min(fastest, max(slowest, abs(error)))

@@ -19,9 +19,9 @@ from navstack.core import Costmap, Footprint, GridGeometry, Path, Pose2D, RobotS
 from navstack.core.errors import NoValidControlError
 from navstack.interfaces import LocalPlan
 from navstack.local_planner import DWAParams, DWAPlanner
-from navstack.local_planner._footprint_kernels import perimeter_cost
 from navstack.local_planner.critics import DEFAULT_CRITICS
 from navstack.local_planner.dwa._generator_kernels import axis_values
+from navstack.local_planner.trajectory_rollout._kernels import perimeter_cost
 from tests.conftest import golden_files
 
 RAW_RELATIVE = 1e-6
@@ -76,21 +76,22 @@ def test_one_cycle(file: FilePath, case: str) -> None:
     x, y, yaw, vx, vy, wz = data[f"{case}/state"].tolist()
     state = RobotState(Pose2D(x, y, yaw), Twist2D(vx, vy, wz))
     result = searched(planner, state, costmap_of(data, case), data[f"{case}/plan"])
-    why = planner.explain_last()
+    why = planner.diagnostics()
+    assert why is not None
     assert result.samples is not None and result.costs is not None and result.totals is not None
 
     # the same samples, in the same order, with the same trajectories
     np.testing.assert_array_equal(result.samples.astype(np.float32), data[f"{case}/samples"])
     generated = data[f"{case}/generated"].astype(bool)
-    np.testing.assert_array_equal(why["counts"] > 0, generated)
-    np.testing.assert_array_equal(why["counts"][generated], data[f"{case}/npoints"][generated])
+    np.testing.assert_array_equal(why.rollouts.counts > 0, generated)
+    np.testing.assert_array_equal(why.rollouts.counts[generated], data[f"{case}/npoints"][generated])
     for k in np.flatnonzero(generated):
-        n = int(why["counts"][k])
-        np.testing.assert_allclose(why["poses"][k, :n], data[f"{case}/points"][k, :n], rtol=0.0, atol=1e-6)
+        n = int(why.rollouts.counts[k])
+        np.testing.assert_allclose(why.rollouts.poses[k, :n], data[f"{case}/points"][k, :n], rtol=0.0, atol=1e-6)
 
     # the same grids; alignment shares the path's and is stale in C++ where that critic is off
     for name in ("path", "goal", "goal_front"):
-        np.testing.assert_array_equal(why["grids"][name], data[f"{case}/grid_{name}"], err_msg=name)
+        np.testing.assert_array_equal(why.grids[name], data[f"{case}/grid_{name}"], err_msg=name)
 
     # the same weights and raw scores
     scales = data[f"{case}/scales"]

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from navstack.core import INSCRIBED, LETHAL, Costmap, Footprint, GridGeometry, Path, Pose2D, RobotState, Twist2D
 from navstack.core.errors import InvalidPathError, NoValidControlError
 from navstack.core.parameters import ParamModel, PluginSpec, param
-from navstack.interfaces import ControlInput, Critic, Rollouts, ScoringContext, VelocityLimits
+from navstack.interfaces import ControlInput, Critic, RejectionDetail, Rollouts, ScoringContext, VelocityLimits
 from navstack.local_planner import DWAParams, DWAPlanner
 from navstack.local_planner.critics import DEFAULT_CRITICS, ObstacleCritic, OscillationCritic
 from navstack.local_planner.critics.obstacle import ObstacleParams
@@ -108,11 +108,12 @@ def test_the_last_simulated_pose_is_not_scored() -> None:
     """Parity 28: 0.5 m/s for 1 s ends at 0.475 m, the pose before the last step."""
     planner = planner_on()
     planner.compute_command(at(Pose2D(0.0, 0.0), Twist2D(0.4, 0.0, 0.0)))
-    why = planner.explain_last()
-    k = int(np.flatnonzero((why["commands"][:, 0] == 0.5) & (why["commands"][:, 2] == 0.0))[0])
-    n = int(why["counts"][k])
-    assert why["poses"][k, 0].tolist() == [0.0, 0.0, 0.0]
-    assert why["poses"][k, n - 1, 0] == pytest.approx(0.475, abs=1e-6)
+    why = planner.diagnostics()
+    assert why is not None
+    k = int(np.flatnonzero((why.rollouts.commands[:, 0] == 0.5) & (why.rollouts.commands[:, 2] == 0.0))[0])
+    n = int(why.rollouts.counts[k])
+    assert why.rollouts.poses[k, 0].tolist() == [0.0, 0.0, 0.0]
+    assert why.rollouts.poses[k, n - 1, 0] == pytest.approx(0.475, abs=1e-6)
 
 
 def test_an_angular_speed_above_pi_keeps_its_sign() -> None:
@@ -172,7 +173,7 @@ def test_a_costly_cell_under_the_centre_hides_no_collision(dot: int) -> None:
     critic = ObstacleCritic("obstacle", ObstacleParams())
     limits = planner_on().limits
     critic.prepare(ScoringContext(at(Pose2D(x, y)).state, costmap, FOOTPRINT, LINE, Pose2D(1.0, 0.0), limits))
-    assert critic.score(rollouts, np.ones(2, np.bool_)).tolist() == [-6.0, dot]
+    assert critic.score(rollouts).tolist() == [-6.0, dot]
     # the outline comes over the cell it has left behind a step before the wall
     assert critic.first_collision.tolist() == [4 if dot >= LETHAL else 5, -1]
 
@@ -199,15 +200,16 @@ def test_oscillation_flags() -> None:
     critic = OscillationCritic("oscillation", OscillationParams())
     turning = np.array([[0.0, 0.0, 0.5], [0.0, 0.0, -0.5], [0.3, 0.0, 0.0]])
     rollouts = Rollouts(turning, np.zeros((3, 1, 3)), np.ones(3, np.int64))
-    alive = np.ones(3, np.bool_)
-    critic.chosen(Twist2D(0.0, 0.0, 0.5), Pose2D(0.0, 0.0), 0.1)
-    assert critic.score(rollouts, alive).tolist() == [0.0, 0.0, 0.0]
-    critic.chosen(Twist2D(0.0, 0.0, -0.5), Pose2D(0.0, 0.0), 0.1)
-    assert critic.flags["rot_neg_only"]
-    assert critic.score(rollouts, alive).tolist() == [-5.0, 0.0, 0.0]
+    limits = limits_of(min_vel_trans=0.1)
+    critic.prepare(ScoringContext(at(Pose2D(0.0, 0.0)).state, empty_map(), FOOTPRINT, LINE, Pose2D(1.0, 0.0), limits))
+    critic.debrief(Twist2D(0.0, 0.0, 0.5), Pose2D(0.0, 0.0))
+    assert critic.score(rollouts).tolist() == [0.0, 0.0, 0.0]
+    critic.debrief(Twist2D(0.0, 0.0, -0.5), Pose2D(0.0, 0.0))
+    assert critic.state()["rot_neg_only"]
+    assert critic.score(rollouts).tolist() == [-5.0, 0.0, 0.0]
     # moved far enough: every direction again
-    critic.chosen(Twist2D(0.3, 0.0, 0.0), Pose2D(0.06, 0.0), 0.1)
-    assert not any(critic.flags.values())
+    critic.debrief(Twist2D(0.3, 0.0, 0.0), Pose2D(0.06, 0.0))
+    assert not any(critic.state().values())
 
 
 class _LeftParams(ParamModel):
@@ -227,8 +229,8 @@ class _Left(Critic):
     def prepare(self, context: ScoringContext) -> None:
         assert context.plan.shape[1] == 3
 
-    def score(self, rollouts: Rollouts, alive: NDArray[np.bool_]) -> NDArray[np.float64]:
-        w = rollouts.samples[:, 2]
+    def score(self, rollouts: Rollouts) -> NDArray[np.float64]:
+        w = rollouts.commands[:, 2]
         return np.where(w < -0.2, -9.0, 1.0 - w)
 
 
@@ -254,6 +256,52 @@ def test_a_third_partys_critic_joins_the_list(monkeypatch: pytest.MonkeyPatch) -
     assert (plan.rejected_by[right] == len(DEFAULT_CRITICS)).all() and (plan.totals[right] == -9.0).all()
 
 
+class _Recorder(Critic):
+    """Records the calls of its life cycle."""
+
+    Params = ParamModel
+
+    def __init__(self, name: str, params: Any) -> None:
+        super().__init__(name, params)
+        self.calls: list[str] = []
+
+    def reset(self) -> None:
+        self.calls.append("reset")
+
+    def prepare(self, context: ScoringContext) -> None:
+        self.calls.append("prepare")
+
+    def score(self, rollouts: Rollouts) -> NDArray[np.float64]:
+        self.calls.append(f"score {int(rollouts.alive.sum())}")
+        return np.where(rollouts.commands[:, 2] < 0.0, -1.0, 0.0)
+
+    def debrief(self, command: Twist2D, pose: Pose2D) -> None:
+        self.calls.append("debrief")
+
+    def explain(self, row: int) -> RejectionDetail:
+        return RejectionDetail(f"row {row}")
+
+
+def test_the_life_cycle_of_a_critic(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(CRITICS, "_entries", dict(CRITICS._entries))
+    monkeypatch.setattr(CRITICS, "_lookup", dict(CRITICS._lookup))
+    CRITICS.add("recorder", _Recorder, origin="test")
+    planner = planner_on(critics=[PluginSpec(name=n, type=n) for n in ("recorder", "path")])
+    critic = planner.critics[0]
+    assert isinstance(critic, _Recorder)
+    plan = planner.compute_command(at(Pose2D(0.0, 0.0), Twist2D(0.3, 0.0, 0.0)))
+    assert plan.samples is not None and plan.rejected_by is not None
+    assert critic.calls == ["reset", "prepare", f"score {len(plan.samples)}", "debrief"]
+    details = planner.diagnostics()
+    assert details is not None
+    rejected = np.flatnonzero(plan.rejected_by == 0).tolist()
+    assert rejected and [details.samples[k] for k in rejected] == [
+        ("recorder", RejectionDetail(f"row {k}")) for k in rejected
+    ]
+    planner.compute_command(at(Pose2D(1.5, 0.0, 2.0)))  # at the goal's position critics do not score
+    assert critic.calls[4:] == ["reset"]
+
+
 def test_without_the_obstacle_critic_the_goal_is_still_guarded() -> None:
     listed = [PluginSpec(name=n, type=n) for n in ("path", "goal")]
     planner = planner_on(critics=listed, scaling_speed=0.3)
@@ -275,9 +323,9 @@ def test_the_verdict_counts_and_says_where() -> None:
     message, data = caught.value.message, caught.value.data
     assert message.startswith("126 of 126 rejected: 126 obstacle (footprint on lethal (254) 0.0")
     assert data["samples"] == 126 and data["rejected"] == {"obstacle": 126}
-    contact = data["contact"]
-    assert contact["cost"] == LETHAL and contact["cell"][0] == 49
-    assert 0.0 < contact["ahead_m"] < 0.1
+    collision = data["collision"]
+    assert collision["cost"] == LETHAL and collision["cell"][0] == 49
+    assert 0.0 < collision["ahead_m"] < 0.1
     table = data["plan"]
     assert table.best == -1 and (table.rejected_by == 1).all()
 

@@ -16,6 +16,7 @@ from navstack.local_planner.critics import BaseObstacleCritic, PreferForwardCrit
 from navstack.local_planner.critics.base_obstacle import BaseObstacleParams
 from navstack.local_planner.critics.prefer_forward import PreferForwardParams
 from navstack.local_planner.critics.rotate_to_goal import RotateToGoalParams
+from navstack.local_planner.dwa.planner import make_critics
 from navstack.plugins import CRITICS
 
 GEOMETRY = GridGeometry(40, 40, 0.05, -1.0, -1.0)
@@ -41,7 +42,7 @@ def straight(*samples: tuple[float, float, float], seconds: float = 1.0, points:
 
 def scored(critic: Any, rollouts: Rollouts, at: ScoringContext) -> NDArray[np.float64]:
     critic.prepare(at)
-    out = critic.score(rollouts, np.ones(len(rollouts.counts), np.bool_))
+    out = critic.score(rollouts)
     assert out.dtype == np.float64 and out.shape == rollouts.counts.shape
     return out
 
@@ -77,8 +78,9 @@ def test_rows_that_are_dead_or_empty_are_left_alone() -> None:
     critic.prepare(context())
     rollouts = straight((9.0, 0.0, 0.0), (0.1, 0.0, 0.0))
     rollouts.counts[0] = 0
+    rollouts.alive[0] = False
     rollouts.poses[0] = np.nan
-    out = critic.score(rollouts, np.array([False, True]))
+    out = critic.score(rollouts)
     assert out[1] == 0.0
 
 
@@ -132,6 +134,23 @@ def test_names_of_nav2_are_known() -> None:
         ("BaseObstacle", BaseObstacleCritic),
     ):
         assert CRITICS.get(name).cls is cls
+
+
+def rotate_to_goal_of(**planner: Any) -> RotateToGoalParams:
+    """Parameters of a listed rotate_to_goal critic under DWA."""
+    listed: Any = [{"name": "turn", "type": "rotate_to_goal"}]
+    return make_critics(DWAParams(critics=listed, **planner))[0].params
+
+
+def test_a_critic_inherits_only_parameters_that_were_set() -> None:
+    """DWA's default xy_goal_tolerance is 0.1, that of the critic 0.25."""
+    assert DWAParams().xy_goal_tolerance == 0.1
+    defaults = rotate_to_goal_of()
+    assert (defaults.xy_goal_tolerance, defaults.trans_stopped_vel) == (0.25, 0.25)
+    inherited = rotate_to_goal_of(xy_goal_tolerance=0.15)
+    assert (inherited.xy_goal_tolerance, inherited.trans_stopped_vel) == (0.15, 0.25)
+    own = rotate_to_goal_of(xy_goal_tolerance=0.15, critic_params={"turn": RotateToGoalParams(xy_goal_tolerance=0.2)})
+    assert own.xy_goal_tolerance == 0.2
 
 
 def test_a_list_of_them_drives() -> None:

@@ -13,8 +13,8 @@ from navstack.core import LETHAL, Costmap, Footprint, GridGeometry, Pose2D, Robo
 from navstack.core.errors import InputError
 from navstack.interfaces import ScoringContext
 from navstack.local_planner import DWAParams, DWAPlanner
-from navstack.local_planner._footprint_kernels import perimeter_cost
 from navstack.local_planner.scoring import score
+from navstack.local_planner.trajectory_rollout._kernels import perimeter_cost
 
 FOOTPRINT = Footprint.from_radius(0.18)
 STATE = RobotState(Pose2D(0.0, 0.0, 0.1), Twist2D(0.3, 0.0, 0.0))
@@ -52,7 +52,7 @@ def test_as_many_sequences_as_mppi_has_through_all_critics(model: MotionModel) -
     obstacle = [c.name for c in PLANNER.critics].index("obstacle")
     for k in range(0, 2000, 40):
         scale = 1.0
-        speed = float(np.hypot(*rollouts.samples[k, :2]))
+        speed = float(np.hypot(*rollouts.commands[k, :2]))
         if speed > 0.25:
             scale = 0.2 * ((speed - 0.25) / (PLANNER.limits.max_vel_trans - 0.25)) + 1.0
         costs = [
@@ -65,7 +65,7 @@ def test_as_many_sequences_as_mppi_has_through_all_critics(model: MotionModel) -
         if expected >= 0.0:
             expected = max(expected, max(costmap.cost_at(x, y) or 0 for x, y in rollouts.poses[k, :, :2].tolist()))
         assert table.costs[k, obstacle] == expected
-    assert np.array_equal(rollouts.samples, driven[:, 0])
+    assert np.array_equal(rollouts.commands, driven[:, 0])
 
 
 def test_what_is_asked_for_is_made_drivable() -> None:
@@ -77,7 +77,7 @@ def test_what_is_asked_for_is_made_drivable() -> None:
     assert driven[:, :, 0].max() == limits.max_vel_x and driven[:, :, 0].min() == limits.min_vel_x
     assert np.abs(driven[:, :, 2]).max() == limits.max_vel_theta
     straight, rollouts = roll_out(20.0 * noise(50, 30), STATE, limits, 0.05, DIFFERENTIAL)
-    assert not straight[:, :, 1].any() and not rollouts.samples[:, 1].any()
+    assert not straight[:, :, 1].any() and not rollouts.commands[:, 1].any()
 
 
 def test_a_car_does_not_turn_in_place() -> None:
@@ -95,13 +95,14 @@ def test_a_velocity_held_is_dwas_own_trajectory() -> None:
     """The same points as DWA's simulation of a sample, but for its float32; the same verdict."""
     planner = DWAPlanner(DWAParams(vx_samples=4, vth_samples=5, min_vel_y=0.0, max_vel_y=0.0, sim_time=1.0))
     plan = planner.search(STATE, scene(), FOOTPRINT, LINE, Pose2D(1.6, 0.0, 0.0))
-    last = planner.explain_last()
+    last = planner.diagnostics()
+    assert last is not None
     for k in np.flatnonzero(plan.rejected_by == -1):
-        n = int(last["counts"][k])
+        n = int(last.rollouts.counts[k])
         held = np.repeat(plan.samples[k][None, None], n, axis=1)
         limits = planner.limits._replace(acc_lim_x=1e9, acc_lim_theta=1e9)
         _, rollouts = roll_out(held, STATE, limits, 1.0 / n)
-        np.testing.assert_allclose(rollouts.poses[0], last["poses"][k, :n], atol=2e-6)
+        np.testing.assert_allclose(rollouts.poses[0], last.rollouts.poses[k, :n], atol=2e-6)
 
 
 def test_wrong_sequences_are_refused() -> None:

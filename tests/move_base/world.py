@@ -45,7 +45,7 @@ from navstack.move_base import GoalHandle, MoveBase, MoveBaseParams, Planning
 
 NOTHING = object()
 """What a planner that is told so returns as None."""
-LIMITS = VelocityLimits(0.5, 0.0, 0.0, 0.0, 0.5, 0.1, 1.0, 0.4, 2.5, 0.0, 3.2, 0.1, 0.1)
+LIMITS = VelocityLimits(0.5, 0.0, 0.0, 0.0, 0.5, 0.1, 1.0, 0.4, 2.5, 0.0, 3.2, 0.1)
 
 
 class KinematicRobot:

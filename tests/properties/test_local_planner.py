@@ -14,17 +14,17 @@ from navstack.core import Costmap, Footprint, GridGeometry, Path, Pose2D, RobotS
 from navstack.core.errors import ControlError, InvalidPathError, NoValidControlError
 from navstack.interfaces import ControlInput, LocalPlan, LocalPlanner, Rollouts, ScoringContext
 from navstack.local_planner import DWAParams, DWAPlanner
-from navstack.local_planner._footprint_kernels import perimeter_cost
-from navstack.local_planner.critics import ObstacleCritic, OscillationCritic
+from navstack.local_planner.critics import ObstacleCritic
+from navstack.local_planner.critics._kernels import highest_around
 from navstack.local_planner.critics._map_grid_critic import MapGridCritic
-from navstack.local_planner.critics._obstacle_kernels import highest_around
-from navstack.local_planner.dwa.fused_scoring import Scorer
-from navstack.local_planner.dwa.generator import Simulator, velocity_window
+from navstack.local_planner.critics.obstacle import first_lethal_cell
+from navstack.local_planner.dwa.fused_scoring import FusedScorer
+from navstack.local_planner.dwa.generator import DWAGenerator, velocity_window
 from navstack.local_planner.dwa.planner import make_critics
 from navstack.local_planner.map_grid import MapGridBuilder
-from navstack.local_planner.rejection_report import first_lethal_cell
-from navstack.local_planner.rollouts import RolloutCells
+from navstack.local_planner.rollouts import compute_cells
 from navstack.local_planner.scoring import ScoreTable, score
+from navstack.local_planner.trajectory_rollout._kernels import perimeter_cost
 from navstack.plugins import LOCAL_PLANNERS
 
 PLANNERS = [entry.name for entry in LOCAL_PLANNERS]
@@ -114,11 +114,12 @@ def check_outlines(planner: LocalPlanner, plan: LocalPlan, footprint: Footprint,
     """
     if plan.mode not in ("follow", "rotate_to_goal", "brake") or plan.best < 0:
         return
-    told = planner.explain({})  # pyright: ignore[reportArgumentType]
+    details = planner.diagnostics()
+    assert details is not None
     legal = np.flatnonzero(plan.rejected_by == -1).tolist()
     picked = np.random.default_rng(seed).choice(legal, size=min(3, len(legal)), replace=False).tolist()
     for k in {plan.best, *picked}:
-        for row in told["poses"][k, : told["counts"][k]].tolist():
+        for row in details.rollouts.poses[k, : details.rollouts.counts[k]].tolist():
             pose = Pose2D(*row)
             assert all(costmap.cost_at(float(x), float(y)) is not None for x, y in footprint.at(pose))
             assert first_lethal_cell(costmap, footprint, pose, 1.0) is None
@@ -205,15 +206,14 @@ def test_a_wave_that_stops_and_goes_on_gives_the_same_scores(
     points[:, :, 0] += g.origin_x
     points[:, :, 1] += g.origin_y
     rollouts = Rollouts(np.zeros((12, 3)), points, rng.integers(1, 5, 12))
-    alive = np.ones(12, np.bool_)
     grid = MapGridBuilder().build(costmap, line, robot, last_only=last_only)
-    cells = RolloutCells().compute(rollouts, g)
+    cells = compute_cells(rollouts, g)
     ahead = 0.05 if nose else 0.0
 
     def scored() -> np.ndarray[Any, Any]:
         if nose:
-            return grid.at_nose(rollouts, cells, alive, ahead, np.empty(12))
-        return grid.at_center(rollouts, cells, alive, np.empty(12))
+            return grid.at_nose(rollouts, cells, ahead, np.empty(12))
+        return grid.at_centre(rollouts, cells, np.empty(12))
 
     lazy = scored()
     whole = grid.values()
@@ -287,7 +287,8 @@ def test_the_seven_critics_at_once_say_what_they_say_one_by_one(data: st.DataObj
         scaling_speed=data.draw(st.sampled_from([0.0, 0.25, 9.0])),
     )
     at_once, one_by_one = make_critics(params), make_critics(params)
-    scorer = Scorer(at_once)
+    scorer = FusedScorer.of(at_once)
+    assert scorer is not None
     for _ in range(3):
         costmap, footprint = data.draw(costmaps()), data.draw(st.sampled_from(FOOTPRINTS))
         state = RobotState(data.draw(poses), data.draw(twists))
@@ -300,19 +301,29 @@ def test_the_seven_critics_at_once_say_what_they_say_one_by_one(data: st.DataObj
             state = RobotState(Pose2D(*middle), state.velocity)
             plan = plan - plan[0] + middle
         limits = DWAPlanner(params).limits
-        simulator = Simulator((4, 2, 5), 1.0, 0.05, 0.2, accelerate=data.draw(st.booleans()))
-        samples = simulator.lattice(velocity_window(state.velocity, limits, 0.5))
-        rollouts = simulator.run(samples, state.pose, state.velocity, limits)
+        generator = DWAGenerator(
+            DWAParams(
+                vx_samples=4,
+                vy_samples=2,
+                vth_samples=5,
+                sim_time=1.0,
+                sim_granularity=0.05,
+                angular_sim_granularity=0.2,
+                use_dwa=data.draw(st.booleans()),
+            ),
+            0.5,
+        )
+        samples = generator.lattice(velocity_window(state.velocity, limits, 0.5))
+        rollouts = generator.simulate(samples, state, limits)
         tables: list[ScoreTable] = []
         notes: list[Any] = []
         for number, critics in enumerate((at_once, one_by_one)):
             context = ScoringContext(state, costmap, footprint, plan, Pose2D(*plan[-1]), limits)
             tables.append(score(critics, context, rollouts) if number else scorer.score(context, rollouts))
-            scorer.tell()
-            notes.append(context.shared.get("notes"))
+            scorer.publish()
+            notes.append(context.notes)
             for critic in critics:
-                if isinstance(critic, OscillationCritic):
-                    critic.chosen(state.velocity, state.pose, 0.1)
+                critic.debrief(state.velocity, state.pose)
         a, b = tables
         assert a.best == b.best
         assert notes[0] == notes[1]

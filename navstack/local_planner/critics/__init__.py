@@ -1,4 +1,4 @@
-"""Critics: what a trajectory costs, a file each. Importing this package registers them."""
+"""Critics, one file each. Importing this package registers them."""
 
 from navstack.local_planner.critics.alignment import AlignmentCritic
 from navstack.local_planner.critics.base_obstacle import BaseObstacleCritic
@@ -20,7 +20,7 @@ DEFAULT_CRITICS: tuple[str, ...] = (
     "goal",
     "twirling",
 )
-"""move_base's seven, in its order: the first that rejects a trajectory names the reason."""
+"""The seven critics of move_base, in its order: the first that rejects a rollout gives the reason."""
 
 __all__ = [
     "DEFAULT_CRITICS",

@@ -1,14 +1,14 @@
-"""Stays near the plan (MapGridCostFunction over the path grid)."""
+"""Keeps the robot near the plan (MapGridCostFunction over the path grid)."""
 
 from __future__ import annotations
 
 from typing import ClassVar
 
 from navstack.core.parameters import ParamModel, param
-from navstack.interfaces import ScoringContext
-from navstack.local_planner.critics._map_grid_critic import CENTER_CODES, MapGridCritic
-from navstack.local_planner.critics._weights import RosDistro, distance_scale
-from navstack.local_planner.map_grid import MapGrid, shared_path_grid
+from navstack.interfaces import DistanceGrid, ScoringContext
+from navstack.local_planner.critics._map_grid_critic import CENTRE_CODES, MapGridCritic
+from navstack.local_planner.critics._weights import RosDistro, distance_weight
+from navstack.local_planner.map_grid import shared_path_grid
 from navstack.plugins import CRITICS
 
 
@@ -23,10 +23,10 @@ class PathParams(ParamModel):
 
 @CRITICS.register("path")
 class PathCritic(MapGridCritic):
-    """Distance (cells, around obstacles) from the trajectory's last point to the plan."""
+    """Distance (cells, around obstacles) from the rollout's last point to the plan."""
 
     Params: ClassVar[type[ParamModel]] = PathParams
-    CODES: ClassVar[dict[int, str]] = CENTER_CODES
+    CODES: ClassVar[dict[int, str]] = CENTRE_CODES
 
     def __init__(self, name: str, params: PathParams) -> None:
         super().__init__(name, params)
@@ -34,8 +34,8 @@ class PathCritic(MapGridCritic):
     def weight(self, context: ScoringContext) -> float:
         """`path_distance_bias` times the resolution; half of that before 2018."""
         p = self.params
-        return distance_scale(p.path_distance_bias, context.costmap.geometry.resolution, p.ros_distro)
+        return distance_weight(p.path_distance_bias, context.costmap.geometry.resolution, p.ros_distro)
 
-    def build(self, context: ScoringContext) -> MapGrid:
-        """Distances to the plan."""
-        return shared_path_grid(context, self._buffer)
+    def build(self, context: ScoringContext) -> DistanceGrid:
+        """Distances to the plan, shared with the alignment critic."""
+        return shared_path_grid(context, self._builder)

@@ -1,4 +1,7 @@
-"""At the goal's position: slow down, then only turn (RotateToGoalCritic of Nav2's dwb_critics; move_base has a state for it)."""
+"""At the goal's position: slow down, then only turn (RotateToGoalCritic of Nav2's dwb_critics).
+
+move_base needs no such critic: its planners brake and turn at the goal themselves.
+"""
 
 from __future__ import annotations
 
@@ -14,33 +17,33 @@ from navstack.core.parameters import ParamModel, param
 from navstack.interfaces import Critic, Rollouts, ScoringContext
 from navstack.plugins import CRITICS
 
-TOO_FAST, NO_TURN = -7.0, -8.0
+NOT_SLOWER, NOT_TURNING = -7.0, -8.0
 
 
 class RotateToGoalParams(ParamModel):
-    """Weight, where it begins, and how it slows down."""
+    """Weight, distance from the goal at which the critic starts, and how it slows the robot down."""
 
     RENAMED: ClassVar[Mapping[str, str]] = {"trans_stopped_velocity": "trans_stopped_vel"}
 
     scale: float = param(1.0, "weight of this critic", ge=0.0)
-    xy_goal_tolerance: float = param(0.25, "distance from the goal at which it takes over", unit="m", ge=0.0)
+    xy_goal_tolerance: float = param(0.25, "distance from the goal at which this critic starts", unit="m", ge=0.0)
     trans_stopped_vel: float = param(
-        0.25, "slower than this counts as stopped: only turns from then on", unit="m/s", ge=0.0
+        0.25, "speed below which the robot counts as stopped; from then on it only turns", unit="m/s", ge=0.0
     )
     slowing_factor: float = param(5.0, "cost of the squared speed (m²/s²) until stopped", ge=0.0)
     lookahead_time: float = param(
-        -1.0, "time along the trajectory at which the heading is compared; negative: its end", unit="s"
+        -1.0, "time along the trajectory at which the heading is compared; negative: at its end", unit="s"
     )
 
 
 @CRITICS.register("rotate_to_goal", aliases=("dwb_critics/RotateToGoalCritic", "RotateToGoal"))
 class RotateToGoalCritic(Critic):
-    """Zero until within `xy_goal_tolerance` of the goal. From then on rejects what is not slower, then all but turning.
+    """Zero until the robot is within `xy_goal_tolerance` of the goal; then allows only slower commands, then only turns.
 
-    What is left costs the heading's distance from the goal's (rad), and until stopped the squared speed times
-    `slowing_factor`. Both phases last until the goal changes. DWA brakes and turns at its own xy_goal_tolerance
-    without asking critics: with a larger one here the robot would stay between the two. This critic is for planners that
-    have no such state, and for lists of critics that come from Nav2.
+    A legal rollout costs its heading error at the goal (rad) and, until the robot has stopped, the squared speed times
+    `slowing_factor`. Both phases last until the goal changes. DWA brakes and turns at its own xy_goal_tolerance without
+    critics: with a larger tolerance here the robot would stop in between. Use this critic with planners that have no such
+    phase, and for lists of critics taken from Nav2.
     """
 
     Params: ClassVar[type[ParamModel]] = RotateToGoalParams
@@ -58,7 +61,7 @@ class RotateToGoalCritic(Critic):
         return self.params.scale
 
     def prepare(self, context: ScoringContext) -> None:
-        """Looks where the robot is and how fast."""
+        """Update the phase."""
         p = self.params
         if context.goal != self._goal:
             self._near = self._stopped = False
@@ -67,26 +70,26 @@ class RotateToGoalCritic(Critic):
         self._near = self._near or context.state.pose.distance_to(context.goal) <= p.xy_goal_tolerance
         self._stopped = self._stopped or (self._near and self._speed <= p.trans_stopped_vel)
 
-    def score(self, rollouts: Rollouts, alive: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """(K,) 0 far from the goal; near it the cost, or -7, -8."""
+    def score(self, rollouts: Rollouts) -> NDArray[np.float64]:
+        """(K,) 0 far from the goal; near it the cost, -7 or -8."""
         k = len(rollouts.counts)
         if self._goal is None or not self._near or rollouts.poses.shape[1] == 0:
             return np.zeros(k)
-        p, samples = self.params, rollouts.samples
-        speed = np.hypot(samples[:, 0], samples[:, 1])
-        heading = self._heading_left(rollouts, self._goal.yaw)
+        p, commands = self.params, rollouts.commands
+        speed = np.hypot(commands[:, 0], commands[:, 1])
+        heading = self._heading_errors(rollouts, self._goal.yaw)
         if self._stopped:
-            return np.where(speed > 0.0, NO_TURN, heading)
-        return np.where(speed >= self._speed, TOO_FAST, speed * speed * p.slowing_factor + heading)
+            return np.where(speed > 0.0, NOT_TURNING, heading)
+        return np.where(speed >= self._speed, NOT_SLOWER, speed * speed * p.slowing_factor + heading)
 
-    def _heading_left(self, rollouts: Rollouts, goal_yaw: float) -> NDArray[np.float64]:
-        """(K,) angle between the goal's heading and each trajectory's, at its end or after `lookahead_time`."""
+    def _heading_errors(self, rollouts: Rollouts, goal_yaw: float) -> NDArray[np.float64]:
+        """(K,) angle between the goal's heading and that of each rollout, at its end or after `lookahead_time`."""
         rows = np.arange(len(rollouts.counts))
         first, last = rollouts.poses[:, 0, 2], rollouts.poses[rows, np.maximum(rollouts.counts - 1, 0), 2]
         if self.params.lookahead_time >= 0.0:
-            ahead = rollouts.samples[:, 2] * self.params.lookahead_time
+            ahead = rollouts.commands[:, 2] * self.params.lookahead_time
             turned = np.arctan2(np.sin(last - first), np.cos(last - first))
-            # no farther than it was simulated, where that is less than half a turn
+            # at most the simulated turn, if that is less than half a turn
             last = first + np.where(np.abs(ahead) < np.abs(turned), ahead, turned)
         left = (last - goal_yaw + math.pi) % (2.0 * math.pi) - math.pi
         return np.abs(left)

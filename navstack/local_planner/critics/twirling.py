@@ -1,4 +1,4 @@
-"""Prefers not to turn (base_local_planner/src/twirling_cost_function.cpp)."""
+"""Penalizes turning (base_local_planner/src/twirling_cost_function.cpp)."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core.parameters import ParamModel, param
-from navstack.interfaces import Critic, Rollouts, ScoringContext
+from navstack.interfaces import Critic, Rollouts
 from navstack.plugins import CRITICS
 
 
 class TwirlingParams(ParamModel):
     """Weight."""
 
-    twirling_scale: float = param(0.0, "weight of the turning speed: keeps holonomic robots from spinning", ge=0.0)
+    twirling_scale: float = param(0.0, "weight of the turning speed: prevents holonomic robots from spinning", ge=0.0)
 
 
 @CRITICS.register("twirling", aliases=("base_local_planner/TwirlingCostFunction",))
@@ -29,9 +29,6 @@ class TwirlingCritic(Critic):
         """`twirling_scale`."""
         return self.params.twirling_scale
 
-    def prepare(self, context: ScoringContext) -> None:
-        """Nothing to prepare."""
-
-    def score(self, rollouts: Rollouts, alive: NDArray[np.bool_]) -> NDArray[np.float64]:
+    def score(self, rollouts: Rollouts) -> NDArray[np.float64]:
         """(K,) rad/s."""
-        return np.abs(rollouts.samples[:, 2])
+        return np.abs(rollouts.commands[:, 2])

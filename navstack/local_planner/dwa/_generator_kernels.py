@@ -1,8 +1,8 @@
 # pyright: basic
-"""Velocity samples and simulated trajectories of base_local_planner's SimpleTrajectoryGenerator.
+"""Velocity samples and rollouts of base_local_planner's SimpleTrajectoryGenerator.
 
-C++ keeps poses and velocities in `Eigen::Vector3f`: what is stored between two steps is rounded to float32 here as well,
-while each step itself is computed in double precision. Same samples, same points, same cells.
+C++ stores poses and velocities as `Eigen::Vector3f`. Values stored between two steps are therefore rounded to float32 here,
+too, while each step is computed in double precision: the samples, points and cells are the same.
 """
 
 from __future__ import annotations
@@ -13,12 +13,15 @@ import numpy as np
 
 from navstack.core.jit import kernel
 
-EPS = 1e-4  # tolerance of the speed limits in SimpleTrajectoryGenerator::generateTrajectory
+EPS = 1e-4  # tolerance of the speed limits (SimpleTrajectoryGenerator::generateTrajectory)
 
 
 @kernel
 def axis_values(low, high, number, out):
-    """VelocityIterator: `number` values (at least 2) evenly from low to high, plus a 0 where the range crosses it."""
+    """Write `number` values (at least 2), evenly spaced from low to high, to `out`, plus a 0 if the range crosses it.
+
+    Returns how many (VelocityIterator of base_local_planner).
+    """
     if low == high:
         out[0] = low
         return 1
@@ -40,7 +43,7 @@ def axis_values(low, high, number, out):
 
 @kernel
 def sample_velocities(window, number_x, number_y, number_w, scratch, samples):
-    """All combinations of the three axes' values, vx outermost, into `samples`; how many.
+    """Write all combinations of the values of the three axes, vx outermost, to `samples`. Returns how many.
 
     `window` (3, 2): low and high of vx, vy, wz. `scratch` (3, m) holds the values of each axis.
     """
@@ -62,35 +65,40 @@ def sample_velocities(window, number_x, number_y, number_w, scratch, samples):
 
 
 @kernel
-def count_steps(samples, min_trans, max_trans, min_theta, sim_time, granularity, angular_granularity, counts):
-    """Points per trajectory into `counts`, 0 for what is too slow or too fast; the largest count."""
+def count_points(samples, settings, counts):
+    """Write the points per rollout to `counts`, 0 for samples outside the speed limits. Returns the largest count."""
     longest = 0
     for k in range(len(samples)):
         speed = math.hypot(samples[k, 0], samples[k, 1])
         turn = abs(samples[k, 2])
-        steps = 0
-        if not (speed + EPS < min_trans and turn + EPS < min_theta) and not speed - EPS > max_trans:
-            steps = math.ceil(max(speed * sim_time / granularity, turn * sim_time / angular_granularity))
-        counts[k] = steps
-        longest = max(longest, steps)
+        points = 0
+        too_slow = speed + EPS < settings.min_vel_trans and turn + EPS < settings.min_vel_theta
+        if not too_slow and not speed - EPS > settings.max_vel_trans:
+            along = speed * settings.sim_time / settings.sim_granularity
+            around = turn * settings.sim_time / settings.angular_sim_granularity
+            points = math.ceil(max(along, around))
+        counts[k] = points
+        longest = max(longest, points)
     return longest
 
 
 @kernel
-def toward(velocity, target, acceleration, dt):
-    """One axis' velocity after `dt` on the way to `target`, rounded as C++ stores it."""
+def accelerate_towards(velocity, target, acceleration, dt):
+    """Velocity of one axis after `dt` of acceleration towards `target`, rounded as C++ stores it."""
     if velocity < target:
         return np.float32(min(np.float64(target), velocity + acceleration * dt))
     return np.float32(max(np.float64(target), velocity - acceleration * dt))
 
 
 @kernel
-def simulate(samples, pose, velocity, acceleration, sim_time, accelerate, counts, commands, poses):
-    """Trajectories into `poses` (K, T, 3): the poses BEFORE each step, so the first is `pose` and the last is not scored.
+def integrate(samples, pose, velocity, settings, counts, commands, poses):
+    """Write the rollouts to `poses` (K, T, 3): the poses BEFORE each step, from `pose` on; the last pose is not scored.
 
-    With `accelerate` the velocity grows toward the sample at the limits; otherwise it is the sample from the start.
-    `pose`, `velocity`, `acceleration`: three numbers each. `commands` (K, 3): the velocity of the first step.
+    With `accelerate` the velocity approaches the sample at the acceleration limits; otherwise it equals the sample from the
+    start. `pose`, `velocity`: three numbers each. `commands` (K, 3): the velocity of the first step.
     """
+    sim_time, accelerate = settings.sim_time, settings.accelerate
+    acc_x, acc_y, acc_theta = settings.acc_lim_x, settings.acc_lim_y, settings.acc_lim_theta
     f32 = np.float32
     half_pi = 0.5 * math.pi
     x0, y0, yaw0 = f32(pose[0]), f32(pose[1]), f32(pose[2])
@@ -103,9 +111,9 @@ def simulate(samples, pose, velocity, acceleration, sim_time, accelerate, counts
         if n > 0:
             dt = sim_time / n
         if accelerate and n > 0:
-            vx = toward(f32(velocity[0]), tx, f32(acceleration[0]), dt)
-            vy = toward(f32(velocity[1]), ty, f32(acceleration[1]), dt)
-            vw = toward(f32(velocity[2]), tw, f32(acceleration[2]), dt)
+            vx = accelerate_towards(f32(velocity[0]), tx, f32(acc_x), dt)
+            vy = accelerate_towards(f32(velocity[1]), ty, f32(acc_y), dt)
+            vw = accelerate_towards(f32(velocity[2]), tw, f32(acc_theta), dt)
         commands[k, 0] = vx
         commands[k, 1] = vy
         commands[k, 2] = vw
@@ -116,11 +124,11 @@ def simulate(samples, pose, velocity, acceleration, sim_time, accelerate, counts
             poses[k, i, 1] = y
             poses[k, i, 2] = yaw
             if i + 1 == n:
-                break  # where the last step leads is not scored
+                break  # the pose after the last step is not scored
             if accelerate:
-                vx = toward(vx, tx, f32(acceleration[0]), dt)
-                vy = toward(vy, ty, f32(acceleration[1]), dt)
-                vw = toward(vw, tw, f32(acceleration[2]), dt)
+                vx = accelerate_towards(vx, tx, f32(acc_x), dt)
+                vy = accelerate_towards(vy, ty, f32(acc_y), dt)
+                vw = accelerate_towards(vw, tw, f32(acc_theta), dt)
             if vx != f32(0.0) or vy != f32(0.0):
                 if yaw != at:
                     c, s, at = math.cos(np.float64(yaw)), math.sin(np.float64(yaw)), yaw
@@ -135,43 +143,16 @@ def simulate(samples, pose, velocity, acceleration, sim_time, accelerate, counts
 
 
 @kernel
-def roll_out(
-    samples,
-    x,
-    y,
-    yaw,
-    vx,
-    vy,
-    wz,
-    limits,
-    sim_time,
-    granularity,
-    angular_granularity,
-    accelerate,
-    counts,
-    commands,
-    points,
-):
-    """`count_steps` and `simulate`: the points of a row, at least 1. Nothing is simulated where `points` cannot hold them.
+def simulate(samples, x, y, yaw, vx, vy, wz, settings_, counts, commands, points):
+    """`count_points` and `integrate`, from the pose x, y, yaw at the velocity vx, vy, wz. Returns T, the points per row.
 
-    From the pose x, y, yaw at the velocity vx, vy, wz. `limits` (6,): acc_lim_x, acc_lim_y, acc_lim_theta, min_vel_trans,
-    max_vel_trans, min_vel_theta. The poses (K, T, 3) fill the beginning of `points`, T as returned.
+    `settings_` (1,): see `SIMULATION_SETTINGS`. The poses (K, T, 3), T at least 1, are written to the beginning of `points`;
+    nothing is integrated if `points` is too small.
     """
-    longest = max(
-        1,
-        count_steps(samples, limits[3], limits[4], limits[5], sim_time, granularity, angular_granularity, counts),
-    )
+    settings = settings_[0]
+    longest = max(1, count_points(samples, settings, counts))
     number = len(samples)
     if number * longest * 3 <= len(points):
-        simulate(
-            samples,
-            (x, y, yaw),
-            (vx, vy, wz),
-            (limits[0], limits[1], limits[2]),
-            sim_time,
-            accelerate,
-            counts,
-            commands,
-            points[: number * longest * 3].reshape(number, longest, 3),
-        )
+        poses = points[: number * longest * 3].reshape(number, longest, 3)
+        integrate(samples, (x, y, yaw), (vx, vy, wz), settings, counts, commands, poses)
     return longest

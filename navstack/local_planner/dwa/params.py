@@ -11,7 +11,7 @@ from navstack.local_planner import parameter_checks as checks
 from navstack.local_planner.critics._weights import RosDistro
 from navstack.plugins import CRITICS
 
-_NO_TOPIC = "navstack publishes no topics; every command carries its table of samples"
+NO_TOPIC = "navstack publishes no topics; every command has its table of samples"
 
 
 class DWAParams(ParamModel):
@@ -32,16 +32,16 @@ class DWAParams(ParamModel):
         "gdist_scale": "goal_distance_bias",
     }
     NO_EFFECT: ClassVar[Mapping[str, str]] = {
-        "stop_time_buffer": "ROS stores it and never uses it",
-        "acc_lim_trans": "ROS stores it and never uses it",
-        "acc_limit_trans": "the old name of acc_lim_trans, which ROS stores and never uses",
+        "stop_time_buffer": "ROS stores it but never uses it",
+        "acc_lim_trans": "ROS stores it but never uses it",
+        "acc_limit_trans": "the old name of acc_lim_trans, which ROS stores but never uses",
         "restore_defaults": "a button of dynamic_reconfigure",
-        "publish_cost_grid_pc": _NO_TOPIC,
-        "publish_traj_pc": _NO_TOPIC,
+        "publish_cost_grid_pc": NO_TOPIC,
+        "publish_traj_pc": NO_TOPIC,
         "global_frame_id": "it only names the frame of the published trajectories",
-        "odom_topic": "the velocity comes with the robot's state",
-        "holonomic_robot": "a parameter of TrajectoryPlannerROS; DWA takes it from max_vel_y and min_vel_y",
-        "penalize_negative_x": "gone since hydro; see the prefer_forward critic",
+        "odom_topic": "the velocity is part of the robot's state",
+        "holonomic_robot": "a parameter of TrajectoryPlannerROS; DWA uses max_vel_y and min_vel_y",
+        "penalize_negative_x": "removed in hydro; see the prefer_forward critic",
     }
     SEARCHED: ClassVar[frozenset[str]] = frozenset({"controller_frequency", "latch_xy_goal_tolerance"})
     FROM_NAVSTACK: ClassVar[frozenset[str]] = frozenset({"ros_distro"})
@@ -49,36 +49,38 @@ class DWAParams(ParamModel):
 
     max_vel_trans: float = param(0.55, "highest translational speed", unit="m/s", ge=0.0)
     min_vel_trans: float = param(
-        0.1, "lowest translational speed, for samples that do not turn by at least min_vel_theta", unit="m/s", ge=0.0
+        0.1, "lowest translational speed of samples that turn by less than min_vel_theta", unit="m/s", ge=0.0
     )
     max_vel_x: float = param(0.55, "highest forward speed", unit="m/s")
-    min_vel_x: float = param(0.0, "lowest forward speed; negative allows to back up", unit="m/s")
+    min_vel_x: float = param(0.0, "lowest forward speed; negative allows driving backward", unit="m/s")
     max_vel_y: float = param(0.1, "highest speed to the left", unit="m/s")
     min_vel_y: float = param(-0.1, "lowest speed to the left; negative is to the right", unit="m/s")
     max_vel_theta: float = param(
         1.0,
-        "highest turning speed, either way",
+        "highest turning speed in both directions",
         unit="rad/s",
         ge=0.0,
-        ros_differs="beyond pi the command turned the wrong way, having passed through a quaternion",
+        ros_differs="above pi the command turns the wrong way there, because it is converted through a quaternion",
     )
     min_vel_theta: float = param(
-        0.4, "lowest turning speed, for samples that do not move by at least min_vel_trans", unit="rad/s", ge=0.0
+        0.4, "lowest turning speed of samples that move by less than min_vel_trans", unit="rad/s", ge=0.0
     )
     acc_lim_x: float = param(2.5, "acceleration along x", unit="m/s²", ge=0.0, le=20.0)
     acc_lim_y: float = param(2.5, "acceleration along y", unit="m/s²", ge=0.0, le=20.0)
     acc_lim_theta: float = param(3.2, "turning acceleration", unit="rad/s²", ge=0.0, le=20.0)
-    prune_plan: bool = param(False, "drop the poses of the plan that the robot has passed (more than 1 m away)")
+    prune_plan: bool = param(False, "drop poses of the plan behind the robot, more than 1 m away")
     xy_goal_tolerance: float = param(0.1, "distance at which the goal's position is reached", unit="m", ge=0.0)
     yaw_goal_tolerance: float = param(0.1, "angle at which the goal's heading is reached", unit="rad", ge=0.0)
-    trans_stopped_vel: float = param(0.1, "slower than this on x and y counts as stopped", unit="m/s", ge=0.0)
-    theta_stopped_vel: float = param(0.1, "turning slower than this counts as stopped", unit="rad/s", ge=0.0)
+    trans_stopped_vel: float = param(
+        0.1, "speed along x and y up to which the robot counts as stopped", unit="m/s", ge=0.0
+    )
+    theta_stopped_vel: float = param(0.1, "turning speed up to which the robot counts as stopped", unit="rad/s", ge=0.0)
     latch_xy_goal_tolerance: bool = param(
         False,
-        "once at the goal's position, only turn, even when that leads out of the tolerance again",
-        ros_differs="read from move_base's namespace only, and forgotten with every replan",
+        "once at the goal's position, only turn, even if the robot leaves the tolerance",
+        ros_differs="read from move_base's namespace only, and released by every replan",
     )
-    sim_time: float = param(1.7, "how far ahead trajectories are simulated", unit="s", gt=0.0)
+    sim_time: float = param(1.7, "duration of the simulated trajectories", unit="s", gt=0.0)
     sim_granularity: float = param(0.025, "distance between the points of a trajectory", unit="m", gt=0.0)
     angular_sim_granularity: float = param(0.1, "turn between the points of a trajectory", unit="rad", gt=0.0)
     path_distance_bias: float = param(
@@ -88,35 +90,35 @@ class DWAParams(ParamModel):
         0.8, "weight of the distance to the local goal, per metre (24 before 2018: see ros_distro)", ge=0.0
     )
     occdist_scale: float = param(0.01, "weight of the obstacle cost", ge=0.0)
-    twirling_scale: float = param(0.0, "weight of the turning speed: keeps holonomic robots from spinning", ge=0.0)
+    twirling_scale: float = param(0.0, "weight of the turning speed: prevents holonomic robots from spinning", ge=0.0)
     oscillation_reset_dist: float = param(0.05, "motion that allows every direction again", unit="m", ge=0.0)
     oscillation_reset_angle: float = param(0.2, "turn that allows every direction again", unit="rad", ge=0.0)
-    forward_point_distance: float = param(0.325, "distance of the nose point from the robot's centre", unit="m")
+    forward_point_distance: float = param(0.325, "distance of the nose from the robot's centre", unit="m")
     cheat_factor: float = param(
         1.0, "factor on the squared forward_point_distance within which alignment is off near the goal", ge=0.0
     )
-    scaling_speed: float = param(0.25, "speed from which on the footprint grows", unit="m/s", ge=0.0)
-    max_scaling_factor: float = param(0.2, "how much the footprint has grown at max_vel_trans", ge=0.0)
-    vx_samples: int = param(3, "velocities along x (at least 2 are used)", ge=1)
+    scaling_speed: float = param(0.25, "speed above which the footprint grows", unit="m/s", ge=0.0)
+    max_scaling_factor: float = param(0.2, "growth of the footprint at max_vel_trans", ge=0.0)
+    vx_samples: int = param(3, "number of velocities along x (at least 2 are used)", ge=1)
     vy_samples: int = param(
-        10, "velocities along y (at least 2 are used where the limits differ); 0 counts as 1, as in ROS", ge=0
+        10, "number of velocities along y (at least 2 are used if the limits differ); 0 counts as 1, as in ROS", ge=0
     )
-    vth_samples: int = param(20, "turning speeds (at least 2 are used)", ge=1)
-    use_dwa: bool = param(True, "sample what can be reached within one period; otherwise within sim_time")
+    vth_samples: int = param(20, "number of turning speeds (at least 2 are used)", ge=1)
+    use_dwa: bool = param(True, "sample velocities reachable within one period; otherwise within sim_time")
     sum_scores: bool = param(False, "sum of the obstacle costs along a trajectory instead of their maximum")
     controller_frequency: float = param(20.0, "control cycles per second; 0 counts as 20", unit="Hz", ge=0.0)
     ros_distro: RosDistro = param(
         "noetic",
-        "scoring scale of noetic, or of the releases before 2018 (indigo) that most published YAML was tuned for",
+        "scoring scale of noetic, or of the releases before 2018 (indigo), for which most published YAML was tuned",
     )
     critics: list[PluginSpec] | None = param(
-        None, "critics in their order, instead of move_base's seven: a list of {name, type}; navstack's own"
+        None, "ordered critics instead of the seven of move_base: a list of {name, type}; an addition of navstack"
     )
     critic_params: dict[str, Any] = param({}, "parameters of listed critics, from the namespaces of their names")
 
     @classmethod
     def child_models(cls, values: Mapping[str, Any]) -> dict[str, type[ParamModel]]:
-        """The namespaces of the critics that are listed."""
+        """Parameter models of the listed critics, by namespace."""
         listed = values.get("critics")
         found: dict[str, type[ParamModel]] = {}
         for entry in listed if isinstance(listed, list) else []:

@@ -1,5 +1,5 @@
 # pyright: basic
-"""Trajectories of base_local_planner's TrajectoryPlanner (double precision throughout), and its heading score."""
+"""Rollouts of base_local_planner's TrajectoryPlanner, in double precision; its heading score and footprint checks."""
 
 from __future__ import annotations
 
@@ -7,15 +7,21 @@ import math
 
 import numpy as np
 
+from navstack.core.footprint_kernels import footprint_cost, middle_offsets
 from navstack.core.jit import kernel
 from navstack.core.line_kernels import line_next, line_start
+
+# results of `perimeter_cost`
+ON_LETHAL = -1
+ON_UNKNOWN = -2
+OFF_MAP = -3
 
 
 @kernel
 def simulate_accelerating(samples, pose, velocity, acceleration, sim_time, counts, poses):
-    """Trajectories into `poses` (K, T, 3) that accelerate toward their sample; the first point is `pose`.
+    """Write rollouts that accelerate towards their sample to `poses` (K, T, 3); the first point is `pose`.
 
-    `counts` (K,): points per trajectory.
+    `counts` (K,): points per rollout.
     """
     for k in range(len(samples)):
         x, y, yaw = pose[0], pose[1], pose[2]
@@ -39,7 +45,7 @@ def simulate_accelerating(samples, pose, velocity, acceleration, sim_time, count
 
 @kernel
 def approach(value, target, change):
-    """`value` moved toward `target` by at most `change`."""
+    """`value` changed towards `target` by at most `change`."""
     if value < target:
         return min(target, value + change)
     return max(target, value - change)
@@ -47,7 +53,10 @@ def approach(value, target, change):
 
 @kernel
 def heading_errors(costs, origin_x, origin_y, resolution, plan, poses, alive, out):
-    """Per row of `poses` (K, 3): the turn (rad) to the farthest cell of the plan in free sight; inf where none is."""
+    """Write the angle (rad) from each pose's heading to the farthest visible cell of the plan to `out` (K,).
+
+    `poses` (K, 3). A cell is visible if no cell on the line to it costs 253 or more; inf if no cell is visible.
+    """
     ny, nx = costs.shape
     flat = costs.ravel()
     for k in range(len(poses)):
@@ -82,9 +91,9 @@ def heading_errors(costs, origin_x, origin_y, resolution, plan, poses, alive, ou
 
 @kernel
 def clear_footprint(costs, origin_x, origin_y, resolution, vertices, pose, lows, highs):
-    """Makes the cells under the outline at `pose` passable (at most 252): the robot is where it is.
+    """Make the cells under the footprint at `pose` passable (at most 252): the robot already covers them.
 
-    Nothing changes when a vertex is off the map. `lows`, `highs` (nx,) int64 are scratch.
+    Does nothing if a vertex is off the map. `lows`, `highs` (nx,) int64 are scratch.
     """
     ny, nx = costs.shape
     c, s = math.cos(pose[2]), math.sin(pose[2])
@@ -113,3 +122,49 @@ def clear_footprint(costs, origin_x, origin_y, resolution, vertices, pose, lows,
     for ix in range(nx):
         for iy in range(lows[ix], highs[ix] + 1):
             costs[iy, ix] = min(costs[iy, ix], np.uint8(252))
+
+
+@kernel
+def perimeter_cost(costs, origin_x, origin_y, resolution, vertices, x, y, yaw, scale):
+    """Highest cost along the edges of the footprint `vertices` (n, 2), scaled by `scale`; ON_LETHAL, ON_UNKNOWN or OFF_MAP."""
+    number = len(vertices)
+    corners = np.empty((2, number))
+    for j in range(number):
+        corners[0, j] = scale * vertices[j, 0]
+        corners[1, j] = scale * vertices[j, 1]
+    middles = np.empty(25, np.int64)
+    middle_offsets(costs.shape[1], middles)
+    cells = np.empty((2, number), np.int32)
+    highest = footprint_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, middles, cells)
+    if highest < 254:
+        return highest
+    return collision_reason(costs, origin_x, origin_y, resolution, corners, x, y, yaw)
+
+
+@kernel
+def collision_reason(costs, origin_x, origin_y, resolution, corners, x, y, yaw):
+    """The first of ON_LETHAL, ON_UNKNOWN and OFF_MAP along the edges of a footprint that is in collision."""
+    ny, nx = costs.shape
+    flat = costs.ravel()
+    c, s = math.cos(yaw), math.sin(yaw)
+    number = corners.shape[1]
+    x0, y0 = 0, 0
+    for i in range(number + 1):
+        j = 0 if i == number else i
+        vx, vy = corners[0, j], corners[1, j]
+        fx = ((x + (vx * c - vy * s)) - origin_x) / resolution
+        fy = ((y + (vx * s + vy * c)) - origin_y) / resolution
+        if not (fx >= 0.0 and fy >= 0.0 and fx < nx and fy < ny):
+            return OFF_MAP
+        x1, y1 = int(fx), int(fy)
+        if i > 0:
+            line = line_start(x0, y0, x1, y1, nx)
+            cell, error = y0 * nx + x0, line[0] // 2
+            for _ in range(line[0] + 1):
+                if flat[cell] == 254:
+                    return ON_LETHAL
+                if flat[cell] == 255:
+                    return ON_UNKNOWN
+                cell, error = line_next(cell, error, line)
+        x0, y0 = x1, y1
+    return OFF_MAP

@@ -1,4 +1,4 @@
-"""What trajectory rollout scores: TrajectoryPlanner::generateTrajectory of base_local_planner, as critics."""
+"""Critics of trajectory rollout (TrajectoryPlanner::generateTrajectory of base_local_planner)."""
 
 from __future__ import annotations
 
@@ -8,21 +8,24 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.interfaces import Critic, Rollouts, ScoringContext
-from navstack.local_planner.critics._map_grid_critic import CENTER_CODES, MapGridCritic
+from navstack.interfaces import Critic, RejectionDetail, Rollouts, ScoringContext
+from navstack.local_planner.critics._map_grid_critic import CENTRE_CODES, MapGridCritic
 from navstack.local_planner.critics.goal import GoalCritic, GoalParams
 from navstack.local_planner.critics.obstacle import ObstacleCritic, ObstacleParams
 from navstack.local_planner.map_grid import MapGrid
+from navstack.local_planner.rollouts import single_points
 from navstack.local_planner.trajectory_rollout._kernels import clear_footprint, heading_errors
 
 HEADING_SCALE = 0.3
-"""Weight of the heading difference with heading_scoring: a constant in C++."""
+"""Weight of the heading error with heading_scoring: a constant in C++."""
+NOT_VISIBLE = 1e300
+"""Heading error if no pose of the plan is visible; C++ adds the largest double."""
 
 
 class PathDistanceCritic(MapGridCritic):
-    """Distance to the plan, in cells or metres; the cells under the robot count as free."""
+    """Distance to the plan, in cells or metres; cells under the robot count as free."""
 
-    CODES: ClassVar[dict[int, str]] = CENTER_CODES
+    CODES: ClassVar[dict[int, str]] = CENTRE_CODES
 
     def __init__(self, bias: float, per_metre: bool) -> None:
         super().__init__("path", None)
@@ -50,7 +53,7 @@ class PathDistanceCritic(MapGridCritic):
             self._scratch[0],
             self._scratch[1],
         )
-        return self._buffer.build(costmap, context.plan, context.state.pose, last_only=False)
+        return self._builder.build(costmap, context.plan, context.state.pose, last_only=False)
 
 
 class GoalDistanceCritic(GoalCritic):
@@ -67,7 +70,7 @@ class GoalDistanceCritic(GoalCritic):
 
 
 class SimpleAttractorCritic(Critic):
-    """simple_attractor: squared distance (m²) from the last point to the end of the plan in sight."""
+    """simple_attractor: squared distance (m²) from the last point to the end of the local plan."""
 
     def __init__(self, weight: float) -> None:
         super().__init__("goal", None)
@@ -76,35 +79,34 @@ class SimpleAttractorCritic(Critic):
 
     @property
     def scale(self) -> float:
-        """The bias of the goal."""
+        """The goal's bias."""
         return self._weight
 
     def prepare(self, context: ScoringContext) -> None:
-        """Takes the plan's end."""
+        """Store the end of the plan."""
         self._end = context.plan[-1, :2]
 
-    def score(self, rollouts: Rollouts, alive: NDArray[np.bool_]) -> NDArray[np.float64]:
+    def score(self, rollouts: Rollouts) -> NDArray[np.float64]:
         """(K,) m²."""
-        last = rollouts.poses[np.arange(len(alive)), np.maximum(rollouts.counts - 1, 0), :2]
-        return np.where(alive, ((last - self._end) ** 2).sum(axis=1), 0.0)
+        rows = np.arange(len(rollouts.counts))
+        last = rollouts.poses[rows, np.maximum(rollouts.counts - 1, 0), :2]
+        return np.where(rollouts.alive, ((last - self._end) ** 2).sum(axis=1), 0.0)
 
 
 class UnscaledObstacleCritic(ObstacleCritic):
-    """The highest cost under the outline, which does not grow with speed here."""
+    """Highest cost under a footprint that does not grow with speed."""
 
     def __init__(self, weight: float, per_metre: bool) -> None:
         super().__init__("obstacle", ObstacleParams(occdist_scale=weight, scaling_speed=1e9))
         self._per_metre = per_metre
 
-    def prepare(self, context: ScoringContext) -> None:
-        """Takes the costmap and the outline of this cycle."""
-        super().prepare(context)
-        if self._per_metre:
-            self._scale = self.params.occdist_scale * context.costmap.geometry.resolution
+    def weight(self, context: ScoringContext) -> float:
+        """The weight, times the resolution before 2018 with meter_scoring."""
+        return self.params.occdist_scale * (context.costmap.geometry.resolution if self._per_metre else 1.0)
 
 
 class HeadingCritic(Critic):
-    """heading_scoring: the turn (rad) to the farthest pose of the plan in free sight."""
+    """heading_scoring: angle (rad) between the heading and the direction of the farthest visible pose of the plan."""
 
     def __init__(self) -> None:
         super().__init__("heading", None)
@@ -112,29 +114,30 @@ class HeadingCritic(Critic):
 
     @property
     def scale(self) -> float:
-        """C++'s constant."""
+        """The constant of C++."""
         return HEADING_SCALE
 
     def prepare(self, context: ScoringContext) -> None:
-        """Takes the costmap and the plan of this cycle."""
+        """Store the costmap and the plan of this cycle."""
         self._context = context
 
-    def score(self, rollouts: Rollouts, alive: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """(K,) rad from the first point; huge where no pose of the plan is in sight."""
-        assert self._context is not None
+    def score(self, rollouts: Rollouts) -> NDArray[np.float64]:
+        """(K,) rad at the first point; NOT_VISIBLE if no pose of the plan is visible from there."""
+        if self._context is None:
+            raise RuntimeError("prepare was not called")
         costmap = self._context.costmap
         g = costmap.geometry
-        out = np.zeros(len(alive))
+        out = np.zeros(len(rollouts.counts))
         if rollouts.poses.shape[1]:
-            at = np.ascontiguousarray(rollouts.poses[:, 0])
-            heading_errors(costmap.data, g.origin_x, g.origin_y, g.resolution, self._context.plan, at, alive, out)
-            # C++ adds the largest double there is
-            out[np.isinf(out)] = 1e300
+            poses = np.ascontiguousarray(rollouts.poses[:, 0])
+            plan = self._context.plan
+            heading_errors(costmap.data, g.origin_x, g.origin_y, g.resolution, plan, poses, rollouts.alive, out)
+            out[np.isinf(out)] = NOT_VISIBLE
         return out
 
 
 class SinglePointCritic(Critic):
-    """heading_scoring: another critic, shown one point only, `seconds` along trajectories of `sim_time` (s)."""
+    """heading_scoring: applies another critic to one point only, `seconds` along rollouts of `sim_time` (s)."""
 
     def __init__(self, inner: Critic, seconds: float, sim_time: float) -> None:
         super().__init__(inner.name, inner.params)
@@ -144,26 +147,24 @@ class SinglePointCritic(Critic):
 
     @property
     def scale(self) -> float:
-        """The other's."""
+        """Weight of the inner critic."""
         return self._inner.scale
 
     def prepare(self, context: ScoringContext) -> None:
-        """Prepares the other."""
+        """Prepare the inner critic."""
         self._inner.prepare(context)
 
-    def score(self, rollouts: Rollouts, alive: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """(K,) the other's; 0 where no trajectory lasts so long."""
+    def score(self, rollouts: Rollouts) -> NDArray[np.float64]:
+        """(K,) scores of the inner critic; 0 if the rollouts are too short."""
         steps = int(rollouts.counts.max(initial=0))
         if steps == 0:
-            return np.zeros(len(alive))
+            return np.zeros(len(rollouts.counts))
         point = math.ceil(self._seconds / (self._sim_time / steps) - 1e-9)
         if point >= steps:
-            return np.zeros(len(alive))
-        return self._inner.score(one_point(rollouts, point), alive)
+            return np.zeros(len(rollouts.counts))
+        return self._inner.score(single_points(rollouts, point))
 
-
-def one_point(rollouts: Rollouts, point: int | NDArray[np.int64]) -> Rollouts:
-    """The same rollouts reduced to one point each."""
-    rows = np.arange(len(rollouts.counts))
-    poses = np.ascontiguousarray(rollouts.poses[rows, point][:, None, :])
-    return Rollouts(rollouts.samples, poses, np.minimum(rollouts.counts, 1))
+    def explain(self, row: int) -> RejectionDetail:
+        """Rejection by the inner critic."""
+        detail = self._inner.explain(row)
+        return detail if detail.reason else RejectionDetail()

@@ -1,6 +1,7 @@
-"""How trajectory rollout gets out of places where C++'s would stay for ever: circles in place, and backing out.
+"""How trajectory rollout avoids getting stuck: direction flags, a limit of one full turn in place, and escapes backward.
 
-What it is worth: docs/parity/trajectory_rollout.md.
+The flags are those of base_local_planner's TrajectoryPlanner (rotating_left, stuck_left, ..). The others are additions, with
+their effect in docs/parity/trajectory_rollout.md.
 """
 
 from __future__ import annotations
@@ -8,37 +9,91 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from navstack.core import Pose2D, angle_between
 from navstack.interfaces import Rollouts, ScoringContext
-from navstack.local_planner._footprint_kernels import perimeter_cost
+from navstack.local_planner.trajectory_rollout._kernels import perimeter_cost
 
-OUTLINES = tuple(round(1.0 - 0.05 * i, 2) for i in range(6))
-"""How much of the outline must be free where the robot stands for it to back out: padding is no more than the rest."""
+FOOTPRINT_SCALES = tuple(round(1.0 - 0.05 * i, 2) for i in range(6))
+"""Scales of the footprint, one of which must be free at the current pose for an escape; padding accounts for the rest."""
+
+
+class AxisFlags:
+    """Flags of one axis: a sign that was selected twice excludes the other sign."""
+
+    def __init__(self) -> None:
+        self._selected = [False, False]
+        self._only = [False, False]
+
+    def update(self, speed: float) -> None:
+        """Record that `speed`, not 0, was selected."""
+        side = 0 if speed > 0.0 else 1
+        self._only[side] = self._only[side] or self._selected[side]
+        self._selected[side] = True
+
+    def allows(self, speed: float) -> bool:
+        """False if only the other sign is allowed."""
+        return not self._only[0 if speed < 0.0 else 1]
+
+    def clear(self) -> None:
+        """Allow both signs."""
+        self._selected, self._only = [False, False], [False, False]
+
+
+class OscillationFlags:
+    """Flags for turns in place and strafing: a direction selected twice is the only one allowed until the robot has moved."""
+
+    def __init__(self) -> None:
+        self.turn = AxisFlags()
+        self.strafe = AxisFlags()
+        self._since = Pose2D(0.0, 0.0)
+
+    def update(self, sample: NDArray[np.float64], pose: Pose2D) -> None:
+        """Record that `sample` (3,), which does not drive forward, was selected at `pose`."""
+        if sample[2] != 0.0:
+            self.turn.update(float(sample[2]))
+        elif sample[1] != 0.0:
+            self.strafe.update(float(sample[1]))
+        self._since = pose
+
+    def moved(self, pose: Pose2D, distance: float) -> bool:
+        """True if the robot is farther than `distance` (m) from where such a sample was last selected."""
+        return math.hypot(pose.x - self._since.x, pose.y - self._since.y) > distance
+
+    def clear(self) -> None:
+        """Allow every direction."""
+        self.turn.clear()
+        self.strafe.clear()
+
+    @property
+    def forbidden_turns(self) -> list[str]:
+        """Forbidden directions of turns in place."""
+        return [direction for direction, speed in (("left", 1.0), ("right", -1.0)) if not self.turn.allows(speed)]
 
 
 class FullTurnDetector:
-    """Knows when the robot has turned a whole circle in place.
+    """Detects that the robot has turned a full circle in place.
 
-    ROS differs: where driving on costs more than it is worth, C++ turns in place for ever. All there is to see was seen in one
-    circle: from then on, until the robot has come as far as its samples look, the best sample ahead is taken.
+    ROS differs: if driving forward costs more than its gain, C++ turns in place forever. One full turn shows all there is to
+    see. From then on, until the robot has moved as far as its rollouts reach, turns in place are not considered.
     """
 
-    def __init__(self, farthest: float) -> None:
-        """`farthest` (m): as far as samples look."""
-        self._farthest = farthest
-        self._turning: tuple[Pose2D, float] | None = None  # pose of the last cycle, angle turned up to then
-        self._circled: Pose2D | None = None  # where a whole circle led nowhere
+    def __init__(self, reach: float) -> None:
+        """`reach` (m): the longest distance of a rollout."""
+        self._reach = reach
+        self._turning: tuple[Pose2D, float] | None = None  # pose of the last cycle, angle turned so far
+        self._completed: Pose2D | None = None  # where a full turn was completed
 
     def begin(self, pose: Pose2D) -> None:
-        """A turn in place was chosen at `pose`."""
+        """Record that a turn in place was selected at `pose`."""
         if self._turning is None:
             self._turning = pose, 0.0
 
     def complete(self, pose: Pose2D, *, moved: bool) -> bool:
-        """True from a whole circle in place on. `moved`: the robot has left the place where it began to turn."""
-        if self._circled is not None and pose.distance_to(self._circled) > self._farthest:
-            self._circled = None
+        """True after a full turn in place. `moved`: the robot has left the place where it began to turn."""
+        if self._completed is not None and pose.distance_to(self._completed) > self._reach:
+            self._completed = None
         if self._turning is not None:
             before, turned = self._turning
             if moved:
@@ -47,73 +102,73 @@ class FullTurnDetector:
                 turned += abs(angle_between(before.yaw, pose.yaw))
                 self._turning = pose, turned
                 if turned > 2.0 * math.pi:
-                    self._turning, self._circled = None, pose
-        return self._circled is not None
+                    self._turning, self._completed = None, pose
+        return self._completed is not None
 
-    def forget(self) -> None:
-        """Another goal: what was turned for the last one counts no more."""
-        self._turning = self._circled = None
+    def reset(self) -> None:
+        """Forget the turns made for the last goal."""
+        self._turning = self._completed = None
 
 
 class Escape:
-    """How far the robot backs out.
+    """An escape backward, and how far it leads.
 
-    ROS differs: C++ always goes back escape_reset_dist, and often for ever between two poses that differ by that. Here each
-    escape from one place goes back twice as far as the one before.
+    ROS differs: every escape of C++ ends after escape_reset_dist, so the robot often moves forever between two poses that
+    far apart. Here each escape from the same place leads twice as far as the one before.
     """
 
     def __init__(self, distance: float, angle: float, farthest: float) -> None:
-        """Ends after `distance` (m), at most `farthest` when it is repeated, or after a turn of `angle` (rad)."""
+        """An escape ends after `distance` (m), when repeated at most `farthest`, or after a turn of `angle` (rad)."""
         self._shortest = distance
         self._angle = angle
         self._farthest = max(farthest, distance)
         self._distance = distance
-        self._begun: Pose2D | None = None
-        self._before: Pose2D | None = None  # where the last one began
+        self._start: Pose2D | None = None
+        self._last_start: Pose2D | None = None
 
     @property
     def active(self) -> bool:
-        """True while it lasts."""
-        return self._begun is not None
+        """True during an escape."""
+        return self._start is not None
 
     def begin(self, pose: Pose2D) -> None:
-        """Backing out was chosen at `pose`; nothing where that goes on already."""
-        if self._begun is not None:
+        """Begin an escape at `pose`, unless one is active."""
+        if self._start is not None:
             return
-        repeated = self._before is not None and pose.distance_to(self._before) <= self._farthest
+        repeated = self._last_start is not None and pose.distance_to(self._last_start) <= self._farthest
         self._distance = min(2.0 * self._distance, self._farthest) if repeated else self._shortest
-        self._begun = self._before = pose
+        self._start = self._last_start = pose
 
     def stop(self) -> None:
-        """It cannot go on."""
-        self._begun = None
+        """End the escape: it cannot continue."""
+        self._start = None
 
     def end_when_done(self, pose: Pose2D) -> None:
-        """Ends it where the robot is far enough from, or has turned far enough since, where it began."""
-        if self._begun is not None and (
-            pose.distance_to(self._begun) > self._distance
-            or abs(angle_between(self._begun.yaw, pose.yaw)) > self._angle
+        """End the escape if the robot has moved or turned far enough since its start."""
+        if self._start is not None and (
+            pose.distance_to(self._start) > self._distance
+            or abs(angle_between(self._start.yaw, pose.yaw)) > self._angle
         ):
-            self._begun = None
+            self._start = None
 
-    def forget(self) -> None:
-        """Another goal: the next one is a first one."""
-        self._before = None
+    def reset(self) -> None:
+        """Forget the last escape: the next one leads the shortest distance."""
+        self._last_start = None
 
 
-def backup_points(context: ScoringContext, rollouts: Rollouts, distance: float) -> int:
-    """Points of the last trajectory, backing out, that come no nearer to anything than the robot already is; 0: it does.
+def free_backup_points(context: ScoringContext, rollouts: Rollouts, distance: float) -> int:
+    """Points of the last rollout, which backs up, that come no nearer to an obstacle than the robot is; 0 if they do.
 
-    ROS differs: C++ backs up whatever is behind it. Here the outline may stand on lethal cells (it is padded, and cells are
-    coarse), but, shrunk until it is free where it stands, it must stay free for `distance` (m) and the way to brake, give or
-    take half a cell.
+    ROS differs: C++ backs up without a check. Here the footprint may overlap lethal cells (it is padded, and cells are
+    coarse), but scaled down until it is free at the current pose, it must stay free for `distance` (m) and the braking
+    distance, to half a cell.
     """
     g, acceleration = context.costmap.geometry, context.limits.acc_lim_x
-    speed = abs(float(rollouts.samples[-1, 0]))
+    speed = abs(float(rollouts.commands[-1, 0]))
     braking = speed * speed / (2.0 * acceleration) if acceleration > 0.0 else 0.0
-    way = rollouts.poses[-1, : rollouts.counts[-1]]
-    along = np.hypot(way[:, 0] - way[0, 0], way[:, 1] - way[0, 1])
-    way = way[along <= distance + braking + g.resolution].tolist()
+    points = rollouts.poses[-1, : rollouts.counts[-1]]
+    travelled = np.hypot(points[:, 0] - points[0, 0], points[:, 1] - points[0, 1])
+    poses = points[travelled <= distance + braking + g.resolution].tolist()
 
     def is_free(pose: list[float], scale: float) -> bool:
         x, y, yaw = pose
@@ -123,9 +178,9 @@ def backup_points(context: ScoringContext, rollouts: Rollouts, distance: float) 
         cost = perimeter_cost(context.costmap.data, g.origin_x, g.origin_y, g.resolution, vertices, x, y, yaw, scale)
         return bool(cost >= 0)
 
-    scale = next((scale for scale in OUTLINES if is_free(way[0], scale)), None)
+    scale = next((scale for scale in FOOTPRINT_SCALES if is_free(poses[0], scale)), None)
     if scale is None:
         return 0
-    # what slides along the outline falls into one cell or the next
+    # a point that slides along the footprint's edge may fall into either of two cells
     scale -= 0.5 * g.resolution / max(context.footprint.inscribed_radius, g.resolution)
-    return len(way) if all(is_free(pose, scale) for pose in way) else 0
+    return len(poses) if all(is_free(pose, scale) for pose in poses) else 0

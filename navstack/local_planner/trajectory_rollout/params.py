@@ -30,13 +30,13 @@ class TrajectoryPlannerParams(ParamModel):
     }
     NO_EFFECT: ClassVar[Mapping[str, str]] = {
         "stop_time_buffer": "its use is commented out in ROS",
-        "world_model": 'ROS knows only "costmap"',
-        "point_grid": "read by a world model that ROS no longer has",
+        "world_model": 'ROS supports only "costmap"',
+        "point_grid": "belongs to a world model that ROS has removed",
         "restore_defaults": "a button of dynamic_reconfigure",
-        "publish_cost_grid_pc": "navstack publishes no topics; every command carries its table of samples",
+        "publish_cost_grid_pc": "navstack publishes no topics; every command has its table of samples",
         "global_frame_id": "it only names the frame of the published grid",
-        "max_vel_y": "sideways speeds are those of y_vels",
-        "min_vel_y": "sideways speeds are those of y_vels",
+        "max_vel_y": "y_vels has the sideways speeds",
+        "min_vel_y": "y_vels has the sideways speeds",
     }
     SEARCHED: ClassVar[frozenset[str]] = frozenset({"controller_frequency"})
     FROM_NAVSTACK: ClassVar[frozenset[str]] = frozenset({"ros_distro"})
@@ -50,58 +50,60 @@ class TrajectoryPlannerParams(ParamModel):
     min_vel_theta: float = param(-1.0, "highest turning speed to the right, negative", unit="rad/s", ge=-20.0, le=0.0)
     max_rotational_vel: float = param(1.0, "highest speed of the turn at the goal", unit="rad/s", ge=0.0)
     min_in_place_vel_theta: float = param(0.4, "lowest speed of a turn in place", unit="rad/s", ge=0.0, le=20.0)
-    sim_time: float = param(1.7, "how far ahead trajectories are simulated", unit="s", gt=0.0, le=10.0)
+    sim_time: float = param(1.7, "duration of the simulated trajectories", unit="s", gt=0.0, le=10.0)
     sim_granularity: float = param(0.025, "distance between the points of a trajectory", unit="m", gt=0.0, le=5.0)
     angular_sim_granularity: float = param(
         0.025, "turn between the points of a trajectory", unit="rad", gt=0.0, le=math.pi / 2
     )
-    vx_samples: int = param(20, "forward speeds", ge=1, le=300)
-    vtheta_samples: int = param(20, "turning speeds", ge=1, le=300)
+    vx_samples: int = param(20, "number of forward speeds", ge=1, le=300)
+    vtheta_samples: int = param(20, "number of turning speeds", ge=1, le=300)
     path_distance_bias: float = param(0.6, "weight of the distance to the plan", ge=0.0, le=5.0)
     goal_distance_bias: float = param(0.8, "weight of the distance to the local goal", ge=0.0, le=5.0)
     occdist_scale: float = param(0.01, "weight of the obstacle cost", ge=0.0, le=5.0)
     meter_scoring: bool = param(
         False,
-        "distances count in metres instead of cells",
-        ros_differs="unset, it is a bool that was never initialised; here it is false",
+        "measure distances in metres instead of cells",
+        ros_differs="if unset, it is an uninitialized bool there; here it is false",
     )
     heading_lookahead: float = param(
-        0.325, "how far ahead of the robot turns in place are compared", unit="m", ge=0.0, le=5.0
+        0.325, "distance ahead of the robot at which turns in place are compared", unit="m", ge=0.0, le=5.0
     )
-    oscillation_reset_dist: float = param(0.05, "motion that allows turning the other way", unit="m", ge=0.0, le=5.0)
+    oscillation_reset_dist: float = param(
+        0.05, "motion that allows turning in the other direction", unit="m", ge=0.0, le=5.0
+    )
     escape_reset_dist: float = param(
         0.1,
         "motion that ends an escape",
         unit="m",
         ge=0.0,
         le=5.0,
-        ros_differs="there every escape ends here, often for ever between two poses; here each from the same place goes back "
-        "twice as far as the one before, and only where it comes no nearer to anything",
+        ros_differs="there every escape ends after this distance, often forever between two poses; here each escape from the "
+        "same place leads twice as far as the one before, and only where it comes no nearer to an obstacle",
     )
     escape_reset_theta: float = param(math.pi / 2, "turn that ends an escape", unit="rad", ge=0.0, le=5.0)
-    escape_vel: float = param(-0.1, "speed of backing out, negative", unit="m/s", ge=-2.0, le=2.0)
+    escape_vel: float = param(-0.1, "speed of an escape backward, negative", unit="m/s", ge=-2.0, le=2.0)
     holonomic_robot: bool = param(True, "sample sideways motion")
     y_vels: str | list[float] = param(
-        "-0.3,-0.1,0.1,-0.3", "sideways speeds of a holonomic robot: a list, or one in a string", unit="m/s"
+        "-0.3,-0.1,0.1,-0.3", "sideways speeds of a holonomic robot: a list, or a string with commas", unit="m/s"
     )
-    dwa: bool = param(False, "sample what can be reached within one period; otherwise within sim_time")
-    heading_scoring: bool = param(False, "score the heading toward the plan, and distances after a moment only")
-    heading_scoring_timestep: float = param(
-        0.1, "when, along the trajectory, with heading_scoring", unit="s", ge=0.0, le=1.0
+    dwa: bool = param(False, "sample velocities reachable within one period; otherwise within sim_time")
+    heading_scoring: bool = param(
+        False, "score the heading towards the plan, and distances at one point of the trajectory only"
     )
-    simple_attractor: bool = param(False, "squared distance to the plan's end in sight instead of the grids")
-    prune_plan: bool = param(True, "drop the poses of the plan that the robot has passed (more than 1 m away)")
+    heading_scoring_timestep: float = param(0.1, "time of that point along the trajectory", unit="s", ge=0.0, le=1.0)
+    simple_attractor: bool = param(False, "score the squared distance to the end of the local plan instead of grids")
+    prune_plan: bool = param(True, "drop poses of the plan behind the robot, more than 1 m away")
     yaw_goal_tolerance: float = param(0.05, "angle at which the goal's heading is reached", unit="rad", ge=0.0)
     xy_goal_tolerance: float = param(0.1, "distance at which the goal's position is reached", unit="m", ge=0.0)
     latch_xy_goal_tolerance: bool = param(
         False,
         "once at the goal's position, only turn",
-        ros_differs="forgotten with every replan",
+        ros_differs="released by every replan",
     )
     controller_frequency: float = param(20.0, "control cycles per second; 0 counts as 20", unit="Hz", ge=0.0)
     ros_distro: RosDistro = param(
         "noetic",
-        "scoring scale of noetic, or of the releases before 2018, which with meter_scoring scaled obstacles too",
+        "scoring scale of noetic, or of the releases before 2018, which also scaled obstacles with meter_scoring",
     )
 
     @field_validator("y_vels")
@@ -144,7 +146,7 @@ class TrajectoryPlannerParams(ParamModel):
 
 
 def y_speeds(value: str | Sequence[float]) -> list[float]:
-    """The speeds of `y_vels`: "-0.3,0.3" or [-0.3, 0.3]."""
+    """Parse `y_vels`: "-0.3,0.3" or [-0.3, 0.3]; raises ValueError."""
     try:
         speeds = [float(v) for v in (value.split(",") if isinstance(value, str) else value) if str(v).strip()]
     except ValueError as exc:

@@ -1,36 +1,40 @@
-"""The velocities that trajectory rollout tries, and their trajectories (TrajectoryPlanner::createTrajectories)."""
+"""Velocity samples of trajectory rollout, and their rollouts (TrajectoryPlanner::createTrajectories)."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import RobotState
-from navstack.interfaces import Rollouts, VelocityLimits
+from navstack.interfaces import Rollouts, TrajectoryGenerator, VelocityLimits
 from navstack.local_planner.rollouts import check_points
 from navstack.local_planner.trajectory_rollout._kernels import simulate_accelerating
-
-if TYPE_CHECKING:
-    from navstack.local_planner.trajectory_rollout.params import TrajectoryPlannerParams
+from navstack.local_planner.trajectory_rollout.params import TrajectoryPlannerParams
 
 STRAFE = 0.1
 """Speed (m/s) forward and to either side of the two strafing samples of a holonomic robot."""
 
 
-class TrajectoryRolloutGenerator:
-    """Samples for one set of parameters."""
+class TrajectoryRolloutGenerator(TrajectoryGenerator):
+    """Samples forward speeds, each straight and with turns, then turns in place."""
 
     def __init__(self, params: TrajectoryPlannerParams, period: float) -> None:
+        """`period`: the control period (s)."""
         self._params = params
         self._period = period
+
+    def samples(self, state: RobotState, plan: NDArray[np.float64], limits: VelocityLimits) -> NDArray[np.float64]:
+        """(K, 3) samples that drive forward, then turns in place."""
+        bottom, top, right, left = self.ranges(state, plan, limits)
+        turns = self.turns(right, left)
+        return np.vstack((self.forward(bottom, top, turns, limits), self.in_place(turns, limits)))
 
     def ranges(
         self, state: RobotState, plan: NDArray[np.float64], limits: VelocityLimits
     ) -> tuple[float, float, float, float]:
-        """Lowest and highest vx, lowest and highest wz: what can be reached, no faster than would reach the plan's end."""
+        """Lowest and highest vx, lowest and highest wz: reachable, and at most the speed that reaches the plan's end."""
         p = self._params
         distance = math.hypot(plan[-1, 0] - state.pose.x, plan[-1, 1] - state.pose.y)
         horizon = self._period if p.dwa else p.sim_time
@@ -51,7 +55,7 @@ class TrajectoryRolloutGenerator:
     def forward(
         self, bottom: float, top: float, turns: NDArray[np.float64], limits: VelocityLimits
     ) -> NDArray[np.float64]:
-        """(n, 3) each speed straight on, then with every turn but the last; two that strafe, of a holonomic robot."""
+        """(n, 3) each forward speed straight, then with every turn but the last; for a holonomic robot two that strafe."""
         p = self._params
         samples = np.zeros((p.vx_samples, len(turns), 3))
         samples[:, :, 0] = np.linspace(bottom, top, p.vx_samples)[:, None]
@@ -63,14 +67,14 @@ class TrajectoryRolloutGenerator:
         return samples
 
     def in_place(self, turns: NDArray[np.float64], limits: VelocityLimits) -> NDArray[np.float64]:
-        """(n, 3) turns in place, none slower than the base can turn."""
+        """(n, 3) turns in place of at least the lowest turning speed."""
         slowest = limits.min_vel_theta
         samples = np.zeros((len(turns), 3))
         samples[:, 2] = np.where(turns > 0.0, np.maximum(turns, slowest), np.minimum(turns, -slowest))
         return samples
 
-    def run(self, samples: NDArray[np.float64], state: RobotState, limits: VelocityLimits) -> Rollouts:
-        """Trajectories of `samples` (K, 3), which accelerate toward their velocity."""
+    def simulate(self, samples: NDArray[np.float64], state: RobotState, limits: VelocityLimits) -> Rollouts:
+        """Rollouts of `samples` (K, 3), which accelerate towards their sample."""
         p = self._params
         if p.heading_scoring:
             counts = np.full(len(samples), int(p.sim_time / p.sim_granularity + 0.5), np.int64)
