@@ -105,7 +105,7 @@ def _write_states(file: Path) -> None:
 
     if file.suffix == ".md":
         from navstack.core.files import write_text
-        from navstack.move_base.state_machine import document_markdown
+        from navstack.move_base.state_document import document_markdown
 
         write_text(file, document_markdown())
     elif file.suffix.lower() in FORMATS:

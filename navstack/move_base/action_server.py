@@ -1,7 +1,7 @@
-"""actionlib's SimpleActionServer, without messages: one current goal and one that waits.
+"""actionlib's SimpleActionServer without messages: one current goal and one waiting goal.
 
 Source: actionlib/include/actionlib/server/{action_server_base,simple_action_server_imp,server_goal_handle_imp}.h.
-Time is an argument, so that a server's life is a function of the calls it gets.
+Time is an argument, so that the state of a server is a function of its calls.
 """
 
 from __future__ import annotations
@@ -13,26 +13,26 @@ from navstack.move_base.goal import Goal, GoalHandle, GoalResult, StatusListener
 from navstack.move_base.goal_status import GoalStatus, ServerCall
 
 STATUS_LIST_TIMEOUT_S = 5.0
-"""How long an ended goal stays on the status list (actionlib's status_list_timeout)."""
+"""Time for which a goal remains on the status list after its end (actionlib's status_list_timeout)."""
 
 
 class SimpleActionServer:
-    """Takes goals and cancel requests at any time; whoever executes them looks at the flags when it is ready to."""
+    """Accepts goals and cancel requests at any time and sets flags, which the executor reads when it is ready."""
 
     def __init__(self, listener: StatusListener | None = None) -> None:
-        """`listener(handle, now)` hears every change of any goal's status."""
+        """Create a server that calls `listener(handle, now)` for every change of a status."""
         self.current: GoalHandle | None = None
         self.next: GoalHandle | None = None
         self.preempt_requested = False
-        """The current goal is to end: it was cancelled, or another one waits."""
+        """True if the current goal must end: it was cancelled, or another goal is waiting."""
         self.last_cancel = -float("inf")
-        """No goal stamped up to this time (s) will be accepted."""
+        """Goals stamped up to this time (s) are recalled."""
         self._next_preempt_requested = False
         self._handles: dict[str, GoalHandle] = {}
         self._cancelled_before_sent: dict[str, float] = {}
         self._listener = listener
 
-    # --- what the executor asks ---------------------------------------------------------------------------------------
+    # --- state ---------------------------------------------------------------------------------------
 
     @property
     def is_active(self) -> bool:
@@ -41,25 +41,25 @@ class SimpleActionServer:
 
     @property
     def is_new_goal_available(self) -> bool:
-        """True while a goal waits to be accepted."""
+        """True while a goal is waiting for acceptance."""
         return self.next is not None
 
     def statuses(self) -> list[GoalHandle]:
-        """The status list: every goal that has not ended, and those that ended lately, in order of arrival."""
+        """Return the status list: goals that have not ended and those that ended recently, in order of arrival."""
         return list(self._handles.values())
 
     def find(self, goal_id: str) -> GoalHandle | None:
-        """The goal of that id, while it is on the status list."""
+        """Return the goal of that id, if it is on the status list."""
         return self._handles.get(goal_id)
 
-    # --- what clients do ----------------------------------------------------------------------------------------------
+    # --- calls of clients ----------------------------------------------------------------------------------------------
 
     def submit(self, goal: Goal, now: float) -> GoalHandle:
-        """Takes in a goal at `now` (s). It waits for `accept`, or is RECALLED here and now.
+        """Submit a goal at `now` (s). It waits for `accept`, or is RECALLED at once.
 
-        RECALLED are: a goal whose stamp is not after the last cancel request; one stamped before the current or the waiting
-        goal; a waiting goal that this one takes the place of; one that was cancelled before it came. An id that is
-        listed already gives that goal's handle.
+        RECALLED are goals stamped up to the last cancel request, goals stamped before the current or the waiting goal, goals
+        that were cancelled before their arrival, and the waiting goal that this one replaces. For an id that is already on
+        the status list, the handle of that goal is returned.
         """
         self.prune(now)
         known = self._handles.get(goal.id)
@@ -76,8 +76,7 @@ class SimpleActionServer:
         if goal.stamp <= self.last_cancel:
             self._recall(handle, now, status_messages.CANCELED_BEFORE)
             return handle
-        late = any(other is not None and goal.stamp < other.goal.stamp for other in (self.current, self.next))
-        if late:
+        if any(other is not None and goal.stamp < other.goal.stamp for other in (self.current, self.next)):
             self._recall(handle, now, status_messages.REPLACED, replaced=True)
             return handle
         if self.next is not None:
@@ -89,18 +88,17 @@ class SimpleActionServer:
         return handle
 
     def cancel(self, now: float, goal_id: str | None = None, stamp: float | None = None) -> list[GoalHandle]:
-        """A cancel request at `now` (s): the goals it concerns.
+        """Process a cancel request at `now` (s); return the goals that it selects.
 
-        Neither id nor stamp: all goals. An id: that goal, even before it is sent. A stamp: every goal stamped up to it,
-        also those that come later. Both: both.
+        Without id and stamp, it selects all goals. An id selects that goal, even before it is sent; a stamp selects every
+        goal stamped up to it, including goals sent later. Both select both.
         """
-        everything = goal_id is None and stamp is None
-        touched: list[GoalHandle] = []
+        select_all = goal_id is None and stamp is None
+        selected: list[GoalHandle] = []
         for handle in list(self._handles.values()):
-            concerned = everything or handle.id == goal_id or (stamp is not None and handle.goal.stamp <= stamp)
-            if not concerned:
+            if not (select_all or handle.id == goal_id or (stamp is not None and handle.goal.stamp <= stamp)):
                 continue
-            touched.append(handle)
+            selected.append(handle)
             if handle.status not in (GoalStatus.PENDING, GoalStatus.ACTIVE):
                 continue
             handle.change(ServerCall.SET_CANCEL_REQUESTED, now)
@@ -112,20 +110,23 @@ class SimpleActionServer:
             self._cancelled_before_sent[goal_id] = now
         if stamp is not None:
             self.last_cancel = max(self.last_cancel, stamp)
-        return touched
+        return selected
 
-    # --- what the executor does ---------------------------------------------------------------------------------------
+    # --- calls of the executor ---------------------------------------------------------------------------------------
 
     def accept(self, now: float) -> GoalHandle:
-        """The waiting goal becomes the current one; an active one before it is PREEMPTED. Raises GoalTransitionError
-        when none waits.
+        """Make the waiting goal the current goal; a previous active goal is PREEMPTED.
+
+        Raises GoalTransitionError if no goal is waiting.
         """
         accepted = self.next
         if accepted is None:
-            raise GoalTransitionError("no goal waits to be accepted; ask `is_new_goal_available` first")
+            raise GoalTransitionError("no goal is waiting for acceptance; check `is_new_goal_available` first")
         replaced = self.current
         if replaced is not None and replaced.is_active:
-            self.set_preempted(now, status_messages.REPLACED, error=GoalReplacedError("another goal came"))
+            self.set_preempted(
+                now, status_messages.REPLACED, error=GoalReplacedError("the goal was replaced by a new goal")
+            )
         self.current = accepted
         self.next = None
         self.preempt_requested = self._next_preempt_requested
@@ -134,17 +135,17 @@ class SimpleActionServer:
         return accepted
 
     def set_succeeded(self, now: float, text: str, result: GoalResult | None = None) -> None:
-        """The current goal is reached."""
+        """End the current goal: it is reached."""
         self._end(ServerCall.SET_SUCCEEDED, now, text, result)
 
     def set_aborted(self, now: float, text: str, result: GoalResult | None = None) -> None:
-        """The current goal cannot be reached."""
+        """End the current goal: it cannot be reached."""
         self._end(ServerCall.SET_ABORTED, now, text, result)
 
     def set_preempted(
         self, now: float, text: str = "", result: GoalResult | None = None, error: NavError | None = None
     ) -> None:
-        """The current goal was cancelled or replaced."""
+        """End the current goal: it was cancelled or replaced."""
         handle = self.current
         if result is None and handle is not None:
             result = _result(
@@ -153,7 +154,7 @@ class SimpleActionServer:
         self._end(ServerCall.SET_CANCELED, now, text, result)
 
     def prune(self, now: float) -> None:
-        """Takes goals off the status list that ended long ago."""
+        """Remove goals from the status list that ended more than STATUS_LIST_TIMEOUT_S before `now` (s)."""
         if len(self._handles) < 2 and not self._cancelled_before_sent:
             return
         old = now - STATUS_LIST_TIMEOUT_S
@@ -165,12 +166,14 @@ class SimpleActionServer:
 
     def _end(self, call: ServerCall, now: float, text: str, result: GoalResult | None) -> None:
         if self.current is None:
-            raise GoalTransitionError(f"there is no goal for {call.value}")
+            raise GoalTransitionError(f"{call.value} requires a current goal; there is none")
         self.current.change(call, now, text, result)
 
     def _recall(self, handle: GoalHandle, now: float, text: str, *, replaced: bool = False) -> None:
         error: NavError = (
-            GoalReplacedError("another goal came") if replaced else GoalCanceledError("the goal was cancelled")
+            GoalReplacedError("the goal was replaced by a new goal")
+            if replaced
+            else GoalCanceledError("the goal was cancelled")
         )
         handle.change(ServerCall.SET_CANCELED, now, text, _result(handle, GoalStatus.RECALLED, text, now, error))
 

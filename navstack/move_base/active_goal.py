@@ -12,7 +12,7 @@ from navstack.move_base.goal import Goal, GoalHandle, GoalResult
 from navstack.move_base.goal_statistics import GoalStatistics
 from navstack.move_base.goal_status import GoalStatus
 from navstack.move_base.progress import ProgressChecker
-from navstack.move_base.state_machine import Outcome
+from navstack.move_base.states import Outcome
 
 
 @dataclass(slots=True, eq=False)

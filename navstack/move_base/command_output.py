@@ -9,6 +9,7 @@ from navstack.core import Twist2D
 from navstack.core.errors import NavError
 from navstack.move_base import plugin_calls
 from navstack.move_base.navigation import Navigation
+from navstack.move_base.states import NavEvent
 
 ZERO: Final = Twist2D()
 
@@ -37,6 +38,11 @@ class CommandOutput:
                 self.error = exc
                 text = f"the robot rejected the command {tuple(twist)}: {exc.message}"
                 navigation.events.warn(now, text, exc)
+
+    def abort_after_error(self, now: float) -> None:
+        """End the active goal if the robot has rejected a command."""
+        if self.error is not None and self._navigation.goal is not None:
+            self._navigation.apply(NavEvent.DRIVER_FAILED, now, self.error)
 
     def stop(self, now: float) -> None:
         """Send zero velocity."""

@@ -21,7 +21,7 @@ from navstack.move_base.recovery_sequence import RecoverySequence
 from navstack.move_base.schedule import EPSILON_S, Schedule
 from navstack.move_base.speed_limiter import SpeedLimiter
 from navstack.move_base.stale_sensors import StaleSensorCheck
-from navstack.move_base.state_machine import Mode, NavEvent
+from navstack.move_base.states import Mode, NavEvent
 
 
 class ControlCycle:

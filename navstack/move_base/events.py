@@ -9,7 +9,7 @@ from navstack.core import Event, Listener, Pose2D
 from navstack.core.errors import NavError
 from navstack.interfaces import Plan, RecoveryBehavior, RecoveryStatus
 from navstack.move_base.goal import Goal, GoalHandle
-from navstack.move_base.state_machine import NavEvent, NavState
+from navstack.move_base.states import NavEvent, NavState
 
 
 class EventPublisher:

@@ -9,7 +9,7 @@ import numpy as np
 
 from navstack.core import Path, Pose2D
 from navstack.move_base.navigation import Navigation
-from navstack.move_base.state_machine import Mode
+from navstack.move_base.states import Mode
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from navstack.move_base.navigation import Navigation
 from navstack.move_base.planning import Planning
 from navstack.move_base.progress import ProgressChecker
 from navstack.move_base.schedule import EPSILON_S
-from navstack.move_base.state_machine import NavEvent, Outcome
+from navstack.move_base.states import NavEvent, Outcome
 
 
 class GoalLifecycle:

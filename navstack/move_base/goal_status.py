@@ -1,4 +1,4 @@
-"""The ten states of a goal and how a server may change them.
+"""The ten states of a goal and the legal changes by a server.
 
 Source: actionlib_msgs/msg/GoalStatus.msg; actionlib/include/actionlib/server/server_goal_handle_imp.h.
 """
@@ -14,7 +14,7 @@ from navstack.core.errors import GoalTransitionError
 
 
 class GoalStatus(IntEnum):
-    """Where a goal stands; the numbers are those on ROS's wire."""
+    """Status of a goal, with the numbers of ROS."""
 
     PENDING = 0
     ACTIVE = 1
@@ -26,11 +26,11 @@ class GoalStatus(IntEnum):
     RECALLING = 7
     RECALLED = 8
     LOST = 9
-    """Never sent: what a client assumes when the server no longer lists its goal."""
+    """Never sent: a client sets it if the server no longer lists its goal."""
 
     @property
     def is_terminal(self) -> bool:
-        """True when nothing can follow."""
+        """True for a status that cannot change."""
         return self in TERMINAL
 
 
@@ -44,11 +44,11 @@ TERMINAL: Final = frozenset(
         GoalStatus.LOST,
     }
 )
-"""The states that end a goal."""
+"""The terminal states."""
 
 
 class ServerCall(Enum):
-    """What a server may do to a goal, by actionlib's names."""
+    """Calls of a server that change a status, with the names of actionlib."""
 
     SET_ACCEPTED = "setAccepted"
     SET_CANCEL_REQUESTED = "setCancelRequested"
@@ -82,12 +82,12 @@ SERVER_TRANSITIONS: Final[Mapping[tuple[ServerCall, GoalStatus], GoalStatus]] = 
 
 
 def after(call: ServerCall, status: GoalStatus) -> GoalStatus:
-    """The status after `call`; raises GoalTransitionError where actionlib logs an error and does nothing."""
+    """Return the status after `call`. Raises GoalTransitionError if it is illegal; actionlib logs an error instead."""
     reached = SERVER_TRANSITIONS.get((call, status))
     if reached is None:
         legal = [s.name for c, s in SERVER_TRANSITIONS if c is call]
         raise GoalTransitionError(
-            f"a goal that is {status.name} cannot be changed by {call.value}; that needs {' or '.join(legal)}",
+            f"{call.value} is illegal for a goal with the status {status.name}; it requires {' or '.join(legal)}",
             call=call.value,
             status=status.name,
             legal=legal,

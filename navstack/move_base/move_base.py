@@ -1,9 +1,8 @@
 """The goal manager: accepts goals, plans, drives and recovers, and ends every goal with a reason.
 
-Source: move_base/src/move_base.cpp. `MoveBase.tick` is one update cycle; its parts are in modules of their own
-(`costmap_updater`, `goal_lifecycle`, `plan_requests`, `control_cycle`, `recovery_sequence`). A plan is passed to the local
-planner in the control cycle after its request, as in C++, where it arrives from another thread a few milliseconds later.
-Nothing here sleeps, starts a thread or reads a clock.
+Source: move_base/src/move_base.cpp. `MoveBase.tick` is one update cycle; `parts.py` lists its parts. A plan is passed to the
+local planner in the control cycle after its request, as in C++, where it arrives from another thread a few milliseconds
+later. Nothing here sleeps, starts a thread or reads a clock.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from navstack.core import Listener, Path, Pose2D, RobotState, Twist2D
+from navstack.core import Listener, Pose2D, RobotState, Twist2D
 from navstack.core.errors import InputError
 from navstack.interfaces import (
     CostmapServer,
@@ -33,7 +32,7 @@ from navstack.move_base.parts import connect_parts
 from navstack.move_base.planning import InlinePlanning, Planning
 from navstack.move_base.reconfiguration import reconfigure
 from navstack.move_base.schedule import EPSILON_S
-from navstack.move_base.state_machine import Mode, NavEvent, Trigger
+from navstack.move_base.states import Mode, NavEvent, Trigger
 from navstack.move_base.tick_result import TickResult
 from navstack.parameters.models.move_base import MoveBaseParams
 
@@ -58,10 +57,10 @@ class MoveBase:
         recovery_time_limit_s: float = 120.0,
         goal_time_limit_s: float = math.inf,
     ) -> None:
-        """Create a goal manager; `planning` models the duration of planning, 0 s if None.
+        """Create a goal manager; `planning` defaults to `InlinePlanning` without delay.
 
         The update frequencies (Hz) default to the costmaps' parameters. A recovery behavior that runs longer than
-        `recovery_time_limit_s` fails. A goal that is not reached within `goal_time_limit_s` after its acceptance is aborted.
+        `recovery_time_limit_s` fails; a goal that runs longer than `goal_time_limit_s` after its acceptance is aborted.
         ROS differs: C++ has no such limit; without one, a goal can last forever if oscillation_timeout is 0.
 
         Raises a ParameterError if the parameters of a recovery behavior do not fit the costmaps.
@@ -71,13 +70,12 @@ class MoveBase:
         navigation = self._navigation = Navigation(params, *plugins, events)
         frequencies = (global_update_frequency, local_update_frequency)
         parts = connect_parts(navigation, planning or InlinePlanning(), frequencies, recovery_time_limit_s)
-        self._parts = parts
         self._costmaps = parts.costmaps
         self._command = parts.command
-        self._goals = parts.goals
         self._plan_requests = parts.plan_requests
         self._recovery = parts.recovery
         self._control = parts.control
+        self._parts = parts
         self._now = 0.0
         self._has_ticked = False
         self._is_shut_down = False
@@ -93,14 +91,12 @@ class MoveBase:
 
     def next_due(self, now: float) -> float:
         """Return the next time (s) at which `tick` has work, at least `now`; inf for never."""
-        navigation = self._navigation
-        if not self._has_ticked or (navigation.is_idle and self.server.is_new_goal_available):
+        if not self._has_ticked:
             return now
-        due = self._costmaps.due
-        if not navigation.is_idle:
-            control = self._control.schedule if self._recovery.runner.running is None else self._recovery.runner
-            due = min(due, control.due, self._plan_requests.due)
-        return max(now, due)
+        if self._navigation.is_idle:
+            return now if self.server.is_new_goal_available else max(now, self._costmaps.due)
+        control = self._control.schedule if self._recovery.runner.running is None else self._recovery.runner
+        return max(now, min(self._costmaps.due, control.due, self._plan_requests.due))
 
     def tick(self, now: float) -> None:
         """Update sensors, update the costmaps that are due, control or recover, and replan if due, at `now` (s).
@@ -117,7 +113,7 @@ class MoveBase:
             self._plan_requests.receive(now)
             self._recover_or_control(now)
             self._plan_requests.request_if_due(now)
-            self._abort_if_robot_failed(now)
+            self._command.abort_after_error(now)
 
     def shutdown(self) -> None:
         """End every goal ("node has been killed") and stop the robot. Later goals end at once."""
@@ -127,9 +123,8 @@ class MoveBase:
 
     def _start_tick(self, now: float) -> TickResult:
         if not now >= self._now - EPSILON_S or not math.isfinite(now):
-            raise InputError(
-                f"time must not run backwards: tick({now}) after tick({self._now})", now=now, last=self._now
-            )
+            message = f"time must not run backwards: tick({now}) after tick({self._now})"
+            raise InputError(message, now=now, last=self._now)
         now = self._now = max(now, self._now)
         if not self._has_ticked:
             self._has_ticked = True
@@ -141,7 +136,7 @@ class MoveBase:
         navigation = self._navigation
         if navigation.goal is not None or not self.server.is_new_goal_available:
             return
-        goal = self._goals.accept(now)
+        goal = self._parts.goals.accept(now)
         if self._is_shut_down:
             navigation.apply(NavEvent.GOAL_ACCEPTED, now)
             navigation.apply(NavEvent.SHUTDOWN, now)
@@ -159,11 +154,6 @@ class MoveBase:
             self._recovery.run(runner.running, now)
         if runner.running is None and control.schedule.is_due(now) and self._navigation.goal is not None:
             control.run(now)
-
-    def _abort_if_robot_failed(self, now: float) -> None:
-        error = self._command.error
-        if error is not None and self._navigation.goal is not None:
-            self._navigation.apply(NavEvent.DRIVER_FAILED, now, error)
 
     # --- goals --------------------------------------------------------------------------------------------------------
 
@@ -184,14 +174,9 @@ class MoveBase:
         if None. An invalid goal is reported by the handle, which reaches a terminal state in every case.
         Raises InputError if `pose` is not a Pose2D, or for an invalid stamp or time limit.
         """
-        goal = make_goal(
-            pose,
-            frame or self.global_costmap.frame,
-            goal_id or f"goal-{self._goal_count + 1}",
-            self._now if stamp is None else stamp,
-            orientation,
-            time_limit_s,
-        )
+        name = goal_id or f"goal-{self._goal_count + 1}"
+        stamp = self._now if stamp is None else stamp
+        goal = make_goal(pose, frame or self.global_costmap.frame, name, stamp, orientation, time_limit_s)
         self._goal_count += 1
         return self.server.submit(goal, self._now)
 
@@ -332,12 +317,6 @@ class MoveBase:
         return self._navigation.plan
 
     @property
-    def path(self) -> Path | None:
-        """The path of that plan."""
-        plan = self._navigation.plan
-        return plan.path if plan is not None else None
-
-    @property
     def local_plan(self) -> LocalPlan | None:
         """The local planner's last result for the active goal."""
         return self._navigation.local_plan
@@ -360,11 +339,11 @@ class MoveBase:
     @property
     def goal_time_limit_s(self) -> float:
         """Time limit of goals without one of their own (s from acceptance); inf for none."""
-        return self._goals.time_limit_s
+        return self._parts.goals.time_limit_s
 
     @goal_time_limit_s.setter
     def goal_time_limit_s(self, limit: float) -> None:
-        self._goals.time_limit_s = limit
+        self._parts.goals.time_limit_s = limit
 
     def local_state(self, now: float) -> RobotState:
         """Return the robot's pose in the local costmap's frame at `now` (s), and its velocity. Raises NavError."""

@@ -18,7 +18,8 @@ from navstack.interfaces import (
 )
 from navstack.move_base.active_goal import ActiveGoal
 from navstack.move_base.events import EventPublisher
-from navstack.move_base.state_machine import Action, Mode, NavEvent, NavState, Outcome, Transition, step
+from navstack.move_base.state_machine import step
+from navstack.move_base.states import Action, Mode, NavEvent, NavState, Outcome, Transition
 from navstack.move_base.tick_result import TickResult
 from navstack.parameters.models.move_base import MoveBaseParams
 

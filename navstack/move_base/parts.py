@@ -15,7 +15,7 @@ from navstack.move_base.planning import Planning
 from navstack.move_base.recovery_sequence import RecoverySequence
 from navstack.move_base.schedule import Schedule
 from navstack.move_base.stale_sensors import StaleSensorCheck
-from navstack.move_base.state_machine import Action
+from navstack.move_base.states import Action
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,7 +12,7 @@ from navstack.move_base.occupied_cell import add_layer
 from navstack.move_base.plan_schedule import PlanSchedule
 from navstack.move_base.planning import PlanAnswer, Planning, PlanRequest
 from navstack.move_base.schedule import EPSILON_S
-from navstack.move_base.state_machine import Mode, NavEvent
+from navstack.move_base.states import Mode, NavEvent
 
 
 class PlanRequests:

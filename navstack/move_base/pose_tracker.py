@@ -7,7 +7,7 @@ from navstack.move_base import plugin_calls
 from navstack.move_base.active_goal import ActiveGoal
 from navstack.move_base.navigation import Navigation
 from navstack.move_base.progress import Progress
-from navstack.move_base.state_machine import NavEvent
+from navstack.move_base.states import NavEvent
 
 
 class PoseTracker:

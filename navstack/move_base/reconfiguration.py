@@ -12,7 +12,7 @@ from navstack.move_base.parts import Parts
 from navstack.move_base.progress import ProgressChecker
 from navstack.move_base.recovery_sequence import context_of
 from navstack.move_base.speed_limiter import SpeedLimiter
-from navstack.move_base.state_machine import Mode, NavEvent
+from navstack.move_base.states import Mode, NavEvent
 from navstack.parameters.models.move_base import MoveBaseParams
 
 

@@ -14,7 +14,7 @@ from navstack.move_base.navigation import Navigation
 from navstack.move_base.recovery_runner import RecoveryEnd, RecoveryRunner
 from navstack.move_base.schedule import Schedule
 from navstack.move_base.stale_sensors import StaleSensorCheck
-from navstack.move_base.state_machine import NavEvent, Trigger
+from navstack.move_base.states import NavEvent, Trigger
 
 MAX_ROUNDS: Final = 3
 """How often the list of recoveries runs without a motion of oscillation_distance, even if the index is reset."""

@@ -9,7 +9,7 @@ from navstack.move_base.costmap_updater import CostmapUpdater
 from navstack.move_base.errors import StaleSensorsError
 from navstack.move_base.navigation import Navigation
 from navstack.move_base.schedule import EPSILON_S
-from navstack.move_base.state_machine import NavEvent
+from navstack.move_base.states import NavEvent
 
 
 class StaleSensorCheck:

@@ -6,7 +6,8 @@ import os
 from pathlib import Path
 from typing import Any
 
-from navstack.move_base.state_machine import ROWS, Mode
+from navstack.move_base.states import Mode
+from navstack.move_base.transition_table import ROWS
 from navstack.plot import canvas, colors
 
 Edges = dict[tuple[Mode, Mode], list[str]]

@@ -16,7 +16,7 @@ import pytest
 from navstack.core import Pose2D
 from navstack.core.errors import InvalidPathError
 from navstack.move_base import GoalHandle, GoalStatus, status_messages
-from navstack.move_base.state_machine import NavEvent
+from navstack.move_base.states import NavEvent
 
 from .test_real_parts import FAR, NEAR, WALL, Office
 

@@ -11,7 +11,7 @@ from navstack.core import Path, Pose2D, Transform2D, Twist2D
 from navstack.core.errors import InputError, InternalError, InvalidPathError
 from navstack.interfaces import Plan
 from navstack.move_base import GoalStatus, InlinePlanning, Mode, Trigger, status_messages
-from navstack.move_base.state_machine import NavEvent
+from navstack.move_base.states import NavEvent
 
 from .world import Bench, StraightPlanner, TurnAndGo, Waiting, no_control, occupied
 

@@ -204,7 +204,7 @@ def test_scans_that_are_wrong(kind: str) -> None:
 
 
 def test_shutdown_and_a_bug() -> None:
-    from navstack.move_base.state_machine import NavEvent
+    from navstack.move_base.states import NavEvent
 
     office = Office()
     handle = office.move_base.send_goal(FAR)

@@ -13,7 +13,7 @@ from navstack.core import Pose2D, Twist2D
 from navstack.core.errors import InputError, ParameterError
 from navstack.interfaces import RecoveryContext
 from navstack.move_base import GoalStatus, Mode, MoveBase
-from navstack.move_base.state_machine import NavEvent
+from navstack.move_base.states import NavEvent
 from navstack.sim import SimulatedRobot
 
 from .world import Bench, StraightPlanner, TurnAndGo, Waiting, occupied

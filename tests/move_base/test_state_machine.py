@@ -6,7 +6,10 @@ import pytest
 
 from navstack.core.errors import InternalError
 from navstack.move_base import Mode, Trigger, status_messages
-from navstack.move_base.state_machine import ROWS, TABLE, Action, NavEvent, NavState, Outcome, step, table_markdown
+from navstack.move_base.state_document import table_markdown
+from navstack.move_base.state_machine import TABLE, step
+from navstack.move_base.states import Action, NavEvent, NavState, Outcome
+from navstack.move_base.transition_table import ROWS
 
 # event: (to, recovery index, outcome) per mode; "=" stays, "-" cannot be.
 # index: . keep, 0 reset, + next, p/c/o reset when the trigger is PLANNING_R/CONTROLLING_R/OSCILLATION_R
@@ -62,7 +65,7 @@ def test_every_entry(mode: Mode, event: NavEvent, trigger: Trigger) -> None:
     before = NavState(mode, trigger, 3)
     cell = MEANT[mode, event]
     if cell == "-":
-        with pytest.raises(InternalError, match=f"{event.name} cannot happen in {mode.name}"):
+        with pytest.raises(InternalError, match=f"{event.name} is illegal in {mode.name}"):
             step(before, event)
         return
     to, index, *rest = cell.split("/")

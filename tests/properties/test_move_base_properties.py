@@ -9,7 +9,8 @@ from navstack.core import Pose2D, Twist2D
 from navstack.core.errors import GoalTransitionError, InternalError
 from navstack.interfaces import LocalPlan, RecoveryStatus, RecoveryStep
 from navstack.move_base import Goal, GoalStatus, Mode, SimpleActionServer
-from navstack.move_base.state_machine import Action, IndexRule, NavEvent, NavState, step
+from navstack.move_base.state_machine import step
+from navstack.move_base.states import Action, IndexRule, NavEvent, NavState
 from tests.move_base.world import Bench, StraightPlanner, TurnAndGo, Waiting, no_control, occupied
 
 OURS = settings(deadline=None, max_examples=60, derandomize=True)
