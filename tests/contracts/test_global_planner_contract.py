@@ -1,7 +1,7 @@
-"""What every registered global planner owes its caller, on small maps.
+"""The contract of every registered global planner, on small maps.
 
-It runs on third parties' planners too, once they are registered by entry point: with their default parameters, and with
-cells of cost 253 and 254 held to be forbidden.
+The tests include third-party planners that are registered by entry point, with their default parameters, and require that
+their paths avoid cells of cost 253 and 254.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from navstack.plugins import GLOBAL_PLANNERS
 
 RESOLUTION = 0.1
 LEGEND = {".": 0, "-": 60, "+": 200, "i": 253, "#": 254, "?": 255}
-# every combination that changes how a built-in planner searches; others run with their defaults
+# every combination that changes how a built-in planner searches; other planners use their defaults
 VARIANTS: dict[str, list[dict[str, object]]] = {
     "navfn": [{}, {"use_astar": True}, {"allow_unknown": False}],
     "global_planner": [
@@ -42,7 +42,7 @@ VARIANTS: dict[str, list[dict[str, object]]] = {
     "theta_star": [{}, {"cost_factor": 0.0}, {"allow_unknown": False}],
 }
 STRAIGHT_ONLY = {"carrot_planner"}
-"""Planners that do not search: they go straight and may stop short."""
+"""Planners that do not search: their paths are straight and may end before the goal."""
 
 
 def planners() -> list[tuple[str, dict[str, object]]]:
@@ -59,12 +59,12 @@ def build(planner: tuple[str, dict[str, object]], **more: object) -> GlobalPlann
 
 
 def has_parameter(planner: tuple[str, dict[str, object]], name: str) -> bool:
-    """Third parties' planners need not have ours."""
+    """Whether a planner has a parameter; third-party planners may have others."""
     return name in GLOBAL_PLANNERS.get(planner[0]).cls.Params.model_fields
 
 
 def ascii_map(text: str, origin: tuple[float, float] = (-1.0, 2.0)) -> Costmap:
-    """A costmap from a drawing whose first line is the top row."""
+    """A costmap from a drawing; the first line is the top row."""
     rows = [line.strip() for line in text.strip().splitlines()][::-1]
     data = np.array([[LEGEND[c] for c in row] for row in rows], np.uint8)
     return Costmap(GridGeometry(data.shape[1], data.shape[0], RESOLUTION, *origin), data)
@@ -75,7 +75,7 @@ def at(costmap: Costmap, ix: int, iy: int, yaw: float = 0.0) -> Pose2D:
 
 
 def cells_on(plan: Plan, costmap: Costmap, corners: bool) -> NDArray[np.int64]:
-    """Cells (n, 2) that the path's own points lie in; navfn's lie on corners, which stand for the cell they begin."""
+    """Cells (n, 2) that contain the path's points; points of navfn are the lower left corners of their cells."""
     g = costmap.geometry
     shift = 0.5 if corners else 0.0
     xy = (plan.path.poses[:-1, :2] - (g.origin_x, g.origin_y)) / g.resolution + shift
@@ -95,7 +95,7 @@ ROOM = """
     #..................#
     ####################
 """
-SEALED = """
+CLOSED = """
     ############
     #....#.....#
     #....#.....#
@@ -139,7 +139,7 @@ def assert_contract(
     assert len(poses) >= 1
     assert plan.path.frame == costmap.frame
     assert ((-math.pi < poses[:, 2]) & (poses[:, 2] <= math.pi)).all()
-    assert np.hypot(*(poses[0, :2] - start[:2])) <= RESOLUTION  # in its cell, at the corner at worst
+    assert np.hypot(*(poses[0, :2] - start[:2])) <= RESOLUTION  # in its cell or on its corner
     assert tuple(poses[-1]) == pytest.approx(tuple(plan.goal))
     assert plan.goal_moved_m == pytest.approx(plan.goal.distance_to(goal), abs=1e-9)
     assert np.isfinite(plan.cost)
@@ -151,7 +151,7 @@ def assert_contract(
     if planner[0] in STRAIGHT_ONLY:
         return
     steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
-    assert (steps <= 2.0 * RESOLUTION).all()  # no jumps
+    assert (steps <= 2.0 * RESOLUTION).all()  # continuous
     corners = planner[0] == "navfn" or planner[1].get("old_navfn_behavior") is True
     cells = cells_on(plan, costmap, corners)
     start_cell = costmap.geometry.world_to_cell(start.x, start.y)
@@ -209,7 +209,7 @@ def test_same_input_same_plan(planner: tuple[str, dict[str, object]]) -> None:
 
 
 @each_planner
-def test_frame_and_origin_are_the_costmaps(planner: tuple[str, dict[str, object]]) -> None:
+def test_frame_and_origin_of_the_costmap(planner: tuple[str, dict[str, object]]) -> None:
     near, far = ascii_map(ROOM, (0.0, 0.0)), ascii_map(ROOM, (-100.0, 50.0))
     far.frame = "odom"
     a = build(planner).make_plan(near, at(near, 2, 2), at(near, 17, 2))
@@ -230,7 +230,7 @@ def test_start_is_goal(planner: tuple[str, dict[str, object]]) -> None:
 @each_planner
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize("field", ["x", "y", "yaw"])
-def test_poses_that_are_no_numbers(planner: tuple[str, dict[str, object]], bad: float, field: str) -> None:
+def test_poses_that_are_not_finite(planner: tuple[str, dict[str, object]], bad: float, field: str) -> None:
     costmap = ascii_map(ROOM)
     good = at(costmap, 3, 3)
     wrong = good._replace(**{field: bad})
@@ -265,8 +265,8 @@ def test_goal_in_an_obstacle(planner: tuple[str, dict[str, object]]) -> None:
 
 
 @searching
-def test_no_connection(planner: tuple[str, dict[str, object]]) -> None:
-    costmap = ascii_map(SEALED)
+def test_unreachable_goal(planner: tuple[str, dict[str, object]]) -> None:
+    costmap = ascii_map(CLOSED)
     goal = at(costmap, 8, 2)
     with pytest.raises(NoValidPathError, match="nearest to the goal") as error:
         build(planner).make_plan(costmap, at(costmap, 2, 2), goal)
@@ -274,24 +274,24 @@ def test_no_connection(planner: tuple[str, dict[str, object]]) -> None:
     assert error.value.data["nearest_reachable"] == pytest.approx(costmap.geometry.cell_to_world(4, 2))
     assert error.value.data["nearest_reachable_distance_m"] == pytest.approx(0.4)
     assert error.value.data["cells_expanded"] >= 0
-    (seal,) = error.value.data["blocked_by"]
-    assert seal["kind"] == "obstacle"
-    assert seal["x"] == pytest.approx(costmap.geometry.cell_to_world(5, 2)[0])
+    (blockage,) = error.value.data["blocked_by"]
+    assert blockage["kind"] == "obstacle"
+    assert blockage["x"] == pytest.approx(costmap.geometry.cell_to_world(5, 2)[0])
 
 
 @searching
-def test_the_narrowest_gap_is_named(planner: tuple[str, dict[str, object]]) -> None:
-    """Of two ways that are blocked, the one where the robot nearly fits."""
-    costmap = ascii_map(SEALED)
+def test_the_error_names_the_gap_that_is_too_narrow(planner: tuple[str, dict[str, object]]) -> None:
+    """Of two blocked routes, the one where the robot nearly fits."""
+    costmap = ascii_map(CLOSED)
     costmap.data[2, 5] = 253
     with pytest.raises(NoValidPathError, match="too narrow for the robot") as error:
         build(planner).make_plan(costmap, at(costmap, 2, 2), at(costmap, 8, 2))
-    (seal,) = error.value.data["blocked_by"]
-    assert seal["kind"] == "too narrow"
-    assert seal["gap_m"] == pytest.approx(
+    (blockage,) = error.value.data["blocked_by"]
+    assert blockage["kind"] == "too narrow"
+    assert blockage["gap_m"] == pytest.approx(
         RESOLUTION
-    )  # between the centres of two walls a cell apart, less half a cell each
-    assert (seal["x"], seal["y"]) == pytest.approx(costmap.geometry.cell_to_world(5, 2))
+    )  # two cells between the centres of the walls, less half a cell each
+    assert (blockage["x"], blockage["y"]) == pytest.approx(costmap.geometry.cell_to_world(5, 2))
 
 
 @pytest.mark.parametrize("name", ["navfn", "global_planner", "astar", "theta_star"])
@@ -308,7 +308,7 @@ def test_unknown_space(name: str) -> None:
 
 @searching_with("default_tolerance")
 def test_tolerance(planner: tuple[str, dict[str, object]]) -> None:
-    costmap = ascii_map(SEALED)
+    costmap = ascii_map(CLOSED)
     start, goal = at(costmap, 2, 2), at(costmap, 7, 2, 0.7)
     with pytest.raises(NoValidPathError):
         build(planner, default_tolerance=0.25).make_plan(costmap, start, goal)
@@ -318,7 +318,7 @@ def test_tolerance(planner: tuple[str, dict[str, object]]) -> None:
     assert plan.goal.yaw == 0.7
     assert costmap.cost_at(plan.goal.x, plan.goal.y) == 0
     assert any("default_tolerance" in note for note in plan.notes)
-    # into an obstacle likewise; and where nothing within the tolerance is free the goal is to blame
+    # also for a goal in an obstacle; without a free cell within the tolerance the goal is occupied
     assert build(planner, default_tolerance=0.15).make_plan(costmap, start, at(costmap, 5, 2)).goal_moved_m > 0.0
     block = ascii_map(ROOM)
     block.data[2:9, 8:15] = 254
@@ -327,7 +327,7 @@ def test_tolerance(planner: tuple[str, dict[str, object]]) -> None:
 
 
 @searching_with("max_expansions")
-def test_a_search_that_may_not_go_on(planner: tuple[str, dict[str, object]]) -> None:
+def test_max_expansions_ends_the_search(planner: tuple[str, dict[str, object]]) -> None:
     costmap = Costmap(GridGeometry(60, 60, RESOLUTION), np.zeros((60, 60), np.uint8))
     costmap.data[30, 5:55] = 254
     start, goal = at(costmap, 30, 5), at(costmap, 30, 54)
@@ -336,7 +336,7 @@ def test_a_search_that_may_not_go_on(planner: tuple[str, dict[str, object]]) -> 
     assert error.value.code == 207
     data = error.value.data
     assert data["max_expansions"] == 60
-    assert 60 <= data["cells_expanded"] < 200  # a wave ends with its round
+    assert 60 <= data["cells_expanded"] < 200  # a wave ends with its list
     x, y = data["nearest_reachable"]
     assert data["nearest_reachable_distance_m"] == pytest.approx(math.hypot(x - goal.x, y - goal.y))
     assert 0.0 < data["nearest_reachable_distance_m"] < goal.distance_to(start)
@@ -362,7 +362,7 @@ def test_start_policies(planner: tuple[str, dict[str, object]]) -> None:
     assert error.value.code == 205
     assert error.value.data["cost"] == 253
     assert error.value.data["nearest_free_distance_m"] == pytest.approx(2 * RESOLUTION)
-    # its cell alone leads nowhere: the obstacle goes on all around
+    # clearing its cell is not enough: the cells around it are blocked too
     with pytest.raises(StartOccupiedError, match="no free cell beside it"):
         build(planner, start_policy="clear_cell").make_plan(costmap, start, goal, footprint=footprint)
     plan = build(planner, start_policy="clear_footprint").make_plan(costmap, start, goal, footprint=footprint)
@@ -375,7 +375,7 @@ def test_start_policies(planner: tuple[str, dict[str, object]]) -> None:
     assert np.hypot(*np.diff(poses[:, :2], axis=0).T).max() <= 2.0 * RESOLUTION
     beyond = np.hypot(*(poses[:, :2] - start[:2]).T) > 2.5 * RESOLUTION
     assert all(costmap.cost_at(x, y) == 0 for x, y, _ in poses[beyond])
-    # a start that is free is no case for any policy
+    # policies do not affect a free start
     free = at(costmap, 20, 5)
     plans = [
         build(planner, start_policy=p).make_plan(costmap, free, goal, footprint=footprint)
@@ -386,7 +386,7 @@ def test_start_policies(planner: tuple[str, dict[str, object]]) -> None:
 
 
 @each_planner
-def test_yaws_are_brought_into_range(planner: tuple[str, dict[str, object]]) -> None:
+def test_yaws_are_normalized(planner: tuple[str, dict[str, object]]) -> None:
     costmap = ascii_map(ROOM)
     plan = build(planner).make_plan(costmap, at(costmap, 2, 2, -7.0), at(costmap, 17, 2, 9.0))
     assert ((-math.pi < plan.path.poses[:, 2]) & (plan.path.poses[:, 2] <= math.pi)).all()
@@ -394,7 +394,7 @@ def test_yaws_are_brought_into_range(planner: tuple[str, dict[str, object]]) -> 
 
 
 @searching
-def test_start_in_an_obstacle_is_taken_for_free(planner: tuple[str, dict[str, object]]) -> None:
+def test_blocked_start_is_treated_as_free(planner: tuple[str, dict[str, object]]) -> None:
     costmap = ascii_map(ROOM)
     costmap.data[5, 4] = 254
     start, goal = at(costmap, 4, 5), at(costmap, 2, 2)
@@ -421,7 +421,7 @@ def test_tiny_and_uniform_maps(planner: tuple[str, dict[str, object]], shape: tu
 
 
 @pytest.mark.parametrize("name", ["carrot_planner"])
-def test_carrot_pulls_the_goal_back(name: str) -> None:
+def test_carrot_moves_the_goal_back(name: str) -> None:
     costmap = ascii_map(ROOM)
     footprint = Footprint.from_radius(0.12)
     start, goal = at(costmap, 2, 5), at(costmap, 9, 5)
@@ -436,8 +436,8 @@ def test_carrot_pulls_the_goal_back(name: str) -> None:
         build((name, {})).make_plan(costmap, start, goal, footprint=footprint)
 
 
-def test_planning_is_not_disturbed_by_a_view() -> None:
-    """A costmap whose array is a view of a larger one (rows apart) plans as its copy does."""
+def test_non_contiguous_costmap() -> None:
+    """The plan on a view of a larger array equals the plan on a contiguous copy."""
     base = ascii_map(ROOM)
     larger = np.full((base.data.shape[0] + 4, base.data.shape[1] + 6), 254, np.uint8)
     view = larger[2:-2, 3:-3]

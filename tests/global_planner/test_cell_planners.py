@@ -1,4 +1,4 @@
-"""astar and theta_star: what they look at, start policies, tolerance; what errors and plans say about gaps and clearance."""
+"""astar and theta_star: cells read, start policies, tolerance; gaps in errors; clearance of plans."""
 
 from __future__ import annotations
 
@@ -31,21 +31,21 @@ def at(costmap: Costmap, ix: int, iy: int) -> Pose2D:
 
 
 @each
-def test_a_short_query_looks_at_a_corner_of_a_huge_map(planner: type[CellPlanner], params: type[AStarParams]) -> None:
+def test_a_short_query_reads_a_corner_of_a_huge_map(planner: type[CellPlanner], params: type[AStarParams]) -> None:
     costmap = empty(4000, 4000)
     built = planner(params())
     plan = built.make_plan(costmap, at(costmap, 100, 100), at(costmap, 130, 110))
     assert plan.cells_expanded < 200
     x0, y0, x1, y1 = built._search.best_first.window  # pyright: ignore
     assert (x1 - x0) * (y1 - y0) < 2000
-    # and what lies outside cannot matter: the plan is handed out again whatever changes there
+    # changes outside do not affect the plan: the cached one is returned
     costmap.data[2000:, :] = 254
     assert built.make_plan(costmap, at(costmap, 100, 100), at(costmap, 130, 110)) is plan
     costmap.data[105, 115] = 254
     assert built.make_plan(costmap, at(costmap, 100, 100), at(costmap, 130, 110)) is not plan
 
 
-def test_astar_in_the_open_expands_little_more_than_the_path() -> None:
+def test_astar_in_free_space_expands_little_more_than_the_path() -> None:
     costmap = empty(500, 500)
     plan = AStarPlanner(AStarParams(neutral_cost=1.0, cost_factor=0.0)).make_plan(
         costmap, at(costmap, 10, 10), at(costmap, 480, 250)
@@ -54,7 +54,7 @@ def test_astar_in_the_open_expands_little_more_than_the_path() -> None:
     assert plan.cells_expanded < 3 * 470
 
 
-def test_theta_star_goes_straight_in_the_open() -> None:
+def test_theta_star_is_straight_in_free_space() -> None:
     costmap = empty(300, 300)
     start, goal = at(costmap, 10, 10), at(costmap, 280, 97)
     plan = ThetaStarPlanner().make_plan(costmap, start, goal)
@@ -70,7 +70,7 @@ def test_corners_are_cut_only_where_allowed() -> None:
     exact = AStarPlanner(AStarParams(neutral_cost=1.0, cost_factor=0.0)).make_plan(costmap, start, goal)
     cut = AStarPlanner(AStarParams(neutral_cost=1.0, cost_factor=0.0, cut_corners=True)).make_plan(costmap, start, goal)
     assert (exact.cost, cut.cost) == (2.0, pytest.approx(math.sqrt(2.0)))
-    costmap.data[1, 2] = 254  # on both sides: never
+    costmap.data[1, 2] = 254  # on both sides: not allowed in any case
     other = AStarPlanner(AStarParams(neutral_cost=1.0, cost_factor=0.0, cut_corners=True)).make_plan(
         costmap, start, goal
     )
@@ -90,12 +90,12 @@ def test_a_blocked_start_by_policy(planner: type[CellPlanner], params: type[ASta
     assert tuple(nearest.path.poses[0])[:2] == (start.x, start.y)
     assert any("nearest free" in note for note in nearest.notes)
     assert np.hypot(*np.diff(nearest.path.poses[:, :2], axis=0).T).max() < 0.1
-    # the cells under a robot of 0.5 m are free for it: straight through what it stands on
+    # the cells under the footprint are treated as free: the path is straight
     before = costmap.data.copy()
     cleared = planner(params()).make_plan(costmap, start, goal, footprint=Footprint.from_radius(0.6))
     assert cleared.length_m == pytest.approx(start.distance_to(goal))
     assert (costmap.data == before).all()
-    # without a footprint only its own cell is, which inscribed cells surround
+    # without a footprint only its cell is, and inscribed cells surround it
     with pytest.raises(StartOccupiedError):
         planner(params()).make_plan(costmap, start, goal)
 
@@ -118,8 +118,8 @@ def searching() -> list[GlobalPlanner]:
     ]
 
 
-def sealed_room() -> Costmap:
-    """Two rooms: a wall of 3 cells, and in it a door of 6 cells that inflation (4 cells) closes."""
+def closed_door() -> Costmap:
+    """Two rooms, separated by a wall of 3 cells with a door of 6 cells that inflation (4 cells) closes."""
     costmap = empty(60, 40)
     costmap.data[:, 29:32] = 254
     costmap.data[20:26, 29:32] = 0
@@ -132,8 +132,8 @@ def sealed_room() -> Costmap:
 
 
 @pytest.mark.parametrize("planner", searching(), ids=lambda p: type(p).__name__)
-def test_what_seals_the_goal_off_is_named(planner: GlobalPlanner) -> None:
-    costmap = sealed_room()
+def test_the_error_names_what_blocks_the_route(planner: GlobalPlanner) -> None:
+    costmap = closed_door()
     with pytest.raises(NoValidPathError, match=r"a gap of about 0\.\d+ m at .* too narrow") as error:
         planner.make_plan(costmap, at(costmap, 8, 8), at(costmap, 50, 30))
     (gap,) = error.value.data["blocked_by"]
@@ -153,7 +153,7 @@ def test_clearance_is_the_distance_to_the_nearest_square() -> None:
     costmap = Costmap(GridGeometry(400, 400, 0.05, -2.0, 1.0))
     line = np.array([[-1.0, 2.0], [3.0, 2.0]])
     assert clearance_along(costmap, line) == math.inf
-    costmap.data[350, 200] = 254  # far off: found by a wider window
+    costmap.data[350, 200] = 254  # far away: found in a larger window
     left, bottom = -2.0 + 200 * 0.05, 1.0 + 350 * 0.05
     assert clearance_along(costmap, line) == pytest.approx(math.hypot(left - 3.0, bottom - 2.0))
     costmap.data[30, 40] = 254  # y 2.5 .. 2.55, x 0 .. 0.05

@@ -20,14 +20,14 @@ def oriented(mode: OrientationMode, start_yaw: float = 0.5, window: int = 1) -> 
     return poses[:, 2]
 
 
-def test_none_leaves_all_as_they_are() -> None:
+def test_none_changes_nothing() -> None:
     assert oriented(OrientationMode.NONE)[:-1].tolist() == [9.0] * 5
 
 
-def test_forward_looks_along_the_path() -> None:
+def test_forward_follows_the_path() -> None:
     half = math.pi / 2.0
     assert oriented(OrientationMode.FORWARD)[:-1] == pytest.approx([0.0, 0.0, math.pi / 4.0, half, half])
-    # over a window of 2: from the first point to the one beyond the corner
+    # window of 2: from the first point to the point after the corner
     assert oriented(OrientationMode.FORWARD, window=2)[1] == pytest.approx(math.atan2(1.0, 2.0))
 
 
@@ -39,13 +39,13 @@ def test_forward_looks_along_the_path() -> None:
         (OrientationMode.RIGHTWARD, math.pi / 2.0),
     ],
 )
-def test_the_other_sides_lead(mode: OrientationMode, turn: float) -> None:
+def test_other_sides_in_front(mode: OrientationMode, turn: float) -> None:
     turned = oriented(mode)[:-1] - oriented(OrientationMode.FORWARD)[:-1]
     assert np.cos(turned - turn) == pytest.approx(np.ones(5))
     assert (np.abs(oriented(mode)) <= math.pi).all()
 
 
-def test_interpolate_turns_evenly_the_short_way() -> None:
+def test_interpolate_turns_evenly_in_the_shorter_direction() -> None:
     yaw = oriented(OrientationMode.INTERPOLATE, start_yaw=1.5)
     assert yaw == pytest.approx(np.linspace(1.5, -1.0, 6))
     poses = CORNER.copy()

@@ -1,4 +1,4 @@
-"""What the wave touches, what it keeps, and what rules it runs by."""
+"""The wavefront: cost interpreters, the cells it accesses, and the arrays it reuses."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from navstack.global_planner._search.wavefront import Wavefront
 
 
 def test_navfn_costs() -> None:
-    rule = navfn_costs(True)
-    assert [rule.steps[c] for c in (0, 1, 2, 100, 252, 255)] == [50, 50, 51, 130, 251, 253]
-    assert np.flatnonzero(rule.blocked).tolist() == [253, 254]
+    costs = navfn_costs(True)
+    assert [costs.steps[c] for c in (0, 1, 2, 100, 252, 255)] == [50, 50, 51, 130, 251, 253]
+    assert np.flatnonzero(costs.blocked).tolist() == [253, 254]
     assert np.flatnonzero(navfn_costs(False).blocked).tolist() == [253, 254, 255]
-    assert np.isinf(rule.weights[rule.blocked]).all()
+    assert np.isinf(costs.weights[costs.blocked]).all()
 
 
 def test_global_planner_costs() -> None:
-    rule = global_planner_costs(253, 50, 3.0, True, True)
-    assert [rule.steps[c] for c in (0, 1, 67, 68, 251, 255)] == [50, 53, 251, 252, 252, 252]
-    assert np.flatnonzero(rule.blocked).tolist() == [252, 253, 254]
+    costs = global_planner_costs(253, 50, 3.0, True, True)
+    assert [costs.steps[c] for c in (0, 1, 67, 68, 251, 255)] == [50, 53, 251, 252, 252, 252]
+    assert np.flatnonzero(costs.blocked).tolist() == [252, 253, 254]
     assert not global_planner_costs(255, 1, 0.01, False, True).blocked[253]
 
 
-def test_a_short_query_touches_a_corner_of_a_huge_map() -> None:
-    """Memory outside the open rectangle keeps what it held: a pattern that the wave would have overwritten."""
+def test_a_short_query_writes_a_corner_of_a_huge_map() -> None:
+    """Memory outside the open window keeps a pattern that the wave would overwrite."""
     wave = Wavefront()
     costmap = Costmap(GridGeometry(2000, 2000, 0.05))
     propagate_navfn(wave, costmap, navfn_costs(True), root=(50, 50), target=(90, 70))
@@ -42,16 +42,16 @@ def test_a_short_query_touches_a_corner_of_a_huge_map() -> None:
     assert (outside == 12345.0).all()
 
 
-def test_the_rectangle_grows_without_a_trace() -> None:
-    """A wave that has to open its rectangle in steps finds what one over an open map finds, to the bit."""
+def test_growth_of_the_window_does_not_affect_the_result() -> None:
+    """A wave whose window grows in steps has the same result as one with the whole map open, to the bit."""
     rng = np.random.default_rng(5)
     data = rng.integers(0, 200, (400, 500)).astype(np.uint8)
     data[rng.random(data.shape) < 0.2] = 254
     costmap = Costmap(GridGeometry(500, 400, 0.05), data)
-    rule = navfn_costs(True)
+    costs = navfn_costs(True)
     stepwise, whole = Wavefront(), Wavefront()
-    propagate_navfn(stepwise, costmap, rule, root=(250, 200), target=(260, 200), stop=False)
-    propagate_navfn(whole, costmap, rule, root=(250, 200), target=(499, 399), stop=False)
+    propagate_navfn(stepwise, costmap, costs, root=(250, 200), target=(260, 200), stop=False)
+    propagate_navfn(whole, costmap, costs, root=(250, 200), target=(499, 399), stop=False)
     x0, y0, x1, y1 = whole.window
     a, b = stepwise.full_potential(), whole.full_potential()
     assert (x0, y0, x1, y1) == (0, 0, 500, 400)
@@ -59,12 +59,12 @@ def test_the_rectangle_grows_without_a_trace() -> None:
     assert np.isfinite(a).sum() > 100_000
 
 
-def test_it_can_be_taken_up_again() -> None:
+def test_a_wave_can_be_resumed() -> None:
     costmap = Costmap(GridGeometry(300, 200, 0.05))
-    rule = navfn_costs(True)
+    costs = navfn_costs(True)
     once, twice = Wavefront(), Wavefront()
-    propagate_navfn(once, costmap, rule, root=(20, 20), target=(280, 180))
-    propagate_navfn(twice, costmap, rule, root=(20, 20), target=(100, 100))
+    propagate_navfn(once, costmap, costs, root=(20, 20), target=(280, 180))
+    propagate_navfn(twice, costmap, costs, root=(20, 20), target=(100, 100))
     first = twice.full_potential()
     twice.run((280, 180))
     assert np.isfinite(first).sum() < np.isfinite(once.full_potential()).sum()
@@ -72,9 +72,9 @@ def test_it_can_be_taken_up_again() -> None:
 
 
 @pytest.mark.parametrize("allow_unknown", [True, False])
-def test_the_coarse_guide_never_misleads_by_much(allow_unknown: bool) -> None:
+def test_the_coarse_heuristic_overestimates_by_a_bounded_amount(allow_unknown: bool) -> None:
     rng = np.random.default_rng(8)
-    rule = navfn_costs(allow_unknown)
+    costs = navfn_costs(allow_unknown)
     for _ in range(10):
         data = rng.choice([0, 0, 30, 120, 252, 255], (120, 150)).astype(np.uint8)
         data[rng.random(data.shape) < 0.15] = 254
@@ -82,14 +82,14 @@ def test_the_coarse_guide_never_misleads_by_much(allow_unknown: bool) -> None:
         costmap = Costmap(GridGeometry(150, 120, 0.05), data)
         data[5, 5] = data[110, 140] = 0
         wave = Wavefront()
-        propagate_navfn(wave, costmap, rule, root=(5, 5), target=(140, 110))
-        estimate = CoarseHeuristic().build(costmap, rule, (140, 110), (5, 5), NAVFN_RISE)
+        propagate_navfn(wave, costmap, costs, root=(5, 5), target=(140, 110))
+        estimate = CoarseHeuristic().build(costmap, costs, (140, 110), (5, 5), NAVFN_RISE)
         true = wave.potential_of(140, 110)
         if true < np.inf:
             assert estimate <= true + 6.0 * NAVFN_RISE
 
 
-def test_planners_keep_their_arrays() -> None:
+def test_planners_reuse_their_arrays() -> None:
     costmap = Costmap(GridGeometry(100, 100, 0.05))
     planner = NavfnROS()
     planner.make_plan(costmap, Pose2D(1.0, 1.0), Pose2D(4.0, 4.0))
@@ -98,9 +98,9 @@ def test_planners_keep_their_arrays() -> None:
     assert planner._search.wave.pot is before  # pyright: ignore
 
 
-def test_outline_map_decides_about_the_outermost_cells() -> None:
+def test_outline_map_blocks_the_outermost_cells() -> None:
     data = np.full((5, 20), 254, np.uint8)
-    data[0] = 0  # a corridor along the very edge
+    data[0] = 0  # a corridor along the border
     costmap = Costmap(GridGeometry(20, 5, 0.1), data)
     start, goal = Pose2D(0.15, 0.05), Pose2D(1.75, 0.05)
     plan = GlobalPlannerROS(GlobalPlannerParams(outline_map=False)).make_plan(costmap, start, goal, keep_potential=True)
@@ -109,7 +109,7 @@ def test_outline_map_decides_about_the_outermost_cells() -> None:
     assert plan.potential.shape == data.shape
 
 
-def test_visualize_potential_keeps_it() -> None:
+def test_visualize_potential_returns_the_potential() -> None:
     costmap = Costmap(GridGeometry(40, 40, 0.1))
     start, goal = Pose2D(1.0, 1.0), Pose2D(3.0, 3.0)
     assert NavfnROS().make_plan(costmap, start, goal).potential is None

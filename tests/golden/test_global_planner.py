@@ -1,8 +1,8 @@
-"""global_planner against what C++ computed: potentials, all eight combinations, plans in the world.
+"""global_planner compared with the results of C++: potentials, all eight combinations, plans in the world.
 
-Tolerances: potentials 1e-6 relative (asked for: 1e-4). Cost of a path = the integral of its cells' costs along it, in cells,
-sampled ten times per cell: ours never above C++'s by more than 0.5 %, a bound that this sampling meets with an error of a
-tenth of a cell at either end.
+Tolerances: potentials 1e-6 relative (required: 1e-4). The cost of a path is the integral of the cells' costs along it, in
+cells, with ten samples per cell. It may exceed that of C++ by at most 0.5 %; the sampling has an error of a tenth of a cell
+at either end.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def pose_at(fractional: NDArray[np.float64], yaw: float = 0.0) -> Pose2D:
 
 
 def path_cost(cells: NDArray[Any], steps: NDArray[np.float32], costs: NDArray[np.uint8]) -> float:
-    """Integral of the cells' costs along a path (n, 2) whose whole numbers are cell centres."""
+    """Integral of the cells' costs along a path (n, 2) in cells, with centres at whole numbers."""
     total = 0.0
     for a, b in zip(cells[:-1].astype(float), cells[1:].astype(float), strict=True):
         length = float(np.hypot(*(b - a)))
@@ -122,7 +122,7 @@ def test_every_combination(case: Case, combination: tuple[str, str, str], golden
     expected_path = data[f"{expander}_{calculator}_{traceback}_path"]
     if len(expected_path):
         ours = path_cost(cells, rule.steps, costmap.data)
-        # from goal to start, and both ends tied to the same two points
+        # C++ paths run from goal to start; both ends are connected to the same two points
         theirs = np.vstack([query[0:2], expected_path[::-1], query[2:4]])
         assert ours <= path_cost(theirs, rule.steps, costmap.data) * (1.0 + COST_TOLERANCE)
 
@@ -150,11 +150,11 @@ def test_plans_in_the_world(file: Path, key: str, golden_dir: Path) -> None:
     )
     plan = GlobalPlannerROS(params).make_plan(costmap, Pose2D(sx, sy, 0.5), Pose2D(gx, gy, 1.0))
     poses = plan.path.poses
-    # one cell and a half: a grid path of C++ begins and ends at a neighbour of the cell we begin and end at (parity 12)
+    # one and a half cells: a grid path of C++ begins and ends in a neighbour of the first and last cell here (parity 12)
     assert hausdorff(poses[:, :2], expected[:, :2]) < 0.15
     assert poses[-1] == pytest.approx(expected[-1])
     assert poses[0, :2] == pytest.approx(expected[0, :2], abs=0.15)
-    # headings: at the places both have in common
+    # headings: at the points that both have
     near = cKDTree(poses[:, :2]).query(expected[:, :2])
     same = near[0] < 1e-3
     turned = np.abs((poses[near[1][same], 2] - expected[same, 2] + np.pi) % (2.0 * np.pi) - np.pi)

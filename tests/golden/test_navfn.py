@@ -1,7 +1,7 @@
-"""navfn against what C++ computed: potentials, paths, and plans in the world, on every stored query.
+"""navfn compared with the results of C++: potentials, paths, and plans in the world, for every stored query.
 
-Tolerances: potentials 1e-6 relative (float32; asked for: 1e-4); paths 0.51 cells Hausdorff where C++'s last steps differ by the
-half cell at which each stops, else they are the same path (asked for: one cell).
+Tolerances: potentials 1e-6 relative (float32; required: 1e-4); paths 0.51 cells Hausdorff, because the last steps of C++
+differ by half a cell; otherwise the paths are the same (required: one cell).
 """
 
 from __future__ import annotations
@@ -81,13 +81,13 @@ def test_dijkstra(case: Case, stop: bool, golden_dir: Path, data_dir: Path) -> N
     assert costs.shape == (ny, nx)
     interpreter = raw_costs() if mode == 0 else navfn_costs(mode == 1)
     wave = Wavefront()
-    # NavFn's potential is 0 at its goal and runs to its start
+    # the potential of NavFn is 0 at its goal and is propagated to its start
     costmap = Costmap(GridGeometry(nx, ny, 0.1), costs)
     propagate_navfn(wave, costmap, interpreter, root=(gx, gy), target=(sx, sy), stop=stop)
     key = "dijkstra_atstart" if stop else "dijkstra"
     potential = wave.full_potential()
     meta = data[f"{key}_meta"]
-    # C++ stops at max(nx*ny/20, nx+ny) rounds (parity 4): there it reaches less, and fails where we succeed
+    # C++ stops after max(nx*ny/20, nx+ny) rounds (parity 4): then it reaches fewer cells and fails where navstack succeeds
     capped = np.isfinite(potential).sum() > meta[3]
     if f"{key}_pot" in data:
         expected = data[f"{key}_pot"]
@@ -109,7 +109,7 @@ def test_dijkstra(case: Case, stop: bool, golden_dir: Path, data_dir: Path) -> N
         assert hausdorff(path, data[f"{key}_path"]) < PATH_TOLERANCE_CELLS
 
 
-# raw costs (mode 0) are not a costmap's: the planner that A* belongs to never sees any
+# raw costs (mode 0) are not those of a costmap, for which A* is designed
 @pytest.mark.parametrize("case", [c for c in cases() if int(c.load()["query"][2]) != 0], ids=str)
 def test_astar_costs_what_dijkstra_does(case: Case, golden_dir: Path, data_dir: Path) -> None:
     data = case.load()

@@ -1,4 +1,4 @@
-"""Random grids with every cost value: a legal path of the right cost, or the right exception; bounded, repeatable, no writes."""
+"""Random grids with every cost value: a legal path with the correct cost, or the correct exception; no writes to the costmap."""
 
 from __future__ import annotations
 
@@ -50,23 +50,23 @@ def problems(draw: st.DrawFn, most: int = 32) -> tuple[Costmap, Pose2D, Pose2D]:
     return Costmap(g, data), pose(), pose()
 
 
-def free_cells(costmap: Costmap, rule: WaveCosts, start: tuple[int, int]) -> NDArray[np.bool_]:
-    """Cells a path may enter: not blocked, not on the ring; the start's own in any case."""
-    free = ~rule.blocked[costmap.data]
+def free_cells(costmap: Costmap, costs: WaveCosts, start: tuple[int, int]) -> NDArray[np.bool_]:
+    """Cells a path may enter: not blocked and not on the border, except for the start cell."""
+    free = ~costs.blocked[costmap.data]
     free[[0, -1], :] = False
     free[:, [0, -1]] = False
     free[start[1], start[0]] = True
     return free
 
 
-def check(planner: Any, rule: WaveCosts, problem: tuple[Costmap, Pose2D, Pose2D], *, corners: bool) -> Plan | None:
-    """The plan is legal if the referee (connected components) says there is one; else the exception is the right one."""
+def check(planner: Any, costs: WaveCosts, problem: tuple[Costmap, Pose2D, Pose2D], *, corners: bool) -> Plan | None:
+    """Check that the plan is legal if the connected components allow one, and else that the exception is correct."""
     costmap, start, goal = problem
     before = costmap.data.copy()
     s, t = costmap.geometry.world_to_cell(start.x, start.y), costmap.geometry.world_to_cell(goal.x, goal.y)
     assert s is not None
     assert t is not None
-    free = free_cells(costmap, rule, s)
+    free = free_cells(costmap, costs, s)
     regions, _ = label(free)
     try:
         plan: Plan = planner.make_plan(costmap, start, goal, keep_potential=True)
@@ -75,7 +75,7 @@ def check(planner: Any, rule: WaveCosts, problem: tuple[Costmap, Pose2D, Pose2D]
         return None
     except StartOccupiedError:
         assert (
-            rule.blocked[costmap.data[s[1], s[0]]]
+            costs.blocked[costmap.data[s[1], s[0]]]
             or s[0] in (0, costmap.geometry.nx - 1)
             or s[1] in (0, costmap.geometry.ny - 1)
         )
@@ -105,12 +105,12 @@ def check(planner: Any, rule: WaveCosts, problem: tuple[Costmap, Pose2D, Pose2D]
 @settings(deadline=None, max_examples=60, derandomize=True)
 @given(problem=problems(), unknown=st.booleans())
 def test_navfn(problem: tuple[Costmap, Pose2D, Pose2D], unknown: bool) -> None:
-    rule = navfn_costs(unknown)
-    dijkstra = check(NavfnROS(NavfnParams(allow_unknown=unknown)), rule, problem, corners=True)
-    astar = check(NavfnROS(NavfnParams(allow_unknown=unknown, use_astar=True)), rule, problem, corners=True)
+    costs = navfn_costs(unknown)
+    dijkstra = check(NavfnROS(NavfnParams(allow_unknown=unknown)), costs, problem, corners=True)
+    astar = check(NavfnROS(NavfnParams(allow_unknown=unknown, use_astar=True)), costs, problem, corners=True)
     assert (dijkstra is None) == (astar is None)
     if dijkstra is not None and astar is not None:
-        # 1 % of the cost, and on short paths the third of a step that the order of arrival can make
+        # 1 %, plus a third of a step, the largest effect of the order of arrival on a short path
         assert astar.cost <= dijkstra.cost * 1.01 + 0.3 * 253.0
 
 
@@ -147,29 +147,31 @@ def test_global_planner(
         neutral_cost=neutral,
         cost_factor=factor,
     )
-    rule = global_planner_costs(lethal, neutral, factor, unknown, quadratic)
-    check(GlobalPlannerROS(params), rule, problem, corners=old)
+    costs = global_planner_costs(lethal, neutral, factor, unknown, quadratic)
+    check(GlobalPlannerROS(params), costs, problem, corners=old)
 
 
 @settings(deadline=None, max_examples=40, derandomize=True)
 @given(problem=problems(24))
-def test_the_cost_is_that_of_a_plain_dijkstra(problem: tuple[Costmap, Pose2D, Pose2D]) -> None:
-    """The linear potential is the cost of the cheapest 4-connected path, which a textbook Dijkstra finds too."""
+def test_the_cost_is_that_of_a_reference_dijkstra(problem: tuple[Costmap, Pose2D, Pose2D]) -> None:
+    """The linear potential is the cost of the cheapest 4-connected path, computed here by a reference Dijkstra."""
     costmap, start, goal = problem
     params = GlobalPlannerParams(use_quadratic=False, old_navfn_behavior=True, use_dijkstra=True)
-    rule = global_planner_costs(253, 50, 3.0, True, False)
-    plan = check(GlobalPlannerROS(params), rule, problem, corners=True)
+    costs = global_planner_costs(253, 50, 3.0, True, False)
+    plan = check(GlobalPlannerROS(params), costs, problem, corners=True)
     if plan is None:
         return
     s, t = costmap.geometry.world_to_cell(start.x, start.y), costmap.geometry.world_to_cell(goal.x, goal.y)
     assert s is not None
     assert t is not None
-    best = textbook(free_cells(costmap, rule, s), rule.steps[costmap.data], s, t)
-    # navfn queues a neighbour only for a gain of 0.7 of its cost: the last third of a step may be missing
+    best = reference_dijkstra(free_cells(costmap, costs, s), costs.steps[costmap.data], s, t)
+    # navfn queues a neighbour only for a gain of 0.7 of its cost, so up to a third of a step may be missing
     assert best * (1.0 - 1e-5) <= plan.cost <= best + 0.3 * 252.0 * math.ceil(best / 2000.0 + 1.0)
 
 
-def textbook(free: NDArray[np.bool_], steps: NDArray[np.float32], s: tuple[int, int], t: tuple[int, int]) -> float:
+def reference_dijkstra(
+    free: NDArray[np.bool_], steps: NDArray[np.float32], s: tuple[int, int], t: tuple[int, int]
+) -> float:
     from heapq import heappop, heappush
 
     best = {s: 0.0}

@@ -1,4 +1,4 @@
-"""astar and theta_star on random grids with every cost value, against a textbook Dijkstra that shares no code with them."""
+"""astar and theta_star on random grids with every cost value, compared with an independent Dijkstra."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def cells_of(problem: tuple[Costmap, Pose2D, Pose2D]) -> tuple[Cell, Cell]:
 
 
 def weights_of(costmap: Costmap, neutral: float, factor: float, unknown: bool) -> NDArray[np.float64]:
-    """What a unit of length costs in each cell, inf where none may go."""
+    """Cost of a unit of length in each cell, inf where blocked."""
     data = costmap.data.astype(float)
     out = neutral + factor * np.minimum(data, 252.0)
     out[(costmap.data == 253) | (costmap.data == 254) | ((costmap.data == 255) & (not unknown))] = math.inf
@@ -69,7 +69,7 @@ def dijkstra(weights: NDArray[np.float64], s: Cell, t: Cell, neutral: float, cut
 
 
 def plan_or_error(planner: GlobalPlanner, problem: tuple[Costmap, Pose2D, Pose2D], best: float) -> Plan | None:
-    """The plan when Dijkstra has one; None when both have none, for the right reason."""
+    """The plan if Dijkstra finds one; None if neither does."""
     costmap, start, goal = problem
     s, t = cells_of(problem)
     before = costmap.data.copy()
@@ -121,7 +121,7 @@ def test_astar_costs_what_dijkstra_does(
 
 @settings(deadline=None, max_examples=60, derandomize=True)
 @given(problem=problems(), factor=st.sampled_from([0.0, 0.8]), unknown=st.booleans(), cut=st.booleans())
-def test_theta_star_is_legal_and_never_dearer(
+def test_theta_star_is_legal_and_never_more_expensive(
     problem: tuple[Costmap, Pose2D, Pose2D], factor: float, unknown: bool, cut: bool
 ) -> None:
     s, t = cells_of(problem)
@@ -137,16 +137,16 @@ def test_theta_star_is_legal_and_never_dearer(
     assert plan.cost >= straight * (1.0 - 1e-9)
     inner = (plan.path.poses[1:-1, :2] - (g.origin_x, g.origin_y)) / RESOLUTION
     integral = 0.0
-    for a, b in pairwise(inner):
+    for a, b in pairwise([np.array(s) + 0.5, *inner, np.array(t) + 0.5]):
         length = float(np.hypot(*(b - a)))
         assert length <= math.sqrt(2.0) + 1e-9
         for q in (np.arange(200) + 0.5) / 200.0:
             p = a + q * (b - a)
             if np.abs(p - np.rint(p)).min() < 1e-6:
-                continue  # on an edge between two cells
+                continue  # on the edge between two cells
             x, y = int(p[0]), int(p[1])
             w = 50.0 if (x, y) == s and math.isinf(weights[y, x]) else float(weights[y, x])
             assert math.isfinite(w)
             integral += w * length / 200.0
-    diagonal_edges = 0.03 * best + 60.0  # what the sampling misses
+    diagonal_edges = 0.03 * best + 60.0  # not covered by the samples
     assert integral == pytest.approx(plan.cost, abs=diagonal_edges) or len(inner) < 3

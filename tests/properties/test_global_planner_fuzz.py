@@ -1,7 +1,7 @@
-"""Any grid up to 64 x 64, any two poses, every planner: a legal path of the right cost, or the right exception.
+"""Any grid up to 64 x 64, any two poses, every planner: a legal path with the correct cost, or the correct exception.
 
-The referee shares no code with the planners: what is blocked and what a cell costs is written out here once more, what is
-connected is scipy's business, and a path is looked at between its points too, 20 times per cell.
+The checks share no code with the planners: blocked cells and costs are defined here again, connectivity is computed by scipy,
+and paths are sampled between their points, 20 times per cell.
 """
 
 from __future__ import annotations
@@ -38,26 +38,26 @@ PER_CELL = 20
 
 
 class Subject(NamedTuple):
-    """A planner, and what the referee must know of it."""
+    """A planner, and what is needed to check its plans."""
 
     name: str
     planner: GlobalPlanner
     steps: NDArray[np.float64]
-    """(256,) what a cell's width costs, by its byte."""
+    """(256,) cost of crossing a cell, by its byte."""
     blocked: NDArray[np.bool_]
     """(256,)"""
     ring: bool
     """Whether the outermost cells are blocked."""
     corners: bool
-    """Whether a path's points stand for the cell they are the lower left corner of."""
+    """Whether the path's points are the lower left corners of their cells."""
     neutral: float
 
-    def again(self) -> GlobalPlanner:
+    def fresh(self) -> GlobalPlanner:
         return type(self.planner)(self.planner.params)
 
 
 def subjects(draw: st.DrawFn) -> list[Subject]:
-    """Every searching planner in every combination, with other numbers each time."""
+    """Every planner that searches, in every combination, with random costs."""
     unknown = draw(st.booleans())
     bytes_ = np.arange(256)
     obstacle = (bytes_ == 253) | (bytes_ == 254) | ((bytes_ == 255) & (not unknown))
@@ -76,9 +76,9 @@ def subjects(draw: st.DrawFn) -> list[Subject]:
     ]
     lethal, neutral = draw(st.sampled_from([253, 253, 255, 100, 1])), draw(st.sampled_from([50, 50, 1, 255]))
     factor = draw(st.sampled_from([3.0, 0.01, 5.0, 1.7]))
-    priced = bytes_ * factor + neutral
-    steps = np.where(priced >= lethal, max(1, lethal - 1), priced)
-    taken = np.where(bytes_ == 255, not unknown, bytes_ >= lethal - 1).astype(bool)
+    raw = bytes_ * factor + neutral
+    steps = np.where(raw >= lethal, max(1, lethal - 1), raw)
+    occupied = np.where(bytes_ == 255, not unknown, bytes_ >= lethal - 1).astype(bool)
     for dijkstra, quadratic, grid, old in itertools.product((True, False), repeat=4):
         outline = draw(st.booleans())
         params = GlobalPlannerParams(
@@ -95,13 +95,15 @@ def subjects(draw: st.DrawFn) -> list[Subject]:
             orientation_window_size=draw(st.sampled_from([1, 3])),
         )
         name = f"global_planner {dijkstra=} {quadratic=} {grid=} {old=} {outline=}"
-        out.append(Subject(name, GlobalPlannerROS(params), steps, taken, outline, old, neutral))
+        out.append(Subject(name, GlobalPlannerROS(params), steps, occupied, outline, old, neutral))
     pairs: list[tuple[Any, Any]] = [(AStarPlanner, AStarParams), (ThetaStarPlanner, ThetaStarParams)]
     for cls, params_of in pairs:
-        price, dear = draw(st.sampled_from([1.0, 50.0])), draw(st.sampled_from([0.0, 0.8, 5.0]))
-        own = params_of(allow_unknown=unknown, neutral_cost=price, cost_factor=dear, cut_corners=draw(st.booleans()))
-        table = price + dear * np.minimum(bytes_, 252)
-        out.append(Subject(cls.__name__, cls(own), table, obstacle, False, False, price))
+        neutral_cost, cost_factor = draw(st.sampled_from([1.0, 50.0])), draw(st.sampled_from([0.0, 0.8, 5.0]))
+        own = params_of(
+            allow_unknown=unknown, neutral_cost=neutral_cost, cost_factor=cost_factor, cut_corners=draw(st.booleans())
+        )
+        table = neutral_cost + cost_factor * np.minimum(bytes_, 252)
+        out.append(Subject(cls.__name__, cls(own), table, obstacle, False, False, neutral_cost))
     return out
 
 
@@ -118,19 +120,19 @@ def scene(rng: np.random.Generator, ny: int, nx: int, kind: str) -> NDArray[np.u
         return out
     if kind == "inflated":
         y, x = np.mgrid[:ny, :nx]
-        away = np.full((ny, nx), 99.0)
+        distance = np.full((ny, nx), 99.0)
         centres: Any = rng.uniform(0, (ny, nx), (6, 2))
         for cy, cx in centres:
-            away = np.minimum(away, np.hypot(y - cy, x - cx))
-        cost = 252.0 * np.exp(-0.3 * np.maximum(away - 2.0, 0.0))
-        return np.where(away < 1.0, 254, np.where(away < 2.0, 253, cost)).astype(np.uint8)
+            distance = np.minimum(distance, np.hypot(y - cy, x - cx))
+        cost = 252.0 * np.exp(-0.3 * np.maximum(distance - 2.0, 0.0))
+        return np.where(distance < 1.0, 254, np.where(distance < 2.0, 253, cost)).astype(np.uint8)
     if kind == "blocks":
         blocks = np.where(rng.random((ny // 3 + 1, nx // 3 + 1)) < 0.3, 254, 0).astype(np.uint8)
         return np.ascontiguousarray(np.kron(blocks, np.ones((3, 3), np.uint8))[:ny, :nx])
-    return np.full((ny, nx), {"free": 0, "dear": 252, "lethal": 254, "unknown": 255}[kind], np.uint8)
+    return np.full((ny, nx), {"free": 0, "high_cost": 252, "lethal": 254, "unknown": 255}[kind], np.uint8)
 
 
-SCENES = ["any", "clutter", "walls", "inflated", "blocks", "free", "dear", "lethal", "unknown"]
+SCENES = ["any", "clutter", "walls", "inflated", "blocks", "free", "high_cost", "lethal", "unknown"]
 
 
 @st.composite
@@ -146,7 +148,7 @@ def cases(draw: st.DrawFn) -> tuple[Costmap, Pose2D, Pose2D, list[Subject]]:
 
 
 def pose(draw: st.DrawFn, g: GridGeometry, rng: np.random.Generator) -> Pose2D:
-    """Anywhere on the map: in the middle of a cell, on an edge of one, or between; with a yaw that may be out of range."""
+    """Anywhere on the map: at the centre of a cell, on its edge, or elsewhere; the yaw may be out of range."""
     yaw = draw(st.sampled_from([0.0, 0.5, -math.pi, math.pi, 7.0, -100.0]))
     ix, iy = int(rng.integers(0, g.nx)), int(rng.integers(0, g.ny))
     dx, dy = (
@@ -155,10 +157,10 @@ def pose(draw: st.DrawFn, g: GridGeometry, rng: np.random.Generator) -> Pose2D:
     return Pose2D(g.origin_x + (ix + dx) * RESOLUTION, g.origin_y + (iy + dy) * RESOLUTION, yaw)
 
 
-def judged(
+def checked(
     subject: Subject, costmap: Costmap, start: Pose2D, goal: Pose2D, *, planner: GlobalPlanner | None = None
 ) -> Plan | None:
-    """The plan, once the referee has found nothing wrong with it; None for an exception that is right."""
+    """The plan after all checks; None for an exception that is correct."""
     g = costmap.geometry
     before = costmap.data.copy()
     s, t = g.world_to_cell(start.x, start.y), g.world_to_cell(goal.x, goal.y)
@@ -209,17 +211,17 @@ def judged(
     assert (cells >= 0).all()
     assert (cells < (g.nx, g.ny)).all()
     assert free[cells[:, 1], cells[:, 0]].all(), "the path meets a blocked cell"
-    # no detour: what the path costs by its cells is what the planner says, but for a few cells at the ends
-    price = subject.steps[costmap.data]
+    # no detour: the cost of the path by its cells matches the planner's, except for a few cells at the ends
+    cell_costs = subject.steps[costmap.data]
     if occupied:
-        price[s[1], s[0]] = subject.neutral
-    integral = float((price[cells[:, 1], cells[:, 0]] * lengths[off_edges]).sum())
-    assert integral <= 1.3 * plan.cost + 9.0 * float(price[free].max())
+        cell_costs[s[1], s[0]] = subject.neutral
+    integral = float((cell_costs[cells[:, 1], cells[:, 0]] * lengths[off_edges]).sum())
+    assert integral <= 1.3 * plan.cost + 9.0 * float(cell_costs[free].max())
     return plan
 
 
 def sampled(xy: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Points (n, 2) along a path, in the middle of pieces whose lengths (n,) come with them."""
+    """Points (n, 2) along a path, at the centres of pieces, and the lengths (n,) of the pieces."""
     if len(xy) < 2:
         return xy, np.zeros(len(xy))
     steps = np.diff(xy, axis=0)
@@ -235,7 +237,7 @@ def sampled(xy: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.fl
 def test_every_planner_on_any_grid(case: tuple[Costmap, Pose2D, Pose2D, list[Subject]]) -> None:
     costmap, start, goal, planners = case
     for subject in planners:
-        judged(subject, costmap, start, goal)
+        checked(subject, costmap, start, goal)
 
 
 @settings(deadline=None, max_examples=60, derandomize=True)
@@ -249,7 +251,7 @@ def test_carrot_on_any_grid(case: tuple[Costmap, Pose2D, Pose2D, list[Subject]])
         return
     assert costmap.cost_at(plan.goal.x, plan.goal.y) not in (253, 254, 255)
     assert plan.goal_moved_m == pytest.approx(math.hypot(plan.goal.x - goal.x, plan.goal.y - goal.y))
-    # the first of the hundredths between goal and start that is free
+    # the first free one of the points at hundredths of the distance
     for k in range(100):
         x, y = (start[i] + (1.0 - k / 100.0) * (goal[i] - start[i]) for i in (0, 1))
         if costmap.cost_at(x, y) not in (253, 254, 255, None):
@@ -258,7 +260,7 @@ def test_carrot_on_any_grid(case: tuple[Costmap, Pose2D, Pose2D, list[Subject]])
 
 
 def edited(rng: np.random.Generator, data: NDArray[np.uint8], original: NDArray[np.uint8]) -> None:
-    """A window of any size becomes blocked, dear, free, noisy, strewn with obstacles, or what it was."""
+    """Block a window, raise its cost, free it, fill it with noise or obstacles, or restore it."""
     ny, nx = data.shape
     h, w = int(rng.integers(1, max(2, ny // 2))), int(rng.integers(1, max(2, nx // 2)))
     y, x = int(rng.integers(0, ny)), int(rng.integers(0, nx))
@@ -279,7 +281,7 @@ def edited(rng: np.random.Generator, data: NDArray[np.uint8], original: NDArray[
 
 
 def entries(plan: Plan, subject: Subject, g: GridGeometry) -> NDArray[np.int64]:
-    """The cells a plan enters, in order, but for its last pose."""
+    """The cells a plan enters, in order, without its last pose."""
     shift = 0.5 if subject.corners else 0.0
     xy = (plan.path.poses[:-1, :2] - (g.origin_x, g.origin_y)) / g.resolution + shift
     cells = np.floor(xy + 1e-5).astype(np.int64)
@@ -289,15 +291,15 @@ def entries(plan: Plan, subject: Subject, g: GridGeometry) -> NDArray[np.int64]:
 
 def replan_and_compare(subject: Subject, costmap: Costmap, start: Pose2D, goal: Pose2D, allowance: float) -> None:
     try:
-        scratch = subject.again().make_plan(costmap, start, goal, keep_potential=True)
+        scratch = subject.fresh().make_plan(costmap, start, goal, keep_potential=True)
     except PlanningError as error:
         with pytest.raises(type(error)):
             subject.planner.make_plan(costmap, start, goal, keep_potential=True)
         return
-    plan = judged(subject, costmap, start, goal)
+    plan = checked(subject, costmap, start, goal)
     assert plan is not None
     assert plan.cost <= 1.005 * scratch.cost + allowance
-    # no bounce: longer only where it is cheaper; no cell twice but where edges are skimmed
+    # no oscillation: longer only where cheaper; cells are entered twice only along edges
     if plan.cost > 0.99 * scratch.cost:
         assert plan.length_m <= 1.6 * scratch.length_m + 6.0 * costmap.geometry.resolution
     cells = entries(plan, subject, costmap.geometry)
@@ -323,9 +325,9 @@ def one_of_each(draw: st.DrawFn) -> list[Subject]:
     planners=one_of_each(),
 )
 def test_replanning_after_any_edit(seed: int, side: tuple[int, int], kind: str, planners: list[Subject]) -> None:
-    """On grids this small a potential is not kept as a rule.
+    """The thresholds are lowered so that a goal potential is used on small grids.
 
-    Here it is, and the third of a cell by which it matters in which order cells come is let pass.
+    The tolerance is the third of a cell by which the order of cells can affect the cost.
     """
     rng = np.random.default_rng(seed)
     ny, nx = side
@@ -347,8 +349,8 @@ def test_replanning_after_any_edit(seed: int, side: tuple[int, int], kind: str, 
 
 @settings(deadline=None, max_examples=4, derandomize=True)
 @given(seed=st.integers(0, 2**32 - 1), kind=st.sampled_from(["walls", "inflated", "any"]), planners=one_of_each())
-def test_replanning_as_it_is_used(seed: int, kind: str, planners: list[Subject]) -> None:
-    """A robot that drives over a map large enough for a potential to be kept."""
+def test_replanning_on_a_large_map(seed: int, kind: str, planners: list[Subject]) -> None:
+    """A robot drives over a map that is large enough for a goal potential."""
     rng = np.random.default_rng(seed)
     side = 260
     g = GridGeometry(side, side, RESOLUTION)
@@ -363,8 +365,8 @@ def test_replanning_as_it_is_used(seed: int, kind: str, planners: list[Subject])
         edited(rng, costmap.data[window], original[window])
 
 
-def referee_sees(data: NDArray[Any], poses: list[tuple[float, float]]) -> bool:
-    """Whether `judged` objects to this path through cells (x, y)."""
+def is_rejected(data: NDArray[Any], poses: list[tuple[float, float]]) -> bool:
+    """Whether `checked` rejects this path through cells (x, y)."""
     costmap = Costmap(GridGeometry(data.shape[1], data.shape[0], 1.0), data)
 
     class Fixed(GlobalPlanner):
@@ -376,17 +378,17 @@ def referee_sees(data: NDArray[Any], poses: list[tuple[float, float]]) -> bool:
     bytes_ = np.arange(256)
     subject = Subject("fixed", Fixed(None), np.full(256, 10.0), bytes_ >= 253, False, False, 10.0)
     try:
-        judged(subject, costmap, Pose2D(*poses[0], 0.0), Pose2D(*poses[-1], 0.0))
+        checked(subject, costmap, Pose2D(*poses[0], 0.0), Pose2D(*poses[-1], 0.0))
     except AssertionError:
         return True
     return False
 
 
-def test_the_referee_sees_what_it_is_there_for() -> None:
+def test_the_checks_reject_wrong_paths() -> None:
     data = np.zeros((8, 8), np.uint8)
     data[4, 2:] = 254
-    assert not referee_sees(data, [(1.5, 1.5), (1.5, 6.5), (6.5, 6.5)])
-    assert referee_sees(data, [(1.5, 1.5), (6.5, 6.5)])  # through a wall
-    assert referee_sees(data, [(1.5, 3.5), (2.5, 5.5)])  # a corner of it
+    assert not is_rejected(data, [(1.5, 1.5), (1.5, 6.5), (6.5, 6.5)])
+    assert is_rejected(data, [(1.5, 1.5), (6.5, 6.5)])  # through a wall
+    assert is_rejected(data, [(1.5, 3.5), (2.5, 5.5)])  # a corner of it
     around = [(1.5 + 0.2 * (i % 2), 1.5) for i in range(900)]
-    assert referee_sees(data, [*around, (1.5, 6.5)])  # back and forth
+    assert is_rejected(data, [*around, (1.5, 6.5)])  # back and forth

@@ -1,4 +1,4 @@
-"""Planning again to the same goal is as good as planning from scratch, whatever happened to the costmap in between."""
+"""Replanning to the same goal is as good as planning from scratch, after any change of the costmap."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def scene(rng: np.random.Generator, ny: int, nx: int, kind: str) -> np.ndarray:
 
 
 def edit(rng: np.random.Generator, data: np.ndarray, original: np.ndarray) -> None:
-    """A window becomes blocked, dear, free, noisy, or what it was."""
+    """Block a window, raise its cost, free it, fill it with noise, or restore it."""
     ny, nx = data.shape
     h, w = int(rng.integers(1, 12)), int(rng.integers(1, 12))
     y, x = int(rng.integers(0, ny)), int(rng.integers(0, nx))
@@ -70,7 +70,7 @@ def test_as_good_as_from_scratch(seed: int, size: tuple[int, int], kind: str, sc
     goal = Pose2D(*costmap.geometry.cell_to_world(int(rng.integers(1, nx - 1)), int(rng.integers(1, ny - 1))), 0.5)
     planner = build(kind)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(goal_potential, "WORTHWHILE_CELLS", 10)  # on grids as small as these it would not be used at all
+        patch.setattr(goal_potential, "WORTHWHILE_CELLS", 10)  # so that it is used on small grids too
         for _ in range(8):
             start = Pose2D(
                 *costmap.geometry.cell_to_world(int(rng.integers(1, nx - 1)), int(rng.integers(1, ny - 1))), 1.0
@@ -95,12 +95,12 @@ def compare(
         return
     plan = planner.make_plan(costmap, start, goal)
     assert plan.cost <= expected.cost * (1.0 + COST_TOLERANCE)
-    # navfn's points are corners of their cells
+    # points of navfn are corners of their cells
     shift = 0.5 * costmap.geometry.resolution if isinstance(planner, NavfnROS) else 0.0
     own = costmap.geometry.world_to_cell(start.x, start.y)
-    hair = 1e-6  # half steps may end on the very border of a cell
+    epsilon = 1e-6  # half steps may end on the edge of a cell
     for x, y, _ in plan.path.poses[1:-1]:
-        touched = [(x + shift + i * hair, y + shift + j * hair) for i in (-1, 1) for j in (-1, 1)]
+        touched = [(x + shift + i * epsilon, y + shift + j * epsilon) for i in (-1, 1) for j in (-1, 1)]
         assert any(costmap.geometry.world_to_cell(*p) == own or costmap.cost_at(*p) not in (253, 254) for p in touched)
     assert plan.goal == expected.goal
     again = planner.make_plan(costmap, start, goal)
@@ -116,34 +116,34 @@ def big_room() -> Costmap:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_drive_with_obstacles_that_come_and_go(kind: str) -> None:
+def test_drive_with_changing_obstacles(kind: str) -> None:
     costmap = big_room()
     original = costmap.data.copy()
     g = costmap.geometry
     goal = Pose2D(*g.cell_to_world(280, 280))
     planner = build(kind)
     rng = np.random.default_rng(3)
-    looked_at: list[int] = []
+    expanded: list[int] = []
     scratch: list[int] = []
     for step in range(30):
         start = Pose2D(*g.cell_to_world(20 + 4 * step, 20 + step))
         fresh = build(kind).make_plan(costmap, start, goal)
         plan = planner.make_plan(costmap, start, goal)
         assert plan.cost <= fresh.cost * (1.0 + COST_TOLERANCE)
-        looked_at.append(plan.cells_expanded)
+        expanded.append(plan.cells_expanded)
         scratch.append(fresh.cells_expanded)
         x, y = 20 + 4 * step + int(rng.integers(-20, 20)), 20 + step + int(rng.integers(-10, 20))
         window = (slice(max(0, y), max(0, y) + 8), slice(max(0, x), max(0, x) + 8))
         costmap.data[window] = 254 if step % 2 else original[window]
-        costmap.data[18 + step : 25 + step, 20 + 4 * step : 30 + 4 * step] = 0  # the robot stands there
+        costmap.data[18 + step : 25 + step, 20 + 4 * step : 30 + 4 * step] = 0  # the robot is there
     if "astar" not in kind:
-        # in the linear potential every monotonous staircase is a best path
-        assert sum(looked_at[3:]) < (0.75 if "linear" in kind else 0.5) * sum(scratch[3:])
+        # with a linear potential every monotonic staircase is an optimal path
+        assert sum(expanded[3:]) < (0.75 if "linear" in kind else 0.5) * sum(scratch[3:])
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_changed_cost_is_never_overlooked(kind: str) -> None:
-    """Same request, one cell on the path blocked: another plan; unblocked: the first again, to the bit."""
+def test_a_changed_cost_invalidates_the_cached_plan(kind: str) -> None:
+    """A blocked cell on the path leads to another plan; after it is freed the cost is the first one again."""
     costmap = big_room()
     g = costmap.geometry
     start, goal = Pose2D(*g.cell_to_world(20, 20)), Pose2D(*g.cell_to_world(280, 280))
@@ -155,7 +155,7 @@ def test_a_changed_cost_is_never_overlooked(kind: str) -> None:
     assert cell is not None
     costmap.data[cell[1] - 2 : cell[1] + 3, cell[0] - 2 : cell[0] + 3] = 254
     second = planner.make_plan(costmap, start, goal)
-    shift = 0.5 * g.resolution if kind.startswith("navfn") else 0.0  # navfn's points are corners of their cells
+    shift = 0.5 * g.resolution if kind.startswith("navfn") else 0.0  # points of navfn are corners of their cells
     for x, y, _ in second.path.poses[1:-1]:
         assert costmap.cost_at(x + shift, y + shift) != 254
     assert second.path.poses.tobytes() != first.path.poses.tobytes()

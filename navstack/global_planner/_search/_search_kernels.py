@@ -6,10 +6,8 @@ first out) whose entries come from one pool. An entry is skipped if its cell has
 cheaper is queued again, so the order within a bucket can cost expansions, but not quality. Once the goal has a cost, cells
 that cannot improve it are pruned.
 
-One array (`steps`, `parent`) marks the cells that have a value; the caller keeps it at 0, and the settings return the window
-that was written. No other cells are read: a short query on a huge map costs only what it needs.
-
-The two searches share the queue and the steps, but not the loop: see the comment at `any_angle_search`.
+The array `link` marks the cells that have a value; the caller keeps it at 0, and the settings return the window that was
+written. No other cells are read: a short query on a huge map costs only what it needs.
 """
 
 from __future__ import annotations
@@ -19,7 +17,7 @@ import numpy as np
 from navstack.core.jit import kernel
 
 SQRT2 = np.sqrt(2.0)
-OPEN = np.uint8(16)
+OPEN = 16  # bit of `link` in an 8-connected search
 DX = np.array([1, -1, 0, 0, 1, -1, 1, -1], np.int64)
 DY = np.array([0, 0, 1, -1, 1, 1, -1, -1], np.int64)
 BESIDE = np.array([0, 0, 0, 0, 5, 6, 9, 10], np.int64)  # bits of the two orthogonal steps on either side of a diagonal
@@ -31,12 +29,13 @@ SETTINGS = np.dtype(
         ("ny", np.int64),
         ("start", np.int64),
         ("goal", np.int64),
+        ("any_angle", np.int64),
         ("cut_corners", np.int64),  # 0: a diagonal step needs both orthogonal neighbours free, 1: one of them
         ("max_expanded", np.int64),
         ("start_weight", np.float64),  # weight of the start cell, which may be blocked
         ("scale", np.float64),  # factor on the distance to the goal, in the heuristic
         ("delta", np.float64),  # width of a bucket
-        ("upper_bound", np.float64),  # any_angle_search: paths that do not cost less are pruned
+        ("upper_bound", np.float64),  # paths that do not cost less are pruned
         ("window", np.int64, 4),  # result: x0, y0, x1, y1 of the cells that were read, half open
         ("expanded", np.int64),  # result: number of expanded cells
         ("exhausted", np.int64),  # result: 1 if the search ended because of max_expanded
@@ -72,16 +71,12 @@ def _push(pool, heads, bucket, cell, used, spare):
 
 
 @kernel
-def _octile(dx, dy):
-    """Length of the shortest 8-connected path over (dx, dy) cells."""
+def _distance(dx, dy, any_angle):
+    """Length of the shortest path over (dx, dy) free cells: a straight line, or 8-connected steps."""
+    if any_angle:
+        return np.hypot(np.float64(dx), np.float64(dy))
     dx, dy = abs(dx), abs(dy)
     return max(dx, dy) + (SQRT2 - 1.0) * min(dx, dy)
-
-
-@kernel
-def _straight(dx, dy):
-    """Length of the straight line over (dx, dy) cells."""
-    return np.hypot(np.float64(dx), np.float64(dy))
 
 
 @kernel
@@ -103,104 +98,6 @@ def _step(cost, weights, nx, ny, x, y, d, weight, passable, cut_corners):
     if free != BESIDE[d] and (cut_corners == 0 or free == 0):
         return np.int64(-1), 0.0, passable
     return n, 0.5 * SQRT2 * (weight + w), passable
-
-
-@kernel
-def _store_result(s, x0, y0, x1, y1, expanded):
-    """Write the result of a search whose expanded cells are in x0 .. x1, y0 .. y1: their neighbours were read too."""
-    s.window[0], s.window[1] = max(0, x0 - 1), max(0, y0 - 1)
-    s.window[2], s.window[3] = min(s.nx, x1 + 2), min(s.ny, y1 + 2)
-    s.expanded = expanded
-
-
-@kernel
-def octile_search(cost, weights, heads, g, steps, settings):
-    """Fill `g` (float64) and `steps` (uint8, 1 + the direction by which a cell was entered) until `goal` has its least cost.
-
-    `weights` (256,): cost of a unit of length in a cell, by its byte, inf where blocked. A step costs its length times the
-    mean weight of its two cells. f = g + scale * octile distance. `heads` (n,) int64: scratch memory, one per bucket.
-    """
-    s = settings[0]
-    nx, ny, start, goal, cut_corners = s.nx, s.ny, s.start, s.goal, s.cut_corners
-    max_expanded, start_weight, scale, delta = s.max_expanded, s.start_weight, s.scale, s.delta
-    ring = heads.size
-    for i in range(ring):
-        heads[i] = -1
-    pool = np.empty((2, 4096), np.int64)  # cell, next
-    gx, gy = goal % nx, goal // nx
-    sx, sy = start % nx, start // nx
-    level = np.int64(scale * _octile(sx - gx, sy - gy) / delta)
-    used, spare = _push(pool, heads, level % ring, start, 0, -1)
-    waiting = 1
-    g[start] = 0.0
-    steps[start] = OPEN | np.uint8(9)
-    x0, y0, x1, y1 = sx, sy, sx, sy
-    best = np.inf
-    expanded = 0
-    while waiting > 0:
-        node = heads[level % ring]
-        if node < 0:
-            level += 1
-            if level * delta >= best:
-                break
-            continue
-        k = pool[0, node]
-        heads[level % ring] = pool[1, node]
-        pool[1, node] = spare
-        spare = node
-        waiting -= 1
-        if not steps[k] & OPEN:
-            continue
-        steps[k] ^= OPEN
-        here = g[k]
-        y = np.int64(np.uint32(k) // np.uint32(nx))
-        x = k - y * nx
-        if best < np.inf and here + scale * _octile(x - gx, y - gy) >= best * _BELOW:
-            continue
-        if expanded >= max_expanded:
-            s.exhausted = 1
-            break
-        expanded += 1
-        if used + 8 > pool.shape[1]:
-            pool = _grown(pool)
-        x0, y0, x1, y1 = min(x0, x), min(y0, y), max(x1, x), max(y1, y)
-        weight = start_weight if k == start else weights[cost[k]]
-        passable = 0
-        for d in range(8):
-            n, c, passable = _step(cost, weights, nx, ny, x, y, d, weight, passable, cut_corners)
-            c = here + c
-            if n < 0 or (steps[n] and c >= g[n]):
-                continue
-            f = c + scale * _octile(x + DX[d] - gx, y + DY[d] - gy)
-            if f >= best * _BELOW and best < np.inf:
-                continue
-            g[n] = c
-            steps[n] = OPEN | np.uint8(d + 1)
-            if n == goal:
-                best = c
-                continue
-            used, spare = _push(pool, heads, max(level, np.int64(f / delta)) % ring, n, used, spare)
-            waiting += 1
-    _store_result(s, x0, y0, x1, y1, expanded)
-
-
-@kernel
-def octile_path(steps, nx, start, goal):
-    """Cells (n,) from start to goal, by the `steps` of octile_search."""
-    n = 1
-    k = goal
-    while k != start:
-        d = (steps[k] & 15) - 1
-        k -= DY[d] * nx + DX[d]
-        n += 1
-    cells = np.empty(n, np.int64)
-    k = goal
-    for i in range(n - 1, -1, -1):
-        cells[i] = k
-        if i > 0:
-            d = (steps[k] & 15) - 1
-            k -= DY[d] * nx + DX[d]
-    return cells
 
 
 @kernel
@@ -256,27 +153,33 @@ def line_cost(cost, weights, start_weight, start, nx, a, b, cut_corners, limit):
 
 
 @kernel
-def any_angle_search(cost, weights, heads, g, parent, settings):
-    """Like octile_search, but a cell may be entered in a straight line from its neighbour's parent when that is cheaper (Theta*).
+def search(cost, weights, heads, g, link, settings):
+    """Fill `g` and `link` until `goal` has its least cost.
 
-    `g` float32; `parent` (int32): 0 = no value, otherwise 1 + the number of the cell it is entered from, negative while queued.
-    f = g + scale * straight distance.
+    `weights` (256,): cost of a unit of length in a cell, by its byte, inf where blocked. A step costs its length times the
+    mean weight of its two cells. f = g + scale * distance to the goal. `heads` (n,) int64: scratch memory, one per bucket.
+
+    8-connected: `g` float64; `link` uint8, 1 + the direction by which a cell was entered, OPEN while it is queued.
+
+    `any_angle`: a cell may also be entered in a straight line from the parent of its neighbour, if that is cheaper (Theta*);
+    `g` float32; `link` int32, 1 + the number of the parent cell, negative while the cell is queued.
     """
     s = settings[0]
     nx, ny, start, goal, cut_corners = s.nx, s.ny, s.start, s.goal, s.cut_corners
     max_expanded, start_weight, scale, delta = s.max_expanded, s.start_weight, s.scale, s.delta
+    any_angle = s.any_angle != 0
     ring = heads.size
     for i in range(ring):
         heads[i] = -1
-    pool = np.empty((2, 4096), np.int64)
+    pool = np.empty((2, 4096), np.int64)  # cell, next
     gx, gy = goal % nx, goal // nx
-    sx, sy = start % nx, start // nx
-    level = np.int64(scale * _straight(sx - gx, sy - gy) / delta)
+    x0, y0 = start % nx, start // nx
+    x1, y1 = x0, y0
+    level = np.int64(scale * _distance(x0 - gx, y0 - gy, any_angle) / delta)
     used, spare = _push(pool, heads, level % ring, start, 0, -1)
     waiting = 1
     g[start] = 0.0
-    parent[start] = -(start + 1)
-    x0, y0, x1, y1 = sx, sy, sx, sy
+    link[start] = -(start + 1) if any_angle else np.int64(OPEN | 9)
     best = s.upper_bound
     expanded = 0
     while waiting > 0:
@@ -291,14 +194,20 @@ def any_angle_search(cost, weights, heads, g, parent, settings):
         pool[1, node] = spare
         spare = node
         waiting -= 1
-        if parent[k] >= 0:
-            continue
-        parent[k] = -parent[k]
-        origin = np.int64(parent[k]) - 1
+        origin = k
+        if any_angle:
+            if link[k] >= 0:
+                continue
+            link[k] = -link[k]
+            origin = np.int64(link[k]) - 1
+        else:
+            if not link[k] & OPEN:
+                continue
+            link[k] ^= OPEN
         here = np.float64(g[k])
         y = np.int64(np.uint32(k) // np.uint32(nx))
         x = k - y * nx
-        if here + scale * _straight(x - gx, y - gy) >= best * _BELOW:
+        if here + scale * _distance(x - gx, y - gy, any_angle) >= best * _BELOW:
             continue
         if expanded >= max_expanded:
             s.exhausted = 1
@@ -307,41 +216,62 @@ def any_angle_search(cost, weights, heads, g, parent, settings):
         if used + 8 > pool.shape[1]:
             pool = _grown(pool)
         x0, y0, x1, y1 = min(x0, x), min(y0, y), max(x1, x), max(y1, y)
-        px, py = origin % nx, origin // nx
         weight = start_weight if k == start else weights[cost[k]]
         passable = 0
         for d in range(8):
-            n, c, passable = _step(cost, weights, nx, ny, x, y, d, weight, passable, cut_corners)
+            n, step, passable = _step(cost, weights, nx, ny, x, y, d, weight, passable, cut_corners)
             if n < 0:
                 continue
-            c = here + c
-            ix, iy = x + DX[d], y + DY[d]
+            c = here + step
+            known = np.float64(g[n]) if link[n] != 0 else np.inf
             via = k
-            known = np.float64(g[n]) if parent[n] != 0 else np.inf
-            if origin != k:
-                # the least weight is at least `scale`, so no line is cheaper than this bound
-                base = np.float64(g[origin])
-                bound = base + scale * _straight(ix - px, iy - py)
-                if bound < min(c, known):
-                    limit = min(c, known) - base
-                    line = base + line_cost(cost, weights, start_weight, start, nx, origin, n, cut_corners, limit)
-                    if line < c:
-                        c = line
-                        via = origin
-            c = np.float64(np.float32(c))
+            ix, iy = x + DX[d], y + DY[d]
+            if any_angle:
+                if origin != k:
+                    # the least weight is at least `scale`, so no line is cheaper than this bound
+                    base = np.float64(g[origin])
+                    bound = base + scale * _distance(ix - origin % nx, iy - origin // nx, True)
+                    if bound < min(c, known):
+                        limit = min(c, known) - base
+                        line = base + line_cost(cost, weights, start_weight, start, nx, origin, n, cut_corners, limit)
+                        if line < c:
+                            c = line
+                            via = origin
+                c = np.float64(np.float32(c))
             if c >= known:
                 continue
-            f = c + scale * _straight(ix - gx, iy - gy)
+            f = c + scale * _distance(ix - gx, iy - gy, any_angle)
             if f >= best * _BELOW:
                 continue
             g[n] = c
-            parent[n] = -(via + 1)
+            link[n] = -(via + 1) if any_angle else np.int64(OPEN | (d + 1))
             if n == goal:
                 best = c
                 continue
             used, spare = _push(pool, heads, max(level, np.int64(f / delta)) % ring, n, used, spare)
             waiting += 1
-    _store_result(s, x0, y0, x1, y1, expanded)
+    s.window[0], s.window[1] = max(0, x0 - 1), max(0, y0 - 1)  # the neighbours were read too
+    s.window[2], s.window[3] = min(nx, x1 + 2), min(ny, y1 + 2)
+    s.expanded = expanded
+
+
+@kernel
+def octile_path(link, nx, start, goal):
+    """Cells (n,) from start to goal, by the `link` of an 8-connected search."""
+    n = 1
+    k = goal
+    while k != start:
+        d = (link[k] & 15) - 1
+        k -= DY[d] * nx + DX[d]
+        n += 1
+    cells = np.empty(n, np.int64)
+    k = goal
+    for i in range(n - 1, -1, -1):
+        cells[i] = k
+        if i > 0:
+            d = (link[k] & 15) - 1
+            k -= DY[d] * nx + DX[d]
+    return cells
 
 
 @kernel

@@ -59,11 +59,11 @@ class BestFirst:
 
     def octile(self, costmap: Costmap, start: Cell, goal: Cell, *, max_expanded: int = UNLIMITED) -> bool:
         """Search over the 8 neighbours of each cell; return whether the goal was reached."""
-        cost = self._prepare(costmap, start, goal, max_expanded)
+        self._prepare(costmap)
         self._is_any_angle = False
-        kernels.octile_search(cost, self._costs.weights, self._heads, self._g64, self._steps, self._settings)
+        reached = self._search(costmap, start, goal, max_expanded, math.inf)
         self._written = union(self._written, self.window)
-        return bool(self._steps[self._number(goal)] != 0)
+        return reached
 
     def any_angle(
         self,
@@ -75,12 +75,11 @@ class BestFirst:
         upper_bound: float = math.inf,
     ) -> bool:
         """Search over straight lines; return whether the goal was reached for a cost below `upper_bound`."""
-        cost = self._prepare(costmap, start, goal, max_expanded, upper_bound)
+        self._prepare(costmap)
         self._is_any_angle = True
         self._g64.reshape(self._shape)[self._written.slices] = 0.0
         self._written = _EMPTY
-        kernels.any_angle_search(cost, self._costs.weights, self._heads, self._g32, self._parent, self._settings)
-        return bool(self._parent[self._number(goal)] != 0)
+        return self._search(costmap, start, goal, max_expanded, upper_bound)
 
     def path(self, start: Cell, goal: Cell) -> NDArray[np.int64]:
         """(n, 2) the cells (ix, iy) from start to a goal that `octile` reached."""
@@ -158,21 +157,24 @@ class BestFirst:
         weight = float(self._costs.weights[cost[start]])
         return weight if weight < math.inf else self._costs.least
 
-    def _prepare(
-        self, costmap: Costmap, start: Cell, goal: Cell, max_expanded: int, upper_bound: float = math.inf
-    ) -> NDArray[np.uint8]:
-        """Clear what the last search wrote and set up the next one; return the costs (ny*nx,)."""
+    def _prepare(self, costmap: Costmap) -> None:
+        """Clear what the last search wrote, or allocate the arrays."""
+        if costmap.data.shape == self._shape:
+            self._reached.reshape(self._shape)[self.window.slices] = 0
+            return
         ny, nx = costmap.data.shape
-        if (ny, nx) != self._shape:
-            self._shape = ny, nx
-            self._g64 = np.zeros(ny * nx)
-            self._steps = np.zeros(ny * nx, np.uint8)
-            self._written = _EMPTY
-        else:
-            self._reached.reshape(ny, nx)[self.window.slices] = 0
+        self._shape = ny, nx
+        self._g64 = np.zeros(ny * nx)
+        self._steps = np.zeros(ny * nx, np.uint8)
+        self._written = _EMPTY
+
+    def _search(self, costmap: Costmap, start: Cell, goal: Cell, max_expanded: int, upper_bound: float) -> bool:
+        """Run the search that `_is_any_angle` selects."""
+        ny, nx = self._shape
+        first, last = self._number(start), self._number(goal)
         cost = np.ascontiguousarray(costmap.data).reshape(-1)
-        first = self._number(start)
-        limits = first, self._number(goal), self._cut_corners, max_expanded
+        limits = first, last, self._is_any_angle, self._cut_corners, max_expanded
         scales = self._start_weight(cost, first), self._scale, self._delta, upper_bound
         self._settings[0] = (nx, ny, *limits, *scales, (0, 0, 0, 0), 0, 0)
-        return cost
+        kernels.search(cost, self._costs.weights, self._heads, self._g, self._reached, self._settings)
+        return bool(self._reached[last] != 0)

@@ -129,18 +129,17 @@ class CellSearch(Search):
         g = query.space.costmap.geometry
         centres = (corners + 0.5) * g.resolution + np.array([g.origin_x, g.origin_y])
         steps = np.abs(np.diff(corners, axis=0)).max(axis=1) if len(corners) > 1 else np.zeros(0, np.int64)
-        parts = [centres[:1]]
+        has_lead = len(query.lead) > 0
+        # start and goal can be connected to the next centre directly: both cells beside a diagonal are free
+        direct = bool((steps <= 1).all()) and not self._cut_corners
+        parts = [centres[:1]] if has_lead else [np.array([query.start[:2]])]
+        if not (has_lead or direct or _is_at(centres[0], query.start)):
+            parts.append(centres[:1])
         for a, b, n in zip(centres[:-1], centres[1:], steps.tolist(), strict=True):
             parts.append(a + (b - a) * (np.arange(1, n + 1) / n)[:, None])
         points = np.concatenate(parts).astype(np.float64, copy=False)
-        # start and goal can be connected to the next centre directly: both cells beside a diagonal are free
-        direct = bool((steps <= 1).all()) and not self._cut_corners
-        has_lead = len(query.lead) > 0
-        if not has_lead and (direct or _is_at(points[0], query.start)):
-            points = points[1:]
-        if len(points) and (direct or _is_at(points[-1], goal)):
-            points = points[:-1]
-        return points if has_lead else np.concatenate([np.array([query.start[:2]]), points])
+        has_inner = has_lead or len(points) > 1
+        return points[:-1] if has_inner and (direct or _is_at(points[-1], goal)) else points
 
 
 def _is_at(point: NDArray[np.float64], pose: Pose2D) -> bool:

@@ -1,7 +1,7 @@
-"""A query that needs a corner of a huge map leaves the rest of the map, and of the planner's own arrays, untouched.
+"""A query in a corner of a huge map does not access the rest of the map, nor the rest of the planner's arrays.
 
-The kernel's own account is asked: `mincore` tells which pages of a mapping have ever been read or written. The map is an
-anonymous mapping, of which no page exists until it is looked at.
+The system call `mincore` reports which pages of a mapping have been read or written. The map is an anonymous mapping, whose
+pages do not exist before the first access.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from navstack.interfaces import GlobalPlanner
 SIDE = 10_000  # 1e8 cells
 START, GOAL = (60, 70), (180, 140)
 CORNER = 600
-"""Rows and columns that such a query may look at: rectangles grow by a margin."""
+"""Rows and columns that such a query may access, including the margin of its window."""
 
 
-def pages_touched(array: NDArray[Any]) -> NDArray[np.bool_]:
-    """One per page of the memory of `array`: was it ever read or written?"""
+def accessed_pages(array: NDArray[Any]) -> NDArray[np.bool_]:
+    """For each page of the memory of `array`: whether it was read or written."""
     libc = ctypes.CDLL(None, use_errno=True)
     first = array.ctypes.data // mmap.PAGESIZE * mmap.PAGESIZE
     length = array.ctypes.data + array.nbytes - first
@@ -39,14 +39,14 @@ def pages_touched(array: NDArray[Any]) -> NDArray[np.bool_]:
 
 
 def test_pages_are_counted() -> None:
-    """The instrument itself: a read and a write of one byte show up, each as its page, and nothing else."""
+    """A read and a write of one byte are reported as one page each."""
     with mmap.mmap(-1, 64 * mmap.PAGESIZE, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS) as memory:
         memory.madvise(mmap.MADV_NOHUGEPAGE)
         array = np.frombuffer(memory, np.uint8)
-        assert not pages_touched(array).any()
+        assert not accessed_pages(array).any()
         assert array[5 * mmap.PAGESIZE + 7] == 0
         array[40 * mmap.PAGESIZE] = 1
-        assert np.flatnonzero(pages_touched(array)).tolist() == [5, 40]
+        assert np.flatnonzero(accessed_pages(array)).tolist() == [5, 40]
         del array
 
 
@@ -55,24 +55,24 @@ def test_pages_are_counted() -> None:
     [NavfnROS(), GlobalPlannerROS(), AStarPlanner(), ThetaStarPlanner()],
     ids=["navfn", "global_planner", "astar", "theta_star"],
 )
-def test_the_rest_of_a_huge_map_is_not_looked_at(planner: GlobalPlanner) -> None:
+def test_the_rest_of_a_huge_map_is_not_accessed(planner: GlobalPlanner) -> None:
     memory = mmap.mmap(-1, SIDE * SIDE, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
     memory.madvise(mmap.MADV_NOHUGEPAGE)
     cells = np.frombuffer(memory, np.uint8)
     costmap = Costmap(GridGeometry(SIDE, SIDE, 0.05), cells.reshape(SIDE, SIDE))
     g = costmap.geometry
-    for _ in range(2):  # the second time it has arrays and a last plan
+    for _ in range(2):  # the second time with allocated arrays and a cached plan
         plan = planner.make_plan(costmap, Pose2D(*g.cell_to_world(*START)), Pose2D(*g.cell_to_world(*GOAL)))
         assert plan.path.length > 5.0
-    touched = np.flatnonzero(pages_touched(cells))
-    assert 0 < touched.size <= CORNER * 2  # a row of cells takes two and a half pages
-    assert (touched + 1).max() * mmap.PAGESIZE <= CORNER * SIDE
+    accessed = np.flatnonzero(accessed_pages(cells))
+    assert 0 < accessed.size <= CORNER * 2  # a row of cells takes two and a half pages
+    assert (accessed + 1).max() * mmap.PAGESIZE <= CORNER * SIDE
 
 
-def test_nor_are_the_waves_own_arrays() -> None:
-    """Whoever fills them in huge pages (2 MiB, 52 rows here) touches as many as the corner's rows lie in."""
+def test_the_rest_of_the_arrays_is_not_accessed() -> None:
+    """With huge pages (2 MiB, 52 rows here) those that contain the rows of the corner are accessed."""
     wave = Wavefront()
     costmap = Costmap(GridGeometry(SIDE, SIDE, 0.05))
     propagate_navfn(wave, costmap, navfn_costs(True), root=START, target=GOAL)
     assert wave.potential_of(*GOAL) > 0.0
-    assert pages_touched(wave.pot).mean() < 1.1 * CORNER / SIDE
+    assert accessed_pages(wave.pot).mean() < 1.1 * CORNER / SIDE
