@@ -21,23 +21,23 @@ from navstack.core.parameters import ParamModel
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """What a global planner found."""
+    """The result of a global planner."""
 
     path: Path
     """From the start to `goal`, in the costmap's frame."""
     cost: float
-    """In the planner's own unit; comparable between plans of one planner on one costmap."""
+    """In the unit of the planner; comparable between plans of one planner on one costmap."""
     goal: Pose2D
-    """The goal really used."""
+    """The goal that the path ends at."""
     goal_moved_m: float = 0.0
-    """How far that is from the goal asked for (default_tolerance)."""
+    """Its distance from the requested goal (default_tolerance)."""
     cells_expanded: int = 0
     potential: NDArray[np.float32] | None = None
-    """(ny, nx), inf where not reached; only on request."""
+    """(ny, nx), inf where unreached; only on request."""
     notes: tuple[str, ...] = ()
-    """What the planner mended on the way, in sentences."""
+    """What the planner adjusted, in sentences."""
     took_s: float | None = None
-    """Wall time the planner took (s); None when it does not say. To be shown: it decides nothing and is not recorded."""
+    """Elapsed planning time (s), None if not measured. For display only: it affects no result and is not recorded."""
 
     @property
     def length_m(self) -> float:
@@ -45,12 +45,12 @@ class Plan:
         return self.path.length
 
     def clearance_m(self, costmap: Costmap) -> float:
-        """Smallest distance (m) of the path to a lethal cell of `costmap`, inf when it has none; computed on request."""
+        """Smallest distance (m) of the path to a lethal cell of `costmap`, inf without lethal cells; computed at each call."""
         return clearance_along(costmap, self.path.poses)
 
 
 class GlobalPlanner(ABC):
-    """Plans over a costmap that it never writes to."""
+    """Plans paths over a costmap, which it never writes to."""
 
     Params: ClassVar[type[ParamModel]]
 
@@ -67,4 +67,8 @@ class GlobalPlanner(ABC):
         footprint: Footprint | None = None,
         keep_potential: bool = False,
     ) -> Plan:
-        """A plan between two poses in the costmap's frame; raises a PlanningError with code and data otherwise."""
+        """Plan between two poses in the frame of the costmap; raise a PlanningError with code and data on failure.
+
+        `footprint`: that of the robot, for planners that use it. `keep_potential`: return the potential with the plan, if the
+        planner computes one.
+        """

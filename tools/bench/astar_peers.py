@@ -1,9 +1,9 @@
-"""astar against tcod's A* (C) in one process: long queries on a map, with and without costs, as it is and four times as fine.
+"""Compare astar with the A* of tcod (C): long queries on a map, with and without costs, at full and four times the resolution.
 
     pip install tcod && python tools/bench/astar_peers.py MAP.yaml [--queries 5] [--repeats 5]
 
-Obstacles are dilated by 2 cells; weights run from 1 to 50 near them. Prints medians of processor time (ms). tcod cuts corners
-and takes whole costs of the cell entered, so its paths are of another kind; its graph is built before the clock starts.
+Obstacles are dilated by 2 cells; weights increase from 1 to 50 near them. Prints medians of processor time (ms). tcod cuts
+corners and uses the integer cost of the entered cell, so its paths differ; its graph is built before the measurement.
 """
 
 from __future__ import annotations

@@ -1,16 +1,16 @@
-"""Time and memory of the global planners against the size of the map, from 1e4 to 1e8 cells, with the fitted exponents.
+"""Measure time and memory of the global planners by map size, from 1e4 to 1e8 cells, and fit exponents.
 
     python tools/bench/growth.py GOLDEN_FOLDER [--cells 1e8] [--only navfn] [--repeats 3] [--json]
 
 Two scenes: `building`, the costmap of Willow Garage at 0.1 m (GOLDEN_FOLDER/costmap_static_willow010_r020_csf5.npz) cut or
-tiled to a square; and `rooms`, walls every 20 cells with a door at a random place in every wall, inflated not at all. The
-query goes from the corner to the opposite one of the largest connected part. `corner` asks on the largest `building` for a path
-of a hundred cells.
+tiled to a square; and `rooms`, walls every 20 cells with a door at a random position in every wall, without inflation. The
+query goes from corner to corner of the largest connected part. `corner` queries a path of a hundred cells on the largest
+`building`.
 
-Every row is a process of its own. Time: the processor's, the least of the repeats, planned from scratch. Memory: what the
-process's peak resident set (VmHWM, reset before) grew by over the first plan and, in the second figure, over a second one
-from a step further on (replanning), per cell; the costmap itself is not counted. `replanned` is the time of that second plan.
-The exponent is that of a fitted power law, from 1e6 cells on.
+Every row is measured in its own process. Time: processor time, the minimum of the repeats, planned from scratch. Memory: the
+growth of the peak resident set (VmHWM, reset before) during the first plan and, in the second figure, including replanning
+from a slightly different start, per cell; the costmap is not counted. `replanned` is the time of that second plan. The
+exponent is that of a power law fitted from 1e6 cells.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ PLANNERS = {
 SIDES = (100, 316, 1000, 2000, 4123, 10000)  # 4123: 17 million cells
 FIT_FROM = 1e6
 OWN_PAGES = {"MALLOC_MMAP_THRESHOLD_": "65536", "MALLOC_TRIM_THRESHOLD_": "65536"}
-"""What was freed before must not be what is filled now: every array gets pages of its own and gives them back."""
+"""Freed memory must not be reused: every array gets its own pages and returns them."""
 FREE_BELOW = 253
 UNKNOWN = 255
 
@@ -81,7 +81,7 @@ def far_apart(data: NDArray[np.uint8]) -> tuple[tuple[int, int], tuple[int, int]
     """The cells of the largest connected part that are nearest to the first and the last corner."""
     from scipy.ndimage import label
 
-    free = (data < FREE_BELOW) | (data == UNKNOWN)  # all planners cross unknown cells by default
+    free = (data < FREE_BELOW) | (data == UNKNOWN)  # by default all planners cross unknown cells
     free[0] = free[-1] = False
     free[:, 0] = free[:, -1] = False
     labels: NDArray[np.int32] = np.empty(free.shape, np.int32)
@@ -103,10 +103,10 @@ def reset_peak() -> None:
 
 
 def measure(golden: Path, scene: str, side: int, name: str, repeats: int) -> dict[str, Any]:
-    """One row, in this process."""
+    """Measure one row, in this process."""
     planner: GlobalPlanner = PLANNERS[name]()
     small = Costmap(GridGeometry(400, 400, 0.1))
-    for x in (20.0, 20.5):  # compile, import, replan once
+    for x in (20.0, 20.5):  # compile, import and replan once
         planner.make_plan(small, Pose2D(39.0 - x / 10.0, 39.0), Pose2D(1.0, 1.0))
     data = rooms(side) if scene == "rooms" else building(golden, side)
     start, goal = far_apart(data)
@@ -134,9 +134,9 @@ def measure(golden: Path, scene: str, side: int, name: str, repeats: int) -> dic
     assert plan is not None
     poses = plan.path.poses
     x, y = poses[min(len(poses) - 1, 8), :2]
-    data[2:4, 2:4] ^= 1  # something has changed, else the plan is handed out again
+    data[2:4, 2:4] ^= 1  # without a change the cached plan would be returned
     began = time.process_time()
-    planner.make_plan(costmap, Pose2D(float(x) + 0.02, float(y) + 0.02), b)  # builds what replanning is guided by
+    planner.make_plan(costmap, Pose2D(float(x) + 0.02, float(y) + 0.02), b)  # builds the goal potential
     x, y = poses[min(len(poses) - 1, 16), :2]
     data[2:4, 2:4] ^= 1
     began = time.process_time()
@@ -166,8 +166,8 @@ def exponent(rows: list[dict[str, Any]], key: str) -> float:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("golden", type=Path)
-    parser.add_argument("--cells", type=float, default=1e8, help="the largest map")
-    parser.add_argument("--only", default="", help="a planner")
+    parser.add_argument("--cells", type=float, default=1e8, help="size of the largest map")
+    parser.add_argument("--only", default="", help="name of a planner")
     parser.add_argument("--scene", choices=["building", "rooms", "corner"])
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--json", action="store_true")
