@@ -1,6 +1,6 @@
-"""The record of a run: written once by `RunRecorder`, read by everything that looks back (`plot`, `explain`, reports).
+"""The record of a run: written by `RunRecorder`, read by `Record` for pictures, diagnostics and reports.
 
-See `navstack.record.format` for what is in the file.
+`navstack.record.format` describes the file.
 """
 
 from navstack.record.reader import Record, RecordedLocalPlan, RecordedPlan, RecordedScan

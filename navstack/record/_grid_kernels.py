@@ -1,5 +1,5 @@
 # pyright: basic
-"""What changed in a grid from one moment to the next."""
+"""Difference between two states of a grid."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from navstack.core.jit import kernel
 
 
 @kernel
-def take_over(new, last, x0, y0, x1, y1):
-    """Copies the window x0 <= ix < x1, y0 <= iy < y1 of `new` into `last` (both uint8); the box of the cells that differed.
+def copy_changes(new, last, x0, y0, x1, y1):
+    """Copies the window x0 <= ix < x1, y0 <= iy < y1 of `new` into `last` (both uint8); returns the box of changed cells.
 
-    Half open; empty (all 0) when none did.
+    The box is half open; all 0 if no cell changed.
     """
     left, bottom, right, top = x1, y1, x0, y0
     for iy in range(y0, y1):

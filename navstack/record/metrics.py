@@ -1,7 +1,7 @@
-"""What a run was like, in numbers: one table of definitions for every face of the product.
+"""Metrics of a run.
 
-All of them come from the true poses at the control cycles, never from a clock, so that a record gives the numbers of the run
-it was made from, to the bit. Between two cycles a velocity is the way made over the time taken.
+All of them are computed from the true poses at the control cycles, never from a clock, so a record gives the metrics of its run
+to the bit. The velocity between two cycles is the displacement divided by the time.
 """
 
 from __future__ import annotations
@@ -17,40 +17,40 @@ from numpy.typing import NDArray
 from navstack.record.reader import Record
 
 MOVING_M_S = 0.01
-"""Slower than this is standing, or turning in place: no curvature, no speed while moving."""
+"""Minimum speed that counts as moving; slower is standing or turning in place (m/s, rad/s)."""
 
 
 @dataclass(frozen=True, slots=True)
 class RunMetrics:
-    """A run in numbers. Times are simulated."""
+    """The metrics of a run. Times are simulated."""
 
     goals: int
-    """Goals that were sent."""
+    """Number of goals sent."""
     succeeded: int
-    """Goals that ended SUCCEEDED."""
+    """Number of goals that SUCCEEDED."""
     collisions: int
-    """Collisions of the true footprint with something; one that lasts counts once."""
+    """Number of collisions of the unpadded footprint; a lasting collision counts once."""
     recoveries: int
-    """Recovery behaviours that were run, over all goals."""
+    """Number of recovery behaviors run, over all goals."""
     time_s: float
     """From the start to the end of the last goal."""
     length_m: float
-    """Length of the way driven, over all goals: from each cycle's position to the next."""
+    """Length of the path driven, over all goals: sum of the distances between consecutive cycles."""
     clearance_min_m: float
-    """Least distance between the true footprint and an obstacle, at the control cycles; 0 after a collision, inf without
-    obstacles, nan where nobody knew."""
+    """Minimum distance between the unpadded footprint and an obstacle, at the control cycles; 0 after a collision, inf without
+    obstacles, nan if unknown."""
     clearance_mean_m: float
-    """Mean of that distance over the cycles; nan without obstacles or cycles."""
+    """Mean of this distance over the cycles; nan without obstacles or cycles."""
     speed_mean_m_s: float
-    """Mean speed while the robot moves (0.01 m/s and more); 0 when it never does."""
+    """Mean speed while the robot moves (at least 0.01 m/s); 0 if it never moves."""
     speed_max_m_s: float
-    """Greatest mean speed of a cycle."""
+    """Maximum over the cycles of the mean speed."""
     jerk_rms_m_s3: float
-    """Root of the mean square of the second difference of the velocity (a vector in the map) over the time squared."""
+    """Root mean square of the second difference of the velocity (a vector in the map) divided by the time squared."""
     curvature_mean_1_m: float
     """Angle turned per metre driven, while moving."""
     turned_rad: float
-    """Sum of all turning, in place and while moving."""
+    """Sum of all rotation, in place and while moving."""
     turning_s: float
     """Time spent turning in place."""
     standing_s: float
@@ -59,7 +59,7 @@ class RunMetrics:
     """Time in each state of the goal manager, by name."""
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """Returns JSON data."""
         out: dict[str, Any] = {name: getattr(self, name) for name in self.__slots__ if name != "state_s"}
         out["state_s"] = {name: round(seconds, 6) for name, seconds in self.state_s.items()}
         for name in ("time_s", "turning_s", "standing_s"):
@@ -76,25 +76,25 @@ def compute_metrics(
     results: Sequence[Mapping[str, Any]],
     collisions: int,
 ) -> RunMetrics:
-    """From the control cycles: times (n,) s, true poses (n, 3) x, y, yaw in the map, states (n,), clearances (n,) m.
+    """Computes the metrics from the control cycles: times (n,) s, true poses (n, 3) in the map, states (n,), clearances (n,) m.
 
-    `results` are the goals' outcomes as the record keeps them (`state`, `path_length_m`, `recoveries`).
+    `results` are the goals' outcomes as in the record (`state`, `path_length_m`, `recoveries`).
     """
     step = np.diff(times)
-    # two cycles at one time make no interval
+    # two cycles at the same time have no interval between them
     real = step > 0.0
     duration = step[real]
-    way = np.diff(poses, axis=0)[real]
-    turned = np.abs(np.remainder(way[:, 2] + math.pi, 2.0 * math.pi) - math.pi)
-    distance = np.hypot(way[:, 0], way[:, 1])
+    motion = np.diff(poses, axis=0)[real]
+    turned = np.abs(np.remainder(motion[:, 2] + math.pi, 2.0 * math.pi) - math.pi)
+    distance = np.hypot(motion[:, 0], motion[:, 1])
     speed = distance / duration
     moving = speed >= MOVING_M_S
     turning = ~moving & (turned / duration >= MOVING_M_S)
     standing = ~moving & ~turning
     moved = float(distance[moving].sum())
-    at_state: dict[str, float] = {}
+    in_state: dict[str, float] = {}
     for name, seconds in zip(np.asarray(states)[:-1][real].tolist() if len(step) else [], duration.tolist()):
-        at_state[name] = at_state.get(name, 0.0) + seconds
+        in_state[name] = in_state.get(name, 0.0) + seconds
     finite = clearances[np.isfinite(clearances)]
     nearest = float(finite.min()) if len(finite) else math.nan if np.isnan(clearances).any() else math.inf
     return RunMetrics(
@@ -108,17 +108,17 @@ def compute_metrics(
         clearance_mean_m=float(finite.mean()) if len(finite) else math.nan,
         speed_mean_m_s=moved / float(duration[moving].sum()) if moving.any() else 0.0,
         speed_max_m_s=float(speed.max()) if len(speed) else 0.0,
-        jerk_rms_m_s3=_jerk(way[:, :2] / duration[:, None], duration),
+        jerk_rms_m_s3=_jerk(motion[:, :2] / duration[:, None], duration),
         curvature_mean_1_m=float(turned[moving].sum()) / moved if moved > 0.0 else 0.0,
         turned_rad=float(turned.sum()),
         turning_s=float(duration[turning].sum()),
         standing_s=float(duration[standing].sum()),
-        state_s=dict(sorted(at_state.items())),
+        state_s=dict(sorted(in_state.items())),
     )
 
 
 def metrics_of(record: Record) -> RunMetrics:
-    """The metrics of a recorded run: those that the run itself had, to the bit."""
+    """Returns the metrics of a recorded run, identical to the bit to those of the run itself."""
     return compute_metrics(
         record.times,
         record.poses,

@@ -1,4 +1,4 @@
-"""Looks back at a recorded run: typed, lazy where it is large, and never a reason to open the file by hand."""
+"""Typed access to a recorded run; large data is converted when it is first used."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ from navstack.core import (
 )
 from navstack.core.errors import InputError, RecordError
 from navstack.interfaces import LocalPlan
-from navstack.record import format as fmt
+from navstack.record.archive import locate, read
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordedPlan:
-    """A global plan: found at `t` (s) for goal number `goal`, poses (n, 3) x, y, yaw in `frame`."""
+    """A global plan made at `t` (s) for goal number `goal`: poses (n, 3) x, y, yaw in `frame`."""
 
     t: float
     poses: NDArray[np.float64]
@@ -42,14 +42,14 @@ class RecordedPlan:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordedLocalPlan:
-    """A local plan at `t` (s). `plan` holds the table of samples in single precision, or None where it was not kept."""
+    """A local plan at `t` (s). `plan` has the table of samples in single precision, None if it was not recorded."""
 
     t: float
     plan: LocalPlan
     tried: int
-    """Samples tried in that cycle."""
+    """Number of samples of the cycle."""
     rejected: int
-    """Those that a critic or a limit ruled out."""
+    """Number of samples rejected by a critic or a limit."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,7 +62,7 @@ class RecordedScan:
 
 
 class Record:
-    """A recorded run. Metres, radians, seconds of the run's clock; "at t" means the last one not later than t."""
+    """A recorded run. Metres, radians, seconds of the run's clock; "at t" means the last entry not later than t."""
 
     def __init__(
         self,
@@ -71,11 +71,11 @@ class Record:
         arrays: dict[str, NDArray[Any]],
         path: Path | None = None,
     ) -> None:
-        """From the members of a file (`navstack.record.format`), checked before; use `Record.load`."""
+        """Takes the checked members of a file (`navstack.record.format`); use `Record.load`."""
         self.path = path
         self.meta = meta
         self.arrays = arrays
-        """Every table and array of the file by name, as `navstack.record.format` describes them."""
+        """The tables and arrays of the file by name (`navstack.record.format`)."""
         frames = meta["frames"]
         self.global_frame: str = frames["global"]
         self.local_frame: str = frames["local"]
@@ -93,12 +93,12 @@ class Record:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Record:
-        """The run in a file, or in a folder that holds `run.npz`.
+        """Reads the run in a file, or in a folder that contains `run.npz`.
 
-        Raises RecordError for what is missing, truncated, damaged, foreign, or of a newer format version.
+        Raises RecordError if it is missing, truncated, damaged, not a record, or of a newer format version.
         """
-        file = fmt.locate(Path(path))
-        members = fmt.read(file)
+        file = locate(Path(path))
+        members = read(file)
         try:
             return cls(*members, file)
         except (InputError, ValueError, TypeError, KeyError) as exc:
@@ -115,7 +115,7 @@ class Record:
 
     @property
     def times(self) -> NDArray[np.float64]:
-        """(n,) s."""
+        """(n,) times of the samples (s)."""
         return self.samples["t"]
 
     @cached_property
@@ -125,17 +125,17 @@ class Record:
 
     @cached_property
     def odom_poses(self) -> NDArray[np.float64]:
-        """(n, 3) x, y, yaw in the local frame, as odometry had it."""
+        """(n, 3) x, y, yaw of the odometry in the local frame."""
         return self._columns("odom_x", "odom_y", "odom_yaw")
 
     @cached_property
     def velocities(self) -> NDArray[np.float64]:
-        """(n, 3) vx, vy, wz in the robot's frame, as odometry had them."""
+        """(n, 3) vx, vy, wz of the odometry in the robot's frame."""
         return self._columns("vx", "vy", "wz")
 
     @cached_property
     def commands(self) -> NDArray[np.float64]:
-        """(n, 3) vx, vy, wz that were commanded, in the robot's frame."""
+        """(n, 3) commanded vx, vy, wz in the robot's frame."""
         return self._columns("cmd_vx", "cmd_vy", "cmd_wz")
 
     @cached_property
@@ -145,20 +145,20 @@ class Record:
 
     @property
     def clearances(self) -> NDArray[np.float64]:
-        """(n,) m from the true outline to the nearest obstacle, inf without one; nan where nobody knew."""
+        """(n,) distance (m) from the unpadded footprint to the nearest obstacle, inf without obstacles, nan if unknown."""
         found = self.arrays.get("clearances")
         return np.full(len(self.times), np.nan) if found is None else found
 
     @property
     def has_moving_solids(self) -> bool:
-        """True when what stands beside the map was recorded again and again."""
+        """True if obstacles besides the map moved."""
         discs = self.arrays.get("solid_discs")
         return discs is not None and len(discs) > 1
 
     def solids_at(self, t: float) -> tuple[NDArray[np.float32], list[NDArray[np.float32]]]:
-        """What stood beside the map at `t` (s), in the global frame: discs (k, 3) x, y, radius, and polygons (n, 2).
+        """Returns the obstacles besides the map at `t` (s), in the global frame: discs (k, 3) x, y, radius, and polygons (n, 2).
 
-        Nothing where nothing but the scenario's `obstacles` stood there.
+        Both are empty if there were only the scenario's `obstacles`.
         """
         discs, corners = self.arrays.get("solid_discs"), self.arrays.get("solid_corners")
         if discs is None or corners is None:
@@ -174,7 +174,7 @@ class Record:
 
     @property
     def goal_indices(self) -> NDArray[np.int32]:
-        """(n,) number of the goal that was being driven to, -1 none."""
+        """(n,) number of the current goal, -1 none."""
         return self.samples["goal"]
 
     @property
@@ -189,30 +189,30 @@ class Record:
         return float(np.hypot(step[:, 0], step[:, 1]).sum())
 
     def index_at(self, t: float) -> int:
-        """Row of the last sample not later than `t`; the first one before that. Raises RecordError without samples."""
+        """Returns the row of the last sample not later than `t`, at least 0. Raises RecordError without samples."""
         if not len(self.times):
-            raise RecordError("this run has no samples: it was stopped before the first control cycle")
+            raise RecordError("the run has no samples: it was stopped before the first control cycle")
         return max(_last_at(self.times, t), 0)
 
     def pose_at(self, t: float) -> Pose2D:
-        """The robot in the global frame."""
+        """Returns the robot's pose in the global frame."""
         x, y, yaw = self.poses[self.index_at(t)]
         return Pose2D(float(x), float(y), float(yaw))
 
     def map_to_odom_at(self, t: float) -> Transform2D:
-        """Pose of the local frame in the global frame."""
+        """Returns the pose of the local frame in the global frame."""
         x, y, yaw = self.map_to_odom[self.index_at(t)]
         return Transform2D(float(x), float(y), float(yaw))
 
     def to_global(self, frame: str, t: float) -> Transform2D:
-        """Takes coordinates in `frame` (global or local) to the global frame, as the transform was at `t`."""
+        """Returns the transform from `frame` (global or local) to the global frame at `t`."""
         return self.map_to_odom_at(t) if frame == self.local_frame != self.global_frame else Transform2D()
 
-    # --- goals, plans, collisions ---------------------------------------------------------------------------------------
+    # --- goals, plans, collisions -------------------------------------------------------------------------------------
 
     @property
     def goal_times(self) -> NDArray[np.float64]:
-        """(g,) when each goal was accepted, s."""
+        """(g,) times at which the goals were accepted (s)."""
         return self.arrays["goals"]["t"]
 
     @cached_property
@@ -227,12 +227,12 @@ class Record:
 
     @cached_property
     def collisions(self) -> NDArray[np.float64]:
-        """(c, 3) x, y, yaw of the robot in the global frame when its footprint touched something."""
+        """(c, 3) x, y, yaw of the robot in the global frame at each collision."""
         return self._columns("x", "y", "yaw", table="collisions")
 
     @cached_property
     def plans(self) -> tuple[RecordedPlan, ...]:
-        """Every global plan, in order of time."""
+        """All global plans, ordered by time."""
         poses = self.arrays["plan_poses"]
         return tuple(
             RecordedPlan(
@@ -242,19 +242,19 @@ class Record:
         )
 
     def plan_at(self, t: float) -> RecordedPlan | None:
-        """The global plan in force."""
+        """Returns the current global plan."""
         i = _last_at(self.arrays["plans"]["t"], t)
         return self.plans[i] if i >= 0 else None
 
     def events_of(self, *kinds: str) -> list[Event]:
-        """The events of some kinds, in order of time."""
+        """Returns the events of these kinds, ordered by time."""
         return [event for event in self.events if event.kind in kinds]
 
     # --- local plans --------------------------------------------------------------------------------------------------
 
     @property
     def critics(self) -> tuple[str, ...]:
-        """Names of the critics that scored, in the order of their columns."""
+        """Names of the critics, in the order of their columns."""
         return tuple(self.meta["critics"])
 
     @property
@@ -263,7 +263,7 @@ class Record:
         return self.arrays["local_plans"]["t"]
 
     def local_plan(self, index: int) -> RecordedLocalPlan:
-        """Local plan number `index`, with its table of samples."""
+        """Returns local plan number `index`, with its table of samples."""
         row = self.arrays["local_plans"][index]
         table = slice(row["first"], row["first"] + row["count"])
         poses = slice(row["first_pose"], row["first_pose"] + row["poses"])
@@ -285,7 +285,7 @@ class Record:
         return RecordedLocalPlan(float(row["t"]), plan, int(row["tried"]), int(row["rejected"]))
 
     def local_plan_at(self, t: float) -> RecordedLocalPlan | None:
-        """The local plan in force."""
+        """Returns the current local plan."""
         i = _last_at(self.local_plan_times, t)
         return self.local_plan(i) if i >= 0 else None
 
@@ -293,16 +293,16 @@ class Record:
 
     @property
     def costmap_names(self) -> tuple[str, ...]:
-        """Costmaps that were recorded: usually "global" and "local"."""
+        """Names of the recorded costmaps: usually "global" and "local"."""
         return tuple(self.meta["costmaps"])
 
     def costmap_times(self, name: str) -> NDArray[np.float64]:
-        """(u,) times of the updates of a costmap ("local" or "local_costmap"), s; empty when it was not recorded."""
+        """(u,) times of the updates of a costmap ("local" or "local_costmap") (s); empty if it was not recorded."""
         name = name.removesuffix("_costmap")
         return self.arrays[f"costmaps/{name}"]["t"] if name in self.costmap_names else np.empty(0)
 
     def costmap_at(self, name: str, t: float) -> Costmap | None:
-        """A costmap as it was, in its own frame; None before its first update or when it was not recorded."""
+        """Returns the state of a costmap, in its own frame; None before its first update or if it was not recorded."""
         name = name.removesuffix("_costmap")
         last = _last_at(self.costmap_times(name), t)
         if last < 0:
@@ -315,11 +315,11 @@ class Record:
         return costmap
 
     def costmap_updates(self, name: str) -> Iterator[tuple[float, Costmap]]:
-        """Time and state of a costmap after each update. The same Costmap is patched and handed out again: copy to keep."""
+        """Yields time and state of a costmap after each update. The Costmap object is reused: copy it to keep it."""
         return self._replay(name.removesuffix("_costmap"), 0, len(self.costmap_times(name)))
 
     def costmap_frame(self, name: str) -> str:
-        """The frame of a costmap; where it was not recorded, the local frame for "local" and else the global one."""
+        """Returns the frame of a costmap; if it was not recorded, the local frame for "local", else the global frame."""
         name = name.removesuffix("_costmap")
         return self.meta["costmaps"].get(name, self.local_frame if name == "local" else self.global_frame)
 
@@ -332,7 +332,7 @@ class Record:
         for row in rows[first:end]:
             window = Window(int(row["x0"]), int(row["y0"]), int(row["x1"]), int(row["y1"]))
             shape = (window.y1 - window.y0, window.x1 - window.x0)
-            patch = cells[row["first"] : row["first"] + shape[0] * shape[1]].reshape(shape)
+            update = cells[row["first"] : row["first"] + shape[0] * shape[1]].reshape(shape)
             if costmap is None or _is_whole(row):
                 geometry = GridGeometry(
                     int(row["nx"]),
@@ -341,16 +341,16 @@ class Record:
                     float(row["origin_x"]),
                     float(row["origin_y"]),
                 )
-                costmap = Costmap(geometry, patch.copy(), self.meta["costmaps"][name])
+                costmap = Costmap(geometry, update.copy(), self.meta["costmaps"][name])
             else:
-                costmap.data[window.slices] = patch
+                costmap.data[window.slices] = update
             yield float(row["t"]), costmap
 
     # --- scans --------------------------------------------------------------------------------------------------------
 
     @cached_property
     def scans(self) -> tuple[RecordedScan, ...]:
-        """Every scan that was kept, in order of time."""
+        """All recorded scans, ordered by time."""
         out: list[RecordedScan] = []
         for row in self.arrays["scans"]:
             topic, frame = self.meta["scan_sources"][row["source"]]
@@ -374,7 +374,7 @@ class Record:
 
 
 def _last_at(times: NDArray[np.float64], t: float) -> int:
-    """Index of the last time not later than `t`, -1 when all are later."""
+    """Returns the index of the last time not later than `t`, -1 if all are later."""
     return int(np.searchsorted(times, t, side="right")) - 1
 
 

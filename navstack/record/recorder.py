@@ -1,4 +1,4 @@
-"""Takes down a run while it happens: appends to lists, copies what will change, computes nothing until the end."""
+"""Records a run: appends to lists, copies arrays that may change, and computes nothing until the end."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from navstack.core import (
     Costmap,
     Event,
     Footprint,
-    GridGeometry,
     LaserScan,
     OccupancyGrid,
     Pose2D,
@@ -28,13 +27,14 @@ from navstack.core.errors import jsonable
 from navstack.core.files import atomic_write, ensure_directory
 from navstack.interfaces import LocalPlan
 from navstack.record import format as fmt
-from navstack.record._grid_kernels import take_over
+from navstack.record.archive import write
+from navstack.record.buffers import CostmapBuffer, LocalPlanRow, critics_of, joined, local_plan_arrays, stacked
 from navstack.record.log import render_log
 from navstack.record.reader import Record
 
 
 class Collision(Protocol):
-    """What a simulator knows of a collision."""
+    """A collision as reported by a simulator."""
 
     @property
     def time(self) -> float:
@@ -43,16 +43,15 @@ class Collision(Protocol):
 
     @property
     def pose(self) -> Pose2D:
-        """The robot in the global frame."""
+        """Pose of the robot in the global frame."""
         ...
 
 
 class RunRecorder:
-    """The record of one run, in memory until `save`. A `Listener`: hand it the events, and the rest by its methods.
+    """The record of one run, in memory until `save`. It is a `Listener` for events; methods add the other data.
 
-    Times (s) are those of the run's clock and never run backwards. Whatever is handed over may be changed afterwards:
-    arrays are copied. The same calls give the same file, byte for byte; so nothing handed over may stem from a wall
-    clock. See `navstack.record.format` for the file.
+    Times (s) are those of the run's clock and must not decrease. Arrays are copied, so the caller may change them afterwards.
+    The same calls give the same file byte for byte, so no data may come from a wall clock. See `navstack.record.format`.
     """
 
     def __init__(
@@ -66,8 +65,8 @@ class RunRecorder:
         base_frame: str = "base_link",
         keep_tables: bool = True,
     ) -> None:
-        """`footprint`: the true outline, without the costmaps' padding. `scenario`: what the run was started with, as
-        JSON knows it. `keep_tables=False` leaves the local planner's samples out (a few hundred bytes a cycle).
+        """`footprint`: without the costmaps' padding. `scenario`: JSON data that describes the run. `keep_tables=False` omits
+        the local planner's samples (a few hundred bytes per cycle).
         """
         self._map = map
         self._footprint = footprint
@@ -86,18 +85,18 @@ class RunRecorder:
         self._goals: list[tuple[float, ...]] = []
         self._collisions: list[tuple[float, ...]] = []
         self._plans: list[tuple[float, NDArray[np.float64], int, str]] = []
-        self._local_plans: list[_LocalPlanRow] = []
-        self._costmaps: dict[str, _CostmapLog] = {}
+        self._local_plans: list[LocalPlanRow] = []
+        self._costmaps: dict[str, CostmapBuffer] = {}
         self._scans: list[tuple[tuple[float, ...], int, NDArray[np.float32]]] = []
         self._scan_sources: dict[tuple[str, str], int] = {}
 
-    # --- while the run goes on ----------------------------------------------------------------------------------------
+    # --- during the run -----------------------------------------------------------------------------------------------
 
     hears_feedback = False
-    """`Listener` may say so: the samples say the same."""
+    """Feedback events are not needed: the samples contain the same data."""
 
     def on_event(self, event: Event) -> None:
-        """Takes down an event of the goal manager; feedback is left out, the samples say the same."""
+        """Adds an event of the goal manager, except feedback: the samples contain the same data."""
         if event.kind == "feedback":
             return
         self._events.append(
@@ -105,7 +104,7 @@ class RunRecorder:
         )
 
     def goal(self, t: float, pose: Pose2D) -> None:
-        """A goal was accepted (global frame); goals are counted from 0 in this order."""
+        """Adds an accepted goal (global frame); goals are numbered from 0 in this order."""
         self._goals.append((t, *pose))
 
     def sample(
@@ -120,9 +119,9 @@ class RunRecorder:
         goal_index: int,
         clearance: float = math.nan,
     ) -> None:
-        """Where the robot is (`pose` in the global frame, `odom` as it reports), what it was told, and why.
+        """Adds a control cycle: true `pose` in the global frame, odometry `odom`, command and state.
 
-        `clearance` (m): from its true outline to the nearest obstacle, where somebody knows.
+        `clearance` (m): distance from the unpadded footprint to the nearest obstacle, if known.
         """
         self._clearances.append(clearance)
         self._samples.extend((t, *pose, *odom.pose, *odom.velocity, *map_to_odom, *command))
@@ -130,40 +129,42 @@ class RunRecorder:
         self._sample_state.append(state if isinstance(state, str) else str(state))
 
     def set_clearance_source(self, source: Callable[[], Sequence[float]]) -> None:
-        """`source` gives the clearances (m) of all samples so far, in place of those noted with them: asked at the end, and
-        whenever the run so far is read.
+        """Sets a function that returns the clearances (m) of all samples so far; they replace those passed to `sample`.
+
+        It is called at the end, and whenever the record is read before.
         """
         self._clearance_source = source
 
     def solids(self, discs: NDArray[np.float64], corners: NDArray[np.float64], first: NDArray[np.int64]) -> None:
-        """What stands beside the map (global frame): discs (k, 3) x, y, radius, and the corners (m, 2) of polygons, those of
-        polygon i from `first[i]` to `first[i + 1] - 1`. Once where nothing moves, else with every sample; always as many.
+        """Adds the obstacles besides the map (global frame): discs (k, 3) x, y, radius, and the corners (m, 2) of polygons,
+        those of polygon i at `first[i]` .. `first[i + 1] - 1`. Call it once if none of them moves, else for every sample; the
+        numbers of discs and corners are constant.
         """
         self._solids.append((discs.astype(np.float32), corners.astype(np.float32)))
         self._solid_first = np.array(first, np.int64)
 
     def plan(self, t: float, poses: NDArray[np.float64], frame: str) -> None:
-        """The global planner's plan (n, 3), for the goal accepted last."""
+        """Adds a plan (n, 3) of the global planner, for the goal accepted last."""
         self._plans.append((t, np.array(poses, np.float64).reshape(-1, 3), len(self._goals) - 1, frame))
 
     def local_plan(self, t: float, plan: LocalPlan) -> None:
-        """The local planner's choice, with the table of samples it was made from."""
-        self._local_plans.append(_LocalPlanRow(t, plan, self._keep_tables))
+        """Adds a plan of the local planner, with its table of samples."""
+        self._local_plans.append(LocalPlanRow(t, plan, self._keep_tables))
 
     def costmap(self, t: float, name: str, costmap: Costmap, window: Window | None = None) -> None:
-        """A costmap after an update that rewrote `window` (None: perhaps every cell).
+        """Adds a costmap after an update of `window` (None: of any cell).
 
-        Kept are the cells that differ from the update before, or all when the grid moved. Names are "global" and
-        "local"; a trailing "_costmap" is dropped.
+        Records the cells that differ from the previous update, or all if the grid moved. Names are "global" and "local"; a
+        trailing "_costmap" is removed.
         """
         name = name.removesuffix("_costmap")
         log = self._costmaps.get(name)
         if log is None:
-            log = self._costmaps[name] = _CostmapLog(costmap.frame)
+            log = self._costmaps[name] = CostmapBuffer(costmap.frame)
         log.add(t, costmap, window)
 
     def scan(self, t: float, scan: LaserScan, pose: Pose2D) -> None:
-        """A scan and the robot's pose (global frame) at that time."""
+        """Adds a scan and the robot's pose (global frame) at that time."""
         source = self._scan_sources.setdefault((scan.topic, scan.frame), len(self._scan_sources))
         self._scans.append(
             (
@@ -174,25 +175,25 @@ class RunRecorder:
         )
 
     def collision(self, t: float, pose: Pose2D) -> None:
-        """The true footprint touched something with the robot at `pose` (global frame)."""
+        """Adds a collision with the robot at `pose` (global frame)."""
         self._collisions.append((t, *pose))
 
     def finish(self, results: Sequence[Mapping[str, Any]], collisions: Sequence[Collision] | None = None) -> None:
-        """How each goal ended, one JSON-able object per goal (no wall-clock times); `collisions` replace those noted."""
+        """Sets the result of each goal, as JSON data without wall-clock times; `collisions` replace those added before."""
         self._results = [jsonable(dict(result)) for result in results]
-        self._take_clearances()
-        self._clearance_source = None  # and all that it holds on to
+        self._fetch_clearances()
+        self._clearance_source = None  # releases the simulator
         if collisions is not None:
             self._collisions = [(collision.time, *collision.pose) for collision in collisions]
 
-    # --- afterwards ---------------------------------------------------------------------------------------------------
+    # --- after the run ------------------------------------------------------------------------------------------------
 
     def record(self) -> Record:
-        """The run so far, as `Record.load` would give it back."""
+        """Returns the run so far, as `Record.load` would read it."""
         return Record(*self._members())
 
     def save(self, folder: Path) -> dict[str, Path]:
-        """Writes `run.npz` and `run.log` into `folder` (made when missing), whole or not at all: name -> path.
+        """Writes `run.npz` and `run.log` into `folder` atomically, creating it if necessary; returns name -> path.
 
         Raises OutputError.
         """
@@ -203,13 +204,13 @@ class RunRecorder:
         files = {"record": folder / fmt.RUN_FILE, "log": folder / fmt.LOG_FILE}
         with atomic_write(files["record"]) as record, atomic_write(files["log"]) as log:
             with record.open("wb") as out:
-                fmt.write(out, meta, events, arrays)
+                write(out, meta, events, arrays)
             log.write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")
         return files
 
     def _members(self) -> tuple[dict[str, Any], list[dict[str, Any]], dict[str, NDArray[Any]]]:
-        self._take_clearances()
-        critics = self._critics()
+        self._fetch_clearances()
+        critics = critics_of(self._local_plans)
         arrays: dict[str, NDArray[Any]] = {}
         if self._map is not None:
             arrays["map"] = np.ascontiguousarray(self._map.data, np.int8)
@@ -230,7 +231,7 @@ class RunRecorder:
                 fmt.TABLES[name], {key: columns[:, i] for i, key in enumerate(("t", "x", "y", "yaw"))}, len(rows)
             )
         arrays |= self._plan_arrays()
-        arrays |= self._local_plan_arrays(critics)
+        arrays |= local_plan_arrays(self._local_plans, critics)
         arrays |= self._scan_arrays()
         for name, log in self._costmaps.items():
             arrays[f"costmaps/{name}"] = log.table()
@@ -250,15 +251,9 @@ class RunRecorder:
         }
         return meta, self._events, arrays
 
-    def _take_clearances(self) -> None:
+    def _fetch_clearances(self) -> None:
         if self._clearance_source is not None:
             self._clearances = array("d", self._clearance_source())
-
-    def _critics(self) -> tuple[str, ...]:
-        names: dict[str, None] = {}
-        for row in self._local_plans:
-            names.update(dict.fromkeys(row.critics))
-        return tuple(names)
 
     def _plan_arrays(self) -> dict[str, NDArray[Any]]:
         plans = self._plans
@@ -272,47 +267,7 @@ class RunRecorder:
         }
         return {
             "plans": fmt.table(fmt.TABLES["plans"], data, len(plans)),
-            "plan_poses": _stacked([poses for _, poses, _, _ in plans], 3, "<f8"),
-        }
-
-    def _local_plan_arrays(self, critics: tuple[str, ...]) -> dict[str, NDArray[Any]]:
-        rows = self._local_plans
-        counts = np.array([len(row.samples) for row in rows], np.int64)
-        poses = np.array([len(row.trajectory) for row in rows], np.int64)
-        data: dict[str, Any] = {
-            "first": np.cumsum(counts) - counts,
-            "count": counts,
-            "first_pose": np.cumsum(poses) - poses,
-            "poses": poses,
-        }
-        for name in ("t", "mode", "vx", "vy", "wz", "best", "tried", "rejected"):
-            data[name] = [getattr(row, name) for row in rows]
-        scales = np.full((len(rows), len(critics)), np.nan, np.float32)
-        costs: list[NDArray[np.float32]] = []
-        rejected: list[NDArray[np.int8]] = []
-        for i, row in enumerate(rows):
-            columns = [critics.index(name) for name in row.critics]
-            if row.scales is not None:
-                scales[i, columns] = row.scales
-            if row.critics == critics:
-                costs.append(row.costs)
-                rejected.append(row.rejected_by)
-            elif len(row.samples):
-                # another planner had the word: its critics keep their own columns
-                wide = np.full((len(row.samples), len(critics)), np.nan, np.float32)
-                wide[:, columns] = row.costs
-                costs.append(wide)
-                lookup = np.array([*columns, -2, -1], np.int8)
-                rejected.append(lookup[row.rejected_by])
-        return {
-            "local_plans": fmt.table(fmt.TABLES["local_plans"], data, len(rows)),
-            # column by column: a critic's costs, one after the other, shrink far better than rows
-            "local_plan_samples": np.asfortranarray(_stacked([row.samples for row in rows], 3, "<f4")),
-            "local_plan_costs": np.asfortranarray(_stacked(costs, len(critics), "<f4")),
-            "local_plan_totals": _joined([row.totals for row in rows], "<f4"),
-            "local_plan_rejected_by": _joined(rejected, "|i1"),
-            "local_plan_scales": scales,
-            "local_plan_poses": _stacked([row.trajectory for row in rows], 3, "<f4"),
+            "plan_poses": stacked([poses for _, poses, _, _ in plans], 3, "<f8"),
         }
 
     def _scan_arrays(self) -> dict[str, NDArray[Any]]:
@@ -327,91 +282,8 @@ class RunRecorder:
         }
         return {
             "scans": fmt.table(fmt.TABLES["scans"], data, len(self._scans)),
-            "scan_ranges": _joined([ranges for _, _, ranges in self._scans], "<f4"),
+            "scan_ranges": joined([ranges for _, _, ranges in self._scans], "<f4"),
         }
-
-
-class _LocalPlanRow:
-    """What is kept of a `LocalPlan`: copies in single precision."""
-
-    __slots__ = (
-        *("best", "costs", "critics", "mode", "notes", "rejected", "rejected_by", "samples", "scales", "t"),
-        *("totals", "trajectory", "tried", "vx", "vy", "wz"),
-    )
-
-    def __init__(self, t: float, plan: LocalPlan, keep_table: bool) -> None:
-        self.t = t
-        self.mode = plan.mode
-        self.vx, self.vy, self.wz = plan.command
-        self.best = plan.best
-        self.notes = plan.notes
-        self.trajectory = _EMPTY3 if plan.trajectory is None else plan.trajectory.astype(np.float32)
-        self.tried = 0 if plan.samples is None else len(plan.samples)
-        self.rejected = 0 if plan.rejected_by is None else len(plan.rejected_by) - plan.rejected_by.tolist().count(-1)
-        self.critics = plan.critics
-        self.scales = None if plan.scales is None else plan.scales.astype(np.float32)
-        if plan.samples is None or not keep_table:
-            self.samples = _EMPTY3
-            self.costs = np.empty((0, len(plan.critics)), np.float32)
-            self.totals = np.empty(0, np.float32)
-            self.rejected_by = np.empty(0, np.int8)
-            return
-        k = len(plan.samples)
-        self.samples = plan.samples.astype(np.float32)
-        self.costs = _or_nan(plan.costs, (k, len(plan.critics)))
-        self.totals = _or_nan(plan.totals, (k,))
-        self.rejected_by = np.full(k, -1, np.int8) if plan.rejected_by is None else plan.rejected_by.astype(np.int8)
-
-
-_EMPTY3 = np.empty((0, 3), np.float32)
-
-
-def _or_nan(values: NDArray[np.float64] | None, shape: tuple[int, ...]) -> NDArray[np.float32]:
-    return np.full(shape, np.nan, np.float32) if values is None else values.astype(np.float32)
-
-
-class _CostmapLog:
-    """The updates of one costmap: whole grids when it moved, else the box of cells that changed."""
-
-    def __init__(self, frame: str) -> None:
-        self.frame = frame
-        self.cells: list[bytes] = []
-        self._rows: list[tuple[float | int, ...]] = []
-        self._size = 0
-        self._geometry: GridGeometry | None = None
-        self._last: NDArray[np.uint8] | None = None
-
-    def add(self, t: float, costmap: Costmap, window: Window | None) -> None:
-        geometry = costmap.geometry
-        data = costmap.data
-        if self._last is None or geometry != self._geometry:
-            box = geometry.window
-            self._last = data.copy()
-            self._geometry = geometry
-        else:
-            inside = geometry.window if window is None else window
-            box = Window(*take_over(data, self._last, *inside))
-        g = geometry
-        self._rows.append((t, g.nx, g.ny, g.resolution, g.origin_x, g.origin_y, *box, self._size))
-        if not box.is_empty:
-            cells = data[box.slices].tobytes()
-            self.cells.append(cells)
-            self._size += len(cells)
-
-    def table(self) -> NDArray[np.void]:
-        """The rows as a structured array."""
-        out = np.zeros(len(self._rows), fmt.COSTMAP_TABLE)
-        for i, (name, _) in enumerate(fmt.COSTMAP_TABLE):
-            out[name] = [row[i] for row in self._rows]
-        return out
-
-
-def _stacked(parts: list[Any], width: int, dtype: str) -> NDArray[Any]:
-    return np.concatenate([np.empty((0, width), dtype), *parts], dtype=dtype)
-
-
-def _joined(parts: list[Any], dtype: str) -> NDArray[Any]:
-    return np.concatenate([np.empty(0, dtype), *parts], dtype=dtype)
 
 
 def _map_meta(grid: OccupancyGrid | None) -> dict[str, Any] | None:

@@ -1,4 +1,4 @@
-"""How long planning and control took on this machine: wall times, which no record holds."""
+"""Wall times of planning and control on this machine; they are not part of the record."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ T = TypeVar("T")
 
 @dataclass(slots=True)
 class Timings:
-    """Wall seconds of each call of a planner; they differ from run to run."""
+    """Wall seconds of each call of the planners; they vary from run to run."""
 
     planning_s: list[float] = field(default_factory=list[float])
-    """Of the global planner, plans that were not found included."""
+    """Calls of the global planner, failed ones included."""
     control_s: list[float] = field(default_factory=list[float])
-    """Of the local planner's commands."""
+    """Calls of the local planner."""
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON: of each kind how many, and the 50th, 95th and 99th percentile and the longest in ms."""
+        """Returns JSON data: for each kind the count and the 50th, 95th and 99th percentile and maximum in ms."""
         return {"planning_ms": _percentiles(self.planning_s), "control_ms": _percentiles(self.control_s)}
 
 
 def timed(function: Callable[P, T], into: list[float]) -> Callable[P, T]:
-    """`function`, which adds the wall seconds of each call to `into`, also when it raises."""
+    """Wraps `function`: appends the wall seconds of each call to `into`, also if it raises."""
 
     def call(*args: P.args, **kwargs: P.kwargs) -> T:
         begin = time.perf_counter()

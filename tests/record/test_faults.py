@@ -14,7 +14,8 @@ import pytest
 
 from navstack.core.errors import OutputError, RecordError
 from navstack.record import Record
-from navstack.record import format as fmt
+from navstack.record import archive as record_archive
+from navstack.record.archive import write
 from tests.record import synthetic
 
 
@@ -35,7 +36,7 @@ def refused(path, *words: str) -> None:
 
 
 def test_missing(tmp_path):
-    refused(tmp_path / "nothing", "no such file", "navstack simulate")
+    refused(tmp_path / "nothing", "does not exist", "navstack simulate")
     refused(tmp_path, "run.npz")
 
 
@@ -113,7 +114,7 @@ def rewritten(good, folder, change):
     change(meta, arrays)
     path = folder / "changed.npz"
     with path.open("wb") as out:
-        fmt.write(out, meta, events, arrays)
+        write(out, meta, events, arrays)
     return path
 
 
@@ -250,7 +251,7 @@ def test_a_disk_that_fills_up_leaves_the_old_run(tmp_path, monkeypatch, after):
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     recorder = synthetic.record_run(2.0)
     written = 0
-    add = fmt._add
+    add = record_archive._add
 
     def full(*args):
         nonlocal written
@@ -259,7 +260,7 @@ def test_a_disk_that_fills_up_leaves_the_old_run(tmp_path, monkeypatch, after):
             raise OSError(errno.ENOSPC, "No space left on device")
         add(*args)
 
-    monkeypatch.setattr(fmt, "_add", full)
+    monkeypatch.setattr(record_archive, "_add", full)
     with pytest.raises(OutputError, match="No space left"):
         recorder.save(tmp_path)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before

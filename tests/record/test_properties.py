@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from navstack.core import Costmap, Event, Footprint, GridGeometry, Window
 from navstack.core.errors import jsonable
 from navstack.record import Record, RunRecorder
-from navstack.record import format as fmt
+from navstack.record.archive import write
 from navstack.record.log import render_log
+from navstack.record.validation import check
 
 
 def a_recorder() -> RunRecorder:
@@ -23,7 +24,7 @@ def through_a_file(recorder: RunRecorder) -> Record:
     """Written and read as `save` and `load` do, without a disk."""
     meta, events, arrays = recorder._members()
     buffer = io.BytesIO()
-    fmt.write(buffer, meta, events, arrays)
+    write(buffer, meta, events, arrays)
     with zipfile.ZipFile(buffer) as archive:
         read = {
             n[:-4]: np.lib.format.read_array(io.BytesIO(archive.read(n)))
@@ -32,7 +33,7 @@ def through_a_file(recorder: RunRecorder) -> Record:
         }
         meta = json.loads(archive.read("meta.json"))
         events = [json.loads(line) for line in archive.read("events.jsonl").split(b"\n")[:-1]]
-    fmt.check(meta, events, read)
+    check(meta, events, read)
     return Record(meta, events, read)
 
 

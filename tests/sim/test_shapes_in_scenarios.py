@@ -14,7 +14,7 @@ from navstack.plot import plot_run
 from navstack.plot.animate import animate_run
 from navstack.plot.obstacles import obstacle_patches
 from navstack.record import Record
-from navstack.record import format as fmt
+from navstack.record.validation import check
 from navstack.scenario import Run, Scenario, run_scenario
 from navstack.sim import DoorMotion, OnTrack, PedestrianMotion, Shape
 
@@ -101,7 +101,7 @@ def test_damaged_solids_are_found() -> None:
     run.step()
     assert run.recorder is not None
     record = run.recorder.record()
-    fmt.check(record.meta, [], record.arrays)
+    check(record.meta, [], record.arrays)
     for name, damaged in (
         ("solid_first", np.array([0, 4, 3, 11], "<i8")),
         ("solid_discs", np.zeros((2, 1, 2), "<f4")),
@@ -109,7 +109,7 @@ def test_damaged_solids_are_found() -> None:
         ("solid_corners", np.zeros((2, 11, 2), "<f8")),
     ):
         with pytest.raises(ValueError, match="solid"):
-            fmt.check(record.meta, [], {**record.arrays, name: damaged})
+            check(record.meta, [], {**record.arrays, name: damaged})
 
 
 def test_pictures_show_what_stands_and_what_moves(tmp_path: Path) -> None:
