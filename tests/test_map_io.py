@@ -1,4 +1,4 @@
-"""Map files: every rule of map_server's image loader on images small enough to read."""
+"""Map files: the rules of map_server's image loader on small images."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def gray(*rows: list[int]) -> Image.Image:
     return Image.fromarray(np.array(rows, np.uint8))
 
 
-def test_trinary_and_the_flip(tmp_path: Path) -> None:
+def test_trinary_mode_and_row_order(tmp_path: Path) -> None:
     grid = load_map(write_map(tmp_path, gray([0, 254], [205, 255])))
     # the lower row of the image comes first
     assert grid.data.tolist() == [[-1, 0], [100, 0]]
@@ -44,7 +44,7 @@ def test_trinary_and_the_flip(tmp_path: Path) -> None:
 
 
 def test_thresholds_are_strict(tmp_path: Path) -> None:
-    # (255 - 51) / 255 = 0.8 exactly in the arithmetic of map_server: neither above 0.8 nor below it
+    # (255 - 51) / 255 = 0.8 exactly in the arithmetic of map_server: neither above nor below 0.8
     grid = load_map(write_map(tmp_path, gray([51, 50, 52]), occupied_thresh=0.8, free_thresh=0.1))
     assert grid.data.tolist() == [[-1, 100, -1]]
 
@@ -72,7 +72,7 @@ def test_scale_keeps_transparent_pixels_unknown(tmp_path: Path) -> None:
     ]
 
 
-def test_trinary_averages_alpha_in(tmp_path: Path) -> None:
+def test_trinary_averages_the_alpha_channel(tmp_path: Path) -> None:
     # black but transparent: mean 0; black and opaque: mean 63.75, 75 % black; white and transparent: mean 191, 25 %
     pixels = np.array([[[0, 0, 0, 0], [0, 0, 0, 255], [255, 255, 255, 0], [255, 255, 255, 255]]], np.uint8)
     assert load_map(write_map(tmp_path, Image.fromarray(pixels, "RGBA"))).data.tolist() == [[100, 100, -1, 0]]
@@ -91,7 +91,7 @@ def test_colours_are_averaged(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("mode", ["1", "P", "LA", "I;16"])
-def test_other_kinds_of_pixels(mode: str, tmp_path: Path) -> None:
+def test_other_pixel_formats(mode: str, tmp_path: Path) -> None:
     black_and_white = gray([0, 255])
     image = Image.fromarray(np.array([[0, 65535]], np.uint16)) if mode == "I;16" else black_and_white.convert(mode)
     assert load_map(write_map(tmp_path, image)).data.tolist() == [[100, 0]]
@@ -104,7 +104,7 @@ def test_formats(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "content",
-    [b"P2\n# made by hand\n3 1\n255\n0 254\n205\n", b"P5\n# CREATOR: map_saver\n3 1\n255\n\x00\xfe\xcd"],
+    [b"P2\n# a comment\n3 1\n255\n0 254\n205\n", b"P5\n# CREATOR: map_saver\n3 1\n255\n\x00\xfe\xcd"],
     ids=["ascii", "binary"],
 )
 def test_pgm_with_a_comment(content: bytes, tmp_path: Path) -> None:
@@ -120,13 +120,13 @@ def test_numbers_that_yaml_reads_as_text(tmp_path: Path) -> None:
     assert grid.origin_yaw == 0.5
 
 
-def test_byte_order_mark_and_line_ends(tmp_path: Path) -> None:
+def test_byte_order_mark_and_line_endings(tmp_path: Path) -> None:
     path = write_map(tmp_path, gray([0]))
     path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes().replace(b"\n", b"\r\n"))
     assert load_map(path).data.tolist() == [[100]]
 
 
-def test_saving_what_map_saver_would(tmp_path: Path) -> None:
+def test_saves_as_map_saver(tmp_path: Path) -> None:
     grid = OccupancyGrid(np.array([[0, 100, -1]], np.int8), GridGeometry(3, 1, 0.05, -1.5, 2.0), 0.25)
     yaml, image = save_map(grid, tmp_path / "new" / "kitchen")
     assert (yaml.name, image.name) == ("kitchen.yaml", "kitchen.pgm")
@@ -134,7 +134,7 @@ def test_saving_what_map_saver_would(tmp_path: Path) -> None:
     assert "mode: trinary" in yaml.read_text()
 
 
-def test_saving_where_nothing_can_be_written(tmp_path: Path) -> None:
+def test_saving_to_a_path_that_is_not_writable(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     grid = OccupancyGrid(np.zeros((1, 1), np.int8), GridGeometry(1, 1, 0.05))
     with pytest.raises(OutputError, match="cannot create the output folder"):
@@ -149,7 +149,7 @@ def test_saving_where_nothing_can_be_written(tmp_path: Path) -> None:
     x=st.floats(-1e6, 1e6),
     yaw=st.floats(-math.pi, math.pi),
 )
-def test_saved_maps_come_back(
+def test_saved_maps_load_unchanged(
     tmp_path_factory: pytest.TempPathFactory, values: list[int], resolution: float, x: float, yaw: float
 ) -> None:
     geometry = GridGeometry(1, len(values), resolution, x, -x)

@@ -1,4 +1,4 @@
-"""Masks from YAML to wheels: a plan keeps out of what a keepout mask forbids, the robot is slow where a speed mask says so."""
+"""Masks end to end: plans avoid keepout areas, the robot obeys speed limits."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ STATIC = {"name": "static_layer", "type": "costmap_2d::StaticLayer"}
 OBSTACLES = {"name": "obstacle_layer", "type": "costmap_2d::VoxelLayer"}
 INFLATION = {"name": "inflation_layer", "type": "costmap_2d::InflationLayer"}
 
-# map, its mask, and ways that lead through what it forbids (m)
+# map, its mask, and straight lines through its forbidden areas (m)
 REAL = [
     ("fetch_ros__9_16_15/9_16_15.yaml", "fetch_ros__9_16_15_keepout/9_16_15_keepout.yaml", (16.625, 29.375), (38.775, 26.625)),
     ("fetch_ros__9_16_15/9_16_15.yaml", "fetch_ros__9_16_15_keepout/9_16_15_keepout.yaml", (30.575, 15.775), (16.875, 35.225)),
@@ -38,10 +38,10 @@ def masked_poses(mask: OccupancyGrid, poses: np.ndarray) -> int:
 
 
 @pytest.mark.parametrize(("map_file", "mask_file", "start", "goal"), REAL)
-def test_a_plan_keeps_out_of_a_real_mask(
+def test_plan_avoids_a_keepout_mask(
     data_dir: Path, map_file: str, mask_file: str, start: tuple[float, float], goal: tuple[float, float]
 ) -> None:
-    """With the mask before the inflation layer, no pose lies within the inscribed radius of a forbidden cell either."""
+    """With the mask before the inflation layer, no pose is within the inscribed radius of a forbidden cell."""
     grid, mask = load_map(data_dir / "maps" / map_file), load_mask(data_dir / "maps" / mask_file)
     ends = Pose2D(*start), Pose2D(*goal)
     free = plan_on_map(nav.load_configuration(["turtlebot"]), grid, *ends).plan.path
@@ -54,7 +54,7 @@ def test_a_plan_keeps_out_of_a_real_mask(
         assert cost is not None and cost < 253
 
 
-def test_a_mask_by_set_and_by_its_nav2_name(data_dir: Path) -> None:
+def test_mask_by_override_and_by_its_nav2_name(data_dir: Path) -> None:
     mask = data_dir / "maps" / "navigation2__depot_keepout" / "depot_keepout.yaml"
     grid = load_map(data_dir / "maps" / "navigation2__depot" / "depot.yaml")
     given = [f"global_costmap/keepout/mask={mask}"]
@@ -62,21 +62,21 @@ def test_a_mask_by_set_and_by_its_nav2_name(data_dir: Path) -> None:
     configuration = nav.load_configuration(parameters, overrides=given)
     found = plan_on_map(configuration, grid, Pose2D(20.125, 6.825), Pose2D(21.075, 0.975))
     assert masked_poses(load_mask(mask), found.plan.path.poses) == 0
-    # off: as if it were not there
+    # disabled: no effect
     off = nav.load_configuration(parameters, overrides=[*given, "global_costmap/keepout/enabled=false"])
     without = plan_on_map(off, grid, Pose2D(20.125, 6.825), Pose2D(21.075, 0.975))
     assert masked_poses(load_mask(mask), without.plan.path.poses) > 10
 
 
-def test_a_mask_that_is_not_there_is_one_clear_error() -> None:
+def test_missing_mask_file_is_one_error() -> None:
     configuration = nav.load_configuration(["turtlebot", keepout("nowhere/mask.yaml")])
     grid = nav.load_map(nav.map_path("office"))
     with pytest.raises(nav.NavError, match=r"nowhere.mask\.yaml"):
         plan_on_map(configuration, grid, Pose2D(0.8, 7.45), Pose2D(22.2, 7.45))
 
 
-def test_white_of_a_scaled_mask_is_no_limit(data_dir: Path) -> None:
-    """ROS 1's map_server makes 1 of it, which would be a limit of 1 %."""
+def test_white_in_mode_scale_is_no_limit(data_dir: Path) -> None:
+    """ROS 1's map_server converts it to 1, a limit of 1 %."""
     file = data_dir / "maps" / "navigation2__depot_speed" / "depot_speed.yaml"
     assert load_map(file).data.min() == 1
     mask = load_mask(file)
@@ -86,18 +86,18 @@ def test_white_of_a_scaled_mask_is_no_limit(data_dir: Path) -> None:
 # --- speed ------------------------------------------------------------------------------------------------------------
 
 SLOW = (3.0, 5.0)
-"""The zone of the speed mask in x (m)."""
+"""Extent of the speed limit along x (m)."""
 
 
 def speed_mask(folder: Path, value: int) -> Path:
-    """A mask for a map of 10 m x 4 m: `value` within the zone, nothing elsewhere."""
+    """Return a mask for a map of 10 m x 4 m: `value` in the zone, 0 elsewhere."""
     data = np.zeros((40, 100), np.int8)
     data[:, 30:50] = value
     return nav.save_map(OccupancyGrid(data, GridGeometry(100, 40, 0.1)), folder / f"mask{value}.yaml")[0]
 
 
 class Ear:
-    """Keeps what the log says about the masks."""
+    """Stores the log lines about speed limits."""
 
     def __init__(self) -> None:
         self.said: list[str] = []
@@ -145,12 +145,10 @@ def fastest(track: list[tuple[float, float]], left: float, right: float) -> floa
         ("local_costmap", 10, {"type": "absolute", "multiplier": 0.01, "base": 0.05}, 0.15),
     ],
 )
-def test_slow_inside_as_fast_as_ever_outside(
-    tmp_path: Path, where: str, value: int, layer: dict[str, Any], limit: float
-) -> None:
+def test_slow_inside_the_zone_only(tmp_path: Path, where: str, value: int, layer: dict[str, Any], limit: float) -> None:
     track, said, move_base = drive(where, speed_mask(tmp_path, value), **layer)
     period = 1.0 / move_base.params.controller_frequency
-    # the limit is asked for once a control cycle: by then the robot is at most a period's way inside
+    # the limit is updated once per control cycle: the robot may enter the zone by the distance of one period
     # sampled velocities are float32, as in C++
     assert fastest(track, SLOW[0] + 0.5 * period, SLOW[1]) <= float(np.nextafter(np.float32(limit), np.float32(1.0)))
     assert fastest(track, SLOW[0] + 0.5 * period, SLOW[1]) > 0.5 * limit
@@ -160,17 +158,17 @@ def test_slow_inside_as_fast_as_ever_outside(
     assert said == [f"speed mask: speed limit {limit:.2f} m/s", "speed mask: no speed limit"]
 
 
-def test_without_a_mask_nothing_is_asked() -> None:
+def test_no_speed_limit_without_a_mask() -> None:
     track, said, _ = drive("local_costmap", None)
     assert fastest(track, *SLOW) > 0.4
     assert said == []
 
 
-def test_a_mask_of_zeros_changes_nothing(tmp_path: Path) -> None:
+def test_mask_of_zeros_changes_nothing(tmp_path: Path) -> None:
     assert drive("local_costmap", speed_mask(tmp_path, 0))[0] == drive("local_costmap", None)[0]
 
 
-def test_costmaps_read_their_masks_themselves(tmp_path: Path) -> None:
+def test_costmaps_read_their_mask_files(tmp_path: Path) -> None:
     listed = [{"name": "slow", "type": "speed_mask"}]
     parameters = {"local_costmap": {"plugins": listed, "slow": {"mask": str(speed_mask(tmp_path, 30))}}}
     configuration = nav.load_configuration(["turtlebot", parameters])
@@ -181,8 +179,8 @@ def test_costmaps_read_their_masks_themselves(tmp_path: Path) -> None:
     assert costmap.speed_limit(2.0, 2.0, 0.5) is None
 
 
-def test_a_mask_and_a_recovery_share_the_limits(tmp_path: Path) -> None:
-    """The lower limit holds, whoever set it, and each lifts only its own."""
+def test_mask_and_recovery_limits_combine(tmp_path: Path) -> None:
+    """The lower limit applies, and each one removes only its own."""
     listed = [{"name": "slow", "type": "speed_mask"}]
     parameters = {"local_costmap": {"plugins": listed, "slow": {"mask": str(speed_mask(tmp_path, 40))}}}
     configuration = nav.load_configuration(["turtlebot", parameters])
@@ -200,14 +198,14 @@ def test_a_mask_and_a_recovery_share_the_limits(tmp_path: Path) -> None:
         return planner.limits.max_vel_trans, planner.limits.max_vel_theta
 
     assert at(2.0, slowed=False) == (0.5, turning)
-    planner.set_limits(max_vel_trans=0.25, max_vel_theta=0.45)  # what move_slow_and_clear does
+    planner.set_limits(max_vel_trans=0.25, max_vel_theta=0.45)  # as move_slow_and_clear
     assert at(2.5, slowed=True) == (0.25, 0.45)
-    assert at(3.5, slowed=True) == (0.2, 0.45)  # the mask is slower, and leaves the turning alone
-    planner.set_limits()  # the recovery lifts its limits: the mask sets its own again
+    assert at(3.5, slowed=True) == (0.2, 0.45)  # the mask is slower and does not limit the rotation
+    planner.set_limits()  # the recovery removes its limits: the mask applies its own again
     assert at(4.0, slowed=False) == (0.2, turning)
     planner.set_limits(max_vel_trans=0.1, max_vel_theta=0.45)
-    assert at(4.2, slowed=True) == (0.1, 0.45)  # slower than the mask asks for
-    assert at(6.0, slowed=True) == (0.1, 0.45)  # left, but the recovery goes on
+    assert at(4.2, slowed=True) == (0.1, 0.45)  # slower than the mask's limit
+    assert at(6.0, slowed=True) == (0.1, 0.45)  # outside the zone, but the recovery continues
     planner.set_limits()
     assert at(6.2, slowed=False) == (0.5, turning)
     assert masks.limit is None

@@ -34,7 +34,7 @@ def bits_set(n):
 
 
 @kernel
-def clear_voxel_rays(columns, costs, points, count, grid, sx, sy, sz, reach, reach_cells, bounds):
+def clear_voxel_rays(costs, columns, points, count, grid, sx, sy, sz, reach, reach_cells, bounds):
     """Clear the voxels between the sensor at (sx, sy, sz) and each point, and set the cost of each column on the way.
 
     Rays are shortened by two cells, then clipped to the map and the heights (costmap_2d/plugins/voxel_layer.cpp,
@@ -141,7 +141,7 @@ def clear_voxel_rays(columns, costs, points, count, grid, sx, sy, sz, reach, rea
 
 
 @kernel
-def mark_voxels(columns, costs, serial, points, count, grid, sx, sy, sz, reach, bounds):
+def mark_voxels(costs, columns, serial, points, count, grid, sx, sy, sz, reach, bounds):
     """Mark the voxels of the points closer than `reach` (m, 3-D), with the observation's `serial`; grow `bounds`.
 
     Columns with more marked voxels than the threshold become lethal. `grid`: a record of `VOXEL_GRID`.

@@ -69,7 +69,7 @@ def clear_region(
 
 
 def _cells_of(region: Bounds, geometry: GridGeometry) -> tuple[slice, slice]:
-    """Return the cells that a region touches; none if it is outside the grid (`window_of` would clip it onto the border)."""
+    """Return the cells that overlap a region; none if it is outside the grid (`window_of` would clip it onto the border)."""
     left, right, bottom, top = geometry.extent
     outside = region.max_x < left or region.min_x >= right or region.max_y < bottom or region.min_y >= top
     if region.is_empty or outside:

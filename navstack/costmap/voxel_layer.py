@@ -114,8 +114,8 @@ class VoxelLayer(ObstacleLayer):
             return True
         reach = seen.source.params.raytrace_range
         return self._clear_voxel_rays(
-            self.columns,
             self.costs,
+            self.columns,
             seen.points,
             seen.count,
             self._kernel_settings(),
@@ -129,8 +129,8 @@ class VoxelLayer(ObstacleLayer):
 
     def _mark(self, seen: Observation, box: NDArray[np.float64]) -> None:
         self._mark_voxels(
-            self.columns,
             self.costs,
+            self.columns,
             seen.serial,
             seen.points,
             seen.count,

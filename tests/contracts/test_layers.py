@@ -1,4 +1,4 @@
-"""One suite for every registered layer; a third party's layer is held to it by being installed."""
+"""Contract of every registered layer, including the layers of installed third-party packages."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def entry(request: pytest.FixtureRequest) -> PluginEntry[Layer]:
     return request.param
 
 
-def test_defaults_make_a_layer(entry: PluginEntry[Layer]) -> None:
+def test_default_parameters_construct_a_layer(entry: PluginEntry[Layer]) -> None:
     assert issubclass(entry.cls.Params, ParamModel)
     layer = made(entry)
     assert layer.name == "under_test"
@@ -59,7 +59,7 @@ def test_defaults_make_a_layer(entry: PluginEntry[Layer]) -> None:
     assert isinstance(layer.clearable, bool)
     assert entry.cls.__doc__
     for name, field in entry.cls.Params.model_fields.items():
-        assert field.description, f"{name} has no meaning written down"
+        assert field.description, f"{name} has no description"
 
 
 @pytest.mark.parametrize("given", [Bounds(), Bounds(0.0, 0.0, 0.5, 0.5), Bounds(-99.0, -99.0, 99.0, 99.0)])
@@ -83,7 +83,7 @@ def test_costs_are_written_inside_the_window_only(entry: PluginEntry[Layer], win
     np.testing.assert_array_equal(master.data[outside], noise()[outside])
 
 
-def test_the_same_again(entry: PluginEntry[Layer]) -> None:
+def test_update_is_deterministic_and_idempotent(entry: PluginEntry[Layer]) -> None:
     results = []
     for _ in range(2):
         layer = made(entry)
@@ -91,7 +91,7 @@ def test_the_same_again(entry: PluginEntry[Layer]) -> None:
         master = Costmap(GEOMETRY, noise())
         layer.update_costs(master, GEOMETRY.window)
         results.append(master.data)
-        # writing twice is writing once
+        # a second write changes nothing
         layer.update_costs(master, GEOMETRY.window)
         np.testing.assert_array_equal(master.data, results[-1])
     np.testing.assert_array_equal(*results)
@@ -119,5 +119,5 @@ def test_reset_and_rolling(entry: PluginEntry[Layer]) -> None:
         layer.update_costs(master, geometry.window)
     for region, invert in ((None, False), (Bounds(0, 0, 1, 1), False), (Bounds(0, 0, 1, 1), True), (Bounds(), True)):
         assert layer.reset(region, invert=invert) == 0
-    said = layer.explain(3, 4, Costmap(GEOMETRY.moved_to(100.0, 100.0)))
-    assert said is None or said.text
+    found = layer.explain(3, 4, Costmap(GEOMETRY.moved_to(100.0, 100.0)))
+    assert found is None or found.text

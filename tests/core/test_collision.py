@@ -24,7 +24,7 @@ def grid() -> Costmap:
 
 
 @pytest.mark.parametrize("file", golden_files("dwa_footprint_cost*.npz"), ids=lambda f: f.stem)
-def test_the_edges_cost_what_they_cost_in_cpp(file: object) -> None:
+def test_edge_costs_match_cpp(file: object) -> None:
     golden = np.load(file)  # type: ignore[call-overload]
     ox, oy, resolution = (float(v) for v in golden["footprint_costmap_info"])
     data = np.ascontiguousarray(golden["footprint_costmap"])
@@ -35,7 +35,7 @@ def test_the_edges_cost_what_they_cost_in_cpp(file: object) -> None:
         for outline, expected in zip(outlines, theirs, strict=True):
             cost = footprint_cost(costmap, outline, Pose2D(x, y, yaw), interior=False)
             if expected < 0:
-                # -1 lethal, -2 unknown, -3 outside; C++ tells what it met first, here outside wins
+                # -1 lethal, -2 unknown, -3 outside; C++ returns the first one found, navstack prefers outside
                 assert cost is None or cost >= 254
                 differing += (cost is None) != (expected == -3)
             else:
@@ -54,7 +54,7 @@ def test_the_edges_cost_what_they_cost_in_cpp(file: object) -> None:
     st.floats(-10.0, 10.0),
     st.integers(0, 2**32 - 1),
 )
-def test_every_cell_whose_centre_lies_inside_counts(
+def test_every_cell_with_its_centre_inside_counts(
     outline: Footprint, x: float, y: float, yaw: float, seed: int
 ) -> None:
     pose = Pose2D(x, y, yaw)
@@ -67,7 +67,7 @@ def test_every_cell_whose_centre_lies_inside_counts(
     k = np.random.default_rng(seed).integers(len(rows))
     costmap.data[rows[k], columns[k]] = 254
     assert footprint_cost(costmap, outline, pose) == 254
-    # what lies a cell's diagonal away from it does not
+    # cells farther than a cell's diagonal do not count
     away = shapely.contains_xy(polygon.buffer(0.075), *np.meshgrid(xs, xs))
     costmap.data[:] = np.where(away, 7, 254)
     centre = costmap.geometry.world_to_cell(x, y)
@@ -87,7 +87,7 @@ def test_outside_is_none() -> None:
         assert footprint_cost(grid(), SQUARE, pose) is None
 
 
-def test_a_turn_meets_what_the_poses_on_the_way_meet() -> None:
+def test_turn_cost_is_the_highest_cost_of_its_poses() -> None:
     costmap = grid()
     cell = costmap.geometry.world_to_cell(0.0, 0.28)
     assert cell is not None
@@ -103,7 +103,7 @@ def test_a_turn_meets_what_the_poses_on_the_way_meet() -> None:
         assert footprint_cost(costmap, SQUARE, Pose2D(0.0, 0.0, turned)) == 254
 
 
-def test_the_end_of_the_arc_is_looked_at() -> None:
+def test_turn_checks_the_end_of_the_arc() -> None:
     costmap = grid()
     cell = costmap.geometry.world_to_cell(0.0, 0.28)
     assert cell is not None
@@ -112,7 +112,7 @@ def test_the_end_of_the_arc_is_looked_at() -> None:
 
 
 @pytest.mark.parametrize("step", [0.0, -0.1, math.nan, math.inf])
-def test_a_step_that_is_none(step: float) -> None:
+def test_invalid_steps_are_rejected(step: float) -> None:
     with pytest.raises(InputError):
         turn_cost(grid(), SQUARE, Pose2D(0.0, 0.0), 1.0, step=step)
     with pytest.raises(InputError):

@@ -8,7 +8,7 @@ from navstack.core.errors import OutputError
 from navstack.core.files import atomic_write, ensure_directory, write_text
 
 
-def test_nothing_half_written(tmp_path: Path) -> None:
+def test_writes_are_atomic(tmp_path: Path) -> None:
     target = tmp_path / "log.txt"
     write_text(target, "old")
     with pytest.raises(RuntimeError), atomic_write(target) as beside:
@@ -18,7 +18,7 @@ def test_nothing_half_written(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [target]
 
 
-def test_a_folder_that_cannot_be(tmp_path: Path) -> None:
+def test_folder_that_cannot_be_created(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="--out"):
         ensure_directory(tmp_path / "file" / "out")
@@ -26,8 +26,8 @@ def test_a_folder_that_cannot_be(tmp_path: Path) -> None:
         write_text(tmp_path / "absent" / "x.txt", "")
 
 
-def test_a_folder_without_permission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    # root may write anywhere: the answer of the system is put in its mouth
+def test_folder_without_write_permission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # root may write everywhere: the answer of the system is patched
     monkeypatch.setattr("navstack.core.files.os.access", lambda *_: False)
     with pytest.raises(OutputError, match="permission"):
         ensure_directory(tmp_path)

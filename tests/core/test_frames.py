@@ -44,18 +44,18 @@ def test_interpolates_between_two_stamps_and_across_the_tree() -> None:
     assert close(at @ back, (0.0, 0.0, 0.0))
 
 
-def test_yaw_interpolates_along_the_shorter_way() -> None:
+def test_yaw_interpolates_in_the_shorter_direction() -> None:
     frames = FrameTree()
     frames.set("odom", "base", Transform2D(0, 0, 3.0), 0.0)
     frames.set("odom", "base", Transform2D(0, 0, -3.0), 1.0)
     assert abs(frames.lookup("odom", "base", 0.5).yaw) == pytest.approx(math.pi)
 
 
-def test_leading_slash_is_the_same_frame() -> None:
+def test_leading_slash_is_ignored() -> None:
     assert tree().lookup("/map", "odom") == Transform2D(1.0, 2.0, math.pi / 2)
 
 
-def test_the_future_is_an_error_beyond_the_tolerance() -> None:
+def test_lookup_in_the_future_fails_beyond_the_tolerance() -> None:
     frames = tree()
     assert frames.lookup("odom", "base", 1.2, tolerance_s=0.3) == Transform2D(2.0, 0.0, 1.0)
     with pytest.raises(FrameError, match=r"1\.000 s old"):
@@ -84,13 +84,13 @@ def test_history_is_bounded() -> None:
         frames.lookup("odom", "base", 50.0)
 
 
-def test_late_transforms_are_sorted_in() -> None:
+def test_late_transforms_are_inserted_in_order() -> None:
     frames = tree()
     frames.set("odom", "base", Transform2D(9.0, 0.0, 0.5), 0.5)
     assert frames.lookup("odom", "base", 0.25).x == pytest.approx(4.5)
 
 
-def test_a_static_transform_that_is_set_anew_counts_from_then_on() -> None:
+def test_static_transforms_can_be_replaced() -> None:
     frames = FrameTree()
     frames.set_static("map", "odom", Transform2D(1.0, 0.0, 0.0))
     frames.set_static("odom", "base", Transform2D(0.0, 2.0, 0.0))

@@ -14,14 +14,14 @@ from tests.conftest import golden_files
 
 @settings(deadline=None, derandomize=True)
 @given(st.floats(-1e4, 1e4))
-def test_normalized_angles_lie_in_the_half_open_circle(angle: float) -> None:
+def test_normalized_angles_are_in_the_half_open_interval(angle: float) -> None:
     turned = normalize_angle(angle)
     assert -math.pi < turned <= math.pi
     assert math.isclose(math.cos(turned), math.cos(angle), abs_tol=1e-9)
     assert math.isclose(math.sin(turned), math.sin(angle), abs_tol=1e-9)
 
 
-def test_pi_stays_and_minus_pi_becomes_pi() -> None:
+def test_minus_pi_is_normalized_to_pi() -> None:
     assert normalize_angle(math.pi) == math.pi
     assert normalize_angle(-math.pi) == math.pi
     turned = Transform2D(0, 0, math.pi).apply_poses(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, math.pi]]))
@@ -36,7 +36,7 @@ def test_cells_round_trip(ix: int, iy: int, resolution: float, origin: float) ->
     assert geometry.world_to_cell(*geometry.cell_to_world(ix, iy)) == (ix, iy)
 
 
-def test_outside_and_not_finite_are_no_cell() -> None:
+def test_points_outside_or_not_finite_have_no_cell() -> None:
     geometry = GridGeometry(4, 3, 0.5)
     assert geometry.world_to_cell(1.99, 1.49) == (3, 2)
     for point in [(-1e-9, 0), (2.0, 0), (0, 1.5), (math.nan, 0), (0, math.inf)]:
@@ -52,12 +52,12 @@ def test_window_of_bounds_includes_both_corners_and_is_clipped() -> None:
 
 
 @pytest.mark.parametrize("resolution", [0.0, -1.0, math.nan, math.inf])
-def test_a_grid_needs_a_resolution(resolution: float) -> None:
+def test_resolution_must_be_positive(resolution: float) -> None:
     with pytest.raises(ValueError, match="resolution"):
         GridGeometry(1, 1, resolution)
 
 
-def test_costmap_refuses_the_wrong_array() -> None:
+def test_costmap_rejects_the_wrong_array() -> None:
     with pytest.raises(ValueError, match="uint8"):
         Costmap(GridGeometry(3, 2, 1.0), np.zeros((3, 2), np.uint8))
 
@@ -94,7 +94,7 @@ def test_padded_footprint_matches_cpp(file) -> None:
         ([[0, 0], [1, 0], [math.nan, 1]], "finite"),
     ],
 )
-def test_impossible_footprints(points: list[list[float]], match: str) -> None:
+def test_invalid_footprints_are_rejected(points: list[list[float]], match: str) -> None:
     with pytest.raises(InputError, match=match):
         Footprint(np.array(points, float))
 

@@ -1,4 +1,4 @@
-"""The kernel wrapper: lazy, cached where it can, working where it cannot."""
+"""The kernel wrapper: lazy compilation, with and without a cache."""
 
 from __future__ import annotations
 
@@ -49,28 +49,28 @@ def run(tmp_path: Path, **environment: str) -> list[str]:
     return out.stdout.split()
 
 
-def test_kernels_cache_in_the_users_folder(tmp_path: Path) -> None:
+def test_cache_is_in_the_users_folder(tmp_path: Path) -> None:
     total, verdict, folder = run(tmp_path, XDG_CACHE_HOME=str(tmp_path / "cache"))
     assert (total, verdict) == ("10", "read")
     assert folder.startswith(str(tmp_path / "cache"))
     assert list(Path(folder).rglob("*.nbi"))
 
 
-def test_kernels_work_where_nothing_can_be_cached(tmp_path: Path) -> None:
+def test_kernels_work_without_a_cache(tmp_path: Path) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("a file where a folder should be")
     total, verdict, folder = run(tmp_path, XDG_CACHE_HOME=str(blocked), HOME=str(blocked))
     assert (total, verdict, folder) == ("10", "read", "None")
 
 
-def test_boundscheck_is_a_compilation_of_its_own(tmp_path: Path) -> None:
+def test_boundscheck_has_a_separate_cache(tmp_path: Path) -> None:
     plain = run(tmp_path, XDG_CACHE_HOME=str(tmp_path / "cache"))
     checked = run(tmp_path, XDG_CACHE_HOME=str(tmp_path / "cache"), NAVSTACK_BOUNDSCHECK="1")
     assert checked[:2] == ["10", "caught"]
     assert checked[2] != plain[2]
 
 
-def test_caches_of_former_kernels_are_removed_in_time(tmp_path: Path) -> None:
+def test_old_caches_are_removed(tmp_path: Path) -> None:
     old, recent = (tmp_path / "cache" / "navstack" / f"kernels-{name}" for name in ("old", "recent"))
     old.mkdir(parents=True)
     recent.mkdir()
@@ -80,7 +80,7 @@ def test_caches_of_former_kernels_are_removed_in_time(tmp_path: Path) -> None:
     assert recent.exists()
 
 
-def test_a_change_in_a_kernel_that_another_file_calls_is_seen(tmp_path: Path) -> None:
+def test_changed_callee_in_another_file_recompiles_the_caller(tmp_path: Path) -> None:
     called, caller, unrelated = (tmp_path / f"{name}_kernels.py" for name in ("called", "caller", "unrelated"))
     head = "from navstack.core.jit import kernel\n"
     called.write_text(head + "@kernel\ndef add(x):\n    return x + 1\n")

@@ -1,4 +1,4 @@
-"""A scan that is measured when somebody reads it."""
+"""Scans with deferred measurement."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def deferred(calls: list[int]) -> DeferredScan:
     return DeferredScan(measure, -1.0, 1.0, 0.1, 6.0, 2.5, "laser", "front/scan", 0.2)
 
 
-def test_it_is_measured_once_and_only_when_read() -> None:
+def test_ranges_are_computed_once_at_the_first_access() -> None:
     calls: list[int] = []
     scan = deferred(calls)
     assert isinstance(scan, LaserScan)
@@ -30,13 +30,13 @@ def test_it_is_measured_once_and_only_when_read() -> None:
     assert calls == [1]
 
 
-def test_a_copy_with_another_stamp_holds_the_same_ranges() -> None:
+def test_copy_with_another_stamp_has_the_same_ranges() -> None:
     scan = deferred([])
     late = replace(scan, stamp=9.0)
     assert late.stamp == 9.0
     assert late.ranges is scan.ranges
 
 
-def test_it_cannot_be_written_to() -> None:
+def test_deferred_scan_is_immutable() -> None:
     with pytest.raises(AttributeError):
         deferred([]).stamp = 1.0  # pyright: ignore[reportAttributeAccessIssue]

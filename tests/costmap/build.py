@@ -1,4 +1,4 @@
-"""Small costmaps to test with."""
+"""Small costmaps for tests."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def rolling(
 
 
 def scan(ranges: list[float] | np.ndarray, stamp: float = 0.0, *, height: float = 0.3, **changes: Any) -> LaserScan:
-    """Beams all around, the first one ahead."""
+    """Return a scan over the full circle; the first beam points ahead."""
     beams = np.asarray(ranges, np.float32)
     values: dict[str, Any] = {"range_min": 0.05, "range_max": 10.0, "frame": "laser", "topic": "scan"}
     return LaserScan(beams, 0.0, 2.0 * math.pi / max(1, len(beams)), stamp=stamp, height=height, **(values | changes))
@@ -92,7 +92,7 @@ def cloud(points: list[tuple[float, float, float]], stamp: float = 0.0, **change
 
 
 def grid_of(text: str, resolution: float = 1.0, **changes: Any) -> OccupancyGrid:
-    """A map drawn by characters, top row first: `#` occupied, `.` free, `?` unknown."""
+    """Return a map from text, top row first: `#` occupied, `.` free, `?` unknown."""
     values = {"#": 100, ".": 0, "?": -1}
     rows = [[values[c] for c in line.strip()] for line in text.strip().splitlines()]
     data = np.ascontiguousarray(np.array(rows, np.int8)[::-1])

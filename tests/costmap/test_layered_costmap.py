@@ -1,4 +1,4 @@
-"""The costmap around its layers: size, rolling, bounds, faults, provenance."""
+"""The layered costmap: size, rolling window, bounds, errors, explanations."""
 
 from __future__ import annotations
 
@@ -44,30 +44,30 @@ def on_map(
     )
 
 
-def test_the_map_gives_the_size() -> None:
+def test_size_of_the_static_map() -> None:
     costmap = on_map(static())
     assert costmap.master.geometry == GridGeometry(5, 5, 1.0)
     assert costmap.update_at(Pose2D(2.0, 2.0), 0.0) == Window(0, 0, 5, 5)
     assert costmap.master.cost_at(0.5, 0.5) == 254
     assert costmap.master.cost_at(2.5, 2.5) == 255
-    # nothing new: nothing to do
+    # no change, no update
     assert costmap.update_at(Pose2D(2.0, 2.0), 1.0).is_empty
     assert costmap.bounds.is_empty
 
 
-def test_without_a_map_the_parameters_do() -> None:
+def test_size_of_the_parameters_without_a_map() -> None:
     params = CostmapParams(width=3.0, height=1.0, resolution=0.1, origin_x=-1.0, origin_y=2.0)
     costmap = LayeredCostmap("c", params, [], footprint=Footprint.from_radius(0.2), frames=FrameTree())
     assert costmap.master.geometry == GridGeometry(30, 10, 0.1, -1.0, 2.0)
 
 
 @pytest.mark.parametrize("changes", [{"width": 0.0}, {"resolution": 20.0}, {"width": 1e6, "height": 1e6}])
-def test_sizes_that_are_no_grid(changes: dict[str, float]) -> None:
+def test_invalid_sizes_are_rejected(changes: dict[str, float]) -> None:
     with pytest.raises(InputError, match="choose between 1 and"):
         LayeredCostmap("c", CostmapParams(**changes), [], footprint=Footprint.from_radius(0.2), frames=FrameTree())
 
 
-def test_a_static_layer_needs_a_map() -> None:
+def test_static_layer_requires_a_map() -> None:
     with pytest.raises(InputError, match="requires a map"):
         rolling(static())
 
@@ -98,7 +98,7 @@ def test_static_layer_in_a_rolling_window() -> None:
         static_map=grid_of("#" + "." * 19, resolution=1.0),
     )
     costmap.update(0.0)
-    # odom x is map y: the map's only row, y in [0, 1), is a strip x in [0, 1); its obstacle lies at odom y = 9.5
+    # odom x is map y: the map's only row, y in [0, 1), is a strip x in [0, 1); its obstacle is at odom y = 9.5
     assert not (costmap.master.data == 254).any()
     frames.set("odom", "base_link", Transform2D(0.5, 9.0, 0.0), 1.0)
     frames.set("map", "odom", Transform2D(10.0, 0.0, math.pi / 2), 1.0)
@@ -109,23 +109,23 @@ def test_static_layer_in_a_rolling_window() -> None:
     assert all(0.0 <= x < 1.0 and 9.0 <= y < 10.0 for x, y in seen)
 
 
-def test_a_turned_map_is_looked_up() -> None:
+def test_rotated_map_is_looked_up() -> None:
     costmap = on_map(static(), text="#..\n...", origin_yaw=math.pi / 2)
-    # three columns to the right become three rows upward; the upper row lies to the left
+    # three columns to the right become three rows upward; the upper row is to the left
     assert costmap.master.geometry.shape == (3, 2)
     costmap.update_at(Pose2D(0.0, 0.0), 0.0)
     assert (costmap.master.data == 254).sum() == 1
     assert costmap.master.cost_at(-1.5, 0.5) == 254
 
 
-def test_use_maximum_keeps_what_is_dearer() -> None:
+def test_use_maximum_keeps_the_larger_cost() -> None:
     costmap = on_map(static(), static(use_maximum=True)._replace(name="again"))
     costmap.update_at(Pose2D(1.0, 1.0), 0.0)
     assert costmap.master.cost_at(0.5, 0.5) == 254
     assert costmap.master.cost_at(2.5, 2.5) == 255
 
 
-def test_poses() -> None:
+def test_invalid_robot_poses_are_rejected() -> None:
     costmap = rolling(obstacle(), frames=frames_at(1.0, 2.0, 0.5, stamp=5.0))
     assert costmap.robot_pose() == Pose2D(1.0, 2.0, 0.5)
     assert costmap.robot_pose(5.2) == Pose2D(1.0, 2.0, 0.5)
@@ -136,7 +136,7 @@ def test_poses() -> None:
             costmap.update_at(pose, 5.0)
 
 
-def test_a_jump_empties_the_window() -> None:
+def test_large_jump_clears_the_window() -> None:
     costmap = rolling(obstacle({"points": cloud_source()}))
     costmap.observe(cloud([(1.0, 0.0, 0.2)]))
     costmap.update(0.0)
@@ -180,7 +180,7 @@ def test_footprint_changes_reinflate() -> None:
     assert costmap.master.cost_at(1.3, 0.0) == 253
 
 
-def test_reset_empties_and_the_map_comes_back() -> None:
+def test_reset_clears_and_the_map_is_written_again() -> None:
     costmap = on_map(static(), obstacle({"points": cloud_source()}), inflation(inflation_radius=1.0))
     costmap.update_at(Pose2D(2.5, 2.5), 0.0)
     before = costmap.master.data.copy()
@@ -191,7 +191,7 @@ def test_reset_empties_and_the_map_comes_back() -> None:
 
 
 def test_inflation_radius_larger_than_a_byte() -> None:
-    """400 cells: beyond what the fast kernel counts in a byte."""
+    """400 cells exceed the kernel's limit of one byte."""
     costmap = rolling(
         obstacle({"points": cloud_source()}),
         inflation(inflation_radius=4.0, cost_scaling_factor=1.0),
@@ -213,7 +213,7 @@ def test_inflation_radius_larger_than_a_byte() -> None:
     assert costmap.master.data[cell[1], cell[0] + 401] == 0
 
 
-def test_names_of_ros() -> None:
+def test_ros_names_of_layers() -> None:
     for name, alias in (
         ("static", "StaticLayer"),
         ("obstacle", "ObstacleLayer"),
@@ -228,7 +228,7 @@ def test_names_of_ros() -> None:
 
 
 @pytest.mark.parametrize("voxel", [False, True])
-def test_who_set_a_cell(voxel: bool) -> None:
+def test_explain_which_layer_set_a_cell(voxel: bool) -> None:
     frames = FrameTree()
     frames.set_static("base_link", "laser", Transform2D())
     changes: dict[str, Any] = {"z_voxels": 4} if voxel else {}
@@ -284,8 +284,8 @@ def test_explaining_changes_nothing() -> None:
     assert freed.layers[0].explanation.text == 'cleared by "scan" at 0.000 s'
 
 
-def test_old_marks_never_claim_a_new_time() -> None:
-    """More observations than there are serials: the mark's time is forgotten, not mistaken."""
+def test_old_marks_never_show_a_new_time() -> None:
+    """With more observations than serial numbers, the time of an old mark becomes unknown."""
     costmap = rolling(obstacle({"points": cloud_source()}, footprint_clearing_enabled=False))
     costmap.observe(cloud([(1.0, 0.0, 0.2)], stamp=0.0))
     costmap.update(0.0)

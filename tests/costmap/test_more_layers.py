@@ -1,4 +1,4 @@
-"""Layers beyond move_base: cones, masks, denoising."""
+"""Layers that move_base does not have: range sensors, masks, denoising."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def with_sonar(**changes: Any) -> LayeredCostmap:
     )
 
 
-def test_a_cone_marks_its_arc_and_frees_what_lies_before() -> None:
+def test_cone_marks_its_arc_and_clears_the_space_before_it() -> None:
     costmap = with_sonar(phi=2.0)
     for k in range(6):
         costmap.observe(sonar(1.0, 0.0))
@@ -57,7 +57,7 @@ def test_a_cone_marks_its_arc_and_frees_what_lies_before() -> None:
     assert told.layers[0].explanation.data["probability"] > 0.8
 
 
-def test_cones_forget_and_go_stale() -> None:
+def test_range_layer_resets_and_becomes_stale() -> None:
     costmap = with_sonar(no_readings_timeout=1.0)
     for _ in range(6):
         costmap.observe(sonar(1.0))
@@ -83,13 +83,13 @@ def test_readings_of_the_largest_range() -> None:
         assert costmap.master.cost_at(1.0, 0.0) == expected
 
 
-def test_readings_that_cannot_be_used() -> None:
+def test_invalid_readings_are_rejected() -> None:
     costmap = with_sonar()
     for bad in (sonar(math.nan), sonar(1.0, field_of_view=0.0), sonar(1.0, max_range=math.inf)):
         with pytest.raises(InputError, match="must be numbers"):
             costmap.observe(bad)
     costmap.observe(sonar(1.0, topic="other"))
-    costmap.observe(sonar(0.01))  # nearer than it can measure
+    costmap.observe(sonar(0.01))  # below min_range
     costmap.update_at(HERE, 0.0)
     assert (costmap.master.data == 255).all()
 
@@ -115,7 +115,7 @@ def test_keepout() -> None:
     assert costmap.master.data[::-1].tolist() == [[0, 0, 0, 0], [0, 254, 254, 0], [254, 0, 0, 0]]
     told = costmap.explain_cell(1.5, 1.5)
     assert (told.set_by, told.source) == ("keepout", "mask")
-    # 50 of 100 is half as dear
+    # 50 of 100 is half the cost
     half = grid_of("....\n....\n....")
     half.data[0, 1] = 50
     mask.set_mask(half)
@@ -124,7 +124,7 @@ def test_keepout() -> None:
     assert costmap.master.data[0].tolist() == [254, 127, 0, 0]
 
 
-def test_keepout_comes_into_a_rolling_window() -> None:
+def test_keepout_in_a_rolling_window() -> None:
     costmap = rolling(LayerSpec("keepout", KeepoutMaskLayer, MaskLayerParams()), resolution=0.5, frames=_with_map())
     costmap.layer("keepout").set_mask(grid_of("#" * 40, resolution=0.5))  # type: ignore[attr-defined]
     for x in (0.0, 3.0, 7.0):
@@ -192,7 +192,7 @@ def test_denoise(connectivity: int, kept: set[tuple[float, float]]) -> None:
     assert lethal == set(pair) | kept
 
 
-def test_denoise_step_by_step_equals_at_once() -> None:
+def test_incremental_denoise_equals_a_full_update() -> None:
     rng = np.random.default_rng(2)
     denoise = LayerSpec("denoise", DenoiseLayer, DenoiseLayerParams(minimal_group_size=4))
     source = {"points": cloud_source(obstacle_range=10.0)}
@@ -212,8 +212,8 @@ def test_denoise_step_by_step_equals_at_once() -> None:
         np.testing.assert_array_equal(by_steps.master.data, at_once.master.data)
 
 
-def test_geometry_of_the_window_of_a_cone() -> None:
-    """A reading that looks past the map changes nothing."""
+def test_cone_outside_the_map() -> None:
+    """A reading outside the map changes nothing."""
     costmap = with_sonar()
     away = frames_at(100.0, 100.0)
     costmap.layer("sonar_layer").context.frames._edges.update(away._edges)  # type: ignore[attr-defined]

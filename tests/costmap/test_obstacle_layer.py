@@ -1,4 +1,4 @@
-"""Observation sources and the layers they feed."""
+"""Observation sources, the obstacle layer and the voxel layer."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def layer_of(costmap: LayeredCostmap) -> ObstacleLayer:
 
 
 @pytest.mark.parametrize("voxel", [False, True])
-def test_a_beam_marks_its_end_and_frees_its_way(voxel: bool) -> None:
+def test_beam_marks_its_end_and_clears_its_ray(voxel: bool) -> None:
     costmap = rolling(obstacle(voxel=voxel), track_unknown_space=True)
     costmap.observe(scan([1.0]))
     costmap.update(0.0)
@@ -32,14 +32,14 @@ def test_a_beam_marks_its_end_and_frees_its_way(voxel: bool) -> None:
     assert costmap.master.cost_at(-1.0, 0.0) == 255
 
 
-def test_an_obstacle_that_left_is_cleared() -> None:
+def test_removed_obstacle_is_cleared() -> None:
     costmap = rolling(obstacle())
     costmap.observe(scan([1.0], 0.0))
     costmap.update(0.0)
     costmap.observe(scan([2.0], 0.1))
     costmap.update_at(HERE, 0.1)
     assert costmap.master.cost_at(1.0, 0.0) == 0
-    # beyond obstacle_range (2.5) nothing is marked, beyond raytrace_range (3.0) nothing freed
+    # beyond obstacle_range (2.5) nothing is marked, beyond raytrace_range (3.0) nothing is cleared
     far = rolling(obstacle(), size=10.0, track_unknown_space=True)
     far.observe(scan([2.83]))
     far.update(0.0)
@@ -84,7 +84,7 @@ def test_heights_of_source_and_layer() -> None:
     assert not high.master.data.any()
 
 
-def test_ranges_that_are_no_ranges() -> None:
+def test_invalid_ranges_are_ignored() -> None:
     nothing = [math.nan, math.inf, -math.inf, -1.0, 0.01, 10.0, 11.0]
     costmap = rolling(obstacle(), size=30.0, track_unknown_space=True)
     costmap.observe(scan(nothing))
@@ -98,7 +98,7 @@ def test_inf_is_valid_clears() -> None:
     costmap = rolling(obstacle({"scan": scan_source(inf_is_valid=True)}), track_unknown_space=True)
     costmap.observe(scan([math.inf], range_max=1.0))
     costmap.update(0.0)
-    # C++ takes the replaced distance, a hair under range_max, for an obstacle too
+    # C++ marks the replaced distance, slightly below range_max, as an obstacle too
     assert [costmap.master.cost_at(x, 0.0) for x in (0.5, 0.94, 0.99)] == [0, 0, 254]
 
 
@@ -110,7 +110,7 @@ def test_persistence_keeps_observations_by_age() -> None:
     assert [o.stamp for o in layer_of(costmap).buffers[0].observations] == []
 
 
-def test_persistence_with_frames_in_time() -> None:
+def test_persistence_with_moving_frames() -> None:
     frames = FrameTree()
     frames.set_static("base_link", "laser", Transform2D())
     costmap = rolling(obstacle({"points": cloud_source(observation_persistence=1.0)}), frames=frames)
@@ -123,7 +123,7 @@ def test_persistence_with_frames_in_time() -> None:
     assert [costmap.master.cost_at(1.0, 0.2 * k) for k in range(4)] == [0, 254, 254, 254]
 
 
-def test_messages_wait_for_their_frames() -> None:
+def test_messages_wait_for_their_transforms() -> None:
     frames = frames_at(stamp=0.0)
     costmap = rolling(obstacle(), frames=frames)
     costmap.observe(scan([1.0], stamp=1.0))
@@ -153,7 +153,7 @@ def test_sensor_frame_and_topic_names() -> None:
     assert [costmap.master.cost_at(*p) for p in ((0.025, 1.025), (0.525, 0.525), (0.525, 0.0))] == [0, 0, 255]
 
 
-def test_a_turned_robot() -> None:
+def test_rotated_robot() -> None:
     costmap = rolling(obstacle(), frames=frames_at(0.525, 0.025, math.pi / 2))
     costmap.observe(scan([1.0, 0.5, math.nan, math.nan]))
     costmap.update(0.0)
@@ -161,7 +161,7 @@ def test_a_turned_robot() -> None:
     assert costmap.master.cost_at(0.025, 0.025) == 254
 
 
-def test_staleness() -> None:
+def test_stale_source() -> None:
     costmap = rolling(obstacle({"scan": scan_source(expected_update_rate=0.5), "bump": cloud_source(topic="bumper")}))
     assert costmap.is_current(0.0)
     assert costmap.is_current(0.5)
@@ -173,7 +173,7 @@ def test_staleness() -> None:
     assert costmap.is_current(5.0)
 
 
-def test_a_silent_source_without_a_rate_is_no_fault() -> None:
+def test_source_without_a_rate_is_never_stale() -> None:
     costmap = rolling(
         obstacle({"scan": scan_source(), "bump": cloud_source(topic="mobile_base/sensors/bumper_pointcloud")})
     )
@@ -181,7 +181,7 @@ def test_a_silent_source_without_a_rate_is_no_fault() -> None:
     assert costmap.is_current(1e6)
 
 
-def test_footprint_is_cleared_unless_told_not_to() -> None:
+def test_footprint_clearing_can_be_disabled() -> None:
     for clearing, expected in ((True, 0), (False, 254)):
         costmap = rolling(obstacle({"points": cloud_source()}, footprint_clearing_enabled=clearing))
         costmap.observe(cloud([(0.02, 0.02, 0.2)]))
@@ -190,7 +190,7 @@ def test_footprint_is_cleared_unless_told_not_to() -> None:
 
 
 def test_concave_footprints_keep_their_notch() -> None:
-    # a U that opens ahead
+    # a U-shape, open at the front
     u = Footprint(
         np.array(
             [[0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5], [0.5, -0.5], [0.5, -0.25], [-0.2, -0.25], [-0.2, 0.25], [0.5, 0.25]]
@@ -239,12 +239,12 @@ def test_a_reset_region_is_rewritten() -> None:
     assert not costmap.master.data.any()
 
 
-def test_voxels_tell_heights_apart() -> None:
+def test_voxels_distinguish_heights() -> None:
     sources = {"scan": scan_source(), "points": cloud_source()}
     costmap = rolling(obstacle(sources, voxel=True, z_voxels=3, z_resolution=0.2))
     layer = costmap.layer("obstacle_layer")
     assert isinstance(layer, VoxelLayer)
-    costmap.observe(cloud([(0.5, 0.0, 0.05)]))  # a threshold, below the scan at 0.3 m
+    costmap.observe(cloud([(0.5, 0.0, 0.05)]))  # a doorstep, below the scan at 0.3 m
     costmap.observe(scan([1.0], height=0.3))
     costmap.update(0.0)
     layer.buffers[1].observations.clear()
@@ -253,7 +253,7 @@ def test_voxels_tell_heights_apart() -> None:
     assert cell is not None
     assert layer.column_at(*cell) == "#.?"
     assert costmap.master.cost_at(0.5, 0.0) == 254
-    # the flat layer loses it
+    # the obstacle layer clears it
     flat = rolling(obstacle(sources))
     flat.observe(cloud([(0.5, 0.0, 0.05)]))
     flat.observe(scan([1.0], height=0.3))
@@ -280,7 +280,7 @@ def test_voxel_thresholds() -> None:
         )
         costmap.observe(scan([2.0]))
         costmap.update(0.0)
-        # one of ten levels is seen free: nine are unknown, allowed are 15 + 6 or 8 + 6
+        # one of ten levels is seen free: nine are unknown, the limits are 15 + 6 and 8 + 6
         assert costmap.master.cost_at(0.5, 0.0) == (0 if unknown + 6 >= 9 else expected)
 
 
@@ -299,7 +299,7 @@ def test_columns_of_every_height(levels: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("bad", "says"),
+    ("bad", "message"),
     [
         (scan(np.zeros((2, 2), np.float32)), "one-dimensional, contiguous float32"),
         (scan([1.0], stamp=math.nan), "finite numbers"),
@@ -307,9 +307,9 @@ def test_columns_of_every_height(levels: int) -> None:
         (scan([1.0], range_min=math.inf), "finite numbers"),
     ],
 )
-def test_scans_that_cannot_be_used(bad: object, says: str) -> None:
+def test_invalid_scans_are_rejected(bad: object, message: str) -> None:
     costmap = rolling(obstacle())
-    with pytest.raises(InputError, match=says):
+    with pytest.raises(InputError, match=message):
         costmap.observe(bad)  # type: ignore[arg-type]
 
 
@@ -319,5 +319,5 @@ def test_memory_is_at_most_three_bytes_a_cell() -> None:
         cells = costmap.master.data.size
         for layer in costmap.layers:
             arrays = [a for a in vars(layer).values() if isinstance(a, np.ndarray) and a.base is None]
-            # rows of scratch and tables are not per cell
+            # scratch rows and tables do not count
             assert sum(a.nbytes for a in arrays) <= 3 * cells + 40_000

@@ -21,7 +21,7 @@ def test_starts_at_the_newest_message() -> None:
     assert timeout.is_within(1.0, 12.5)
 
 
-def test_a_stamp_from_the_future_counts_as_now() -> None:
+def test_stamp_from_the_future_counts_as_the_present() -> None:
     timeout = SensorTimeout()
     timeout.received(1000.0)
     assert timeout.is_within(1.0, 10.0)

@@ -1,4 +1,4 @@
-"""Maps that cannot be used: one message each, with file, line, value and the way out."""
+"""Invalid maps: one message each, with file, line, value and how to fix it."""
 
 from __future__ import annotations
 
@@ -36,25 +36,25 @@ def write(folder: Path, text: str | None = None, **keys: str | None) -> Path:
     return path
 
 
-def refused(path: Path) -> str:
+def error_of(path: Path) -> str:
     with pytest.raises(MapError) as caught:
         load_map(path)
     return caught.value.message
 
 
-def test_the_good_one_loads(folder: Path) -> None:
+def test_valid_map_loads(folder: Path) -> None:
     assert load_map(write(folder)).geometry.shape == (4, 4)
 
 
 @pytest.mark.parametrize("key", GOOD)
-def test_each_missing_key(key: str, folder: Path) -> None:
-    message = refused(write(folder, **{key: None}))
+def test_missing_key(key: str, folder: Path) -> None:
+    message = error_of(write(folder, **{key: None}))
     assert f'"{key}" is missing' in message
     assert f'add for example "{key}: ' in message
 
 
 @pytest.mark.parametrize(
-    ("key", "value", "says"),
+    ("key", "value", "expected"),
     [
         ("resolution", "0", "positive number of metres per cell, not 0"),
         ("resolution", "-0.05", "not -0.05"),
@@ -83,18 +83,18 @@ def test_each_missing_key(key: str, folder: Path) -> None:
         ("image", ".", "cannot be read"),
     ],
 )
-def test_values(key: str, value: str, says: str, folder: Path) -> None:
+def test_invalid_value(key: str, value: str, expected: str, folder: Path) -> None:
     path = write(folder, **{key: value})
-    message = refused(path)
-    assert says in message
+    message = error_of(path)
+    assert expected in message
     line = next((i for i, text in enumerate(path.read_text().splitlines(), 1) if text.startswith(key)), 1)
-    if "free_thresh (" in says:
-        line = 6  # the second of the two
+    if "free_thresh (" in expected:
+        line = 6  # the second key
     assert message.startswith(f"{path}:{line}: ")
 
 
 @pytest.mark.parametrize(
-    ("text", "says"),
+    ("text", "expected"),
     [
         ("", ":1: the file is empty"),
         ("# only a comment\n", ":1: the file is empty"),
@@ -105,27 +105,27 @@ def test_values(key: str, value: str, says: str, folder: Path) -> None:
         ("a: &a [*a]\nb: !!python/object:os.system x\n", "invalid YAML"),
     ],
 )
-def test_yaml(text: str, says: str, folder: Path) -> None:
-    assert says in refused(write(folder, text))
+def test_invalid_yaml(text: str, expected: str, folder: Path) -> None:
+    assert expected in error_of(write(folder, text))
 
 
-def test_no_such_map_names_what_is_there(folder: Path) -> None:
+def test_unknown_file_suggests_existing_ones(folder: Path) -> None:
     write(folder)
-    assert "the folder contains map.yaml" in refused(folder / "mpa.yaml")
-    assert "check the path" in refused(folder / "nowhere" / "map.yaml")
-    assert f"pass {folder / 'map.yaml'}" in refused(folder)
+    assert "the folder contains map.yaml" in error_of(folder / "mpa.yaml")
+    assert "check the path" in error_of(folder / "nowhere" / "map.yaml")
+    assert f"pass {folder / 'map.yaml'}" in error_of(folder)
 
 
-def test_an_image_instead_of_a_yaml(folder: Path) -> None:
-    message = refused(folder / "map.png")
+def test_image_instead_of_yaml(folder: Path) -> None:
+    message = error_of(folder / "map.png")
     assert "is an image; pass the YAML file of the map" in message
     assert "image: map.png" in message
 
 
-def test_bytes_instead_of_text(folder: Path) -> None:
+def test_binary_instead_of_text(folder: Path) -> None:
     path = folder / "map.yaml"
     path.write_bytes(b"\xff\xfe\x00\x01\x02" * 10)
-    assert "not a text file" in refused(path)
+    assert "not a text file" in error_of(path)
 
 
 def test_truncated_images(folder: Path) -> None:
@@ -134,15 +134,15 @@ def test_truncated_images(folder: Path) -> None:
     whole = (folder / "map.png").read_bytes()
     for share in (0.02, 0.3, 0.9):
         (folder / "map.png").write_bytes(whole[: int(len(whole) * share)])
-        assert "save it again" in refused(write(folder))
+        assert "save it again" in error_of(write(folder))
     (folder / "map.pgm").write_bytes(b"P5\n64 64\n255\n" + b"\x00" * 100)
-    assert "cannot be read" in refused(write(folder, image="map.pgm"))
+    assert "cannot be read" in error_of(write(folder, image="map.pgm"))
 
 
 @pytest.mark.parametrize("size", [(9_500, 9_500), (200_000, 200_000)])
-def test_images_absurdly_large(size: tuple[int, int], folder: Path) -> None:
+def test_images_that_are_too_large(size: tuple[int, int], folder: Path) -> None:
     (folder / "map.pgm").write_bytes(b"P5\n%d %d\n255\n" % size + b"\x00" * 10)
-    assert "larger than 80,000,000 cells; crop or resample it" in refused(write(folder, image="map.pgm"))
+    assert "larger than 80,000,000 cells; crop or resample it" in error_of(write(folder, image="map.pgm"))
 
 
 @settings(deadline=None, max_examples=60, derandomize=True)

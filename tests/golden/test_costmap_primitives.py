@@ -1,4 +1,4 @@
-"""Rays, polygons, cells and origins against the real Costmap2D (`primitives.npz`)."""
+"""Rays, polygons, cells and origins compared with Costmap2D (`primitives.npz`)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def primitives(golden_dir: Path) -> dict[str, np.ndarray]:
     return dict(np.load(golden_dir / "primitives.npz"))
 
 
-def test_rays_pass_the_same_cells(primitives: dict[str, np.ndarray]) -> None:
+def test_rays_clear_the_same_cells(primitives: dict[str, np.ndarray]) -> None:
     nx, ny = 50, 40
     expected = np.split(primitives["ray_cells"], np.cumsum(primitives["ray_counts"])[:-1])
     for (x0, y0, x1, y1, longest), cells in zip(primitives["ray_query"].tolist(), expected, strict=True):
@@ -28,7 +28,7 @@ def test_rays_pass_the_same_cells(primitives: dict[str, np.ndarray]) -> None:
 
 
 def test_slope_in_fixed_point_is_exact() -> None:
-    """Far beyond the golden grid: every cell of the straight Bresenham, for lines of up to 3,000 cells."""
+    """Every cell equals plain Bresenham, for lines of up to 3,000 cells."""
     rng = np.random.default_rng(1)
     nx, ny = 3000, 40
     for _ in range(200):
@@ -59,10 +59,10 @@ def test_polygons_fill_the_same_cells(primitives: dict[str, np.ndarray]) -> None
     polygons = np.split(primitives["poly_points"], np.cumsum(primitives["poly_npoints"])[:-1])
     for vertices, ok, cells in zip(polygons, primitives["poly_ok"].tolist(), expected, strict=True):
         grid = np.full((ny, nx), 255, np.uint8)
-        outline = np.ascontiguousarray(vertices)
+        corners = np.ascontiguousarray(vertices)
         # C++ fills every polygon as if it were convex
         spans = np.zeros((2, nx), np.int64)
-        done = fill_convex(grid, outline, 0, len(outline), spans, -1.0, -0.5, 0.05, 0)
+        done = fill_convex(grid, corners, 0, len(corners), spans, -1.0, -0.5, 0.05, 0)
         assert done == bool(ok)
         assert np.flatnonzero(grid == 0).tolist() == sorted(set(cells.tolist()))
 
@@ -73,7 +73,7 @@ def test_world_to_cell(primitives: dict[str, np.ndarray]) -> None:
         assert geometry.world_to_cell(x, y) == ((int(mx), int(my)) if ok else None)
         window = geometry.window_of(Bounds(x, y, x, y))
         assert (window.x0, window.y0) == (int(ex), int(ey))
-        # C++ truncates toward zero where navstack takes the floor: they agree on and right of the origin
+        # C++ truncates toward zero navstack rounds down: both agree for points that are not left of the origin
         unbounded = geometry.world_to_cell_unbounded(x, y)
         assert tuple(int(v) for v in (x / 0.05, y / 0.05)) == (int(ux), int(uy))
         assert all(u == int(t) or t <= 0.0 for u, t in zip(unbounded, (ux, uy), strict=True))

@@ -1,4 +1,4 @@
-"""Sequences of scans through the whole costmap, step by step, against the real ObstacleLayer and VoxelLayer."""
+"""Sequences of scans through the whole costmap compared with ObstacleLayer and VoxelLayer, step by step."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def costmap_of(case: dict[str, np.ndarray], frames: FrameTree, static_map: Occup
 
 
 @pytest.mark.parametrize("path", CASES, ids=lambda p: p.stem)
-def test_sequence_equals(path: Path, golden_dir: Path) -> None:
+def test_sequence_matches_cpp(path: Path, golden_dir: Path) -> None:
     """Every step equal: points, obstacle layer, master, origins, window.
 
     Classes of difference:
@@ -105,7 +105,7 @@ def test_sequence_equals(path: Path, golden_dir: Path) -> None:
         window = costmap.update(now)
         x0, xn, y0, yn = case["bounds"][k].astype(int).tolist()
         assert (window.x0, window.x1, window.y0, window.y1) == (x0, xn, y0, yn), f"window of step {k}"
-        # equal to the last bit; the tolerance is for libraries that print and parse
+        # equal to the last bit; the tolerance allows for printing and parsing
         for geometry, origin in ((costmap.master.geometry, "origin"), (layer.geometry, "obstacle_origin")):
             assert (geometry.origin_x, geometry.origin_y) == pytest.approx(tuple(case[origin][k]), abs=1e-12)
         seen = layer.buffers[0].observations[0]

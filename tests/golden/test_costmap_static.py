@@ -1,4 +1,4 @@
-"""Static layer and inflation against the real StaticLayer and InflationLayer, cell for cell."""
+"""Static layer and inflation compared with StaticLayer and InflationLayer, cell by cell."""
 
 from __future__ import annotations
 
@@ -53,12 +53,12 @@ def costmap_of(case: dict[str, np.ndarray], *, inflate: bool = True) -> LayeredC
 
 
 def exact_inflation(static: np.ndarray, params: np.ndarray, inscribed: float) -> np.ndarray:
-    """Master by scipy's exact distance transform and the formula, cell by cell."""
+    """Return the costs from scipy's exact distance transform and the formula."""
     resolution, _, factor, unknown, *_ = params.tolist()
     cells = int(params[10])
     if not (static == 254).any():
         return static.copy()
-    d = np.sqrt(np.rint(distance_transform_edt(static != 254) ** 2))  # its squares are whole numbers
+    d = np.sqrt(np.rint(distance_transform_edt(static != 254) ** 2))  # the squares are integers
     cost = np.zeros(static.shape)
     near = d <= cells
     metres = d[near] * resolution
@@ -72,7 +72,7 @@ def exact_inflation(static: np.ndarray, params: np.ndarray, inscribed: float) ->
 
 
 @pytest.mark.parametrize("path", CASES, ids=lambda p: p.stem)
-def test_static_layer_equals(path: Path) -> None:
+def test_static_layer_matches_cpp(path: Path) -> None:
     case = dict(np.load(path))
     costmap = costmap_of(case, inflate=False)
     costmap.update_at(Pose2D(0.0, 0.0), 0.0)
@@ -80,7 +80,7 @@ def test_static_layer_equals(path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", CASES, ids=lambda p: p.stem)
-def test_inflation_equals(path: Path) -> None:
+def test_inflation_matches_cpp(path: Path) -> None:
     """Equal to C++ in every cell, except where C++ is not exact: there equal to the exact distance, and never lower."""
     case = dict(np.load(path))
     costmap = costmap_of(case)
@@ -95,15 +95,15 @@ def test_inflation_equals(path: Path) -> None:
     np.testing.assert_array_equal(ours, exact)
     differ = ours != theirs
     print(f"{path.stem}: {int(differ.sum())} of {differ.size} cells differ from C++'s label spreading")
-    # the label spreading may find a farther source, never a nearer one
+    # the propagation in C++ may find a farther obstacle, never a nearer one
     written = theirs[differ] != 255
     assert (ours[differ][written] > theirs[differ][written]).all()
     # 7 to 9 in 344,128 cells were counted on the real stack (parity 1)
     assert differ.sum() <= 1e-4 * differ.size
 
 
-def test_interpretation_follows_the_thresholds() -> None:
-    """What the golden cases leave out: other thresholds and unknown values."""
+def test_map_values_and_thresholds() -> None:
+    """Thresholds and unknown values that the golden cases do not contain."""
     from navstack.costmap.static_layer import interpret
 
     data = np.array([[0, 49, 50, 100, -1]], np.int8)

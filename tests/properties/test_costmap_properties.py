@@ -1,4 +1,4 @@
-"""What must hold for any obstacles, any scan, any drive."""
+"""Properties of costmaps for any obstacles, scans and robot motion."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ POINTS = st.lists(st.tuples(st.floats(-1.8, 1.8), st.floats(-1.8, 1.8)), min_siz
 @SETTINGS
 @given(points=POINTS)
 def test_marking_then_clearing_restores(points: list[tuple[float, float]]) -> None:
-    """A scan marks; beams through each mark free it again: nothing is left, inflation and all."""
+    """Beams through the marks of a scan clear them, and their inflation."""
     costmap = rolling(
         obstacle({"points": cloud_source(obstacle_range=9.0), "scan": scan_source(raytrace_range=9.0, marking=False)}),
         inflation(),
@@ -104,9 +104,7 @@ def test_marking_then_clearing_restores(points: list[tuple[float, float]]) -> No
 
 @SETTINGS
 @given(points=POINTS, moves=st.lists(st.tuples(st.floats(-0.7, 0.7), st.floats(-0.7, 0.7)), min_size=1, max_size=8))
-def test_a_rolling_window_keeps_what_it_still_holds(
-    points: list[tuple[float, float]], moves: list[tuple[float, float]]
-) -> None:
+def test_rolling_window_keeps_its_overlap(points: list[tuple[float, float]], moves: list[tuple[float, float]]) -> None:
     costmap = rolling(obstacle({"points": cloud_source(obstacle_range=9.0)}, footprint_clearing_enabled=False))
     costmap.observe(cloud([(x, y, 0.2) for x, y in points]))
     costmap.update_at(Pose2D(0.0, 0.0), 0.0)
@@ -143,7 +141,7 @@ NUMBERS = st.floats(allow_nan=True, allow_infinity=True)
     valid=st.booleans(),
     pose=st.tuples(st.floats(-50, 50), st.floats(-50, 50), st.floats(-10, 10)),
 )
-def test_any_scan_is_taken_or_refused(
+def test_any_scan_is_accepted_or_rejected(
     ranges: list[float],
     angles: tuple[float, float],
     limits: tuple[float, float],
@@ -179,8 +177,8 @@ def test_a_hundred_thousand_beams() -> None:
 
 @SETTINGS
 @given(steps=st.lists(st.tuples(st.floats(-1.5, 1.5), st.floats(-1.5, 1.5)), min_size=1, max_size=6))
-def test_windows_are_as_good_as_the_whole(steps: list[tuple[float, float]]) -> None:
-    """Updating only what changed gives what rewriting everything gives, as long as the window stands still.
+def test_window_updates_equal_full_updates(steps: list[tuple[float, float]]) -> None:
+    """Updating the changed window gives the same costs as rewriting everything, while the window does not move.
 
     (When it rolls, the strip that comes in holds no inflation from marks beyond its old border until something near is
     observed again: so in C++, whose windows are held by the golden sequences.)

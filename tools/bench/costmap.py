@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Costmap updates against the C++ they come from: ratios, with the calibration of the moment beside them.
+"""Benchmark costmap updates against costmap_2d: ratios, with the current calibration of the machine.
 
-The scenes, the C++ times and the calibration are those of a folder with `calibrate.py`, `cpp_reference.json` and the golden
-static costmap of Willow beside it (`--reference`, default ../shared/bench from the repository). A ratio above 1 is faster
-than C++. `--soak N` instead runs N random updates of a rolling costmap and checks origin and memory.
+Reads the scenes, the C++ times and the calibration from a folder with `calibrate.py` and `cpp_reference.json`, beside the
+folder of the golden static costmap of Willow (`--reference`, default ../shared/bench from the repository). A ratio above 1 is
+faster than C++. `--soak N` runs N random updates of a rolling costmap instead and checks origin and memory.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ TARGETS = {
 
 
 def median_ms(work: Callable[[int], object], runs: int, prepare: Callable[[int], object] | None = None) -> float:
-    """Median time of `work(i)` after five warming calls, `prepare(i)` not counted."""
+    """Return the median time (ms) of `work(i)` after five warm-up calls, without the time of `prepare(i)`."""
     times: list[float] = []
     gc.disable()
     for i in range(runs + 5):
@@ -54,7 +54,7 @@ def median_ms(work: Callable[[int], object], runs: int, prepare: Callable[[int],
 
 
 def bench_inflation(static: np.ndarray, resolution: float, runs: int) -> float:
-    """Inflation of a whole grid that is not inflated yet, unknown cells and all."""
+    """Return the time (ms) to inflate a whole grid with unknown cells."""
     grid = Costmap(GridGeometry(*static.shape[::-1], resolution))
     layer = InflationLayer(
         InflationLayerParams(inflation_radius=0.5, cost_scaling_factor=5.0),
@@ -69,7 +69,7 @@ def bench_inflation(static: np.ndarray, resolution: float, runs: int) -> float:
 
 
 def bench_overhead(runs: int) -> float:
-    """One update of a tiny costmap with all layers and a scan of one beam: what Python itself costs."""
+    """Return the time (ms) of one update of a tiny costmap with a scan of one beam: the overhead of Python."""
     costmap = rolling_costmap(0.5, 0.2, inflate=True)
     scan = LaserScan(np.full(1, 0.15, np.float32), 0.0, 0.0, 0.1, 30.0, 0.0, "laser")
     costmap.update_at(Pose2D(0.0, 0.0), 0.0)
@@ -82,7 +82,7 @@ def bench_overhead(runs: int) -> float:
 
 
 def soak(updates: int) -> None:
-    """Random updates of a rolling costmap: the origin stays on its lattice, memory does not grow."""
+    """Run random updates of a rolling costmap; check that the origin stays on its lattice and memory does not grow."""
     rng = np.random.default_rng(5)
     frames = frames_at_origin()
     costmap = rolling_costmap(4.0, 3.0, inflate=True, frames=frames)
@@ -91,7 +91,7 @@ def soak(updates: int) -> None:
     for i in range(updates):
         now = 0.1 * i
         x, y, yaw = x + rng.normal(0.0, 0.2), y + rng.normal(0.0, 0.2), yaw + rng.normal(0.0, 0.3)
-        if rng.random() < 1e-4:  # kidnapped
+        if rng.random() < 1e-4:  # kidnapped robot
             x, y = rng.uniform(-1e4, 1e4, 2).tolist()
         frames.set("odom", "base_link", Transform2D(x, y, math.remainder(yaw, 2 * math.pi)), now)
         ranges = rng.uniform(0.0, 6.0, 32).astype(np.float32)
@@ -103,9 +103,7 @@ def soak(updates: int) -> None:
     geometry = costmap.master.geometry
     drift = max(abs(math.remainder(o, geometry.resolution)) for o in (geometry.origin_x, geometry.origin_y))
     grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - started
-    print(
-        f"{updates:,} updates: origin off its lattice by {drift:.2e} m, memory grown by {grown} KiB since the first tenth"
-    )
+    print(f"{updates:,} updates: origin {drift:.2e} m off its lattice, memory growth {grown} KiB since the first tenth")
     if drift > 2e-9 or grown > 1024:
         raise SystemExit("soak failed")
 
@@ -121,7 +119,7 @@ def main() -> None:
         return
     spec = importlib.util.spec_from_file_location("calibrate", arguments.reference / "calibrate.py")
     if spec is None or spec.loader is None:
-        raise SystemExit(f"no calibrate.py in {arguments.reference}: give --reference")
+        raise SystemExit(f"no calibrate.py in {arguments.reference}; set --reference")
     calibrate = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(calibrate)
     runs = arguments.runs
