@@ -28,18 +28,18 @@ def test_ros_spellings_are_one_name() -> None:
     assert "nothing" not in things
 
 
-def test_a_taken_name_is_an_error() -> None:
+def test_a_registered_name_cannot_be_registered_again() -> None:
     with pytest.raises(ValueError, match="already registered"):
         registry().add("other", Other, aliases=("things/ThingROS",))
 
 
-def test_an_unknown_name_says_what_was_meant_and_what_there_is() -> None:
+def test_an_unknown_name_suggests_a_plugin_and_lists_the_known_ones() -> None:
     with pytest.raises(UnknownPluginError, match=r'did you mean "things/ThingROS"\? known: thing') as caught:
         registry().get("things/ThingsROS")
     assert caught.value.data["known"] == ["thing"]
 
 
-def test_every_kind_has_plugins_and_ros_names_find_them() -> None:
+def test_every_kind_has_plugins_that_ros_names_find() -> None:
     for kind in REGISTRIES:
         assert list(kind), kind.kind
     assert GLOBAL_PLANNERS.get("navfn/NavfnROS").name == "navfn"

@@ -1,4 +1,4 @@
-"""Parameters that are wrong in the ways that users meet: one clear message each, no traceback, exit code 2."""
+"""Common mistakes in parameters: one clear message each, no traceback, exit code 2."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_one_clear_message(case: str, tmp_path: Path) -> None:
     assert caught.value.code == 9003 or caught.value.code == 9004
 
 
-def test_an_unknown_key_does_not_stop(tmp_path: Path) -> None:
+def test_an_unknown_key_is_a_warning(tmp_path: Path) -> None:
     path = tmp_path / "a.yaml"
     path.write_text("DWAPlannerROS: {max_vel_xx: 0.3}\n")
     loaded = load_configuration(["turtlebot", str(path)])

@@ -1,4 +1,4 @@
-"""The published robots, each with what it takes to load it."""
+"""The published robots, each with the arguments that load it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ ARGUMENTS = ["model:=burger", "name:=fetch", "config:=2d", "cmd_vel_topic:=cmd_v
 
 
 def robots() -> list[list[str]]:
-    """Sources of every folder and launch file; empty where the data are absent."""
+    """Sources of every folder and launch file; empty without the data."""
     folders = [[str(p)] for p in data_files("params/*") if p.is_dir()]
     launches = [launched(p) for p in data_files("params/*/_launch/*")]
     inner = [[str(p)] for p in data_files("params/turtlebot2/param")]
@@ -19,13 +19,13 @@ def robots() -> list[list[str]]:
 
 
 def launched(file: Path) -> list[str]:
-    """A launch file, with values for those of its arguments that have none."""
+    """A launch file, with values for its arguments without default."""
     text = file.read_text(encoding="utf-8")
     return [str(file), *(a for a in ARGUMENTS if re.search(rf'<arg\s+name="{a.partition(":=")[0]}"', text))]
 
 
 def name_of(sources: list[str]) -> str:
-    """`jackal-move_base_DWA`: a file name."""
+    """The name of a file of results, for example `jackal-move_base_DWA`."""
     parts = Path(sources[0]).parts
     at = parts.index("params")
     return "-".join(p for p in (parts[at + 1], *(Path(q).stem for q in parts[at + 2 :])) if p != "_launch")

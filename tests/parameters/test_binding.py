@@ -1,4 +1,4 @@
-"""A namespace -> a model: which value counts, and what is said when it cannot be used."""
+"""A namespace -> its model: which value counts, and findings about values that cannot be used."""
 
 from __future__ import annotations
 
@@ -62,37 +62,37 @@ def bind(text: dict[str, Any], path: str = "", **navstack: Any) -> tuple[Any, li
     return Binder(findings, navstack).bind(Model, space), findings
 
 
-def test_defaults_without_a_word() -> None:
+def test_defaults_cause_no_findings() -> None:
     made, findings = bind({})
     assert made == Model()
     assert findings == []
 
 
-def test_an_int_stands_for_a_float_and_a_whole_float_for_an_int() -> None:
+def test_ints_are_accepted_for_floats_and_whole_floats_for_ints() -> None:
     made, findings = bind({"speed": 1, "samples": 4.0})
     assert (made.speed, made.samples) == (1.0, 4)
     assert type(made.samples) is int
     assert findings == []
 
 
-def test_a_broken_int_is_rounded_as_roscpp_does() -> None:
+def test_a_fractional_int_is_rounded_as_in_roscpp() -> None:
     made, findings = bind({"samples": 4.5})
     assert made.samples == 5
     assert [(f.severity, f.rule, f.suggestion) for f in findings] == [("warning", "rounded", "5")]
 
 
-def test_a_former_name_is_honoured_and_todays_name_given() -> None:
+def test_a_former_name_is_used_and_the_current_one_suggested() -> None:
     made, findings = bind({"old_speed": 0.7})
     assert made.speed == 0.7
     assert [(f.severity, f.rule, f.suggestion) for f in findings] == [("info", "renamed", "speed")]
 
 
-def test_todays_name_wins_over_a_former_one() -> None:
+def test_the_current_name_takes_precedence_over_a_former_one() -> None:
     made, _ = bind({"old_speed": 0.7, "speed": 0.3})
     assert made.speed == 0.3
 
 
-def test_search_climbs_the_namespaces() -> None:
+def test_search_covers_the_enclosing_namespaces() -> None:
     assert bind({"rate": 5.0, "a": {"b": {}}, "x": 1})[0].rate == 5.0
     assert bind({"rate": 5.0, "a": {"b": {"speed": 1.0}}}, "a/b")[0].rate == 5.0
     assert bind({"rate": 5.0, "a": {"rate": 6.0, "b": {"speed": 1.0}}}, "a/b")[0].rate == 6.0
@@ -106,7 +106,7 @@ def test_the_enclosing_namespace_overrides_with_a_note() -> None:
     assert "1" in findings[0].message and "0.2" in findings[0].message
 
 
-def test_what_the_parent_overrides_is_what_is_found_from_below() -> None:
+def test_a_search_from_below_finds_the_overriding_value() -> None:
     class Layer(Model):
         FROM_PARENT: ClassVar[frozenset[str]] = frozenset({"reach"})
         reach: float = param(2.5, "range")
@@ -119,7 +119,7 @@ def test_what_the_parent_overrides_is_what_is_found_from_below() -> None:
     assert made.sources["s"].reach == 9.0
 
 
-def test_children_inner_namespaces_and_what_is_ours() -> None:
+def test_children_nested_namespaces_and_navstack_fields() -> None:
     made, findings = bind(
         {"names": "s t", "s": {"topic": "/scan"}, "reach": 4.0, "inner": {"depth": 2}}, ros_distro="indigo"
     )
@@ -129,7 +129,7 @@ def test_children_inner_namespaces_and_what_is_ours() -> None:
     assert findings == []
 
 
-def test_a_frames_leading_slash_is_stripped() -> None:
+def test_the_leading_slash_of_a_frame_is_removed() -> None:
     assert bind({"global_frame": "/map"})[0].global_frame == "map"
 
 
@@ -181,7 +181,7 @@ def test_values_that_cannot_be_used(values: dict[str, Any], rule: str, key: str,
         assert word in errors[0].message
 
 
-def test_every_wrong_value_is_reported_at_once() -> None:
+def test_all_wrong_values_are_reported_together() -> None:
     _, findings = bind(
         {"speed": "x", "rate": -1, "samples": 0, "inner": {"depth": True}, "names": "s", "s": {"reach": "y"}}
     )
@@ -202,7 +202,7 @@ def test_roslaunch_substitutions_left_in_a_value_are_reported() -> None:
     assert [(f.severity, f.rule) for f in findings] == [("warning", "unfilled")]
 
 
-def test_fixed_values_take_the_place_of_the_users() -> None:
+def test_fixed_values_replace_written_ones() -> None:
     read = read_sources([{"speed": "nonsense"}])
     made: Any = Binder([]).bind(Model, read.root, fixed={"speed": 1.0})
     assert made.speed == 1.0

@@ -1,4 +1,4 @@
-"""Sources -> typed parameters of everything, with every key accounted for."""
+"""Sources -> typed configuration, with a finding for every unused key."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SCAN = {
 
 
 def robot(**more: Any) -> dict[str, Any]:
-    """A small robot without any warning; `a__b` in a name stands for a/b."""
+    """A small robot without warnings; `a__b` in a name means a/b."""
     made: dict[str, Any] = {
         "base_local_planner": DWA,
         "global_costmap": {"plugins": [STATIC, OBSTACLE, INFLATION], "obstacle_layer": dict(SCAN), "robot_radius": 0.2},
@@ -49,7 +49,7 @@ def check(*sources: Any, **options: Any) -> list[Finding]:
     return check_parameters(list(sources), **options)
 
 
-def said(findings: list[Finding], severity: str | None = None) -> set[tuple[str, str]]:
+def keys_of(findings: list[Finding], severity: str | None = None) -> set[tuple[str, str]]:
     return {(f.rule, f.key) for f in findings if severity is None or f.severity == severity}
 
 
@@ -71,7 +71,7 @@ def test_the_published_turtlebot(data_dir: Path) -> None:
     assert loaded.navstack.ros_distro == "noetic"
     assert (loaded.global_planner.name, loaded.local_planner.name) == ("navfn", "dwa")
     dwa = loaded.local_planner.params
-    # the renamed ones are honoured (parity 16)
+    # renamed parameters are used (parity 16)
     assert (dwa.max_vel_trans, dwa.min_vel_trans, dwa.max_vel_theta, dwa.min_vel_theta) == (0.5, 0.1, 5.0, 0.4)
     assert (dwa.theta_stopped_vel, dwa.vth_samples, dwa.controller_frequency) == (0.4, 20, 5.0)
     assert loaded.move_base.controller_patience == 3.0
@@ -82,10 +82,10 @@ def test_the_published_turtlebot(data_dir: Path) -> None:
     assert (local.params.width, local.params.rolling_window) == (4.0, True)
     assert local.layers[0].params.sources["scan"].max_obstacle_height == 0.35
     assert local.layers[1].params.cost_scaling_factor == 5.0
-    # parity 2: a 16-gon; its padding goes along the axes
+    # parity 2: a 16-gon, padded along the axes
     assert local.true_footprint.inscribed_radius == pytest.approx(0.2 * 0.9808, abs=1e-4)
     assert local.footprint.circumscribed_radius == pytest.approx(0.2141, abs=1e-4)
-    # without a list, move_base's own, with the real circumscribed radius (parity 21)
+    # without a list: the built-in one, with the real circumscribed radius (parity 21)
     assert [r.name for r in loaded.recoveries] == [
         "conservative_reset",
         "rotate_recovery",
@@ -93,7 +93,7 @@ def test_the_published_turtlebot(data_dir: Path) -> None:
         "rotate_recovery",
     ]
     assert loaded.recoveries[2].params.reset_distance == pytest.approx(4 * local.footprint.circumscribed_radius)
-    warnings = said(list(loaded.findings), "warning")
+    warnings = keys_of(list(loaded.findings), "warning")
     assert warnings == {("scoring-scale", "DWAPlannerROS/occdist_scale")}
     renamed = {f.key.rpartition("/")[2]: f.suggestion for f in loaded.findings if f.rule == "renamed"}
     assert renamed == {
@@ -114,7 +114,7 @@ def test_the_published_turtlebot(data_dir: Path) -> None:
     } <= silent
 
 
-def test_every_misspelling_of_the_wild_is_found(data_dir: Path) -> None:
+def test_every_published_misspelling_is_found(data_dir: Path) -> None:
     findings = check(str(data_dir / "params_misspelt"), overrides=[f"base_local_planner={DWA}"])
     meant = {f.key.rpartition("/")[2]: f.suggestion for f in findings if f.rule in ("unknown", "unknown-namespace")}
     assert meant == {
@@ -133,7 +133,7 @@ def test_every_misspelling_of_the_wild_is_found(data_dir: Path) -> None:
         "vthea_samples": "vth_samples",
     }
     assert sum(f.key.endswith("/enable") for f in findings) == 3
-    assert ("duplicated", "DWAPlanerROS/max_rotational_vel") in said(findings, "warning")
+    assert ("duplicated", "DWAPlanerROS/max_rotational_vel") in keys_of(findings, "warning")
     elsewhere = [f for f in findings if f.rule == "elsewhere"]
     assert [(f.key, f.suggestion) for f in elsewhere] == [
         ("global_costmap/obstacle_layer/min_obstacle_height", "scan/min_obstacle_height")
@@ -145,7 +145,7 @@ def test_every_misspelling_of_the_wild_is_found(data_dir: Path) -> None:
 # --- every key --------------------------------------------------------------------------------------------------------
 
 
-def test_a_robot_without_anything_to_say() -> None:
+def test_a_correct_robot_has_no_findings() -> None:
     findings = check(robot(DWAPlannerROS={"occdist_scale": 0.01}))
     assert [str(f) for f in findings if f.severity != "info"] == []
 
@@ -199,20 +199,18 @@ def test_a_robot_without_anything_to_say() -> None:
         ),
     ],
 )
-def test_keys_that_have_no_effect_are_warned_about(
-    more: dict[str, Any], rule: str, key: str, suggestion: str | None
-) -> None:
+def test_keys_without_effect_cause_warnings(more: dict[str, Any], rule: str, key: str, suggestion: str | None) -> None:
     findings = [f for f in check(robot(**more)) if f.severity == "warning" and f.rule not in ("scoring-scale",)]
     assert [(f.rule, f.key, f.suggestion) for f in findings] == [(rule, key, suggestion)]
 
 
-def test_what_is_read_in_one_costmap_needs_no_excuse_in_the_other(tmp_path: Path) -> None:
+def test_a_value_read_in_one_costmap_is_not_reported_in_the_other(tmp_path: Path) -> None:
     (tmp_path / "costmap_common_params.yaml").write_text("static_layer: {enabled: true}\nobstacle_layer: {bogus: 1}\n")
     made = robot()
     for costmap in ("global_costmap", "local_costmap"):
         del made[costmap]["obstacle_layer"]
     findings = check(str(tmp_path / "costmap_common_params.yaml"), made)
-    # static_layer is used by the global costmap; bogus is said once, for both
+    # static_layer is used by the global costmap; bogus is reported once for both
     about = [f for f in findings if f.rule == "unknown"]
     assert [(f.key, f.line) for f in about] == [("global_costmap/obstacle_layer/bogus", 2)]
     assert not [f for f in findings if f.rule == "layer-not-listed"]
@@ -232,8 +230,8 @@ def test_planners_of_other_packages_are_noted_once() -> None:
     assert [(f.severity, f.key) for f in findings if f.rule == "not-in-use"] == [("info", "TebLocalPlannerROS")]
 
 
-def test_a_namespace_without_a_parameter_is_nothing_to_speak_of() -> None:
-    assert said(check(robot(NavfnROS=None, GlobalPlanner=None))) == said(check(robot()))
+def test_an_empty_namespace_causes_no_finding() -> None:
+    assert keys_of(check(robot(NavfnROS=None, GlobalPlanner=None))) == keys_of(check(robot()))
 
 
 # --- what stops -------------------------------------------------------------------------------------------------------
@@ -307,7 +305,7 @@ def test_a_namespace_without_a_parameter_is_nothing_to_speak_of() -> None:
         ),
     ],
 )
-def test_what_stops(more: dict[str, Any], rule: str, key: str, words: tuple[str, ...]) -> None:
+def test_errors(more: dict[str, Any], rule: str, key: str, words: tuple[str, ...]) -> None:
     made = robot(**more)
     errors = [f for f in check(made) if f.severity == "error"]
     assert {(f.rule, f.key) for f in errors} == {(rule, key)}
@@ -317,7 +315,7 @@ def test_what_stops(more: dict[str, Any], rule: str, key: str, words: tuple[str,
         load_configuration([made])
 
 
-def test_the_error_names_every_reason_with_its_place(tmp_path: Path) -> None:
+def test_the_error_lists_every_reason_with_its_location(tmp_path: Path) -> None:
     path = tmp_path / "move_base_params.yaml"
     path.write_text(
         f"base_local_planner: {DWA}\ncontroller_frequency: fast\nDWAPlannerROS:\n  acc_lim_x: -1.0\n  sim_tme: 1\n"
@@ -330,24 +328,24 @@ def test_the_error_names_every_reason_with_its_place(tmp_path: Path) -> None:
     assert lines[2].startswith(f"{path}:4:14: acc_lim_x")
     findings = json.loads(json.dumps(caught.value.as_dict()))["findings"]
     assert {"severity", "rule", "file", "line", "column", "key", "message", "suggestion"} == findings[0].keys()
-    # warnings are among them as well
+    # warnings are listed as well
     assert any(f["suggestion"] == "sim_time" for f in findings)
     assert findings == sorted(findings, key=lambda f: (f["file"], f["line"], f["column"]))
 
 
-def test_only_unknown_plugins_make_their_own_error() -> None:
+def test_unknown_plugins_alone_raise_their_own_error() -> None:
     with pytest.raises(UnknownPluginError):
         load_configuration([robot(base_global_planner="nope/Nope")])
 
 
-def test_check_raises_for_nothing(tmp_path: Path) -> None:
+def test_check_never_raises(tmp_path: Path) -> None:
     assert [f.rule for f in check("nowhere")] == ["no-source"]
     assert [f.rule for f in check()] == ["no-source"]
     (tmp_path / "a.yaml").write_bytes(b"\xff\xfe")
     assert [f.rule for f in check(str(tmp_path / "a.yaml"))] == ["not-utf8"]
 
 
-def test_ros_default_planner_that_is_not_here_says_what_to_write() -> None:
+def test_an_unavailable_default_planner_names_the_alternatives() -> None:
     made = robot()
     del made["base_local_planner"]
     findings = check(made)
@@ -369,12 +367,12 @@ def load(**more: Any) -> Any:
 
 def test_the_footprint_is_found_as_in_costmap_2d() -> None:
     square = [[0.3, 0.3], [-0.3, 0.3], [-0.3, -0.3], [0.3, -0.3]]
-    # a footprint anywhere above beats a radius nearby
+    # a footprint in any enclosing namespace takes precedence over a radius nearby
     loaded = load(footprint=square)
     assert len(loaded.local_costmap.footprint.vertices) == 4
     assert loaded.local_costmap.true_footprint.inscribed_radius == pytest.approx(0.3)
     assert loaded.local_costmap.footprint.inscribed_radius == pytest.approx(0.31)
-    # text counts as a list, an empty one as none, the nearest wins
+    # text is parsed, an empty footprint is ignored, the nearest one is used
     text = "[[0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5], [0.5, -0.5]]"
     assert load(footprint=square, local_costmap__footprint=text).local_costmap.true_footprint.inscribed_radius == 0.5
     for empty in ("[]", "", []):
@@ -384,12 +382,12 @@ def test_the_footprint_is_found_as_in_costmap_2d() -> None:
     loaded = load_configuration([made])
     assert loaded.local_costmap.footprint.circumscribed_radius == pytest.approx(0.7)
     assert loaded.global_costmap.true_footprint.circumscribed_radius == pytest.approx(0.2)
-    # neither anywhere: costmap_2d's 0.46 m
+    # without both: 0.46 m, the default of costmap_2d
     del made["robot_radius"]
     assert load_configuration([made]).local_costmap.true_footprint.circumscribed_radius == pytest.approx(0.46)
 
 
-def test_a_costmaps_own_value_overrides_its_layers_for_the_names_ros_copies() -> None:
+def test_costmap_values_override_those_of_layers_for_the_names_that_ros_copies() -> None:
     loaded = load(
         local_costmap__inflation_radius=0.9,
         local_costmap__inflation_layer={"inflation_radius": 0.3},
@@ -397,15 +395,15 @@ def test_a_costmaps_own_value_overrides_its_layers_for_the_names_ros_copies() ->
     )
     assert loaded.local_costmap.layers[1].params.inflation_radius == 0.9
     assert loaded.local_costmap.layers[0].params.max_obstacle_height == 0.5
-    assert ("overridden-by-parent", "local_costmap/inflation_layer/inflation_radius") in said(
+    assert ("overridden-by-parent", "local_costmap/inflation_layer/inflation_radius") in keys_of(
         list(loaded.findings), "info"
     )
-    # a voxel layer is not given the height
+    # ROS does not copy the height to a voxel layer
     loaded = load(local_costmap__max_obstacle_height=0.5, local_costmap__plugins=[VOXEL, INFLATION])
     assert loaded.local_costmap.layers[0].params.max_obstacle_height == 2.0
 
 
-def test_ranges_climb_from_the_source() -> None:
+def test_ranges_are_searched_from_the_source_upward() -> None:
     loaded = load(local_costmap__obstacle_layer={**SCAN, "obstacle_range": 1.0}, raytrace_range=9.0)
     source = loaded.local_costmap.layers[0].params.sources["scan"]
     assert (source.obstacle_range, source.raytrace_range) == (1.0, 9.0)
@@ -444,7 +442,7 @@ def test_parameters_from_before_hydro() -> None:
     assert obstacle.cls.__name__ == "VoxelLayer"
     assert obstacle.params.z_voxels == 4
     assert obstacle.params.sources["scan"].obstacle_range == 1.5
-    # moved over what the layer's own namespace had, as C++ does
+    # replaces the value in the layer's own namespace, as in C++
     assert inflation.params.cost_scaling_factor == 3.0
     assert {f.key for f in loaded.findings if f.rule == "pre-hydro"} == {"global_costmap", "local_costmap"}
     assert not [f for f in loaded.findings if f.rule in ("unknown", "elsewhere", "unknown-namespace")]
@@ -484,7 +482,7 @@ def test_critics_that_are_listed_have_namespaces() -> None:
     assert not [f for f in loaded.findings if f.severity == "warning"]
 
 
-def test_planners_by_their_own_names_and_another_than_the_selected() -> None:
+def test_planners_by_registered_name_and_other_than_the_selected_one() -> None:
     loaded = load(
         base_global_planner="global_planner", GlobalPlanner={"cost_factor": 2.0}, NavfnROS={"default_tolerance": 0.5}
     )
@@ -498,10 +496,10 @@ def test_planners_by_their_own_names_and_another_than_the_selected() -> None:
         choose_global_planner(bad, "global_planner")
 
 
-def test_every_value_knows_where_it_was_written() -> None:
+def test_every_value_has_its_location() -> None:
     loaded = load_configuration(["turtlebot"], overrides=["DWAPlannerROS/sim_time=1.5"])
     origins = loaded.origins
-    # by today's name, also where a former one was written, and where ROS finds it for a source
+    # by the current name, also for a former one, and where a source finds it by searching
     assert str(origins["DWAPlannerROS/max_vel_trans"]) == "turtlebot/dwa_local_planner_params.yaml:10:18"
     assert str(origins["DWAPlannerROS/sim_time"]) == "--set argument 1"
     assert origins["DWAPlannerROS/controller_frequency"].file == "turtlebot/move_base_params.yaml"
@@ -510,7 +508,7 @@ def test_every_value_knows_where_it_was_written() -> None:
     assert "DWAPlannerROS/twirling_scale" not in origins
 
 
-def test_loading_twice_gives_the_same() -> None:
+def test_loading_is_repeatable() -> None:
     first, second = load_configuration(["turtlebot"]), load_configuration(["turtlebot"])
     assert first == second
     assert [str(f) for f in first.findings] == [str(f) for f in second.findings]
@@ -527,7 +525,7 @@ FOLDERS = [p for p in data_files("params/*") if p.is_dir()]
 def test_launch_files_of_published_robots(path: Path) -> None:
     arguments = ["model:=burger", "name:=fetch", "config:=2d", "cmd_vel_topic:=cmd_vel", "odom_topic:=odom"]
     findings = check(str(path), *arguments)
-    # whatever is wrong with them, a user can act on it: a place, a value, a way out
+    # every error has a location, a value and a fix
     for f in findings:
         assert f.file and f.message and f.rule
         if f.severity == "error" and f.rule in ("wrong-type", "out-of-range"):
@@ -544,7 +542,7 @@ def test_folders_of_published_robots(path: Path) -> None:
     assert {f.rule for f in findings if f.severity == "error"} <= acceptable
 
 
-def test_a_packaged_name_is_the_packaged_set_wherever_one_stands(
+def test_a_packaged_name_selects_the_packaged_set_in_any_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "turtlebot").mkdir()
@@ -556,13 +554,13 @@ def test_a_packaged_name_is_the_packaged_set_wherever_one_stands(
 
 
 @pytest.mark.parametrize("name", ["NavfnROS", "DWAPlannerROS", "navstack", "conservative_reset"])
-def test_a_value_where_a_namespace_must_stand(name: str) -> None:
+def test_a_value_instead_of_a_namespace(name: str) -> None:
     errors = [f for f in check(robot(**{name: 3})) if f.severity == "error"]
     assert [(f.rule, f.key) for f in errors] == [("wrong-type", name)]
-    assert said(check(robot(**{name: None}))) == said(check(robot()))
+    assert keys_of(check(robot(**{name: None}))) == keys_of(check(robot()))
 
 
-def test_a_missing_layer_may_be_left_out() -> None:
+def test_an_unknown_layer_can_be_left_out() -> None:
     depth = {"name": "depth", "type": "costmap_2d::FetchDepthLayer"}
     listed = robot(local_costmap__plugins=[depth, OBSTACLE, INFLATION], local_costmap__depth={"beams": 3})
     (error,) = [f for f in check(listed) if f.severity == "error"]
@@ -573,12 +571,12 @@ def test_a_missing_layer_may_be_left_out() -> None:
     assert [layer.name for layer in loaded.local_costmap.layers] == ["obstacle_layer", "inflation_layer"]
     assert [(f.rule, f.severity) for f in loaded.findings if f.severity != "info"] == [("unknown-plugin", "warning")]
     assert [s.name for s in loaded.local_costmap.params.plugins or []] == ["obstacle_layer", "inflation_layer"]
-    # what is kept of the tree loads without the option
+    # the saved tree loads without the option
     again = load_configuration([loaded.tree.as_dict()])
     assert again.local_costmap == loaded.local_costmap
 
 
-def test_a_missing_planner_may_not_be_left_out() -> None:
+def test_an_unknown_planner_cannot_be_left_out() -> None:
     for key in ("base_local_planner", "base_global_planner"):
         (error,) = [f for f in check(robot(**{key: "teb/Nope"}), allow_missing=True) if f.severity == "error"]
         assert (error.rule, error.key) == ("unknown-plugin", key)
@@ -587,7 +585,7 @@ def test_a_missing_planner_may_not_be_left_out() -> None:
     assert error.suggestion is None  # a planner that exists elsewhere is not a misspelt one
 
 
-def test_missing_critics_and_recoveries_may_be_left_out() -> None:
+def test_unknown_critics_and_recoveries_can_be_left_out() -> None:
     critics = [{"name": "near", "type": "path"}, {"name": "far", "type": "mine"}]
     loaded = load_configuration([robot(DWAPlannerROS={"critics": critics})], allow_missing=True)
     assert [c.name for c in loaded.local_planner.params.critics] == ["near"]

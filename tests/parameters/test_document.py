@@ -1,4 +1,4 @@
-"""What parameters come to: shown, loaded again, compared."""
+"""Effective parameters: written, loaded again, compared."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ def shown(loaded: Configuration, tmp_path: Path, **options: Any) -> Configuratio
 
 
 @pytest.mark.parametrize("sources", ROBOTS, ids=IDS)
-def test_what_is_shown_loads_to_the_same(sources: list[str], tmp_path: Path) -> None:
+def test_the_yaml_loads_to_the_same_configuration(sources: list[str], tmp_path: Path) -> None:
     loaded = None
     for overrides in ([], ["base_local_planner=dwa", "base_global_planner=navfn"]):
         try:
             loaded = load_configuration(sources, overrides=overrides, allow_missing=True)
             break
         except ParameterError:
-            continue  # what is wrong with it stands in tests/parameters/findings
+            continue  # its errors are recorded in tests/parameters/findings
     if loaded is None:
         assert name_of(sources) != "packaged"
         return
@@ -45,14 +45,14 @@ def test_what_is_shown_loads_to_the_same(sources: list[str], tmp_path: Path) -> 
     assert same_parameters(loaded, shown(loaded, tmp_path, written_only=True))
 
 
-def test_the_defaults_show_as_well(tmp_path: Path) -> None:
+def test_defaults_are_written_as_well(tmp_path: Path) -> None:
     loaded = load_configuration([robot()])
     again = shown(loaded, tmp_path)
     assert same_parameters(loaded, again)
     assert not same_parameters(loaded, load_configuration([robot()], overrides=["DWAPlannerROS/sim_time=1.0"]))
 
 
-def test_every_field_of_every_component_in_use_is_there() -> None:
+def test_every_field_of_every_component_in_use_is_listed() -> None:
     loaded = load_configuration(["turtlebot"])
     names = {p.name for p in parameters_of(loaded)}
     parts: list[tuple[str, ParamModel]] = [("", loaded.move_base), ("navstack", loaded.navstack)]
@@ -88,15 +88,15 @@ def test_every_value_has_its_origin() -> None:
     assert document["DWAPlannerROS/twirling_scale"]["origin"] is None
 
 
-def test_what_would_override_a_layer_is_not_written() -> None:
-    """costmap_2d copies a costmap's own track_unknown_space over its layers'."""
+def test_a_value_that_would_override_a_layer_is_not_written() -> None:
+    """costmap_2d copies track_unknown_space of a costmap to its layers."""
     loaded = load_configuration([robot()])
     text = as_yaml(parameters_of(loaded))
     assert "  # track_unknown_space: false" in text
     assert yaml.safe_load(text)["global_costmap"]["static_layer"]["track_unknown_space"] is True
 
 
-def test_what_the_built_in_list_sets_is_not_written() -> None:
+def test_values_set_by_the_built_in_list_are_not_written() -> None:
     text = as_yaml(parameters_of(load_configuration([robot()])))
     assert "# reset_distance:" in text
     assert "reset_distance" not in yaml.safe_load(text).get("aggressive_reset", {})
@@ -111,7 +111,7 @@ VALUES = st.recursive(
 
 @settings(deadline=None, max_examples=60, derandomize=True)
 @given(VALUES)
-def test_any_value_reads_back(value: Any) -> None:
+def test_every_value_reads_back(value: Any) -> None:
     node, findings = parse_value(value_text(value), "x")
     assert node is not None and not findings
     assert plain(node) == value

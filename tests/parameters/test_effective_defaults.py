@@ -69,7 +69,7 @@ OTHER_RANGES = {
 
 
 def tables(text: str) -> list[tuple[str, list[dict[str, str]]]]:
-    """Every table with its section's number: rows as column -> cell."""
+    """Every table with the number of its section: rows as column -> cell."""
     found: list[tuple[str, list[dict[str, str]]]] = []
     section, columns = "", list[str]()
     for line in text.splitlines():
@@ -88,7 +88,7 @@ def tables(text: str) -> list[tuple[str, list[dict[str, str]]]]:
 
 
 def rows(text: str) -> list[tuple[str, type[ParamModel], str, str, str]]:
-    """Section, model, parameter, its effective default and its type, as the tables write them."""
+    """Section, model, parameter, effective default and type, as written in the tables."""
     made: list[tuple[str, type[ParamModel], str, str, str]] = []
     seen: dict[str, int] = {}
     for section, table in tables(text):
@@ -123,7 +123,7 @@ def written(text: str) -> Any:
     return float(number[0]) if number else plain
 
 
-def test_the_tables_are_understood(reference_dir: Path) -> None:
+def test_the_tables_are_parsed(reference_dir: Path) -> None:
     found = rows((reference_dir / "parameters.md").read_text(encoding="utf-8"))
     assert len(found) >= 180
     assert {section for section, *_ in found} == set(TABLES)
@@ -151,7 +151,7 @@ def test_effective_defaults(section: str, reference_dir: Path) -> None:
 
 @pytest.mark.parametrize("section", TABLES)
 def test_ranges(section: str, reference_dir: Path) -> None:
-    """The limits that dynamic_reconfigure clamps to are those of the models, or narrower (0 where it makes no sense)."""
+    """The ranges of the models are those of dynamic_reconfigure, or narrower (where 0 makes no sense)."""
     wrong: list[str] = []
     for at, model, name, _, kind in rows((reference_dir / "parameters.md").read_text(encoding="utf-8")):
         limits = re.search(r"\[(-?[\d.]+),([\d.]+|pi/2)\]", kind.replace("**", ""))

@@ -1,6 +1,6 @@
-"""What is said about the published robots, word for word: lists that a person has read, one file per robot.
+"""Findings about the published robots, recorded in one reviewed file per robot.
 
-After a change that is meant: `NAVSTACK_WRITE_FINDINGS=1 pytest tests/parameters/test_findings.py`, then read the difference.
+After an intended change: `NAVSTACK_WRITE_FINDINGS=1 pytest tests/parameters/test_findings.py`, then read the difference.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from tests.parameters.robots import launched
 CHECKED_IN = Path(__file__).parent / "findings"
 ROBOTS = sorted(p.name for p in data_files("params/*") if p.is_dir())
 PARTS = {
-    # folders that hold more than one robot's files: what a user names instead
+    # folders with the files of several robots: the sources that a user names instead
     "linorobot": [
         [f"params/linorobot/{name}_params.yaml" for name in (*common, "base_local_planner_default", "move_base")]
         for common in [("costmap_common", "local_costmap", "global_costmap")]
@@ -33,8 +33,8 @@ def sources_of(robot: str) -> list[list[str]]:
     return [[f"params/{robot}"], *PARTS.get(robot, []), *(launched(p) for p in launches)]
 
 
-def told(sources: list[list[str]]) -> str:
-    """A section for each way of loading, a line for each finding."""
+def text_of(sources: list[list[str]]) -> str:
+    """One section per way of loading, one line per finding."""
     lines: list[str] = []
     for one in sources:
         lines.append(f"# {' '.join(one)}")
@@ -60,9 +60,9 @@ def test_a_published_robot(robot: str, data_dir: Path, monkeypatch: pytest.Monke
     if not (CHECKED_IN / f"{robot}.txt").exists() and not os.environ.get("NAVSTACK_WRITE_FINDINGS"):
         return  # another collection of robots: tests/test_configuration.py looks at those
     monkeypatch.chdir(data_dir)
-    compare(robot, told(sources_of(robot)))
+    compare(robot, text_of(sources_of(robot)))
 
 
 def test_the_misspelt_turtlebot(data_dir: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(data_dir)
-    compare("params_misspelt", told([["params_misspelt"]]))
+    compare("params_misspelt", text_of([["params_misspelt"]]))

@@ -1,4 +1,4 @@
-"""Launch files: what they would put on the parameter server for move_base."""
+"""Launch files: the parameters they set for move_base."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def test_substitution_in_yaml_and_environment(tmp_path: Path, monkeypatch: pytes
     assert tree(launch(tmp_path, body)) == {"frame": "r_link", "b": "base", "c": "fallback"}
 
 
-def test_places_are_those_of_the_launch_file_and_of_the_yaml(tmp_path: Path) -> None:
+def test_locations_are_those_of_the_launch_file_and_of_the_yaml(tmp_path: Path) -> None:
     (tmp_path / "a.yaml").write_text("x: 1\ny: 2\n")
     path = launch(tmp_path, NODE.format('\n<rosparam file="$(dirname)/a.yaml"/>\n  <param name="x" value="3"/>\n'))
     root = read_sources([path]).root
@@ -112,7 +112,7 @@ def test_places_are_those_of_the_launch_file_and_of_the_yaml(tmp_path: Path) -> 
     assert (Path(y.at.file).name, y.at.line) == ("a.yaml", 2)
 
 
-def test_remaps_and_several_nodes_are_noted(tmp_path: Path) -> None:
+def test_remappings_and_several_nodes_are_reported(tmp_path: Path) -> None:
     two = NODE.format('<remap from="scan" to="front/scan"/><param name="a" value="1"/>') + NODE.format("")
     read = read_sources([launch(tmp_path, two)])
     assert {(f.severity, f.rule) for f in read.findings} == {("info", "remap"), ("warning", "launch")}
@@ -151,12 +151,12 @@ def test_xml_that_cannot_be_read(tmp_path: Path) -> None:
         assert words in message
 
 
-def test_files_that_include_each_other_end(tmp_path: Path) -> None:
+def test_cyclic_includes_end_with_an_error(tmp_path: Path) -> None:
     path = launch(tmp_path, '<include file="$(dirname)/robot.launch"/>')
     assert any("include each other" in m for m in errors(path))
 
 
-def test_launch_arguments_are_told_from_files() -> None:
+def test_launch_arguments_are_distinguished_from_files() -> None:
     assert launch_argument("model:=burger") == ("model", "burger")
     assert launch_argument("x:=") == ("x", "")
     assert launch_argument("C:/params") is None

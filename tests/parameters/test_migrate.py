@@ -1,4 +1,4 @@
-"""The same configuration with today's names."""
+"""Migration to current names."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_the_same_configuration(sources: list[str], tmp_path: Path) -> None:
     assert [f for f in after.findings if f.rule in ("renamed", "pre-hydro")] == []
 
 
-def test_only_names_change_and_comments_stay(tmp_path: Path) -> None:
+def test_only_names_change_and_comments_are_kept(tmp_path: Path) -> None:
     folder = tmp_path / "old"
     folder.mkdir()
     move_base = "# my robot\nbase_local_planner: dwa  # the best\n"
@@ -57,7 +57,7 @@ def test_only_names_change_and_comments_stay(tmp_path: Path) -> None:
     assert same_parameters(load_configuration([str(folder)]), written(migration, tmp_path / "new"))
 
 
-def test_a_file_by_itself_becomes_one_of_values(tmp_path: Path) -> None:
+def test_a_single_file_is_written_as_values(tmp_path: Path) -> None:
     migration = migrate(["turtlebot"], overrides=["DWAPlannerROS/max_vel_x=0.3"])
     assert list(migration.files) == [SINGLE_FILE]
     assert "command line" in migration.why_whole

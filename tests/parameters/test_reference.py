@@ -1,4 +1,4 @@
-"""The reference that is checked in is what the models say."""
+"""The reference page is up to date with the models."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def test_it_is_up_to_date() -> None:
     )
 
 
-def test_every_plugin_and_every_parameter_is_in_it() -> None:
+def test_every_plugin_and_every_parameter_is_listed() -> None:
     text = reference()
     for registry in REGISTRIES:
         for entry in registry:

@@ -1,15 +1,20 @@
-"""Checks across parameters: each finds its own combination, with the numbers, and nothing else."""
+"""Checks across parameters: each rule finds its own combination, with the numbers, and nothing else."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import pytest
 
+from navstack.core.parameter_checks import CheckContext, Issue, LayerTraits
+from navstack.core.parameters import ParamModel, param
+from navstack.costmap import InflationLayer
 from navstack.parameters import Finding
 from navstack.parameters.configuration import check_parameters, load_configuration
+from navstack.plugins import LAYERS
 from tests.parameters.test_configuration import INFLATION, OBSTACLE, SCAN, STATIC, robot
 
 
@@ -40,7 +45,7 @@ def test_the_scoring_scale_of_before_2018() -> None:
         assert number in one.message
     assert one.key == "DWAPlannerROS/occdist_scale"
     assert "scoring-scale" not in rules_of(DWAPlannerROS=OLD, navstack={"ros_distro": "indigo"})
-    # which is what measured well on the real stack: a tenth of it
+    # a tenth of it, the value that worked on the real stack
     assert "scoring-scale" not in rules_of(DWAPlannerROS={**OLD, "occdist_scale": 0.05})
     assert "scoring-scale" not in rules_of()
 
@@ -54,13 +59,13 @@ def test_the_scoring_scale_of_trajectory_rollout_with_meter_scoring() -> None:
         assert number in one.message
     old = {**rollout, "TrajectoryPlannerROS": {**weights, "sim_time": 2.0, "max_vel_x": 0.5}}
     assert "scoring-scale" not in rules_of(**old, navstack={"ros_distro": "indigo"})
-    # counted in cells, progress weighs twenty times more
+    # without meter_scoring, distances count cells and progress weighs 20 times more
     assert "scoring-scale" not in rules_of(
         **rollout, TrajectoryPlannerROS={"occdist_scale": 0.1, "goal_distance_bias": 1.0}
     )
 
 
-def test_weights_that_are_heavy_on_either_scale_are_not_blamed_on_it() -> None:
+def test_weights_that_are_large_on_both_scales_do_not_suggest_indigo() -> None:
     one = found("scoring-scale", DWAPlannerROS={**OLD, "occdist_scale": 50.0})
     assert "set navstack/ros_distro" not in one.message
     assert "divide" in one.message
@@ -102,16 +107,16 @@ def test_each_rule_finds_its_combination_with_the_numbers(
     assert all(f.severity == "warning" for f in findings)
     for number in numbers:
         assert number in findings[0].message
-    # a warning does not stop, and the same robot without it has none
+    # a warning does not prevent loading, and the correct robot has none
     load_configuration([robot(**more)])
     assert rule not in rules_of()
 
 
-def test_a_recovery_layer_that_one_costmap_has_is_right() -> None:
+def test_a_recovery_layer_of_one_costmap_is_accepted() -> None:
     clear = {"name": "r", "type": "clear_costmap_recovery/ClearCostmapRecovery"}
     named = {"recovery_behaviors": [clear], "r": {"layer_names": ["static_layer"]}}
     assert "no-such-layer" not in rules_of(**named)
-    # but not when only the local one is to be cleared
+    # but not if only the local costmap is cleared
     named["r"] = {"layer_names": ["static_layer"], "affected_maps": "local"}
     assert found("no-such-layer", **named).severity == "error"
 
@@ -123,12 +128,12 @@ def test_unknown_space_is_tracked_by_the_static_layer() -> None:
     )
 
 
-def test_rules_keep_quiet_when_a_source_could_not_be_read() -> None:
+def test_rules_are_skipped_if_a_source_cannot_be_read() -> None:
     findings = check_parameters([robot(local_costmap__rolling_window=False), "nowhere"])
     assert {f.rule for f in findings if f.severity != "info"} == {"no-source"}
 
 
-def test_every_rule_has_its_page() -> None:
+def test_every_rule_is_documented() -> None:
     """rules.md has a section for each rule, declared by a plugin or for the whole robot, and none for others."""
     root = Path(__file__).parents[2]
     files = [(root / "navstack" / "parameters" / "rules.py").read_text(encoding="utf-8")]
@@ -143,8 +148,60 @@ def test_every_rule_has_its_page() -> None:
     assert sorted(sections) == sorted([*rules, "Your own rules"])
 
 
-def test_no_samples_to_the_side_count_as_one() -> None:
+def test_zero_sideways_samples_count_as_one() -> None:
     """As in ROS, which clamps to 1."""
     one = found("counts-as-one", DWAPlannerROS={"vy_samples": 0})
     assert (one.severity, one.suggestion) == ("info", "1")
     assert rules_of(DWAPlannerROS={"vy_samples": 0}) == set()
+
+
+class _TheirParams(ParamModel):
+    """A layer of a third party with a rule."""
+
+    reach: float = param(1.0, "reach", unit="m")
+
+    def check(self, context: CheckContext) -> Iterator[Issue]:
+        if self.reach < 0.0:
+            raise RuntimeError("negative reach")
+        radius = context.costmap.footprint.circumscribed_radius
+        if self.reach < radius:
+            where = f"{context.name} in {context.costmap.name}"
+            message = f"reach = {self.reach:g} m of {where} is less than {radius:.3g} m; raise it"
+            yield Issue("warning", "their-reach", ("reach", "/local_costmap/robot_radius"), message, "1")
+
+
+class _TheirLayer(InflationLayer):
+    Params: ClassVar[type[ParamModel]] = _TheirParams
+
+    @classmethod
+    def traits(cls, params: Any) -> LayerTraits:
+        return LayerTraits(fed_by_sensors=False, inflates=False)
+
+
+@pytest.fixture
+def theirs(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
+    """An entry for a list of layers of a type that a third party registers."""
+    list(LAYERS)
+    monkeypatch.setattr(LAYERS, "_entries", dict(LAYERS._entries))
+    monkeypatch.setattr(LAYERS, "_lookup", dict(LAYERS._lookup))
+    LAYERS.add("their_layer", _TheirLayer, aliases=("theirs/TheirLayer",), origin="theirs")
+    return {"name": "own", "type": "theirs/TheirLayer"}
+
+
+def test_a_third_party_plugin_declares_its_rules(theirs: dict[str, str]) -> None:
+    layers = {"local_costmap__plugins": [OBSTACLE, theirs, INFLATION]}
+    one = found("their-reach", **layers, local_costmap__own={"reach": 0.1})
+    assert (one.severity, one.key, one.suggestion) == ("warning", "local_costmap/own/reach", "1")
+    assert one.message == "reach = 0.1 m of own in local_costmap is less than 0.214 m; raise it"
+    assert "their-reach" not in rules_of(**layers, local_costmap__own={"reach": 0.5})
+    # its traits count for the rules of others
+    assert "blind" in rules_of(local_costmap__plugins=[theirs])
+
+
+def test_a_rule_that_raises_does_not_prevent_loading(theirs: dict[str, str]) -> None:
+    more = {"local_costmap__plugins": [OBSTACLE, theirs, INFLATION], "local_costmap__own": {"reach": -1.0}}
+    one = found("check-failed", **more)
+    assert one.message == (
+        "the check of _TheirParams failed with RuntimeError: negative reach; report this to the author of the plugin"
+    )
+    load_configuration([robot(**more)])

@@ -1,4 +1,4 @@
-"""JSON Schema: takes what loads, refuses what does not."""
+"""JSON Schema: accepts what loads and rejects what does not."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TYPES: dict[str, Any] = {
 
 
 def problems(value: Any, schema: Mapping[str, Any], at: str = "") -> list[str]:
-    """What a validator of JSON Schema would say, for the words that this schema uses."""
+    """The errors of a JSON Schema validator, for the keywords that this schema uses."""
     if "$ref" in schema:
         return problems(value, SCHEMA["$defs"][schema["$ref"].rpartition("/")[2]], at)
     if "anyOf" in schema:
@@ -57,14 +57,14 @@ def problems(value: Any, schema: Mapping[str, Any], at: str = "") -> list[str]:
     return found
 
 
-def test_every_reference_leads_somewhere() -> None:
+def test_every_reference_resolves() -> None:
     text = json.dumps(SCHEMA)
     used = {part.partition('"')[0] for part in text.split('"#/$defs/')[1:]}
     assert used <= set(SCHEMA["$defs"])
     assert SCHEMA["$schema"].endswith("2020-12/schema")
 
 
-def test_it_takes_what_is_shown() -> None:
+def test_it_accepts_the_written_yaml() -> None:
     shown = yaml.safe_load(as_yaml(parameters_of(load_configuration(["turtlebot"]))))
     assert problems(shown, SCHEMA) == []
 
@@ -88,11 +88,11 @@ def test_it_takes_what_is_shown() -> None:
         ({"my_recovery": {"speed": 1}}, None),
     ],
 )
-def test_what_it_says(document: dict[str, Any], problem: str | None) -> None:
+def test_errors_of_the_schema(document: dict[str, Any], problem: str | None) -> None:
     assert problems(document, SCHEMA) == ([problem] if problem else [])
 
 
-def test_former_names_are_marked() -> None:
+def test_former_names_are_deprecated() -> None:
     dwa = SCHEMA["$defs"]["DWAParams"]["properties"]
     assert dwa["vtheta_samples"]["deprecated"] is True
     assert dwa["vtheta_samples"]["minimum"] == 1

@@ -1,4 +1,4 @@
-"""Folders, files, overrides -> one tree, laid over each other as roslaunch does."""
+"""Folders, files and overrides -> one tree, merged as by roslaunch."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_a_dump_of_the_parameter_server_is_entered_at_move_base(tmp_path: Path) 
     assert tree(str(folder / "dump.yaml")) == {"controller_frequency": 5.0, "navstack": {"ros_distro": "indigo"}}
 
 
-def test_files_that_play_no_part_are_named_not_loaded(tmp_path: Path) -> None:
+def test_files_without_a_role_are_reported_and_not_loaded(tmp_path: Path) -> None:
     folder = write(
         tmp_path / "p", move_base_params="a: 1\n", kinect_costmap_params="dummy.yaml", amcl="odom_alpha1: 1\n"
     )
@@ -82,7 +82,7 @@ def test_files_that_play_no_part_are_named_not_loaded(tmp_path: Path) -> None:
     notes = [f for f in read_sources([str(folder)]).findings if f.rule == "not-loaded"]
     assert [Path(f.file).name for f in notes] == ["amcl.yaml", "kinect_costmap_params.yaml"]
     assert all(f.severity == "info" for f in notes)
-    # named, it is read, and what is wrong with it is said
+    # if it is named, it is read and its errors are reported
     assert ("error", "not-a-mapping") in rules(str(folder / "kinect_costmap_params.yaml"))
 
 
@@ -115,12 +115,12 @@ def test_roles_by_file_name(name: str, role: str | None) -> None:
     assert role_of(name) == role
 
 
-def test_a_costmap_file_without_its_namespace_goes_where_its_name_says(tmp_path: Path) -> None:
+def test_a_costmap_file_without_namespace_is_loaded_by_its_name(tmp_path: Path) -> None:
     folder = write(tmp_path / "p", costmap_local="width: 3\n", costmap_global="width: 30\n", planner="a: 1\n")
     assert tree(str(folder)) == {"local_costmap": {"width": 3}, "global_costmap": {"width": 30}, "a": 1}
 
 
-def test_one_inner_folder_is_taken_and_several_are_asked_about(tmp_path: Path) -> None:
+def test_one_inner_folder_is_loaded_and_several_are_an_error(tmp_path: Path) -> None:
     folder = write(tmp_path / "p", costmap_common_params="width: 1\n")
     write(folder / "odom_nav_params", local_costmap_params="local_costmap: {height: 2}\n")
     assert tree(str(folder))["local_costmap"] == {"width": 1, "height": 2}
@@ -128,13 +128,13 @@ def test_one_inner_folder_is_taken_and_several_are_asked_about(tmp_path: Path) -
     (found,) = [f for f in read_sources([str(folder)]).findings if f.severity == "error"]
     assert found.rule == "ambiguous"
     assert "map_nav_params or" in found.message and "odom_nav_params" in found.message
-    # both named: the inner one lies over the outer
+    # both named: the inner one overrides the outer one
     assert (
         tree(str(folder / "costmap_common_params.yaml"), str(folder / "map_nav_params"))["local_costmap"]["height"] == 3
     )
 
 
-def test_several_files_for_one_part_are_asked_about(tmp_path: Path) -> None:
+def test_several_files_with_one_role_are_an_error(tmp_path: Path) -> None:
     folder = write(tmp_path / "p", costmap_common_params_a="x: 1\n", costmap_common_params_b="x: 2\n")
     assert ("error", "ambiguous") in rules(str(folder))
     folder = write(tmp_path / "q", base_local_planner_params="A: {x: 1}\n", dwa_local_planner_params="B: {x: 1}\n")
@@ -175,7 +175,7 @@ def test_a_python_mapping_is_a_source() -> None:
     assert tree({"a": 1, "b": {"c": [1.0, True]}}, {"a": 2}) == {"a": 2, "b": {"c": [1.0, True]}}
 
 
-def test_sources_that_are_not_there(tmp_path: Path) -> None:
+def test_missing_sources(tmp_path: Path) -> None:
     (found,) = read_sources(["turtlebto"]).findings
     assert (found.severity, found.rule, found.suggestion) == ("error", "no-source", "turtlebot")
     assert rules() == [("error", "no-source")]

@@ -1,4 +1,4 @@
-"""YAML as rosparam reads it, located."""
+"""YAML as rosparam reads it, with locations."""
 
 from __future__ import annotations
 
@@ -79,11 +79,11 @@ def test_the_last_duplicate_wins_and_is_reported() -> None:
     assert "line 2" in found.message
 
 
-def test_a_duplicate_with_the_same_value_is_a_note() -> None:
+def test_a_duplicate_with_the_same_value_is_an_info() -> None:
     assert [f.severity for f in parse_yaml("a: 1\na: 1\n", "t.yaml").findings] == ["info"]
 
 
-def test_a_duplicated_namespace_loses_the_first_one_whole() -> None:
+def test_a_duplicated_namespace_is_replaced_as_a_whole() -> None:
     read = parse_yaml("a: {b: 1}\na: {c: 2}\n", "t.yaml")
     assert plain(read.root) == {"a": {"c": 2}}
     assert "replaces the first" in read.findings[0].message
@@ -135,7 +135,7 @@ def test_bom_in_a_file(tmp_path: Path) -> None:
         ("a: \x00\n", "yaml", 1, 4, "control"),
     ],
 )
-def test_what_is_refused_says_where_and_what_to_do(text: str, rule: str, line: int, column: int, word: str) -> None:
+def test_rejected_files_name_location_and_fix(text: str, rule: str, line: int, column: int, word: str) -> None:
     read = parse_yaml(text, "t.yaml")
     assert plain(read.root) == {}
     (found,) = [f for f in read.findings if f.severity == "error"]
@@ -143,7 +143,7 @@ def test_what_is_refused_says_where_and_what_to_do(text: str, rule: str, line: i
     assert word in found.message
 
 
-def test_bombs_depth_and_size_are_refused(tmp_path: Path) -> None:
+def test_alias_bombs_depth_and_size_are_rejected(tmp_path: Path) -> None:
     lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x]"]
     lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1, 30)]
     assert [f.rule for f in parse_yaml("\n".join(lines), "t").findings] == ["alias-bomb"]
