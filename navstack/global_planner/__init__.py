@@ -1,5 +1,30 @@
-"""Floor 2: global planners. Importing the room registers them."""
+"""Global planners, and the parts of which a planner can be composed in one file.
 
+A planner that searches derives from `SearchPlanner` and passes it a search:
+
+- `WaveSearch`: `WaveCosts` x `Propagation` x `Traceback`, as navfn and global_planner;
+- `CellSearch`: `CellCosts` x a function that expands cells and returns a `CellPath`, as astar and theta_star;
+- or its own `Search`, which turns a `Query` into a `Route`.
+
+The frame handles start policy, goal tolerance, errors, headings and the cached plan.
+"""
+
+from navstack.global_planner._search.base import Query, Route, Search, SearchParams, SearchPlanner, Unreachable
+from navstack.global_planner._search.best_first import BestFirst
+from navstack.global_planner._search.cell_search import CellPath, CellPlanner, CellPlannerParams, CellSearch
+from navstack.global_planner._search.cost_interpreter import (
+    CellCosts,
+    CostInterpreter,
+    WaveCosts,
+    cell_costs,
+    global_planner_costs,
+    navfn_costs,
+    wave_costs,
+)
+from navstack.global_planner._search.orientation_filter import OrientationFilter, OrientationMode
+from navstack.global_planner._search.propagation import NavfnPropagation, Propagation, SubcellPropagation
+from navstack.global_planner._search.traceback import GradientTraceback, GridTraceback, NavfnTraceback, Traceback
+from navstack.global_planner._search.wave_search import WaveSearch
 from navstack.global_planner.astar import AStarParams, AStarPlanner
 from navstack.global_planner.carrot import CarrotPlanner, CarrotPlannerParams
 from navstack.global_planner.global_planner import GlobalPlannerParams, GlobalPlannerROS
@@ -9,12 +34,40 @@ from navstack.global_planner.theta_star import ThetaStarParams, ThetaStarPlanner
 __all__ = [
     "AStarParams",
     "AStarPlanner",
+    "BestFirst",
     "CarrotPlanner",
     "CarrotPlannerParams",
+    "CellCosts",
+    "CellPath",
+    "CellPlanner",
+    "CellPlannerParams",
+    "CellSearch",
+    "CostInterpreter",
     "GlobalPlannerParams",
     "GlobalPlannerROS",
+    "GradientTraceback",
+    "GridTraceback",
     "NavfnParams",
+    "NavfnPropagation",
     "NavfnROS",
+    "NavfnTraceback",
+    "OrientationFilter",
+    "OrientationMode",
+    "Propagation",
+    "Query",
+    "Route",
+    "Search",
+    "SearchParams",
+    "SearchPlanner",
+    "SubcellPropagation",
     "ThetaStarParams",
     "ThetaStarPlanner",
+    "Traceback",
+    "Unreachable",
+    "WaveCosts",
+    "WaveSearch",
+    "cell_costs",
+    "global_planner_costs",
+    "navfn_costs",
+    "wave_costs",
 ]

@@ -1,4 +1,4 @@
-"""Random reachable pairs on the packaged maps and on others' maps: every planner finds a path, free of collision throughout."""
+"""Random reachable pairs on the packaged maps and on published maps: every planner finds a path without collisions."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from navstack.parameters.configuration import Configuration, load_configuration
 from navstack.plugins import GLOBAL_PLANNERS
 from tests.conftest import data_files
 
-MOST_BYTES = 200_000
-"""Images larger than this are left to the tool: a test run has no time for them."""
+MAX_BYTES = 200_000
+"""Maps with larger images are skipped to limit the test time."""
 
 
 def small_maps() -> list[Path]:
-    """YAML files beside images that are not too large."""
+    """YAML files of maps whose images are not too large."""
     files = [f for f in data_files("maps/*/*.yaml") if f.name != "INDEX.tsv"]
-    return [f for f in files if sum(o.stat().st_size for o in f.parent.iterdir()) < MOST_BYTES]
+    return [f for f in files if sum(o.stat().st_size for o in f.parent.iterdir()) < MAX_BYTES]
 
 
 @pytest.fixture(scope="module")
@@ -37,10 +37,10 @@ def configuration() -> Configuration:
     [*(map_path(n) for n in map_names()), *small_maps()],
     ids=lambda f: f"{f.parent.name}-{f.stem}",
 )
-def test_every_planner_finds_every_pair_free_of_collision(file: Path, configuration: Configuration) -> None:
+def test_every_planner_connects_every_pair_without_collision(file: Path, configuration: Configuration) -> None:
     try:
         grid = load_map(file)
-    except MapError as error:  # as published: its image's path is another machine's
+    except MapError as error:  # published with an image path of another machine
         assert "does not exist" in str(error)
         return
     costmap = costmap_of(configuration, grid)
@@ -52,7 +52,7 @@ def test_every_planner_finds_every_pair_free_of_collision(file: Path, configurat
     assert [r.planner for r in results] == [name for name in SEARCHING for _ in pairs]
 
 
-def test_the_referee_sees_a_path_through_a_wall() -> None:
+def test_the_check_rejects_a_path_through_a_wall() -> None:
     costmap = Costmap(GridGeometry(10, 10, 0.1))
     costmap.data[:, 5] = 253
     path = RobotPath(np.array([[0.05, 0.05, 0.0], [0.95, 0.05, 0.0]]))

@@ -1,4 +1,4 @@
-"""A tenth of the movingai problems, with a referee of its own: legal steps, the published optimum, theta_star never longer."""
+"""A tenth of the movingai problems, with independent checks: legal steps, the published optimum, theta_star never longer."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def folder(data_dir: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def problems(folder: Path) -> list[Problem]:
-    """Six of every map's sixty."""
+    """Six of the sixty problems of every map."""
     rng = np.random.default_rng(20)
     by_map: dict[str, list[Problem]] = {}
     for problem in read_problems(folder):
@@ -40,13 +40,13 @@ def astar(folder: Path, problems: list[Problem]) -> list[Answer]:
 
 
 def walls(folder: Path, name: str) -> list[str]:
-    """The map's rows, read by nothing of navstack's."""
+    """The rows of the map, read without code of navstack."""
     lines = (folder / "maps" / f"{name}.map").read_text("ascii").splitlines()
     return lines[lines.index("map") + 1 :]
 
 
-def referee(rows: list[str], problem: Problem, xy: NDArray[np.float64]) -> float:
-    """The length of a path of legal steps from start to goal; fails for any other."""
+def legal_length(rows: list[str], problem: Problem, xy: NDArray[np.float64]) -> float:
+    """Length of a path from start to goal; fails if a step is not legal."""
     cells = [(round(float(x)), round(float(y))) for x, y in xy]
     assert np.abs(np.array(cells) - xy).max() < 1e-6
     assert cells[0] == (problem.sx, problem.sy)
@@ -54,7 +54,7 @@ def referee(rows: list[str], problem: Problem, xy: NDArray[np.float64]) -> float
     length = 0.0
     for (ax, ay), (bx, by) in itertools.pairwise(cells):
         assert max(abs(ax - bx), abs(ay - by)) == 1
-        for x, y in {(bx, by), (ax, by), (bx, ay)}:  # of a diagonal all four cells, of a straight step both
+        for x, y in {(bx, by), (ax, by), (bx, ay)}:  # all four cells beside a diagonal step, both of a straight one
             assert rows[y][x] in ".GS", f"{problem}: through ({x}, {y})"
         length += math.hypot(ax - bx, ay - by)
     return length
@@ -63,19 +63,19 @@ def referee(rows: list[str], problem: Problem, xy: NDArray[np.float64]) -> float
 def test_astar_is_optimal_and_legal(folder: Path, astar: list[Answer]) -> None:
     rows = {name: walls(folder, name) for name in {a.problem.map for a in astar}}
     for answer in astar:
-        length = referee(rows[answer.problem.map], answer.problem, answer.xy)
+        length = legal_length(rows[answer.problem.map], answer.problem, answer.xy)
         assert abs(length - answer.problem.optimal) <= TOLERANCE, answer.problem
         assert length == pytest.approx(answer.length)
 
 
-def test_the_referee_sees_a_cut_corner() -> None:
+def test_the_check_rejects_a_cut_corner() -> None:
     problem = Problem("-", "-", 0, 0, 1, 1, 1.4)
     with pytest.raises(AssertionError, match="through"):
-        referee([".@", ".."], problem, np.array([[0.0, 0.0], [1.0, 1.0]]))
+        legal_length([".@", ".."], problem, np.array([[0.0, 0.0], [1.0, 1.0]]))
 
 
-def test_theta_star_is_never_longer_and_sees_where_it_goes(folder: Path, astar: list[Answer]) -> None:
-    """On a third of them; every point of its lines, ten to a cell, lies in passable cells."""
+def test_theta_star_is_never_longer_and_legal(folder: Path, astar: list[Answer]) -> None:
+    """On a third of the problems; ten points per cell along the lines are all in passable cells."""
     some = astar[::3]
     rows = {name: walls(folder, name) for name in {a.problem.map for a in some}}
     shorter = 0
@@ -90,7 +90,7 @@ def test_theta_star_is_never_longer_and_sees_where_it_goes(folder: Path, astar: 
     assert shorter > len(some) // 2
 
 
-def test_the_summary_counts_what_was_found(astar: list[Answer]) -> None:
+def test_the_summary_counts_the_answers(astar: list[Answer]) -> None:
     rows = summary(astar)
     assert rows[-1]["map"] == "all"
     assert rows[-1]["problems"] == rows[-1]["found"] == rows[-1]["optimal"] == len(astar)
