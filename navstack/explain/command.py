@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Costmap, Footprint, Pose2D, Transform2D
+from navstack.core import Costmap, Footprint, Pose2D
 from navstack.core.errors import RecordError
 from navstack.explain.command_summary import count_rejections, summary_of
 from navstack.explain.replay import Replay, replay, time_in
 from navstack.explain.samples import SampleReport, rank_samples
-from navstack.interfaces import ControlInput, LocalPlan
+from navstack.interfaces import ControlDiagnostics, LocalPlan
 from navstack.record import Record
 
 
@@ -79,8 +79,8 @@ class _Cycle:
     replayed: Replay
     planner: str
     plan: LocalPlan
-    details: dict[str, Any] = field(default_factory=dict[str, Any])
-    """What the local planner's `explain` returned; empty if it has nothing about this cycle."""
+    details: ControlDiagnostics | None = None
+    """None if the local planner has no diagnostics of this cycle."""
 
 
 def explain_command(record: Record, time: float | None = None) -> CommandReport:
@@ -92,22 +92,22 @@ def explain_command(record: Record, time: float | None = None) -> CommandReport:
     cycle = _replay_cycle(record, requested)
     replayed, plan, details = cycle.replayed, cycle.plan, cycle.details
     costmap = replayed.costmap("local")
-    samples = rank_samples(plan, details.get("accounts"))
-    rejections = details.get("rejections") or count_rejections(samples)
+    samples = rank_samples(plan, details.samples if details else None)
+    rejections = details.rejections if details else count_rejections(samples)
     return CommandReport(
         time=replayed.time,
         requested=requested,
         planner=cycle.planner,
         state=str(record.states[record.index_at(replayed.time)]),
-        summary=summary_of(cycle.planner, plan, samples, rejections, details.get("rule", "")),
+        summary=summary_of(cycle.planner, plan, samples, rejections, details.rule if details else ""),
         plan=plan,
         samples=samples,
         rejections=rejections,
-        costmap=details.get("costmap", costmap.master),
-        footprint=details.get("footprint", costmap.footprint),
+        costmap=details.costmap if details else costmap.master,
+        footprint=details.footprint if details else costmap.footprint,
         robot=costmap.robot_pose(replayed.time),
-        poses=details.get("poses"),
-        counts=details.get("counts"),
+        poses=details.rollouts.poses if details else None,
+        counts=details.rollouts.counts if details else None,
     )
 
 
@@ -115,10 +115,9 @@ def _replay_cycle(record: Record, requested: float) -> _Cycle:
     replayed = replay(record, _last_search(record, requested))
     planner = replayed.run.move_base.local_planner
     name = type(planner).__name__
-    details = planner.explain(_inputs(replayed))
-    plan: Any = details.get("plan")
-    if isinstance(plan, LocalPlan):
-        return _Cycle(replayed, name, plan, details)
+    details = planner.diagnostics()
+    if details is not None:
+        return _Cycle(replayed, name, details.plan, details)
     recorded = record.local_plan_at(replayed.time)
     if recorded is None or recorded.t != replayed.time or recorded.plan.samples is None:
         raise RecordError(
@@ -142,10 +141,3 @@ def _last_search(record: Record, time: float) -> float:
 def _failure_at(record: Record, time: float) -> str:
     failed = [event for event in record.events_of("control_failed") if event.time == time]
     return f" ({failed[-1].text})" if failed else ""
-
-
-def _inputs(replayed: Replay) -> ControlInput:
-    costmap = replayed.costmap("local")
-    robot = replayed.run.robot
-    to_costmap = replayed.to_map("local").inverse() if costmap.frame != robot.map_frame else Transform2D()
-    return ControlInput(robot.state(), costmap.master, costmap.footprint, to_costmap)

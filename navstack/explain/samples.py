@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from navstack.interfaces import LocalPlan
+from navstack.interfaces import LocalPlan, RejectionDetail
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,29 +48,31 @@ class SampleReport:
         }
 
 
-def rank_samples(plan: LocalPlan, rejections: Sequence[dict[str, Any]] | None) -> tuple[SampleReport, ...]:
+def rank_samples(
+    plan: LocalPlan, rejections: Sequence[tuple[str | None, RejectionDetail]] | None
+) -> tuple[SampleReport, ...]:
     """Legal samples by total cost, then rejected ones by row.
 
-    `rejections` holds, per row, `rejected_by`, `reason` and the data of a collision; None for a planner without details.
+    `rejections`: see `ControlDiagnostics.samples`; None for a planner without diagnostics.
     """
     if plan.samples is None or plan.totals is None:
         return ()
     details = rejections or _from_table(plan)
     k = len(plan.samples)
-    legal = np.array([row["rejected_by"] is None for row in details], np.bool_)
+    legal = np.array([rejected_by is None for rejected_by, _ in details], np.bool_)
     order = np.lexsort((np.arange(k), np.where(legal, plan.totals, np.inf)))
-    return tuple(_sample(plan, row, place, details[row]) for place, row in enumerate(order.tolist(), 1))
+    return tuple(_sample(plan, row, place, *details[row]) for place, row in enumerate(order.tolist(), 1))
 
 
-def _from_table(plan: LocalPlan) -> list[dict[str, Any]]:
+def _from_table(plan: LocalPlan) -> list[tuple[str | None, RejectionDetail]]:
     """The rejections as far as the table has them."""
     assert plan.samples is not None
     by: list[int] = plan.rejected_by.tolist() if plan.rejected_by is not None else [-1] * len(plan.samples)
     names = {-1: None, -2: "limits"}
-    return [{"rejected_by": names[b] if b in names else plan.critics[b], "reason": ""} for b in by]
+    return [(names[b] if b in names else plan.critics[b], RejectionDetail()) for b in by]
 
 
-def _sample(plan: LocalPlan, row: int, place: int, details: dict[str, Any]) -> SampleReport:
+def _sample(plan: LocalPlan, row: int, place: int, rejected_by: str | None, detail: RejectionDetail) -> SampleReport:
     assert plan.samples is not None
     assert plan.totals is not None
     costs: dict[str, float] = {}
@@ -80,15 +82,15 @@ def _sample(plan: LocalPlan, row: int, place: int, details: dict[str, Any]) -> S
             if np.isfinite(cost):
                 costs[name], weighted[name] = cost, cost * scale
     vx, vy, wz = plan.samples[row].tolist()
-    legal = details["rejected_by"] is None
+    legal = rejected_by is None
     return SampleReport(
         index=row,
         rank=place if legal else None,
         velocity=(vx, vy, wz),
         total=float(plan.totals[row]) if legal else None,
-        rejected_by=details["rejected_by"],
-        reason=details.get("reason", ""),
+        rejected_by=rejected_by,
+        reason=detail.reason,
         costs=costs,
         weighted=weighted,
-        collision={key: value for key, value in details.items() if key not in ("rejected_by", "reason")},
+        collision={key: value for key, value in detail.as_dict().items() if key != "reason"},
     )

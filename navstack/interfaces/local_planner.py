@@ -169,20 +169,3 @@ class LocalPlanner(ABC):
     def diagnostics(self) -> ControlDiagnostics | None:
         """How the last command was selected, computed on request; None before the first or if not supported."""
         return None
-
-    def explain(self, inputs: ControlInput) -> dict[str, Any]:
-        """`diagnostics` as a dictionary; empty without."""
-        del inputs
-        found = self.diagnostics()
-        if found is None:
-            return {}
-        return {
-            "plan": found.plan,
-            "poses": found.rollouts.poses,
-            "counts": found.rollouts.counts,
-            "costmap": found.costmap,
-            "footprint": found.footprint,
-            "rejections": found.rejections,
-            "accounts": [{"rejected_by": by, **detail.as_dict()} for by, detail in found.samples],
-            "rule": found.rule,
-        }
