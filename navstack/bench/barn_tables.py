@@ -134,9 +134,9 @@ def cpp_comparison_table(rows: Sequence[Mapping[str, Any]], outcomes: Sequence[B
     compared = [
         _comparison_row("success", success, theirs, [r["success"] / r["runs"] for r in both]),
         _paired_row("score", [r["cpp_score"] for r in both], [r["score"] for r in both]),
-        *(
-            _paired_row(f"{what}, both succeed ({key[-1]})", [cpp[r["world"]][key] for r in won], [r[key] for r in won])
-            for what, key in (("time", "time_s"), ("length", "length_m"))
+        _paired_row("time, both succeed (s)", [cpp[r["world"]]["time_s"] for r in won], [r["time_s"] for r in won]),
+        _paired_row(
+            "length, both succeed (m)", [cpp[r["world"]]["length_m"] for r in won], [r["length_m"] for r in won]
         ),
     ]
     return Table("navstack minus C++, paired by world", _COMPARISON_COLUMNS, compared)

@@ -103,11 +103,11 @@ def blocked_points(plan: Plan, costmap: Costmap, *, corners: bool) -> int:
     return int((~inside).sum() + ((costs == INSCRIBED) | (costs == LETHAL)).sum())
 
 
-def forget_plans(planner: GlobalPlanner) -> None:
+def reset_planner(planner: GlobalPlanner) -> None:
     """Clears the caches of a planner, so that it makes the next plan from scratch."""
-    forget = getattr(planner, "forget", None)
-    if forget is not None:
-        forget()
+    reset = getattr(planner, "reset", None)
+    if reset is not None:
+        reset()
 
 
 def run_pairs(
@@ -127,7 +127,7 @@ def run_pairs(
             with suppress(PlanningError):
                 planner.make_plan(costmap, start, goal, footprint=footprint)
         for start, goal in pairs:
-            forget_plans(planner)
+            reset_planner(planner)
             began = time.perf_counter()
             try:
                 plan = planner.make_plan(costmap, start, goal, footprint=footprint)

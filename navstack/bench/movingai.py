@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.bench.csv_reader import read_csv
-from navstack.bench.map_pairs import forget_plans
+from navstack.bench.map_pairs import reset_planner
 from navstack.core import FREE, LETHAL, Costmap, GridGeometry, Pose2D
 from navstack.core.errors import InputError, PlanningError
 from navstack.interfaces import GlobalPlanner
@@ -128,7 +128,7 @@ def run(folder: Path, planner: GlobalPlanner, problems: Iterable[Problem] | None
         if problem.map not in maps:
             maps[problem.map] = as_costmap(read_map(map_file(folder, problem.map)))
             solve(planner, maps[problem.map], problem)  # untimed: allocates, and compiles on the first run
-            forget_plans(planner)
+            reset_planner(planner)
         answers.append(solve(planner, maps[problem.map], problem))
     return answers
 

@@ -1,31 +1,33 @@
 #!/usr/bin/env python3
-"""Benchmark costmap updates against costmap_2d: ratios, with the current calibration of the machine.
+"""Compare costmap updates with the C++ originals.
 
-Reads the scenes, the C++ times and the calibration from a folder with `calibrate.py` and `cpp_reference.json`, beside the
-folder of the golden static costmap of Willow (`--reference`, default ../shared/bench from the repository). A ratio above 1 is
-faster than C++. `--soak N` runs N random updates of a rolling costmap instead and checks origin and memory.
+    python tools/bench/costmap.py [--reference FOLDER] [--runs N] [--soak N]
+
+The scenes, the C++ times and the calibration are those of FOLDER (default: `bench`, see `reference.py`); the folder `golden`
+contains the static costmap of Willow. A ratio above 1 is faster than C++. `--soak N` runs N random updates of a rolling costmap
+instead, and checks its origin and the memory.
 """
 
 from __future__ import annotations
 
 import argparse
 import gc
-import importlib.util
 import math
 import resource
 import statistics
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
+from reference import Reference, data_folder
 
-from navstack.bench.speed_scenes import costmap_stage, frames_at_origin, rolling_costmap
+from navstack.bench.speed_scenes import SCENES, frames_at_origin, rolling_costmap
 from navstack.core import Costmap, Footprint, FrameTree, GridGeometry, LaserScan, Pose2D, Transform2D
 from navstack.costmap import InflationLayer, InflationLayerParams
 from navstack.interfaces import LayerContext
 
-ROOT = Path(__file__).resolve().parents[2]
 TARGETS = {
     "inflate_willow_010": 2.0,
     "inflate_willow_005": 4.0,
@@ -37,6 +39,16 @@ TARGETS = {
     "voxel_update_4m": 1.5,
     "voxel_costmap_update_10m": 1.5,
 }
+
+SCENE_RUNS = {
+    "obstacle_update_4m": 10,
+    "obstacle_update_10m": 10,
+    "costmap_update_4m": 5,
+    "costmap_update_10m": 5,
+    "voxel_update_4m": 5,
+    "voxel_costmap_update_10m": 5,
+}
+"""Scenes of `bench speed` to measure, and how many times `--runs` each is repeated."""
 
 
 def median_ms(work: Callable[[int], object], runs: int, prepare: Callable[[int], object] | None = None) -> float:
@@ -66,6 +78,11 @@ def bench_inflation(static: np.ndarray, resolution: float, runs: int) -> float:
         grid.data[...] = static
 
     return median_ms(lambda _: layer.update_costs(grid, grid.geometry.window), runs, fill)
+
+
+def bench_scene(name: str, runs: int) -> float:
+    """Return the time (ms) of a scene of `bench speed`."""
+    return median_ms(SCENES[name](), runs)
 
 
 def bench_overhead(runs: int) -> float:
@@ -110,37 +127,28 @@ def soak(updates: int) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--reference", type=Path, default=ROOT.parent / "shared" / "bench")
+    parser.add_argument("--reference", type=Path, help="folder with calibrate.py and cpp_reference.json")
     parser.add_argument("--runs", type=int, default=60)
     parser.add_argument("--soak", type=int, default=0)
     arguments = parser.parse_args()
     if arguments.soak:
         soak(arguments.soak)
         return
-    spec = importlib.util.spec_from_file_location("calibrate", arguments.reference / "calibrate.py")
-    if spec is None or spec.loader is None:
-        raise SystemExit(f"no calibrate.py in {arguments.reference}; set --reference")
-    calibrate = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(calibrate)
+    reference = Reference(arguments.reference)
     runs = arguments.runs
-    willow = np.load(arguments.reference.parent / "golden" / "costmap_static_willow010_r018_csf5.npz")["static"]
+    willow = np.load(data_folder("golden") / "costmap_static_willow010_r018_csf5.npz")["static"]
     dense = np.where(np.random.default_rng(3).random(willow.shape) < 0.5, 254, 0).astype(np.uint8)
     cases: list[tuple[str, Callable[[], float]]] = [
         ("inflate_willow_010", lambda: bench_inflation(willow, 0.1, runs)),
         ("inflate_willow_005", lambda: bench_inflation(willow.repeat(2, 0).repeat(2, 1), 0.05, runs)),
         ("inflate_willow_0025", lambda: bench_inflation(willow.repeat(4, 0).repeat(4, 1), 0.025, max(15, runs // 3))),
-        ("obstacle_update_4m", lambda: median_ms(costmap_stage(4.0, 3.0), 10 * runs)),
-        ("obstacle_update_10m", lambda: median_ms(costmap_stage(10.0, 10.0), 10 * runs)),
-        ("costmap_update_4m", lambda: median_ms(costmap_stage(4.0, 3.0, whole=True), 5 * runs)),
-        ("costmap_update_10m", lambda: median_ms(costmap_stage(10.0, 10.0, whole=True), 5 * runs)),
-        ("voxel_update_4m", lambda: median_ms(costmap_stage(4.0, 3.0, voxel=True), 5 * runs)),
-        ("voxel_costmap_update_10m", lambda: median_ms(costmap_stage(10.0, 10.0, voxel=True, whole=True), 5 * runs)),
+        *((name, partial(bench_scene, name, factor * runs)) for name, factor in SCENE_RUNS.items()),
     ]
     print(f"{'case':28s} {'ours ms':>9s} {'x C++':>7s} {'target':>7s} {'calibration ms':>15s}")
     for name, measure in cases:
         ours = measure()
-        now = calibrate.calibration_ms(5)
-        ratio = calibrate.speedup(name, ours, now)
+        now = reference.calibration_ms(5)
+        ratio = reference.speedup(name, ours, now)
         print(
             f"{name:28s} {ours:9.4f} {ratio:7.2f} {TARGETS[name]:7.1f} {now:15.2f}{'' if ratio >= TARGETS[name] else '  <--'}"
         )

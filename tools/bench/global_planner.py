@@ -1,9 +1,9 @@
 """Compare the times of the global planners with the C++ originals.
 
-    python tools/bench/global_planner.py REFERENCE_FOLDER [--repeats 15] [--json]
+    python tools/bench/global_planner.py [REFERENCE_FOLDER] [--repeats 15] [--json]
 
-REFERENCE_FOLDER contains `calibrate.py` and `cpp_reference.json` (C++ times and the calibration time measured with them). The
-folders `golden/` and `data/` are next to it, or in NAVSTACK_GOLDEN and NAVSTACK_DATA. For each case the script prints the
+REFERENCE_FOLDER contains `calibrate.py` and `cpp_reference.json` (C++ times and the calibration time measured with them);
+`reference.py` describes the default and the other folders. For each case the script prints the
 median of the repeats, the C++ time scaled to this machine by the calibration, and the ratio: above 1, navstack is faster.
 The calibration is repeated before every case, because the machine may be shared. --cpu measures processor time instead of
 elapsed time.
@@ -12,9 +12,7 @@ elapsed time.
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import json
-import os
 import statistics
 import time
 from collections.abc import Callable
@@ -23,6 +21,7 @@ from typing import Any
 
 import numpy as np
 from PIL import Image
+from reference import Reference, data_folder
 
 from navstack.core import Costmap, GridGeometry, Pose2D
 from navstack.global_planner import GlobalPlannerParams, GlobalPlannerROS, NavfnParams, NavfnROS
@@ -148,19 +147,14 @@ def cases(golden: Path, data: Path) -> dict[str, Run]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("reference", type=Path)
+    parser.add_argument("reference", type=Path, nargs="?", help="folder with calibrate.py and cpp_reference.json")
     parser.add_argument("--repeats", type=int, default=15)
     parser.add_argument("--cpu", action="store_true")
     parser.add_argument("--only", default="")
     parser.add_argument("--json", action="store_true")
     args = parser.parse_args()
-    spec = importlib.util.spec_from_file_location("calibrate", args.reference / "calibrate.py")
-    assert spec is not None
-    assert spec.loader is not None
-    calibrate = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(calibrate)
-    golden = Path(os.environ.get("NAVSTACK_GOLDEN") or args.reference.parent / "golden")
-    data = Path(os.environ.get("NAVSTACK_DATA") or args.reference.parent / "data")
+    reference = Reference(args.reference)
+    golden, data = data_folder("golden"), data_folder("data")
     rows: list[dict[str, Any]] = []
     if args.cpu:
         time.perf_counter = time.process_time  # for calibrate.py too
@@ -169,16 +163,15 @@ def main() -> None:
             continue
         run()
         run()
-        now = calibrate.calibration_ms()
+        now = reference.calibration_ms()
         times: list[float] = []
         for _ in range(args.repeats):
             began = time.perf_counter()
             run()
             times.append((time.perf_counter() - began) * 1e3)
-        now = min(now, calibrate.calibration_ms())
+        now = min(now, reference.calibration_ms())
         ours = statistics.median(times)
-        reference = json.loads((args.reference / "cpp_reference.json").read_text())
-        cpp = reference["cases"][name.split()[0]]["ms"] * now / reference["calibration_ms"]
+        cpp = reference.scaled_ms(name.split()[0], now)
         rows.append(
             {"case": name, "ms": ours, "best_ms": min(times), "cpp_ms": cpp, "ratio": cpp / ours, "calibration_ms": now}
         )

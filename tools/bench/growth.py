@@ -78,7 +78,7 @@ def rooms(side: int) -> NDArray[np.uint8]:
 
 
 def far_apart(data: NDArray[np.uint8]) -> tuple[tuple[int, int], tuple[int, int]]:
-    """The cells of the largest connected part that are nearest to the first and the last corner."""
+    """The cells of the largest connected region nearest to the first and the last corner."""
     from scipy.ndimage import label
 
     free = (data < FREE_BELOW) | (data == UNKNOWN)  # by default all planners cross unknown cells

@@ -1,14 +1,13 @@
 #!/usr/bin/env python3
-"""How long one cycle of the local planners takes, against C++ where its times are at hand; and how they wear.
+"""Time of one cycle of the local planners, compared with C++, and their times and memory over many cycles.
 
     python tools/bench/local_planner.py [--reference FOLDER] [--runs N] [--json]
     python tools/bench/local_planner.py --cycles 100000
 
-FOLDER holds `calibrate.py` and `cpp_reference.json` (times of the real C++ stack with the calibration of that moment);
-without it only our own times are printed. A cycle = plan into the costmap's frame, grids, samples, rollouts, scores, table.
-The scoring lines are 2000 trajectories of 56 points, as many as Nav2's MPPI has, from the costmap and the trajectories to
-the table of scores: grids are built anew each time. With --cycles, that many cycles of each planner along a drive, with the
-memory in use along the way.
+FOLDER contains `calibrate.py` and `cpp_reference.json` (default: see `reference.py`); without it, only the times of navstack are
+printed. A cycle: transform of the plan, grids, velocity samples, rollouts, scores, table. The scoring lines are for 2000
+trajectories of 56 points, as in Nav2's MPPI, from costmap and trajectories to the table of scores; grids are built each time.
+--cycles runs that many cycles of each planner along a drive, and prints the memory in use.
 """
 
 from __future__ import annotations
@@ -16,7 +15,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import gc
-import importlib.util
 import json
 import math
 import resource
@@ -28,6 +26,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from reference import Reference
 from scipy.ndimage import distance_transform_edt
 
 from navstack.core import Costmap, Footprint, GridGeometry, Path, Pose2D, RobotState, Twist2D
@@ -71,7 +70,7 @@ EXTRA: dict[str, dict[str, Any]] = {
         "min_vel_x": 0.1,
     }
 }
-"""What the soak sets for a planner beside the turtlebot's values."""
+"""Further parameters of a planner for `--cycles`."""
 CASES: dict[str, tuple[int, int, float]] = {
     "dwa_turtlebot": (6, 20, 1.0),
     "dwa_6x20": (6, 20, 1.7),
@@ -95,7 +94,7 @@ def beam_length(angle: float) -> float:
 
 
 def scene(footprint: Footprint) -> Costmap:
-    """4 x 4 m at 0.05 m around the origin: what a full turn of a lidar sees of walls and discs, inflated."""
+    """4 x 4 m at 0.05 m around the origin: walls and discs in a full lidar scan, inflated."""
     geometry = GridGeometry(80, 80, 0.05, -2.0, -2.0)
     lethal = np.zeros(geometry.shape, bool)
     for angle in np.linspace(-math.pi, math.pi, BEAMS, endpoint=False):
@@ -132,21 +131,11 @@ def median_ms(planner: LocalPlanner, inputs: ControlInput, runs: int) -> tuple[f
     return 1e3 * float(np.median(times)), 1e3 * min(times), samples
 
 
-def load_calibration(folder: FilePath) -> Any:
-    """The module `calibrate.py` of `folder`."""
-    spec = importlib.util.spec_from_file_location("calibrate", folder / "calibrate.py")
-    if spec is None or spec.loader is None:
-        raise SystemExit(f"no calibrate.py in {folder}")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 SEQUENCES, POINTS, SEQUENCE_PERIOD_S = 2000, 56, 0.05
 
 
 def trajectories(state: RobotState, planner: DWAPlanner) -> dict[str, Rollouts]:
-    """2000 x 56 points: noise around one velocity as MPPI draws it, and constant velocities that fan out over the window."""
+    """2000 x 56 points: noise around one velocity as in MPPI, and constant velocities over the window."""
     rng = np.random.default_rng(0)
     noisy = np.zeros((SEQUENCES, POINTS, 3))
     noisy[:, :, 0] = 0.3 + rng.normal(0.0, 0.2, (SEQUENCES, POINTS))
@@ -158,8 +147,8 @@ def trajectories(state: RobotState, planner: DWAPlanner) -> dict[str, Rollouts]:
     return {name: roll_out(v, state, planner.limits, SEQUENCE_PERIOD_S)[1] for name, v in sequences.items()}
 
 
-def scoring_rows(inputs: ControlInput, calibration: Any, runs: int) -> list[dict[str, Any]]:
-    """Points scored a second, by DWA's own critics and by all that are registered."""
+def scoring_rows(inputs: ControlInput, calibration: Reference | None, runs: int) -> list[dict[str, Any]]:
+    """Scored points per second, with the default critics of DWA and with all registered critics."""
     rows: list[dict[str, Any]] = []
     line = plan()
     for critics in (DEFAULT_CRITICS, tuple(entry.name for entry in CRITICS)):
@@ -201,7 +190,7 @@ def scoring_rows(inputs: ControlInput, calibration: Any, runs: int) -> list[dict
 
 
 def soak(name: str, values: dict[str, Any], cycles: int) -> dict[str, Any]:
-    """`cycles` cycles of one planner, driven along plans that come anew every 50; memory and times."""
+    """Times and memory of `cycles` cycles of one planner, with a new plan every 50 cycles."""
     cls = LOCAL_PLANNERS.get(name).cls
     planner = cls(cls.Params(**{k: v for k, v in values.items() if k in cls.Params.model_fields}))
     footprint = Footprint.from_radius(0.18)
@@ -215,7 +204,10 @@ def soak(name: str, values: dict[str, Any], cycles: int) -> dict[str, Any]:
         )
         for _ in range(997)
     ]
-    times, busy = np.full(cycles, np.nan), np.full(cycles, np.nan)  # written, so that their pages count from the start
+    times, busy = (
+        np.full(cycles, np.nan),
+        np.full(cycles, np.nan),
+    )  # initialized, so that their pages are resident from the start
     memory: list[tuple[int, float]] = []
     traced: list[int] = []
     refused = 0
@@ -234,7 +226,7 @@ def soak(name: str, values: dict[str, Any], cycles: int) -> dict[str, Any]:
         times[i], busy[i] = time.perf_counter() - start, time.thread_time() - at
     gc.collect()
     memory.append((cycles, resident_mb()))
-    # what Python holds after more and more cycles, to the byte; tracing is slow, so not all along
+    # memory of Python objects after more cycles; tracing is slow, so it starts here
     tracemalloc.start()
     for _ in range(3):
         for i in range(max(1000, cycles // 50)):
@@ -261,7 +253,7 @@ def soak(name: str, values: dict[str, Any], cycles: int) -> dict[str, Any]:
 
 
 def resident_mb() -> float:
-    """Memory of this process in use now (MiB)."""
+    """Resident memory of this process (MiB)."""
     pages = int(FilePath("/proc/self/statm").read_text().split()[1])
     return pages * resource.getpagesize() / 2**20
 
@@ -271,7 +263,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--reference", type=FilePath, help="folder with calibrate.py and cpp_reference.json")
     parser.add_argument("--runs", type=int, default=300)
-    parser.add_argument("--cycles", type=int, default=0, help="instead: so many cycles of each planner, and the memory")
+    parser.add_argument("--cycles", type=int, default=0, help="instead, run this many cycles of each planner")
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
     args = parser.parse_args()
 
@@ -282,18 +274,19 @@ def main() -> None:
             return
         for row in rows:
             print(f"{row['planner']}: {row['cycles']} cycles, {row['refused']} without a legal sample")
-            for clock, unit in (("", "on the wall's clock"), ("_cpu", "on the core's own")):
+            for clock, unit in (("", "elapsed time"), ("_cpu", "CPU time")):
                 median, p99 = row[f"median{clock}_ms"], row[f"p99{clock}_ms"]
                 print(f"  median {median:.3f} ms, p99 {p99:.3f} ms = {p99 / median:.2f} x median, {unit}")
             print(f"  resident MiB {', '.join(f'{i}: {mb:.1f}' for i, mb in row['resident_mb'])}")
             print(
-                f"  grown after the first tenth: {row['grown_mb']:+.2f} MiB; Python's own, bytes: {row['traced_bytes']}"
+                f"  grown after the first tenth: {row['grown_mb']:+.2f} MiB; Python objects (bytes): {row['traced_bytes']}"
             )
         return
 
     footprint = Footprint.from_radius(0.18)
     inputs = ControlInput(RobotState(Pose2D(0.0, 0.0, 0.1), Twist2D(0.3, 0.0, 0.1)), scene(footprint), footprint)
-    calibration = load_calibration(args.reference) if args.reference else None
+    reference = Reference(args.reference)
+    calibration = reference if reference.available else None
     rows = []
     cls = LOCAL_PLANNERS.get("dwa").cls
     for name, (nx, nw, sim_time) in CASES.items():

@@ -1,10 +1,9 @@
-"""What the goal manager itself costs a tick, without costmaps, planning, scoring, recoveries, frames and the robot.
+"""Time of a tick in the goal manager itself, without costmaps, planning, control, recoveries, frames and the robot.
 
     python tools/bench/move_base.py [--map MAP.yaml --params DIR --start x,y,yaw --goal x,y,yaw ..] [--profile]
 
-Drives the run with the real parts and takes the time of every call that the goal manager makes into one of them off the
-time of its tick (and what taking the time costs, which is measured beside). By default the turtlebot drives the three goals
-of the office; --map and --params take the Willow map and the turtlebot's parameters of 2015.
+Drives a run and subtracts the time of every call from the goal manager to another part, and the measured overhead of the timing
+itself, from the time of each tick. By default the turtlebot drives to the three goals of the office.
 """
 
 from __future__ import annotations
@@ -13,20 +12,14 @@ import argparse
 import gc
 import math
 import statistics
-import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
-from navstack.cli.arguments import map_of, parse_pose
-from navstack.move_base import MoveBase
-from navstack.parameters.configuration import load_configuration
-from navstack.places import load_places
-from navstack.scenario import Run, Scenario
+from reference import Reference, add_scenario_arguments, scenario_of
 
-sys.path.insert(0, str(Path(__file__).parent))
-from end_to_end import calibration
+from navstack.move_base import MoveBase
+from navstack.scenario import Run, Scenario
 
 CALLS = {
     "global_costmap": ("observe", "update", "robot_pose", "is_current"),
@@ -38,7 +31,7 @@ CALLS = {
 
 
 class Stopwatch:
-    """Adds up the time spent in the calls it wraps; calls within calls count once."""
+    """Adds up the time in the wrapped calls; nested calls count once."""
 
     def __init__(self) -> None:
         self.spent = 0
@@ -64,7 +57,7 @@ class Stopwatch:
 
     @staticmethod
     def overhead_ns() -> float:
-        """What a wrapped call costs whoever calls it, beyond what the stopwatch takes down."""
+        """Overhead of a wrapped call for its caller, beyond the measured time."""
         watch = Stopwatch()
         timed, clock = watch.wrap(math.cos), time.perf_counter_ns
 
@@ -92,7 +85,7 @@ def attach(move_base: MoveBase) -> Stopwatch:
 
 
 def measure(scenario: Scenario, overhead: float) -> tuple[list[float], list[float]]:
-    """Microseconds of every tick: those of control cycles, and the others."""
+    """Time (us) of every tick: of control cycles, and of the others."""
     run = Run(scenario, record=False)
     move_base = run.move_base
     watch = attach(move_base)
@@ -119,23 +112,16 @@ def measure(scenario: Scenario, overhead: float) -> tuple[list[float], list[floa
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--map", default="office")
-    parser.add_argument("--params", nargs="+", default=["turtlebot"])
-    parser.add_argument("--distro", default=None)
-    parser.add_argument("--start")
-    parser.add_argument("--goal", nargs="+")
+    add_scenario_arguments(parser)
     parser.add_argument("--repeat", type=int, default=7)
-    parser.add_argument("--profile", action="store_true", help="print where the time goes")
+    parser.add_argument("--profile", action="store_true", help="print a profile")
     args = parser.parse_args()
-    _, grid = map_of(args.map)
-    start = parse_pose(args.start, "--start") if args.start else load_places(args.map).start
-    goals = tuple(parse_pose(g, "--goal") for g in args.goal) if args.goal else load_places(args.map).goals
-    scenario = Scenario(grid, load_configuration(args.params, distro=args.distro), start, goals)
+    scenario = scenario_of(args)
     overhead = Stopwatch.overhead_ns()
-    measure(scenario, overhead)  # compiles, and warms up
+    measure(scenario, overhead)  # warm-up
     runs = [measure(scenario, overhead) for _ in range(args.repeat)]
-    print(f"{calibration()}; a call into a part is charged {overhead:.0f} ns for being timed, and not to the manager")
-    for name, part in (("ticks that drive", 0), ("all ticks", None)):
+    print(f"{Reference().text()}; overhead of timing a call: {overhead:.0f} ns, subtracted")
+    for name, part in (("control cycles", 0), ("all ticks", None)):
         ticks = [d + o if part is None else (d, o)[part] for d, o in runs]
         medians = [statistics.median(t) for t in ticks]
         means = [statistics.fmean(sorted(t)[: math.ceil(0.98 * len(t))]) for t in ticks]

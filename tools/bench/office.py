@@ -1,20 +1,20 @@
-"""Random goals in a real office with a robot's YAML as published.
+"""Random goals in a real office with the published parameters of a robot.
 
     python tools/bench/office.py [--distro indigo] [--goals 30] [--seed 0] [--clearance 0.3] [--map NAME --params NAME]
 
-From the place reached last (or asked for last) to a random one whose planned route keeps the wanted clearance from walls.
-Prints a line per goal; the last one counts. Maps and parameters come from NAVSTACK_DATA (../shared/data by default).
+Each leg goes from the last goal to a random one whose planned path keeps the given clearance from walls. Prints a line per goal
+and a summary. Maps and parameters are in the folder `data` (see `reference.py`).
 """
 
 from __future__ import annotations
 
 import argparse
-import os
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from reference import data_folder
 
 from navstack.bringup import plan_on_map, true_footprint
 from navstack.core import OccupancyGrid, Pose2D
@@ -24,7 +24,7 @@ from navstack.parameters.configuration import Configuration, load_configuration
 from navstack.scenario import Scenario, run_scenario
 from navstack.sim import World
 
-DATA = Path(os.environ.get("NAVSTACK_DATA") or Path(__file__).resolve().parents[3] / "shared" / "data")
+DATA = data_folder("data")
 
 
 class Leg(NamedTuple):
@@ -35,9 +35,9 @@ class Leg(NamedTuple):
 
 
 def legs(configuration: Configuration, grid: OccupancyGrid, number: int, seed: int, clearance: float) -> list[Leg]:
-    """`number` legs, each beginning where the one before ends."""
+    """`number` legs; each starts at the goal of the previous one."""
     rng = np.random.Generator(np.random.PCG64(seed))
-    world, outline = World(grid), true_footprint(configuration)
+    world, footprint = World(grid), true_footprint(configuration)
     left, right, bottom, top = grid.geometry.extent
     found: list[Leg] = []
     here: Pose2D | None = None
@@ -46,7 +46,7 @@ def legs(configuration: Configuration, grid: OccupancyGrid, number: int, seed: i
             float(rng.uniform(left, right)), float(rng.uniform(bottom, top)), float(rng.uniform(-np.pi, np.pi))
         )
         cell = grid.geometry.world_to_cell(there.x, there.y)
-        if cell is None or grid.data[cell[1], cell[0]] != 0 or not world.is_free(outline, there):
+        if cell is None or grid.data[cell[1], cell[0]] != 0 or not world.is_free(footprint, there):
             continue
         if world.clearance(there) < clearance:
             continue
@@ -86,7 +86,7 @@ def main() -> None:
     parser.add_argument("--goals", type=int, default=30)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--clearance", type=float, default=0.3)
-    parser.add_argument("--record", metavar="DIR", help="where failed goals leave their records")
+    parser.add_argument("--record", metavar="DIR", help="folder for the records of failed goals")
     parser.add_argument("--processes", type=int, default=2)
     args = parser.parse_args()
     map_file, params = str(DATA / "maps" / args.map), str(DATA / "params" / args.params)

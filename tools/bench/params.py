@@ -1,9 +1,9 @@
-"""How long parameters take to load.
+"""Time to load parameters.
 
     python tools/bench/params.py [PARAMS ..]
 
-Prints the best and the median of loading each source (after imports), and the longest of checking a megabyte of random text of
-several alphabets: CPU time, ms.
+Prints the best and the median of loading each source (after imports), and the longest time to check a megabyte of random text
+of several alphabets: CPU time (ms).
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def main() -> None:
         for text in ("key_{0}: {0}\n", "space_{0}: {{max_vel_x: {0}}}\n"):
             path.write_text("".join(text.format(i) for i in range(4_500)))
             longest = max(longest, timed(lambda: check_parameters([str(path)])))
-    print(f"a megabyte of anything: {longest:.0f} ms at most")
+    print(f"a megabyte of random text: {longest:.0f} ms at most")
 
 
 if __name__ == "__main__":

@@ -1,56 +1,32 @@
 #!/usr/bin/env python3
-"""What a scan and a physics step cost, in microseconds, with the calibration of the moment beside them.
+"""Time of a scan and of a physics step (us), with the calibration of the machine.
 
-The map is the turtlebot's Willow, from the folder NAVSTACK_DATA (by default ../shared/data from the repository), the
-calibration from NAVSTACK_BENCH (by default ../shared/bench). Medians over poses of the best of seven runs: machines are
-shared, and a scan is the same work each time.
+The map is Willow Garage, from the folder `data` (see `reference.py`). Prints medians over poses of the best of seven runs: the
+machine may be shared, and a scan is the same work each time.
 """
 
 from __future__ import annotations
 
-import importlib.util
-import json
 import math
-import os
 import statistics
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from reference import Reference, data_folder
 
 from navstack.core import Footprint, LaserScan, OccupancyGrid, Pose2D, Twist2D
 from navstack.map_io import load_map
 from navstack.sim import Lidar, LidarParams, SimParams, SimulatedRobot, Track, TrackedDiscs, World
 
-SHARED = Path(__file__).resolve().parents[2].parent / "shared"
 WILLOW = "maps/turtlebot_apps__willow-2010-02-18-0.10/willow-2010-02-18-0.10.yaml"
 POSES = 200
 TARGETS_US = {"scan": 60.0, "scan among 2000 moving discs": 300.0, "0.2 s of physics": 100.0}
 
 
-def folder(variable: str, default: Path) -> Path:
-    """A folder of foreign files, by environment variable."""
-    return Path(os.environ.get(variable) or default)
-
-
-def calibration(bench: Path) -> tuple[float, float] | None:
-    """(now, when the C++ stack was timed) in ms; None where the folder is absent."""
-    file = bench / "calibrate.py"
-    if not file.exists():
-        return None
-    spec = importlib.util.spec_from_file_location("calibrate", file)
-    assert spec is not None
-    assert spec.loader is not None
-    module: Any = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    then = json.loads((bench / "cpp_reference.json").read_text())["calibration_ms"]
-    return module.calibration_ms(), then
-
-
 def best_us(work: Callable[[], object], runs: int = 7) -> float:
-    """Shortest time of a call, microseconds."""
+    """Shortest time of a call (us)."""
     best = math.inf
     for _ in range(runs):
         begun = time.perf_counter()
@@ -61,7 +37,7 @@ def best_us(work: Callable[[], object], runs: int = 7) -> float:
 
 def main() -> None:
     """Prints the table."""
-    grid = load_map(folder("NAVSTACK_DATA", SHARED / "data") / WILLOW)
+    grid = load_map(data_folder("data") / WILLOW)
     rng = np.random.default_rng(0)
     free = np.argwhere(grid.data == 0)
     r = grid.geometry.resolution
@@ -79,7 +55,7 @@ def main() -> None:
 
     def unknown() -> World:
         data = grid.data.copy()
-        data.flat[next(new)] = 100  # a map that was not seen before
+        data.flat[next(new)] = 100  # a map that is not cached
         made = World(OccupancyGrid(data, grid.geometry, grid.origin_yaw))
         _ = made.leaps
         return made
@@ -105,8 +81,8 @@ def main() -> None:
     footprint = Footprint.from_radius(0.18)
     for what, params in (
         ("without lidar", SimParams(lasers=[])),
-        ("scans noted, not computed", SimParams()),
-        ("scans included", SimParams()),
+        ("scans scheduled, not computed", SimParams()),
+        ("scans computed", SimParams()),
         ("drifting odometry, no lidar", SimParams(lasers=[], odometry_noise=0.05)),
     ):
         robot = SimulatedRobot(params, world, footprint, Pose2D(29.75, 7.95, 0.0))
@@ -115,7 +91,7 @@ def main() -> None:
             robot.command(Twist2D(0.4 if k % 20 < 10 else -0.4, 0.0, 0.2))
             begun = time.perf_counter()
             robot.advance_to(0.2 * (k + 1))
-            if what == "scans included":
+            if what == "scans computed":
                 for data in robot.scans():
                     if isinstance(data, LaserScan):
                         _ = data.ranges
@@ -138,13 +114,11 @@ def main() -> None:
     print(f"compiling or loading the first kernel: {first_world:.2f} s")
     for name, setting, us in rows:
         target = TARGETS_US.get(name)
-        print(f"{name:30s} {setting:36s} {us:9.1f} us" + (f"   (wanted: under {target:g})" if target else ""))
-    measured = calibration(folder("NAVSTACK_BENCH", SHARED / "bench"))
-    if measured is not None:
-        now, then = measured
-        print(
-            f"calibration {now:.1f} ms now, {then:.1f} ms when the C++ stack was timed: times here x {then / now:.2f} there"
-        )
+        print(f"{name:30s} {setting:36s} {us:9.1f} us" + (f"   (target: below {target:g})" if target else ""))
+    reference = Reference()
+    if reference.available:
+        now, then = reference.calibration_ms(), reference.calibration_then_ms
+        print(f"calibration {now:.1f} ms, {then:.1f} ms with the C++ times: times here x {then / now:.2f} there")
 
 
 if __name__ == "__main__":

@@ -1,21 +1,21 @@
-"""What trajectory rollout's ways out of getting stuck are worth: BARN worlds with and without each of them.
+"""Effect of the measures by which trajectory rollout avoids getting stuck: BARN worlds with and without each of them.
 
     python tools/bench/unstuck.py [--worlds 49 157] [--distro indigo] [--without circles check longer]
 
-Without `circles` it turns in place for as long as that scores best; without `check` it backs out whatever is behind it;
-without `longer` every escape ends after escape_reset_dist. Without all three it is C++'s. By default each by itself
-and all together, in the worlds in which the C++ stack did not succeed. They come from NAVSTACK_DATA (../shared/data by default).
+Without `circles`, the robot turns in place as long as that scores best; without `check`, it backs out into obstacles; without
+`longer`, every escape ends after escape_reset_dist. Without all three, the planner equals the C++ original. By default, each is
+removed on its own, then all together, in the worlds in which the C++ stack failed (folder `data`, see `reference.py`).
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from unittest.mock import patch
+
+from reference import data_folder
 
 from navstack.bench.barn import barn_configuration, load_worlds, run_world
 from navstack.core import Pose2D
@@ -23,26 +23,26 @@ from navstack.interfaces import Rollouts, ScoringContext
 from navstack.local_planner.trajectory_rollout import planner as trajectory_rollout
 from navstack.local_planner.trajectory_rollout.escape import Escape, FullTurnDetector
 
-DATA = Path(os.environ.get("NAVSTACK_DATA") or Path(__file__).resolve().parents[3] / "shared" / "data")
-WAYS = ("circles", "check", "longer")
-CASES: tuple[tuple[str, ...], ...] = ((), ("circles",), ("check",), ("longer",), WAYS)
+DATA = data_folder("data")
+MEASURES = ("circles", "check", "longer")
+CASES: tuple[tuple[str, ...], ...] = ((), ("circles",), ("check",), ("longer",), MEASURES)
 
 
 def never_complete(self: FullTurnDetector, pose: Pose2D, *, moved: bool) -> bool:
-    """No number of circles is enough."""
+    """Full turns are never detected."""
     del self, pose, moved
     return False
 
 
-def whole_way(context: ScoringContext, rollouts: Rollouts, distance: float) -> int:
-    """Backing out is always legal."""
+def all_points(context: ScoringContext, rollouts: Rollouts, distance: float) -> int:
+    """Backing out is always allowed."""
     del context, distance
     return int(rollouts.counts[-1])
 
 
 def always_short(self: Escape, pose: Pose2D) -> None:
-    """Every escape is a first one."""
-    self.forget()
+    """Every escape is treated as the first one."""
+    self.reset()
     _begin(self, pose)
 
 
@@ -50,24 +50,28 @@ _begin = Escape.begin
 
 
 @contextmanager
-def without(ways: tuple[str, ...]) -> Iterator[None]:
-    """Takes some of WAYS away."""
+def without(removed: tuple[str, ...]) -> Iterator[None]:
+    """Disables some of MEASURES."""
     with (
-        patch.object(FullTurnDetector, "complete", never_complete if "circles" in ways else FullTurnDetector.complete),
         patch.object(
-            trajectory_rollout, "backup_points", whole_way if "check" in ways else trajectory_rollout.backup_points
+            FullTurnDetector, "complete", never_complete if "circles" in removed else FullTurnDetector.complete
         ),
-        patch.object(Escape, "begin", always_short if "longer" in ways else Escape.begin),
+        patch.object(
+            trajectory_rollout,
+            "free_backup_points",
+            all_points if "check" in removed else trajectory_rollout.free_backup_points,
+        ),
+        patch.object(Escape, "begin", always_short if "longer" in removed else Escape.begin),
     ):
         yield
 
 
 def main() -> None:
-    """Prints a line per run and a summary per case."""
+    """Print a line per run and a summary per case."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--worlds", type=int, nargs="*")
     parser.add_argument("--distro", choices=("noetic", "indigo"))
-    parser.add_argument("--without", choices=WAYS, nargs="*", help="one case only: without these")
+    parser.add_argument("--without", choices=MEASURES, nargs="*", help="only one case: without these")
     args = parser.parse_args()
     cases = CASES if args.without is None else (tuple(args.without),)
     with (DATA / "barn" / "cpp_results.csv").open() as file:
@@ -75,10 +79,10 @@ def main() -> None:
     numbers = args.worlds or failed
     worlds = [w for w in load_worlds(DATA / "barn" / "worlds.npz") if w.number in numbers]
     configuration = barn_configuration(DATA / "params" / "jackal_barn", distro=args.distro)
-    for ways in cases:
-        with without(ways):
+    for removed in cases:
+        with without(removed):
             outcomes = [run_world(world, configuration)[0] for world in worlds]
-        name = f"without {', '.join(ways)}" if ways else "as it is"
+        name = f"without {', '.join(removed)}" if removed else "complete"
         for o in outcomes:
             print(
                 f"  {o.world:4d} {o.outcome:10s} {o.time_s:6.1f} s  {o.length_m:6.2f} m  turning {o.turning_s:5.1f} s"
