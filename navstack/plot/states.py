@@ -110,10 +110,10 @@ def _draw_common(axes: Any, common: Edges) -> None:
     """Draws the arrows that leave every state with an active goal."""
     _arrow(axes, (3.9, 4.6), (2.7, 4.6), "arc3,rad=0", colors.VERMILLION)
     ends = "\n".join(common[Mode.PLANNING, Mode.IDLE])
-    axes.text(3.8, 4.4, "from any active state:\n" + ends, fontsize=8, ha="right", va="top", color=colors.VERMILLION)
+    axes.text(3.8, 4.4, "active states:\n" + ends, fontsize=8, ha="right", va="top", color=colors.VERMILLION)
     _arrow(axes, (3.9, 5.7), (6.0, 6.68), "arc3,rad=0", colors.BLUE)
     again = "\n".join(common[Mode.PLANNING, Mode.PLANNING])
-    axes.text(4.1, 5.5, "from any active state:\n" + again, fontsize=8, ha="left", va="top", color=colors.BLUE)
+    axes.text(4.1, 5.5, "active states:\n" + again, fontsize=8, ha="left", va="top", color=colors.BLUE)
 
 
 def _frame(axes: Any) -> None:
@@ -149,7 +149,7 @@ def _box(axes: Any, mode: Mode, loops: list[str]) -> None:
         Mode.CONTROLLING: (15.0, 6.5, "right", "top"),
         Mode.CLEARING: (11.3, 2.5, "left", "top"),
     }[mode]
-    text = f"{mode.value}: self-transitions\n" + "\n".join(loops)
+    text = f"{mode.value}\nself-transitions:\n" + "\n".join(loops)
     axes.text(place[0], place[1], text, fontsize=7, ha=place[2], va=place[3], color="#555555")
 
 
