@@ -32,7 +32,7 @@ Distro = Annotated[
     typer.Option(
         "--distro",
         metavar="noetic|indigo",
-        help="DWA cost scaling: as in noetic, or as in indigo (releases before 2018). [default: navstack/ros_distro of the parameters, or noetic]",
+        help="DWA cost scaling: as in noetic, or as in indigo (releases before 2018). [default: ros_distro of the parameters]",
     ),
 ]
 AllowMissing = Annotated[bool, typer.Option("--allow-missing", help="Skip layers and plugins that are not installed.")]

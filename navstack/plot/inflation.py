@@ -69,7 +69,9 @@ def _panel(axes: Any, curve: Curve, color: str, reach: float) -> None:
     axes.axhspan(253.0, 268.0, color=colors.hex_of(colors.INSCRIBED_RGB), alpha=0.35, lw=0)
     axes.axvspan(0.0, curve.inscribed, color=colors.hex_of(colors.INSCRIBED_RGB), alpha=0.16, lw=0)
     axes.plot(curve.distances, curve.costs, color=color, lw=1.8, label="formula", zorder=4)
-    axes.step(curve.cells, curve.cell_costs, where="mid", color=color, lw=0.9, alpha=0.55, zorder=3, label="rounded to cells")
+    axes.step(
+        curve.cells, curve.cell_costs, where="mid", color=color, lw=0.9, alpha=0.55, zorder=3, label="rounded to cells"
+    )
     axes.plot(
         curve.cells,
         curve.cell_costs,

@@ -16,41 +16,7 @@ class Ramp:
 
 def handlers() -> dict[Any, Any]:
     """Returns the legend handlers of the handles in this module."""
-    from matplotlib.legend_handler import HandlerBase
-    from matplotlib.patches import Rectangle
-
-    class RampHandler(HandlerBase):
-        """Draws a swatch with the colours of all costs."""
-
-        def create_artists(
-            self,
-            legend: Any,
-            orig_handle: Any,
-            xdescent: float,
-            ydescent: float,
-            width: float,
-            height: float,
-            fontsize: float,
-            trans: Any,
-        ) -> list[Any]:
-            del legend, orig_handle, fontsize
-            table = colors.cost_colors() / 255.0
-            steps = 32
-            parts = [
-                Rectangle(
-                    (-xdescent + width * i / steps, -ydescent),
-                    width / steps * 1.05,
-                    height,
-                    facecolor=table[1 + round(251 * i / (steps - 1))],
-                    edgecolor="none",
-                    transform=trans,
-                )
-                for i in range(steps)
-            ]
-            frame = Rectangle(
-                (-xdescent, -ydescent), width, height, facecolor="none", edgecolor=colors.FAINT, lw=0.5, transform=trans
-            )
-            return [*parts, frame]
+    from navstack.plot.ramp_handler import RampHandler
 
     return {Ramp: RampHandler()}
 

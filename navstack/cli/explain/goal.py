@@ -11,7 +11,7 @@ from navstack.cli import options
 
 if TYPE_CHECKING:
     from navstack.explain import GoalReport
-    from navstack.plot.goal import GoalTrack
+    from navstack.plot.goal_tracks import GoalTrack
     from navstack.record import Record
 
 STYLE = {
@@ -78,10 +78,10 @@ def _print(report: GoalReport) -> None:
 def draw(record: Record, reports: tuple[GoalReport, ...], out: Path) -> None:
     """Draws the timelines of goals. Raises OutputError if none of them has samples, or for an unknown suffix."""
     from navstack.core.errors import OutputError
-    from navstack.plot.goal import is_drawable, plot_goals
+    from navstack.plot.goal import plot_goals
     from navstack.plot.run import circumstances
 
-    tracks = [track for report in reports if is_drawable(track := _track(report))]
+    tracks = [track for report in reports if (track := _track(report)).is_drawable]
     if not tracks:
         raise OutputError(f"the goal has nothing to draw: it was {reports[0].status} before it began; omit --out")
     plot_goals(tracks, out, title=_title(reports), subtitle=circumstances(record))
@@ -102,7 +102,7 @@ def _title(reports: tuple[GoalReport, ...]) -> str:
 
 
 def _track(report: GoalReport) -> GoalTrack:
-    from navstack.plot.goal import Bar, GoalTrack
+    from navstack.plot.goal_tracks import Bar, GoalTrack
 
     return GoalTrack(
         label=f"goal {report.number}",

@@ -33,7 +33,10 @@ class PassageOptions(NamedTuple):
     widest: Annotated[
         float | None,
         typer.Option(
-            "--widest", metavar="M", help="Largest width to report (m). [default: where inflation ends]", min=0.0
+            "--widest",
+            metavar="M",
+            help="Largest width to report (m). [default: where inflation ends, at least 1.25 m]",
+            min=0.0,
         ),
     ] = None
     unknown: Annotated[

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from navstack.core import LETHAL, OccupancyGrid
 from navstack.core.errors import InputError
+from navstack.costmap import LayeredCostmap
 from navstack.costmap.inflation_layer import InflationLayer
 from navstack.explain.passages.inflated_map import inflated_map, known_cells
-from navstack.explain.passages.narrow_places import narrow_places
+from navstack.explain.passages.narrow_places import NarrowPlace, narrow_places
 from navstack.explain.passages.rating import PassageRater
 from navstack.explain.passages.report import PassageReport
 from navstack.parameters.configuration import Configuration
@@ -46,9 +47,8 @@ def find_passages(
     live = inflated_map(chosen, static_map, costmap)
     inflation = next((x for x in live.layers if isinstance(x, InflationLayer) and x.params.enabled), None)
     radius = float(inflation.params.inflation_radius) if inflation is not None else 0.0
-    resolution = live.master.geometry.resolution
     low = chosen.footprint.inscribed_radius if narrowest is None else narrowest
-    high = max(_LEAST_UPPER_LIMIT_M, 2.0 * (radius + resolution)) if widest is None else widest
+    high = _upper_limit(live, radius) if widest is None else widest
     if not (0.0 <= low <= high and math.isfinite(high)):
         raise InputError(
             f"--narrowest {low:g} m and --widest {high:g} m leave no width; give --narrowest below --widest",
@@ -59,15 +59,7 @@ def find_passages(
     # the map, not the costmap: without track_unknown_space the costmap has unknown space as free
     known = known_cells(static_map, live)
     wall = lethal | ~known if unknown_is_wall else lethal
-    places = narrow_places(
-        wall,
-        known & ~wall,
-        narrowest=max(2.0, low / resolution + 1.0 - 1e-6),
-        widest=high / resolution + 1.0 + 1e-6,
-        widening=max(3.0, WIDENING_M / resolution),
-        relative=WIDENING,
-        clutter=CLUTTER_M / resolution,
-    )
+    places = _search(wall, known & ~wall, low, high, live.master.geometry.resolution)
     rater = PassageRater(live.master, chosen, inflation)
     return PassageReport(
         passages=tuple(rater.passage(place) for place in places),
@@ -80,6 +72,26 @@ def find_passages(
         narrowest=low,
         widest=high,
         unknown_border=_unknown_border(known, lethal),
+    )
+
+
+def _upper_limit(live: LayeredCostmap, inflation_radius: float) -> float:
+    """The width from which on inflation does not reach the centreline, but at least that of a door (m)."""
+    return max(_LEAST_UPPER_LIMIT_M, 2.0 * (inflation_radius + live.master.geometry.resolution))
+
+
+def _search(
+    wall: NDArray[np.bool_], free: NDArray[np.bool_], low: float, high: float, resolution: float
+) -> list[NarrowPlace]:
+    """Narrow places with free widths between `low` and `high` (m)."""
+    return narrow_places(
+        wall,
+        free,
+        narrowest=max(2.0, low / resolution + 1.0 - 1e-6),
+        widest=high / resolution + 1.0 + 1e-6,
+        widening=max(3.0, WIDENING_M / resolution),
+        relative=WIDENING,
+        clutter=CLUTTER_M / resolution,
     )
 
 
