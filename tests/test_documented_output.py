@@ -1,4 +1,4 @@
-"""What README.md and docs/concepts/diagnostics.md say that commands print is what they print."""
+"""The output quoted in README.md and docs/concepts/diagnostics.md is that of the commands."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from navstack.cli.app import run
 
 ROOT = Path(__file__).resolve().parents[1]
 WIDTH = 116
-"""Of the terminal that the documents show."""
+"""Width of the terminal in the documents."""
 
 
 def sessions(page: str) -> list[tuple[str, list[str]]]:
-    """(command, what it is said to print) of every block that begins with `$ navstack`."""
+    """(command, quoted lines) of every block that begins with `$ navstack`."""
     found: list[tuple[str, list[str]]] = []
     for block in re.findall(r"```\n(\$ navstack .+?)```", (ROOT / page).read_text(encoding="utf-8"), re.DOTALL):
         for line in block.splitlines():
@@ -40,11 +40,11 @@ def first_run() -> list[str]:
 
 @pytest.fixture(scope="module")
 def printed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """What each command of both pages prints, run in one folder after `navstack simulate`."""
+    """Output of each command of both pages, run in one folder after `navstack simulate`."""
     import contextlib
     import io
 
-    told: dict[str, str] = {}
+    outputs: dict[str, str] = {}
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("documented"))
         patch.setenv("COLUMNS", str(WIDTH))
@@ -53,9 +53,9 @@ def printed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
             output.stdout.cache_clear()
             with contextlib.redirect_stdout(out):
                 assert run(shlex.split(command)[1:]) in (0, 1), command
-            told[command] = out.getvalue()
+            outputs[command] = out.getvalue()
     output.stdout.cache_clear()
-    return told
+    return outputs
 
 
 PAGES = ("README.md", "docs/concepts/diagnostics.md")
@@ -68,8 +68,8 @@ def test_the_first_run(printed: dict[str, str]) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_every_line_is_printed(page: str, printed: dict[str, str]) -> None:
-    """In this order; `..` leaves out what is between, wherever the lines are broken."""
+def test_quoted_lines_are_printed(page: str, printed: dict[str, str]) -> None:
+    """In this order; `..` stands for omitted text, line breaks do not matter."""
     assert sessions(page)
     for command, lines in sessions(page):
         text, at = words(printed[command]), 0

@@ -1,4 +1,4 @@
-"""The commands on good input, as a user runs them."""
+"""The commands with valid input."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_simulate_without_arguments(in_folder: Path, capfd: pytest.CaptureFixtur
         assert min(picture.size) > 400
 
 
-def test_simulate_json_is_alone_on_stdout(in_folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_simulate_prints_only_json_to_stdout(in_folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     code = run(["simulate", "--start", "3,3", "--goal", "4,3", "--json", "--seed", "7", "--out", "out"])
     captured = capfd.readouterr()
     document = json.loads(captured.out)
@@ -81,7 +81,7 @@ def test_plan_with_another_planner(in_folder: Path, capfd: pytest.CaptureFixture
         assert json.loads(capfd.readouterr().out)["planner"] in ("global_planner", "navfn")
 
 
-def test_plot_draws_the_same_picture_again(in_folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_plot_reproduces_the_picture(in_folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     run(["simulate", "--start", "3,3", "--goal", "4,3", "--out", "run"])
     first = Path("run/run.png").read_bytes()
     Path("run/run.png").unlink()
@@ -95,7 +95,7 @@ def test_plot_draws_the_same_picture_again(in_folder: Path, capfd: pytest.Captur
         assert getattr(movie, "n_frames", 1) > 1
 
 
-def test_check_says_the_turtlebot_is_fine(capfd: pytest.CaptureFixture[str]) -> None:
+def test_check_accepts_the_turtlebot(capfd: pytest.CaptureFixture[str]) -> None:
     assert run(["check", "turtlebot"]) == 0
     assert "0 errors" in capfd.readouterr().out
     assert run(["check", "turtlebot", "--json"]) == 0
@@ -121,7 +121,7 @@ def test_python_minus_m() -> None:
     assert out.stdout.strip() == f"navstack {__version__}"
 
 
-def test_info_names_all_that_can_be_asked_for(capfd: pytest.CaptureFixture[str]) -> None:
+def test_info_lists_maps_scenarios_and_suites(capfd: pytest.CaptureFixture[str]) -> None:
     assert run(["info", "--json"]) == 0
     found = json.loads(capfd.readouterr().out)
     assert (
@@ -129,11 +129,11 @@ def test_info_names_all_that_can_be_asked_for(capfd: pytest.CaptureFixture[str])
     )
     assert run(["info"]) == 0
     shown = capfd.readouterr().out
-    assert "base_local_planner/TrajectoryPlannerROS" in shown  # whole, on 80 columns too
+    assert "base_local_planner/TrajectoryPlannerROS" in shown  # in full, also on 80 columns
     assert "narrow_door" in shown
 
 
-def test_the_long_wait_is_announced_without_a_terminal(
+def test_compilation_is_announced_without_a_terminal(
     in_folder: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("navstack.core.jit.kernels_are_cached", lambda *kernels: False)
@@ -143,7 +143,7 @@ def test_the_long_wait_is_announced_without_a_terminal(
     assert json.loads(captured.out)["planner"] == "navfn"
 
 
-def test_a_time_limit_that_is_over_is_said(in_folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_an_exceeded_time_limit_is_reported(in_folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert run(["simulate", "--goal", "6.2,12", "--time-limit", "1", "--out", "out"]) == 1
     out = capfd.readouterr().out
     assert "goal 6.2, 12: CANCELED (9011): the goal was cancelled after" in out
@@ -151,8 +151,8 @@ def test_a_time_limit_that_is_over_is_said(in_folder: Path, capfd: pytest.Captur
     Path("places.yaml").write_text("places: {desk: [6.2, 12.0, 1.57]}\n")
     assert run(["tour", "places.yaml", "office", "--start", "0.8,7.45", "--time-limit", "1", "--out", "out"]) == 1
     captured = capfd.readouterr()
-    for said in (captured.err, captured.out):
-        assert "CANCELED (9011): the goal was cancelled after" in said and "; time limit of 1 s exceeded" in said
+    for text in (captured.err, captured.out):
+        assert "CANCELED (9011): the goal was cancelled after" in text and "; time limit of 1 s exceeded" in text
 
 
 def test_states_are_a_picture_or_a_table(in_folder: Path, capfd: pytest.CaptureFixture[str]) -> None:

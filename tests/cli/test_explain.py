@@ -79,7 +79,7 @@ def test_passages_as_table_json_and_picture(navstack, drawn: Path, tmp_path: Pat
     ]
 
 
-def test_passages_of_every_packaged_map_are_drawn_the_same_twice(tmp_path: Path) -> None:
+def test_pictures_of_passages_are_reproducible(tmp_path: Path) -> None:
     for name in ("office", "maze", "warehouse"):
         pictures = [tmp_path / f"{name}{i}" for i in (1, 2)]
         for folder in pictures:
@@ -121,7 +121,7 @@ def test_inflation_as_table_json_and_picture(navstack, tmp_path: Path) -> None: 
 
 
 @pytest.mark.parametrize("name", ["global", "local"])
-def test_costmap_draws_what_was_recorded(navstack, driven: Path, tmp_path: Path, name: str) -> None:  # noqa: F811
+def test_costmap_draws_the_recorded_costmap(navstack, driven: Path, tmp_path: Path, name: str) -> None:  # noqa: F811
     picture = tmp_path / f"{name}.png"
     outcome = navstack("explain", "costmap", driven, "--costmap", name, "--time", "3", "--out", picture, "--json")
     assert outcome.code == 0
@@ -175,7 +175,7 @@ def test_invalid_options(navstack, arguments: tuple[str, ...], words: str) -> No
     assert words in outcome.err
 
 
-def test_wrong_files_of_a_costmaps_picture(navstack, driven: Path, tmp_path: Path) -> None:  # noqa: F811
+def test_invalid_output_files(navstack, driven: Path, tmp_path: Path) -> None:  # noqa: F811
     outcome = navstack("explain", "costmap", driven, "--out", tmp_path / "costmap.bmp")
     assert outcome.code == 2
     assert ".png" in outcome.err

@@ -9,7 +9,7 @@ from navstack.core.errors import InputError
 from navstack.sim import LOW
 
 
-def test_obstacles_that_all_lidars_see_and_low_ones() -> None:
+def test_normal_and_low_obstacles() -> None:
     obstacles, shapes = parse_obstacles(["3.0,1.5,0.2", "4, 2, 0.1, low", "5,5,0.3"])
     assert obstacles == ((3.0, 1.5, 0.2), (5.0, 5.0, 0.3))
     ((shape,),) = (shapes,)
@@ -27,6 +27,6 @@ def test_obstacles_that_all_lidars_see_and_low_ones() -> None:
         ("low", "not a number"),
     ],
 )
-def test_others_are_refused(text: str, message: str) -> None:
+def test_invalid_obstacles(text: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         parse_obstacles([text])

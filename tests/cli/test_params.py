@@ -1,4 +1,4 @@
-"""`navstack params ..` and the options of `navstack check`, as a user runs them."""
+"""`navstack params ..` and the options of `navstack check`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from navstack.parameters.report import same_parameters
 
 @pytest.fixture
 def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder with former names, a warning and a comment."""
+    """A folder with a former parameter name, a warning and a comment."""
     monkeypatch.chdir(tmp_path)
     folder = tmp_path / "robot"
     folder.mkdir()
@@ -70,12 +70,12 @@ def test_migrate(robot: Path, capfd: pytest.CaptureFixture[str]) -> None:
     new = (robot.parent / "new" / "dwa_local_planner_params.yaml").read_text(encoding="utf-8")
     assert new == "DWAPlannerROS:\n  max_vel_trans: 0.3  # slow\n"
     assert same_parameters(load_configuration(["robot"]), load_configuration(["new"]))
-    # nothing is overwritten
+    # existing files are not overwritten
     assert run(["params", "migrate", "robot", "--out", "robot"]) == 2
     assert "not empty" in capfd.readouterr().err
 
 
-def test_migrate_to_one_file_says_why(robot: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_migrate_to_one_file_gives_the_reason(robot: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert run(["params", "migrate", "robot", "--out", "new", "--set", "DWAPlannerROS/sim_time=2.0"]) == 0
     assert "without your comments: values were changed on the command line" in capfd.readouterr().err
     assert load_configuration(["new"]).local_planner.params.sim_time == 2.0

@@ -23,7 +23,7 @@ def test_list_and_picture(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> 
     assert (tmp_path / "plan.png").stat().st_size > 10_000
 
 
-def test_table_and_a_planner_that_finds_none(capfd: pytest.CaptureFixture[str]) -> None:
+def test_table_with_a_planner_that_finds_no_plan(capfd: pytest.CaptureFixture[str]) -> None:
     query = [*QUERY[:2], "--start", "0.8,7.45", "--goal", "15.0,12.0"]  # on a table
     assert run([*query, "--compare", "carrot_planner,astar"]) == 0
     captured = capfd.readouterr()
@@ -34,7 +34,7 @@ def test_table_and_a_planner_that_finds_none(capfd: pytest.CaptureFixture[str]) 
 @pytest.mark.parametrize(
     "arguments", [["--compare", "navfn,astr"], ["--compare", ","], ["--compare", "astar", "--planner", "navfn"]]
 )
-def test_wrong_input_is_one_message(arguments: list[str], capfd: pytest.CaptureFixture[str]) -> None:
+def test_invalid_input_gives_one_message(arguments: list[str], capfd: pytest.CaptureFixture[str]) -> None:
     assert run([*QUERY, *arguments]) == 2
     err = capfd.readouterr().err
     assert err.count("error:") == 1

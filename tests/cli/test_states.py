@@ -1,4 +1,4 @@
-"""The state machine for people: the document in the repository, and the picture."""
+"""The documentation of the state machine: page and picture."""
 
 from __future__ import annotations
 
@@ -17,33 +17,33 @@ from navstack.plot.states import edges
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 
 
-def test_the_document_is_that_of_the_table() -> None:
+def test_the_page_is_current() -> None:
     assert (DOCS / "reference" / "states.md").read_text(encoding="utf-8") == document_markdown(), (
         "run: navstack info --states docs/reference/states.md, and docs/images/states.png"
     )
     assert (DOCS / "images" / "states.png").is_file()
 
 
-def test_the_document_names_everything() -> None:
+def test_the_page_lists_all_events_and_actions() -> None:
     lines = document_markdown().split("\n")
     for name in (*NavEvent.__members__, *Action.__members__):
         assert any(line.startswith(f"| {name} |") for line in lines), name
     assert sum(line.startswith(tuple(f"| {m.name} | " for m in Mode)) for line in lines) == len(ROWS)
 
 
-def test_the_picture_has_every_event_of_the_table() -> None:
-    own, common, stays = edges()
+def test_the_picture_has_every_event() -> None:
+    own, common, loops = edges()
     for row in ROWS:
         name = row.event.name
         shown = (
             name in own.get((row.mode, row.to), [])
             or (row.mode is not Mode.IDLE and name in common.get((Mode.PLANNING, row.to), []))
-            or (row.mode is row.to and name in stays[row.mode])
+            or (row.mode is row.to and name in loops[row.mode])
         )
         assert shown, row
 
 
-def test_the_command_writes_picture_and_document(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_the_command_writes_picture_and_page(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     picture = tmp_path / "states.png"
     assert run(["info", "--states", str(picture), "--json"]) == 0
     assert json.loads(capfd.readouterr().out) == {"states": str(picture)}

@@ -1,4 +1,4 @@
-"""Every wrong input gets one clear message, exit code 2 (or the goal's own failure), no traceback, nothing half-written."""
+"""Invalid input gives one clear message, exit code 2 (1 for a failed goal), no traceback and no partial files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ GOOD |= {"occupied_thresh": 0.65, "free_thresh": 0.196}
 
 
 def write_map(folder: Path, *, drop: str | None = None, **changes: object) -> Path:
-    """A walled room of 6 x 4 m, split by a wall at x = 4 m that nothing passes; unknown beyond x = 5.5 m."""
+    """A walled room of 6 x 4 m, divided by a wall at x = 4 m without a door; unknown beyond x = 5.5 m."""
     pixels = np.full((80, 120), 254, np.uint8)
     pixels[:, 110:] = 205
     pixels[[0, -1], :] = 0
@@ -59,7 +59,7 @@ GOOD_PLAN = ("--start", "1,1", "--goal", "3,3")
         ("image: [\n", "map.yaml"),
     ],
 )
-def test_map_yaml_that_is_none(navstack, tmp_path: Path, content: str | None, match: str) -> None:
+def test_invalid_map_yaml(navstack, tmp_path: Path, content: str | None, match: str) -> None:
     path = tmp_path / "map.yaml"
     if content is not None:
         path.write_text(content)
@@ -69,7 +69,7 @@ def test_map_yaml_that_is_none(navstack, tmp_path: Path, content: str | None, ma
 
 
 @pytest.mark.parametrize("key", ["image", "resolution", "origin"])
-def test_map_yaml_lacks_a_key(navstack, tmp_path: Path, key: str) -> None:
+def test_map_yaml_without_a_required_key(navstack, tmp_path: Path, key: str) -> None:
     outcome = navstack("plan", write_map(tmp_path, drop=key), *GOOD_PLAN)
     assert outcome.code == 2
     assert key in outcome.err
@@ -128,14 +128,14 @@ def test_bad_poses(navstack, tmp_path: Path, start: str, goal: str, words: str, 
     assert document["error"]["message"]
 
 
-def test_not_connected_is_a_failed_goal(navstack, tmp_path: Path) -> None:
+def test_no_path_is_a_failed_goal(navstack, tmp_path: Path) -> None:
     path = write_map(tmp_path)
     outcome = navstack("plan", path, "--start", "1,1", "--goal", "5,2", "--json")
     assert outcome.code == 1
     assert json.loads(outcome.out)["error"]["name"] == "NO_VALID_PATH"
 
 
-def test_simulate_a_goal_that_cannot_be_reached(navstack, tmp_path: Path) -> None:
+def test_simulate_an_unreachable_goal(navstack, tmp_path: Path) -> None:
     path = write_map(tmp_path)
     outcome = navstack("simulate", path, "--start", "1,1", "--goal", "5,2", "--out", tmp_path / "out", "--json")
     assert outcome.code == 1
@@ -171,7 +171,7 @@ def test_bad_parameters(navstack, tmp_path: Path, override: str, words: str) -> 
     assert words in outcome.err
 
 
-def test_a_typo_is_reported_and_does_not_stop(navstack, tmp_path: Path) -> None:
+def test_a_misspelt_parameter_is_a_warning(navstack, tmp_path: Path) -> None:
     outcome = navstack("check", "turtlebot", "--set", "DWAPlannerROS/max_vel_xx=0.4", "--json")
     assert outcome.code == 0
     findings = json.loads(outcome.out)["findings"]
@@ -211,14 +211,14 @@ def test_an_output_folder_that_cannot_be_written(navstack, tmp_path: Path) -> No
 
 def test_an_output_folder_without_permission(navstack, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = tmp_path / "locked"
-    # root may write anywhere: the answer of the system is put in its mouth
+    # root can write anywhere, so the answer of the system is replaced
     monkeypatch.setattr("navstack.core.files.os.access", lambda path, mode: Path(path) != folder)
     outcome = navstack("plan", write_map(tmp_path), *GOOD_PLAN, "--out", folder)
     assert outcome.code == 2
     assert "--out" in outcome.err
 
 
-def test_a_record_that_is_none(navstack, tmp_path: Path) -> None:
+def test_invalid_record(navstack, tmp_path: Path) -> None:
     (tmp_path / "run.npz").write_bytes(b"PK\x03\x04 cut short")
     outcome = navstack("plot", tmp_path / "run.npz")
     assert outcome.code == 2
@@ -227,7 +227,7 @@ def test_a_record_that_is_none(navstack, tmp_path: Path) -> None:
     assert outcome.code == 2
 
 
-def test_wrong_use_of_the_command_line(navstack) -> None:
+def test_invalid_command_lines(navstack) -> None:
     assert navstack("simulate", "--no-such-option").code == 2
     assert navstack("plan").code == 2
     outcome = navstack("plan", "--json")
@@ -239,13 +239,13 @@ def test_wrong_use_of_the_command_line(navstack) -> None:
     ["simulate {}", "plan {} --start 1,1 --goal 2,2", "simulate --params {}", "check {}", "plot {}", "tour {}"]
     + ["explain goal {}", "params show {}", "bench barn {} --params turtlebot", "bench compare turtlebot turtlebot {}"],
 )
-def test_a_name_that_no_file_can_have(navstack, command: str) -> None:
+def test_impossible_file_names(navstack, command: str) -> None:
     outcome = navstack(*command.format("a" * 5000).split())
     assert outcome.code == 2
     assert "aaaa" in outcome.out + outcome.err
 
 
-def test_x_and_y_swapped(navstack, tmp_path: Path) -> None:
+def test_swapped_x_and_y(navstack, tmp_path: Path) -> None:
     path = write_map(tmp_path)  # 6 x 4 m
     outcome = navstack("plan", path, "--start", "1,1", "--goal", "3,5")
     assert outcome.code == 2
@@ -255,21 +255,21 @@ def test_x_and_y_swapped(navstack, tmp_path: Path) -> None:
     assert "swapped" not in navstack("plan", path, "--start", "1,1", "--goal", "30,50").err
 
 
-def test_neither_start_nor_goal_says_both_and_what_the_map_covers(navstack, tmp_path: Path) -> None:
+def test_missing_start_and_goal(navstack, tmp_path: Path) -> None:
     outcome = navstack("simulate", write_map(tmp_path))
     assert outcome.code == 2
     assert "give --start x,y[,yaw] and --goal x,y[,yaw] (m, rad); the map covers x 0 .. 6, y 0 .. 4 m" in outcome.err
 
 
-def test_a_scenario_misspelt_is_guessed(navstack) -> None:
+def test_misspelt_scenario(navstack) -> None:
     outcome = navstack("simulate", "narow_door")
     assert outcome.code == 2
     assert 'did you mean "narrow_door"?' in outcome.err
-    # a plan takes no scenario, so it offers none
+    # plan takes no scenario, so it suggests none
     assert "narrow_door" not in navstack("plan", "narow_door", *GOOD_PLAN).err
 
 
-def test_plan_leaves_out_what_is_missing_only_when_told(navstack, tmp_path: Path) -> None:
+def test_plan_skips_missing_plugins_only_with_allow_missing(navstack, tmp_path: Path) -> None:
     path = write_map(tmp_path)
     extra = "global_costmap/plugins=[{name: static_layer, type: 'costmap_2d::StaticLayer'}, {name: x, type: 'my::Own'}]"
     assert navstack("plan", path, *GOOD_PLAN, "--set", extra).code == 2
@@ -292,7 +292,7 @@ def test_plan_leaves_out_what_is_missing_only_when_told(navstack, tmp_path: Path
         ("map: office\nstart: [0.8, 7.45]\ngoals: [" + "[2, 7.45]," * 120_000 + "]\n", "larger than 1 MB"),
     ],
 )
-def test_a_broken_scenario_is_told_as_a_scenario(navstack, text: str, match: str) -> None:
+def test_errors_of_a_scenario_file(navstack, text: str, match: str) -> None:
     Path("a.yaml").write_text(text)
     outcome = navstack("simulate", "a.yaml", "--out", "out")
     assert outcome.code == 2
@@ -300,14 +300,14 @@ def test_a_broken_scenario_is_told_as_a_scenario(navstack, text: str, match: str
     assert not Path("out").exists()
 
 
-def test_a_map_s_yaml_of_any_size_is_none(navstack) -> None:
+def test_a_large_map_yaml_is_refused(navstack) -> None:
     Path("map.yaml").write_text("image: map.png\norigin: [" + "[2, 7.45]," * 120_000 + "]\n")
     outcome = navstack("plan", "map.yaml", *GOOD_PLAN)
     assert outcome.code == 2
     assert "larger than 100 kB" in outcome.err
 
 
-def test_more_samples_than_memory_holds(navstack, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_out_of_memory(navstack, monkeypatch: pytest.MonkeyPatch) -> None:
     def allocate(*_: object, **__: object) -> None:
         raise MemoryError("Unable to allocate 671. GiB")
 

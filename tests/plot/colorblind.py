@@ -1,4 +1,4 @@
-"""How colours look to whom, and how far apart they are."""
+"""Simulation of colour vision deficiencies, and distances between colours."""
 
 from __future__ import annotations
 
@@ -35,5 +35,5 @@ def lab(color: str | tuple[int, int, int], vision: str = "common") -> np.ndarray
 
 
 def difference(a, b, vision: str = "common") -> float:
-    """CIE76: 2.3 is just noticeable, 10 is seen at a glance."""
+    """CIE76: 2.3 is just noticeable, 10 is evident."""
     return float(np.linalg.norm(lab(a, vision) - lab(b, vision)))

@@ -36,9 +36,9 @@ def frames(path: Path) -> list[np.ndarray]:
         return out
 
 
-def test_every_frame_is_there_for_as_long_as_asked(film):
+def test_number_and_duration_of_frames(film):
     with Image.open(film) as image:
-        # 7.8 s at 4 s a second, 5 frames each: 10 steps and the first
+        # 7.8 s at 4 simulated s per second and 5 frames per second: 10 steps and the first frame
         assert image.n_frames == 11
         assert image.info.get("loop") == 0
         durations = []
@@ -48,25 +48,25 @@ def test_every_frame_is_there_for_as_long_as_asked(film):
     assert durations == [200] * 10 + [2000]
 
 
-def test_the_robot_moves_and_leaves_a_trail(film):
+def test_the_driven_path_grows(film):
     shown = frames(film)
     assert all(frame.shape == shown[0].shape for frame in shown)
     trail = [count(frame, colors.DRIVEN) for frame in shown]
     assert trail[-1] > trail[5] > trail[0]
     assert all((a != b).any() for a, b in itertools.pairwise(shown))
-    # what means something keeps its colour in the palette, and the paper stays white
+    # the palette contains the colours with a meaning exactly; the background stays white
     assert count(shown[-1], colors.GOAL, 0) > 100
     assert count(shown[-1], colors.COLLISION, 0) > 20
     assert (shown[-1][:3] == 255).all()
 
 
-def test_the_same_film_every_time(short, film, tmp_path):
+def test_animations_are_reproducible(short, film, tmp_path):
     again = animate_run(short, tmp_path / "again.gif", fps=5, speed=4)
     assert again.read_bytes() == film.read_bytes()
     assert [path.name for path in tmp_path.iterdir()] == ["again.gif"]
 
 
-def test_progress_is_told_frame_by_frame(short, tmp_path):
+def test_progress_is_reported_for_every_frame(short, tmp_path):
     told = []
     animate_run(
         short, tmp_path / "run.gif", fps=2, speed=4, dpi=50, progress=lambda done, total: told.append((done, total))
@@ -74,7 +74,7 @@ def test_progress_is_told_frame_by_frame(short, tmp_path):
     assert told == [(i, 5) for i in range(1, 6)]
 
 
-def test_runs_with_little_in_them(tmp_path):
+def test_runs_with_few_data(tmp_path):
     animate_run(a_run([(0, 0), (1, 0)], n=3), tmp_path / "bare.gif", dpi=50)
     assert len(frames(animate_run(a_run([(0, 0), (1, 0)], n=1), tmp_path / "one.gif", dpi=50))) == 1
     empty = RunRecorder(map=None, footprint=Footprint.from_radius(0.2), scenario={}).record()
@@ -84,18 +84,18 @@ def test_runs_with_little_in_them(tmp_path):
 
 
 @pytest.mark.parametrize("bad", [{"fps": 0.0}, {"fps": float("nan")}, {"speed": -1.0}, {"speed": float("inf")}])
-def test_speeds_that_are_none(short, tmp_path, bad):
+def test_invalid_speeds(short, tmp_path, bad):
     with pytest.raises(InputError, match=rf"{next(iter(bad))} must be a positive number"):
         animate_run(short, tmp_path / "run.gif", **bad)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_other_endings(short, tmp_path):
+def test_unknown_suffixes(short, tmp_path):
     with pytest.raises(OutputError, match=r"\.gif, \.mp4"):
         animate_run(short, tmp_path / "run.avi")
 
 
-def test_a_failure_midway_leaves_nothing(short, tmp_path):
+def test_a_failure_leaves_no_partial_file(short, tmp_path):
     def stop(done, total):
         if done == 3:
             raise KeyboardInterrupt
@@ -133,23 +133,23 @@ def stand_in(folder: Path, body: str, monkeypatch) -> None:
     monkeypatch.setenv("PATH", f"{folder}{os.pathsep}{os.environ['PATH']}")
 
 
-def test_mp4_without_ffmpeg_says_what_to_do(short, tmp_path, monkeypatch):
+def test_mp4_without_ffmpeg(short, tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(OutputError, match=r"needs the program ffmpeg.*run\.gif"):
         animate_run(short, tmp_path / "run.mp4")
     assert list(tmp_path.iterdir()) == []
 
 
-def test_mp4_hands_whole_frames_of_even_size_to_ffmpeg(short, tmp_path, monkeypatch):
+def test_mp4_frames_have_even_sizes(short, tmp_path, monkeypatch):
     (tmp_path / "bin").mkdir()
     stand_in(tmp_path / "bin", COUNTS, monkeypatch)
     path = animate_run(short, tmp_path / "run.mp4", fps=5, speed=4, dpi=61)
     width, height, count_ = map(int, path.read_text().split())
     assert width % 2 == height % 2 == 0
-    assert count_ == 11 + 10  # the last one held for two seconds
+    assert count_ == 11 + 10  # the last frame is shown for two seconds
 
 
-def test_mp4_repeats_what_ffmpeg_complains_about(short, tmp_path, monkeypatch):
+def test_mp4_reports_the_error_of_ffmpeg(short, tmp_path, monkeypatch):
     (tmp_path / "bin").mkdir()
     stand_in(tmp_path / "bin", REFUSES, monkeypatch)
     with pytest.raises(OutputError, match=r"Unknown encoder 'libx264'.*\.gif"):

@@ -21,13 +21,13 @@ BANDS = {
 
 @pytest.mark.parametrize("vision", VISION)
 @pytest.mark.parametrize("group", [LINES, MARKS, BANDS], ids=["lines", "marks", "bands"])
-def test_told_apart_at_a_glance(group, vision):
+def test_groups_are_distinguishable(group, vision):
     for (a, one), (b, other) in itertools.combinations(group.items(), 2):
         assert difference(one, other, vision) > 12.0, f"{a} and {b} look alike with {vision}"
 
 
 @pytest.mark.parametrize("vision", VISION)
-def test_paths_stand_out_from_where_a_robot_can_be(vision):
+def test_paths_contrast_with_low_costs(vision):
     for band in ("free", "inflated", "unknown"):
         for name, color in LINES.items():
             assert difference(BANDS[band], color, vision) > 25.0, f"{name} on {band} with {vision}"
@@ -42,8 +42,8 @@ def test_the_ramp_darkens_with_every_cost_band():
     table = colors.cost_colors()
     lightness = np.array([lab(tuple(int(v) for v in rgb))[0] for rgb in table[:255]])
     assert (np.diff(lightness) <= 1e-9).all()
-    assert lightness[0] - lightness[1] > 3.0  # where inflation begins is seen
-    assert lightness[252] - lightness[253] > 10.0  # and where it ends
+    assert lightness[0] - lightness[1] > 3.0  # the edge of inflation is visible
+    assert lightness[252] - lightness[253] > 10.0  # so is the inscribed band
     assert lightness[253] - lightness[254] > 10.0
 
 
@@ -67,11 +67,11 @@ def test_every_value_of_a_cell_has_its_colour():
     assert np.array_equal(colors.COSTS(costs)[..., :3].reshape(-1, 3), colors.cost_colors())
     cells = np.arange(-128, 128).astype(np.int8).reshape(16, 16)
     painted = colors.OCCUPANCY(cells)[..., :3].reshape(-1, 3)
-    assert (painted[:128] == colors.UNKNOWN_RGB).all()  # -1, and what no map_server sends
+    assert (painted[:128] == colors.UNKNOWN_RGB).all()  # -1, and values that map_server never sends
     assert (np.diff(painted[128:229].astype(int), axis=0) <= 0).all()
 
 
-def test_of_cells_that_share_a_pixel_the_gravest_shows():
+def test_the_highest_rank_wins_a_shared_pixel():
     costs = np.zeros((7, 7), np.uint8)
     costs[0, 0], costs[1, 1], costs[4, 4], costs[6, 6] = 255, 7, 254, 255
     costs[3, 3] = 253

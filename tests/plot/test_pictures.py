@@ -74,7 +74,7 @@ def a_run(
 # --- plot_run ---------------------------------------------------------------------------------------------------------
 
 
-def test_a_run_shows_all_that_happened(record, tmp_path):
+def test_a_run_shows_paths_goals_and_incidents(record, tmp_path):
     image = pixels(plot_run(record, tmp_path / "run.png", dpi=130))
     height, width, _ = image.shape
     assert 1000 < width < 1400
@@ -92,7 +92,7 @@ def test_a_run_shows_all_that_happened(record, tmp_path):
         ("inscribed", colors.hex_of(colors.INSCRIBED_RGB), 5000),
     ):
         assert count(image, color) > least, name
-    # the margin around it all is white
+    # the margin is white
     assert (image[:5] == 255).all()
     assert (image[-5:] == 255).all()
     assert (image[:, -5:] == 255).all()
@@ -111,7 +111,7 @@ def test_the_picture_is_cut_to_the_run(record):
 
 
 @pytest.mark.parametrize("points", [[(0, 0), (60, 1)], [(0, 0), (1, 60)], [(0, 0), (0, 0)]])
-def test_long_tall_and_standing_runs_make_decent_pictures(points, tmp_path):
+def test_aspect_ratio_of_long_tall_and_stationary_runs(points, tmp_path):
     image = pixels(plot_run(a_run(points, [(*points[-1], 0.0)]), tmp_path / "run.png", dpi=100))
     height, width, _ = image.shape
     assert 600 < width < 1000
@@ -119,7 +119,7 @@ def test_long_tall_and_standing_runs_make_decent_pictures(points, tmp_path):
     assert 0.35 < height / width < 1.2
 
 
-def test_words(record):
+def test_headline_and_circumstances(record):
     assert headline(record) == "3 of 3 goals reached, 24.6 m in 23.8 s, 1 recovery, 1 collision"
     assert circumstances(record) == "map office   distro noetic   seed 1"
     one = a_run(
@@ -132,17 +132,17 @@ def test_words(record):
     assert circumstances(one) == "map my.map   params b, c, d, ..   distro indigo   seed 0"
 
 
-def test_a_recovery_counts_once_however_much_it_says():
-    def told(t, status):
+def test_a_recovery_counts_once():
+    def recovery(t, status):
         return Event(t, "recovery", status, {"status": status})
 
     events = [
-        told(1, "running"),
-        told(2, "running"),
-        told(3, "done"),
-        told(4, "done"),
-        told(5, "failed"),
-        told(6, "running"),
+        recovery(1, "running"),
+        recovery(2, "running"),
+        recovery(3, "done"),
+        recovery(4, "done"),
+        recovery(5, "failed"),
+        recovery(6, "running"),
     ]
     assert [event.time for event in incidents(a_run([(0, 0), (1, 1)], events=events))] == [1, 4, 5, 6]
 
@@ -157,7 +157,7 @@ def test_goals_not_reached_are_hollow(tmp_path):
     assert filled[0] > filled[1] > filled[2] > 0
 
 
-def test_what_may_be_missing(tmp_path):
+def test_records_with_missing_parts(tmp_path):
     empty = RunRecorder(map=None, footprint=Footprint.from_radius(0.2), scenario={}).record()
     assert headline(empty) == "a run without samples"
     plot_run(empty, tmp_path / "empty.png")
@@ -177,21 +177,21 @@ def test_what_may_be_missing(tmp_path):
     assert len(list(tmp_path.iterdir())) == 3
 
 
-def test_a_turned_map_and_a_plan_in_the_odometry_frame(tmp_path):
-    """A wall along the map's x axis, turned by 90 degrees, runs along y; a plan in odom lies on the driven path."""
+def test_a_rotated_map_and_a_plan_in_the_odometry_frame(tmp_path):
+    """A wall along the map's x axis, rotated by 90 degrees, runs along y; a plan in odom lies on the driven path."""
     cells = np.zeros((40, 80), np.int8)
     cells[20:22] = 100
     turned = OccupancyGrid(cells, GridGeometry(80, 40, 0.1, 2.0, -4.0), origin_yaw=math.pi / 2)
     run = a_run([(0.5, 0.0), (3.5, 0.0)], grid=turned, plan_frame="odom", offset=Transform2D(5.0, -3.0, 0.7))
-    assert area_of_run(run).max_x < 6.0  # the plan was not taken for one in map
+    assert area_of_run(run).max_x < 6.0  # the plan was transformed from odom
     image = pixels(plot_run(run, tmp_path / "run.png", footprints=False))
     dark = (np.abs(image - np.array(colors.LETHAL_RGB)).max(axis=2) < 3)[:, :870]  # left of the legend
     iy, ix = np.nonzero(dark)
     assert np.ptp(ix) < 0.2 * np.ptp(iy)
 
 
-def test_a_wall_is_seen_on_a_map_of_a_campus(tmp_path):
-    """One cell of 5 cm among 200 m: less than a quarter of a pixel, and there all the same."""
+def test_thin_walls_are_visible_on_a_large_map(tmp_path):
+    """A wall of one cell (5 cm) on 200 m is a quarter of a pixel wide."""
     cells = np.zeros((4000, 4000), np.int8)
     cells[:, 2001] = 100
     campus = OccupancyGrid(cells, GridGeometry(4000, 4000, 0.05))
@@ -201,7 +201,7 @@ def test_a_wall_is_seen_on_a_map_of_a_campus(tmp_path):
 
 
 @pytest.mark.parametrize("far", [Bounds(9.1, 9.1, 11.1, 11.1), Bounds(-3.0e3, -4.00002e6, -2.98e3, -4.0e6)])
-def test_the_numbers_of_the_axis_are_whole_and_do_not_push_its_name_off(far):
+def test_long_tick_labels_fit_the_figure(far):
     with canvas.style():
         picture = canvas.Picture(far, title="t")
         renderer = picture.canvas.get_renderer()
@@ -219,7 +219,7 @@ def test_an_area_can_be_given(record, tmp_path):
     assert count(close, colors.OBSTACLE) > 2 * count(pixels(plot_run(record, tmp_path / "b.png")), colors.OBSTACLE)
 
 
-def test_names_may_hold_anything(tmp_path):
+def test_names_with_special_characters(tmp_path):
     run = a_run([(0, 0), (1, 1)], scenario={"map": "$\\alpha_{", "params": ["地図", "%s", "\udcff"]})
     plot_run(run, tmp_path / "ü $x.png", title="$^{ {0}")
     assert (tmp_path / "ü $x.png").stat().st_size > 10_000
@@ -271,26 +271,26 @@ def test_the_potential_is_drawn_when_there_is_one(costmap, tmp_path):
 
 
 @pytest.mark.parametrize("value", [np.inf, 1e10, 0.0])
-def test_a_potential_without_slope_is_left_out(costmap, tmp_path, value):
+def test_a_constant_potential_is_not_drawn(costmap, tmp_path, value):
     flat = np.full(costmap.geometry.shape, value, np.float32)
     plot_plan(costmap, a_plan(potential=flat), tmp_path / "plan.png", start=START, goal=GOAL)
 
 
-def test_several_plans_each_get_their_colour(costmap, tmp_path):
+def test_several_plans_have_different_colours(costmap, tmp_path):
     plans = {f"planner {i}": a_plan(0.2 * i) for i in range(4)}
     image = pixels(plot_plan(costmap, plans, tmp_path / "plans.png", start=START, goal=GOAL))
     for color in colors.PLANS[:4]:
         assert count(image, color) > 500
 
 
-def test_a_goal_that_moved_is_marked(costmap, tmp_path):
+def test_a_moved_goal_is_marked(costmap, tmp_path):
     a = plot_plan(costmap, a_plan(), tmp_path / "a.png", start=START, goal=GOAL)
     moved = a_plan(goal=Pose2D(10.5, 6.6, 0.0), goal_moved_m=0.5)
     b = plot_plan(costmap, moved, tmp_path / "b.png", start=START, goal=GOAL)
     assert a.read_bytes() != b.read_bytes()
 
 
-def test_plans_of_nothing(costmap, tmp_path):
+def test_empty_plans(costmap, tmp_path):
     plot_plan(costmap, {}, tmp_path / "a.png", start=START, goal=START)
     nothing = Plan(Path(np.empty((0, 3))), 0.0, GOAL)
     plot_plan(costmap, nothing, tmp_path / "b.png", start=Pose2D(-50.0, 0.0), goal=GOAL)
@@ -324,7 +324,7 @@ for name in sys.argv[1:]:
 """
 
 
-def test_the_same_bytes_every_time_and_everywhere(tmp_path):
+def test_pictures_are_reproducible(tmp_path):
     record = synthetic.record_run(6.0).record()
     endings = ("png", "svg", "pdf")
     (tmp_path / "config").mkdir()
@@ -347,7 +347,7 @@ def test_no_software_and_no_date_in_the_files(record, tmp_path):
     assert "Matplotlib v" not in text
 
 
-def test_an_ending_nobody_can_draw(record, costmap, tmp_path):
+def test_unknown_suffixes(record, costmap, tmp_path):
     for name in ("run.jpg", "run", "run.gif", "run.mp4"):
         with pytest.raises(OutputError, match=r"\.png, \.svg, \.pdf"):
             plot_run(record, tmp_path / name)
@@ -382,10 +382,10 @@ def test_a_failure_leaves_the_old_picture(record, tmp_path, monkeypatch):
     assert path.read_bytes() == before
 
 
-# --- manners ----------------------------------------------------------------------------------------------------------
+# --- side effects -----------------------------------------------------------------------------------------------------
 
 
-def test_the_users_settings_are_left_alone(record, tmp_path):
+def test_the_settings_of_the_user_do_not_change(record, tmp_path):
     import matplotlib as mpl
 
     before = dict(mpl.rcParams)
@@ -396,7 +396,7 @@ def test_the_users_settings_are_left_alone(record, tmp_path):
     assert plot_run(record, tmp_path / "b.png").read_bytes() == a
 
 
-def test_matplotlib_comes_late_and_pyplot_never(tmp_path):
+def test_matplotlib_is_imported_late_and_pyplot_never(tmp_path):
     code = """
 import sys
 import navstack.plot, navstack.record
@@ -408,7 +408,7 @@ assert "matplotlib.pyplot" not in sys.modules
     subprocess.run([sys.executable, "-W", "error", "-c", code, str(tmp_path / "a.png")], cwd=ROOT, check=True)
 
 
-def test_a_saved_run_looks_as_it_did_in_memory(tmp_path):
+def test_a_loaded_record_gives_the_same_picture(tmp_path):
     recorder = synthetic.record_run(6.0)
     recorder.save(tmp_path)
     a = plot_run(recorder.record(), tmp_path / "a.png").read_bytes()
