@@ -219,8 +219,9 @@ class ObservationBuffer:
         inf_range = math.nan
         if self.params.inf_is_valid:
             # ROS subtracts in float32
-            beyond = scan.range_max > FARTHEST
-            inf_range = math.inf if beyond else float(np.float32(scan.range_max) - np.float32(0.0001))
+            limit = scan.range_max
+            valid = abs(limit) <= FARTHEST  # a float32 might overflow
+            inf_range = float(np.float32(limit) - np.float32(0.0001)) if valid else math.copysign(math.inf, limit)
         out = np.empty((n, 3), np.float32)
         count = self._project_scan(
             ranges,

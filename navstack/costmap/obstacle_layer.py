@@ -120,6 +120,8 @@ class ObstacleLayer(Layer):
         self._marking = [b for b in self.buffers if b.params.marking]
         self.costs: NDArray[np.uint8] = np.zeros((1, 1), np.uint8)
         """(ny, nx) costs of this layer: 0, 254, or 255 (unknown)."""
+        self.marks: NDArray[Any] = np.zeros((1, 1), np.uint16)
+        """(ny, nx) serial number of the observation that marked each cell last, 0 if unknown."""
         self.geometry = GridGeometry(1, 1, 1.0)
         self.log = MarkLog(self._serial_bits())
         self._listening: dict[str, list[ObservationBuffer]] = {}
@@ -147,7 +149,7 @@ class ObstacleLayer(Layer):
         """Move the cells; keep the overlap of the old and the new window."""
         dx, dy = window_shift(self.geometry, geometry)
         shift_cells(self.costs, dx, dy, self.default_cost)
-        self._shift_marks(dx, dy)
+        shift_cells(self.marks, dx, dy, 0)
         self.geometry = geometry
 
     def set_footprint(self, footprint: Footprint) -> None:
@@ -234,7 +236,8 @@ class ObstacleLayer(Layer):
         """
         value = self.default_cost if region is None and not invert else UNKNOWN
         cleared, changed = clear_region(self.costs, self.geometry, region, invert, value)
-        self._reset_marks(region, invert)
+        # ROS differs: clearArea keeps the voxels, so that a ray through a cleared column restores the obstacle
+        clear_region(self.marks, self.geometry, region, invert, 0)
         self._extra = self._extra.union(changed)
         for buffer in self.buffers:
             buffer.restart()
@@ -287,6 +290,21 @@ class ObstacleLayer(Layer):
         finally:
             self.costs = costs
 
+    def _mark(self, seen: Observation, box: NDArray[np.float64]) -> None:
+        self._mark_points(
+            self.costs,
+            self.marks,
+            seen.serial,
+            seen.points,
+            seen.count,
+            self._kernel_settings(),
+            seen.x,
+            seen.y,
+            seen.z,
+            seen.source.params.obstacle_range,
+            box,
+        )
+
     def _kernel_settings(self) -> NDArray[Any]:
         """Return the settings of the kernels (1,), refilled after a change of the geometry or the parameters."""
         geometry, params = self._settings_of
@@ -299,23 +317,17 @@ class ObstacleLayer(Layer):
 
     def serial_at(self, ix: int, iy: int) -> int:
         """Return the serial number of the observation that marked a cell last, 0 if unknown."""
-        return int(self.serials[iy, ix])
+        return int(self.marks[iy, ix])
 
     def _serial_bits(self) -> int:
         return 16
 
     def _allocate_marks(self, geometry: GridGeometry) -> None:
-        self.serials = np.zeros(geometry.shape, np.uint16)
+        self.marks = np.zeros(geometry.shape, np.uint16)
         self._clear_rays, self._mark_points = clear_rays.compiled(), mark_points.compiled()
 
-    def _shift_marks(self, dx: int, dy: int) -> None:
-        shift_cells(self.serials, dx, dy, 0)
-
-    def _reset_marks(self, region: Bounds | None, invert: bool) -> None:
-        clear_region(self.serials, self.geometry, region, invert, 0)
-
     def _remove_serials(self, first: int, last: int) -> None:
-        self.serials[(self.serials >= first) & (self.serials <= last)] = 0
+        self.marks[(self.marks >= first) & (self.marks <= last)] = 0
 
     def _details(self, ix: int, iy: int) -> dict[str, Any]:
         del ix, iy
@@ -329,21 +341,6 @@ class ObstacleLayer(Layer):
         cells = cells_in(reach, self.geometry.resolution)
         settings = self._kernel_settings()
         return self._clear_rays(self.costs, seen.points, seen.count, settings, seen.x, seen.y, reach, cells, box)
-
-    def _mark(self, seen: Observation, box: NDArray[np.float64]) -> None:
-        self._mark_points(
-            self.costs,
-            self.serials,
-            seen.serial,
-            seen.points,
-            seen.count,
-            self._kernel_settings(),
-            seen.x,
-            seen.y,
-            seen.z,
-            seen.source.params.obstacle_range,
-            box,
-        )
 
 
 def cells_in(distance: float, resolution: float) -> float:

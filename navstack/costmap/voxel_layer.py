@@ -7,12 +7,11 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Bounds, GridGeometry
+from navstack.core import GridGeometry
 from navstack.core.parameters import ParamModel, param
 from navstack.costmap._voxel_kernels import VOXEL_GRID, clear_voxel_rays, mark_voxels
 from navstack.costmap.observation_buffer import Observation
 from navstack.costmap.obstacle_layer import ObstacleLayer, ObstacleLayerParams, cells_in
-from navstack.costmap.regions import clear_region, shift_cells
 from navstack.interfaces import LayerContext
 from navstack.plugins import LAYERS
 
@@ -47,8 +46,8 @@ class VoxelLayerParams(ObstacleLayerParams):
 class VoxelLayer(ObstacleLayer):
     """Obstacles in columns of voxels: rays above or below an obstacle do not clear it.
 
-    A column is a word of bits: "seen free" and "marked" per level, and above them the serial number of the observation that
-    marked it last. 3 bytes per cell for up to 8 levels, 5 bytes for more.
+    `marks` (ny, nx) contains one word of bits per column: "seen free" and "marked" per level, and above them the serial number
+    of the observation that marked it last. 3 bytes per cell for up to 8 levels, 5 bytes for more.
     """
 
     Params: ClassVar[type[ParamModel]] = VoxelLayerParams
@@ -57,18 +56,17 @@ class VoxelLayer(ObstacleLayer):
         self.levels = int(params.z_voxels)
         self._word = np.dtype(np.uint16 if self.levels <= LEVELS // 2 else np.uint32)
         super().__init__(params, context)
-        self.columns: NDArray[Any] = np.zeros((1, 1), self._word)
         # the parameter refers to a column of 16 voxels
         self.unknown_threshold = int(params.unknown_threshold) + LEVELS - self.levels
         self._settings = np.zeros(1, VOXEL_GRID)
 
     def serial_at(self, ix: int, iy: int) -> int:
         """Return the serial number of the observation that marked a column last, 0 if unknown."""
-        return int(self.columns[iy, ix]) >> (2 * self.levels)
+        return int(self.marks[iy, ix]) >> (2 * self.levels)
 
     def column_at(self, ix: int, iy: int) -> str:
         """Return a column from bottom to top: `#` marked, `.` free, `?` unknown."""
-        word = int(self.columns[iy, ix])
+        word = int(self.marks[iy, ix])
         signs: list[str] = []
         for level in range(self.levels):
             marked, free = word >> (level + self.levels) & 1, word >> level & 1
@@ -79,29 +77,22 @@ class VoxelLayer(ObstacleLayer):
         return min(8 * self._word.itemsize - 2 * self.levels, 16)
 
     def _allocate_marks(self, geometry: GridGeometry) -> None:
-        self.columns = np.zeros(geometry.shape, self._word)
-        self._clear_voxel_rays, self._mark_voxels = clear_voxel_rays.compiled(), mark_voxels.compiled()
-
-    def _shift_marks(self, dx: int, dy: int) -> None:
-        shift_cells(self.columns, dx, dy, 0)
-
-    def _reset_marks(self, region: Bounds | None, invert: bool) -> None:
-        # ROS differs: clearArea keeps the voxels, so that a ray through a cleared column restores the obstacle
-        clear_region(self.columns, self.geometry, region, invert, 0)
+        self.marks = np.zeros(geometry.shape, self._word)
+        self._clear_rays, self._mark_points = clear_voxel_rays.compiled(), mark_voxels.compiled()
 
     def _remove_serials(self, first: int, last: int) -> None:
-        serials = self.columns >> (2 * self.levels)
-        self.columns[(serials >= first) & (serials <= last)] &= (1 << (2 * self.levels)) - 1
+        serials = self.marks >> (2 * self.levels)
+        self.marks[(serials >= first) & (serials <= last)] &= (1 << (2 * self.levels)) - 1
 
     def _details(self, ix: int, iy: int) -> dict[str, Any]:
         return {"column": self.column_at(ix, iy)}
 
     def _passes(self, observation: Observation, ix: int, iy: int) -> bool:
-        columns, self.columns = self.columns, np.zeros_like(self.columns)
+        marks, self.marks = self.marks, np.zeros_like(self.marks)
         try:
             return super()._passes(observation, ix, iy)
         finally:
-            self.columns = columns
+            self.marks = marks
 
     def _setting_values(self, g: GridGeometry, params: Any) -> tuple[Any, ...]:
         return (
@@ -113,9 +104,9 @@ class VoxelLayer(ObstacleLayer):
         if seen.count == 0:
             return True
         reach = seen.source.params.raytrace_range
-        return self._clear_voxel_rays(
+        return self._clear_rays(
             self.costs,
-            self.columns,
+            self.marks,
             seen.points,
             seen.count,
             self._kernel_settings(),
@@ -124,20 +115,5 @@ class VoxelLayer(ObstacleLayer):
             seen.z,
             reach,
             cells_in(reach, self.geometry.resolution),
-            box,
-        )
-
-    def _mark(self, seen: Observation, box: NDArray[np.float64]) -> None:
-        self._mark_voxels(
-            self.costs,
-            self.columns,
-            seen.serial,
-            seen.points,
-            seen.count,
-            self._kernel_settings(),
-            seen.x,
-            seen.y,
-            seen.z,
-            seen.source.params.obstacle_range,
             box,
         )

@@ -295,7 +295,7 @@ def test_columns_of_every_height(levels: int) -> None:
     cell = costmap.master.geometry.world_to_cell(0.5, 0.0)
     assert cell is not None
     assert layer.column_at(*cell) == "?" * (levels - 1) + "#"
-    assert layer.columns.itemsize == (2 if levels <= 8 else 4)
+    assert layer.marks.itemsize == (2 if levels <= 8 else 4)
 
 
 @pytest.mark.parametrize(

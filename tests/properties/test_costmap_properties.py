@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy.ndimage import distance_transform_edt
@@ -140,6 +140,9 @@ NUMBERS = st.floats(allow_nan=True, allow_infinity=True)
     voxel=st.booleans(),
     valid=st.booleans(),
     pose=st.tuples(st.floats(-50, 50), st.floats(-50, 50), st.floats(-10, 10)),
+)
+@example(
+    ranges=[0.0], angles=(0.0, 0.0), limits=(0.0, -3.5e38), height=0.0, voxel=False, valid=True, pose=(0.0, 0.0, 0.0)
 )
 def test_any_scan_is_accepted_or_rejected(
     ranges: list[float],
