@@ -30,7 +30,7 @@ def check(
     allow_missing: options.AllowMissing = False,
     json_: options.Json = False,
 ) -> int:
-    """Check parameters, or a scenario file with its parameters, and report every finding with file, line and column.
+    """Check parameters or a scenario file, and report every finding with file, line and column.
 
     Exit codes: 0 no errors, 2 errors.
     """

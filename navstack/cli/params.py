@@ -145,7 +145,7 @@ def migrate(
     distro: options.Distro = None,
     allow_missing: options.AllowMissing = False,
 ) -> None:
-    """Write the same configuration with current parameter names; comments are kept where the layout is."""
+    """Write the same configuration with current parameter names; comments are kept unless the layout changes."""
     from navstack.cli.output import print_note, stdout
     from navstack.core.errors import OutputError
     from navstack.core.files import ensure_directory, write_text

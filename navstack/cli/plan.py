@@ -59,7 +59,7 @@ def plan(
 ) -> None:
     """Plan a path on a map with the global costmap and planner of a parameter set.
 
-    Exit codes: 0 a path was found, 1 start and goal are valid but no path connects them, 2 invalid input.
+    Exit codes: 0 a path was found, 1 no path was found between valid poses, 2 invalid input.
     """
     from navstack.cli.output import print_note
     from navstack.core.files import ensure_directory

@@ -19,7 +19,7 @@ def cell(
     costmap: options.CostmapName = "global",
     json_: options.Json = False,
 ) -> None:
-    """Explain the cost of a cell: the layer and sensor that set it, the time, and what every layer has there.
+    """Explain the cost of a cell: the layer and sensor that set it, the time, and the share of every layer.
 
     The run is replayed up to the given time.
     """
