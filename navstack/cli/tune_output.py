@@ -35,7 +35,7 @@ def trial_progress(
     trials: int, *, quiet: bool
 ) -> Generator[tuple[Callable[[Trial, int], None], Callable[[str], None]]]:
     """A progress bar; without a terminal, a line from time to time. Two callbacks: for each trial, and for messages."""
-    from navstack.jobs.progress import LINES_APART_S, time_left_bar
+    from navstack.jobs.progress import LINE_INTERVAL_S, time_left_bar
 
     on_terminal = stderr().is_terminal
     with time_left_bar(trials, what="trials", shown=on_terminal and not quiet) as move:
@@ -46,7 +46,7 @@ def trial_progress(
             nonlocal complete, printed
             complete += trial.complete
             move(ended, f"last {trial.values[0]:.3f}, {complete} complete")
-            if not quiet and not on_terminal and time.monotonic() - printed >= LINES_APART_S:
+            if not quiet and not on_terminal and time.monotonic() - printed >= LINE_INTERVAL_S:
                 printed = time.monotonic()
                 print_note(f"{ended} of {trials} trials, {complete} complete")
 

@@ -1,9 +1,9 @@
-"""Many independent jobs on all cores, with results that survive a kill: what benchmarks, sweeps and tuning stand on.
+"""Independent jobs on all cores, with results that survive a kill; used by benchmarks, sweeps and tuning.
 
     results = run_jobs(work, jobs, what={"params": "turtlebot"}, processes=2, results=Path("out/results.jsonl"))
 
-`work` is a function of a job's input alone that gives JSON. Whatever the number of processes, whatever was killed in
-between: the results are the same and come in the order of the jobs.
+`work` is a pure function of a job's input that returns JSON data. The results are in the order of the jobs and do not depend on
+the number of processes or on interruptions.
 """
 
 from navstack.jobs.job import Executor, Job, JobResult, SerialExecutor

@@ -1,4 +1,4 @@
-"""What a job is, what comes of it, and who may run it."""
+"""Jobs, their results, and the interface of executors."""
 
 from __future__ import annotations
 
@@ -12,52 +12,56 @@ from typing import Any, Protocol, Self
 from navstack.core.errors import NavError, jsonable
 
 Work = Callable[[Any], Any]
-"""A job's input -> JSON. A pure function: where it runs and what ran before it must not matter."""
+"""A job's input -> JSON data. A pure function: its result does not depend on the process or on previous jobs."""
 
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One piece of work."""
+    """One unit of work."""
 
     key: str
-    """Its name among the jobs of a run: the same in every run of the same jobs (`world 31 seed 0`)."""
+    """Unique name, the same in every run of the same jobs (`world 31 seed 0`)."""
     input: Any
-    """What `work` is called with; goes to another process, so it can be pickled."""
+    """Argument of `work`; must be picklable."""
 
 
 @dataclass(frozen=True, slots=True)
 class JobResult:
-    """What came of a job."""
+    """The result of a job."""
 
     key: str
     value: Any = None
-    """JSON; None with an `error`."""
+    """JSON data; None if there is an `error`."""
     error: dict[str, Any] | None = None
-    """Why there is no value: `code`, `name`, `message` and data, as `NavError.as_dict` has them."""
+    """`code`, `name`, `message` and data, as in `NavError.as_dict`."""
 
     @property
     def failed(self) -> bool:
-        """True where there is no value."""
+        """True if the job has an error."""
         return self.error is not None
 
     def as_line(self) -> str:
-        """One line of JSON, without its end."""
-        told = {"key": self.key, "error": self.error} if self.failed else {"key": self.key, "value": self.value}
-        return json.dumps(told, allow_nan=False, separators=(",", ":"))
+        """Returns one line of JSON, without the newline."""
+        fields = {"key": self.key, "error": self.error} if self.failed else {"key": self.key, "value": self.value}
+        return json.dumps(fields, allow_nan=False, separators=(",", ":"))
 
     @classmethod
     def from_line(cls, line: str | bytes) -> JobResult:
-        """The inverse of `as_line`; raises ValueError for anything else."""
-        told: Any = json.loads(line)
-        if not isinstance(told, dict) or not isinstance(told.get("key"), str) or not {"value", "error"} & set(told):
+        """Inverts `as_line`. Raises ValueError for anything else."""
+        fields: Any = json.loads(line)
+        if (
+            not isinstance(fields, dict)
+            or not isinstance(fields.get("key"), str)
+            or not {"value", "error"} & set(fields)
+        ):
             raise ValueError("not the result of a job")
-        return cls(told["key"], told.get("value"), told.get("error"))
+        return cls(fields["key"], fields.get("value"), fields.get("error"))
 
 
 def perform(work: Work, job: Job) -> JobResult:
-    """Does the job here and now. An exception is a result too; the value is what a results file would give back."""
+    """Runs the job in this process. An exception becomes an error result; the value is as read from a results file."""
     try:
-        # there and back: the same whether it was computed now or read from a file
+        # round trip through JSON: the same value whether it was computed now or read from a file
         return JobResult.from_line(JobResult(job.key, jsonable(work(job.input))).as_line())
     except NavError as error:
         return JobResult(job.key, error=error.as_dict())
@@ -68,28 +72,28 @@ def perform(work: Work, job: Job) -> JobResult:
 
 
 class Executor(Protocol):
-    """Runs jobs somewhere: here, in processes, on a cluster. Made with the work that all its jobs are for."""
+    """Runs jobs: in this process, in worker processes or on a cluster. It is created for one work function."""
 
     @property
     def slots(self) -> int:
-        """How many jobs run at once."""
+        """Number of jobs that run concurrently."""
         ...
 
     def submit(self, job: Job) -> None:
-        """Takes a job; returns at once."""
+        """Queues a job; returns immediately."""
         ...
 
     def collect(self) -> JobResult:
-        """Waits for any job to end. Each job submitted is collected once, in whatever order they end."""
+        """Waits for any job to end and returns its result. Each submitted job is collected once, in order of completion."""
         ...
 
     def close(self) -> None:
-        """Ends whatever runs. May be called twice."""
+        """Stops all jobs. May be called twice."""
         ...
 
 
 class SerialExecutor:
-    """Runs jobs in this process, one after the other."""
+    """Runs jobs in this process, one at a time."""
 
     slots = 1
 
@@ -98,15 +102,15 @@ class SerialExecutor:
         self._waiting: deque[Job] = deque()
 
     def submit(self, job: Job) -> None:
-        """Puts the job in the queue."""
+        """Queues the job."""
         self._waiting.append(job)
 
     def collect(self) -> JobResult:
-        """Runs the next job of the queue."""
+        """Runs the next job in the queue."""
         return perform(self._work, self._waiting.popleft())
 
     def close(self) -> None:
-        """Forgets what is waiting."""
+        """Clears the queue."""
         self._waiting.clear()
 
     def __enter__(self) -> Self:

@@ -1,4 +1,4 @@
-"""Jobs in worker processes that are kept alive, replaced when they die, and end with this one."""
+"""Jobs in persistent worker processes, which are replaced when they die and end with this process."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from typing import Any, Final, Self
 from navstack.core.errors import InputError, InternalError
 from navstack.jobs.job import Job, JobResult, Work, perform
 
-TRIES: Final = 2
-"""How often a job is begun whose worker dies."""
+MAX_ATTEMPTS: Final = 2
+"""Maximum number of attempts for a job whose worker dies."""
 _READY: Final = b"ready"
 _UNPICKLABLE: Final = (pickle.PicklingError, AttributeError, TypeError, ImportError)
 
 
 def usable_cores() -> int:
-    """The cores that this process may run on."""
+    """Returns the number of cores that this process may use."""
     try:
         return len(os.sched_getaffinity(0))
     except AttributeError:  # not Linux
@@ -41,19 +41,19 @@ class _Worker:
 
 
 class ProcessExecutor:
-    """Runs jobs in `processes` workers (all usable cores unless given).
+    """Runs jobs in `processes` workers (default: all usable cores).
 
-    A worker that dies is replaced and its job begun once more.
-    `work` and the jobs' inputs must be picklable; `work` goes to each worker once, so that what it loads and keeps is
-    loaded once per worker. Workers print to stderr, ignore Ctrl-C (this process ends them) and end when this process does.
+    A worker that dies is replaced and its job retried once. `work` and the jobs' inputs must be picklable; each worker
+    receives `work` once, so data that it caches is loaded once per worker. Workers print to stderr, ignore Ctrl-C (this process
+    stops them) and end when this process does.
     """
 
     def __init__(self, work: Work, processes: int | None = None) -> None:
         if processes is not None and processes < 1:
-            raise InputError(f"{processes} processes: give at least 1", argument="processes", value=processes)
+            raise InputError(f"processes is {processes}; it must be at least 1", argument="processes", value=processes)
         self._slots = processes or usable_cores()
         self._work = work
-        # a fork of this process could inherit locks that are held; a server forks from a state where there are none
+        # a fork of this process could inherit held locks; a fork server has none
         method = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
         self._context: Any = multiprocessing.get_context(method)
         if method == "forkserver":
@@ -61,7 +61,7 @@ class ProcessExecutor:
         self._workers: list[_Worker] = []
         self._waiting: deque[Job] = deque()
         self._finished: deque[JobResult] = deque()
-        self._begun: dict[str, int] = {}
+        self._attempts: dict[str, int] = {}
 
     @property
     def slots(self) -> int:
@@ -70,27 +70,27 @@ class ProcessExecutor:
 
     @property
     def pids(self) -> list[int]:
-        """Of the workers that live."""
+        """Process ids of the live workers."""
         return [w.process.pid for w in self._workers if w.process.pid is not None]
 
     def submit(self, job: Job) -> None:
-        """Hands the job to a worker that has nothing to do, or puts it in the queue."""
+        """Sends the job to an idle worker, or queues it."""
         self._waiting.append(job)
         self._dispatch()
 
     def collect(self) -> JobResult:
-        """Waits for any job to end."""
+        """Waits for any job to end and returns its result."""
         while not self._finished:
             if not self._workers:
-                raise InternalError("no job is under way: submit one before collecting")
+                raise InternalError("no job is running; submit one before collecting")
             ready = wait([w.pipe for w in self._workers])
             for worker in [w for w in self._workers if w.pipe in ready]:
-                self._hear(worker)
+                self._receive(worker)
             self._dispatch()
         return self._finished.popleft()
 
     def close(self) -> None:
-        """Ends the workers, whatever they are at."""
+        """Kills the workers."""
         workers, self._workers = self._workers, []
         self._waiting.clear()
         for worker in workers:
@@ -115,8 +115,8 @@ class ProcessExecutor:
                 return
             job = self._waiting.popleft()
             idle.job = job
-            self._begun[job.key] = self._begun.get(job.key, 0) + 1
-            # it may have died while idle: that is heard of at the next collect
+            self._attempts[job.key] = self._attempts.get(job.key, 0) + 1
+            # a worker that died while idle is detected by the next collect
             with contextlib.suppress(BrokenPipeError, ConnectionResetError):
                 try:
                     idle.pipe.send(job)
@@ -125,8 +125,8 @@ class ProcessExecutor:
 
     def _start(self) -> _Worker:
         ours, theirs = self._context.Pipe()
-        here = _Surroundings(os.getcwd(), dict(os.environ))  # noqa: PTH109
-        process: BaseProcess = self._context.Process(target=_serve, args=(theirs, self._work, here), daemon=True)
+        state = _ProcessState(os.getcwd(), dict(os.environ))  # noqa: PTH109
+        process: BaseProcess = self._context.Process(target=_serve, args=(theirs, self._work, state), daemon=True)
         try:
             process.start()
         except _UNPICKLABLE as exc:
@@ -138,22 +138,22 @@ class ProcessExecutor:
         self._workers.append(worker)
         return worker
 
-    def _hear(self, worker: _Worker) -> None:
-        """What a worker sends, or that it is gone."""
+    def _receive(self, worker: _Worker) -> None:
+        """Receives a message of a worker, or detects that it died."""
         try:
             message = worker.pipe.recv_bytes()
         except (EOFError, ConnectionResetError):
-            self._bury(worker)
+            self._remove_dead(worker)
             return
         if message == _READY:
             worker.ready = True
             return
         assert worker.job is not None
-        self._begun.pop(worker.job.key, None)
+        self._attempts.pop(worker.job.key, None)
         worker.job = None
         self._finished.append(JobResult.from_line(message))
 
-    def _bury(self, worker: _Worker) -> None:
+    def _remove_dead(self, worker: _Worker) -> None:
         self._workers.remove(worker)
         worker.pipe.close()
         worker.process.join()
@@ -162,48 +162,47 @@ class ProcessExecutor:
         how = f"killed by {_signal_name(-code)}" if code < 0 else f"exit code {code}"
         if not worker.ready:
             raise InternalError(
-                f"the worker processes cannot start ({how}); in a script of your own, call this under "
-                '`if __name__ == "__main__":`'
+                f'the worker processes cannot start ({how}); in a script, call this under `if __name__ == "__main__":`'
             )
         job = worker.job
         if job is None:
             return
-        if self._begun[job.key] < TRIES:
+        if self._attempts[job.key] < MAX_ATTEMPTS:
             self._waiting.appendleft(job)
             return
-        self._begun.pop(job.key)
-        message = f"the worker process died {TRIES} times at this job ({how})"
+        self._attempts.pop(job.key)
+        message = f"the worker process died {MAX_ATTEMPTS} times during this job ({how})"
         if how.endswith("KILL"):
-            message += "; when memory runs out, the system kills so: use fewer processes"
+            message += "; the system kills processes when memory runs out: use fewer processes"
         self._finished.append(JobResult(job.key, error={"code": 9099, "name": "WORKER_DIED", "message": message}))
 
 
 def _signal_name(number: int) -> str:
     try:
         return signal.Signals(number).name
-    except ValueError:  # of those for programs of one's own, only the first and the last have a name
+    except ValueError:  # real-time signals have no name, except the first and the last
         return f"signal {number}"
 
 
 @dataclass(frozen=True, slots=True)
-class _Surroundings:
-    """A server of forks keeps those of its own start; a worker wants those of now."""
+class _ProcessState:
+    """Working folder and environment for a worker; a fork server would use those of its own start."""
 
     folder: str
     environment: dict[str, str]
 
-    def take(self) -> None:
+    def apply(self) -> None:
         os.chdir(self.folder)
         os.environ.clear()
         os.environ.update(self.environment)
 
 
-def _serve(pipe: Connection, work: Work, here: _Surroundings) -> None:
-    """A worker: does the jobs that come, until none can come any more."""
+def _serve(pipe: Connection, work: Work, state: _ProcessState) -> None:
+    """Runs a worker: performs the jobs it receives until the pipe is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    here.take()
+    state.apply()
     sys.stdout.flush()
-    os.dup2(2, 1)  # what work prints is not among the results
+    os.dup2(2, 1)  # output of `work` must not mix with results
     threading.Thread(target=_end_with_parent, daemon=True).start()
     pipe.send_bytes(_READY)
     while True:
@@ -215,7 +214,7 @@ def _serve(pipe: Connection, work: Work, here: _Surroundings) -> None:
 
 
 def _end_with_parent() -> None:
-    """Ends this process when its parent ends in whatever way, though it be in the middle of a job."""
+    """Ends this process when its parent ends, even during a job."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         wait([parent.sentinel])

@@ -1,4 +1,4 @@
-"""How far the jobs are and how long they will take, on stderr: a bar on a terminal, a line now and then elsewhere."""
+"""Progress of jobs on stderr: a bar on a terminal, otherwise a line per minute."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ from typing import Final
 
 from navstack.jobs.job import JobResult
 
-LINES_APART_S: Final = 60.0
-"""Where there is no terminal, a line says this often (s) how far it is."""
+LINE_INTERVAL_S: Final = 60.0
+"""Interval of the progress lines without a terminal (s)."""
 
 
 @contextmanager
 def progress_of(total: int, done: int, *, quiet: bool) -> Generator[Callable[[JobResult], None]]:
-    """Gives what is to be called with each result; `done` of `total` are there already."""
+    """Yields a callback for each result; `done` of `total` results exist already."""
     if quiet:
         yield lambda result: None
     elif sys.stderr.isatty():
         with time_left_bar(total, done) as move:
             failed = 0
 
-            def told(result: JobResult) -> None:
+            def report(result: JobResult) -> None:
                 nonlocal done, failed
                 done += 1
                 failed += result.failed
                 move(done, f"{failed} failed" if failed else "")
 
-            yield told
+            yield report
     else:
         yield _lines(total, done)
 
@@ -38,9 +38,9 @@ def progress_of(total: int, done: int, *, quiet: bool) -> Generator[Callable[[Jo
 def time_left_bar(
     total: int, done: int = 0, *, what: str = "", shown: bool = True
 ) -> Generator[Callable[[int, str], None]]:
-    """A bar on stderr with the time taken and left, headed `what`; nothing where it is not `shown`.
+    """Shows a bar on stderr with the elapsed and the remaining time, labelled `what`, if `shown`.
 
-    Gives what is to be called with how many of `total` are done by now and a remark to stand behind the bar.
+    Yields a callback that takes the number of finished items and a remark shown behind the bar.
     """
     from rich.console import Console
     from rich.progress import (
@@ -71,15 +71,15 @@ def time_left_bar(
 
 def _lines(total: int, done: int) -> Callable[[JobResult], None]:
     began = time.monotonic()
-    said, now_done = began, done
+    last_line, now_done = began, done
 
-    def told(result: JobResult) -> None:
-        nonlocal said, now_done
+    def report(result: JobResult) -> None:
+        nonlocal last_line, now_done
         now_done += 1
         now = time.monotonic()
-        if now - said >= LINES_APART_S:
-            said = now
+        if now - last_line >= LINE_INTERVAL_S:
+            last_line = now
             left = (now - began) / (now_done - done) * (total - now_done)
             print(f"{now_done} of {total} done, {left / 60.0:.1f} min left", file=sys.stderr, flush=True)
 
-    return told
+    return report

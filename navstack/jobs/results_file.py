@@ -1,7 +1,7 @@
-"""Results as lines of JSON that survive a kill: appended as they come, read back on resume, put in order at the end.
+"""Results as lines of JSON that survive a kill: appended immediately, read on resume, sorted at the end.
 
-The first line says what the results are of: `{"navstack_jobs": 1, "what": {..}, "jobs": 50, "fingerprint": ".."}`; each
-other one is a result: `{"key": .., "value": ..}` or `{"key": .., "error": ..}`.
+The first line describes the jobs: `{"navstack_jobs": 1, "what": {..}, "jobs": 50, "fingerprint": ".."}`; each
+other line is a result: `{"key": .., "value": ..}` or `{"key": .., "error": ..}`.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ FORMAT: Final = 1
 class ResultsFile:
     """A results file, open for appending and locked against other processes.
 
-    `what` (JSON) says what shapes the results beyond the jobs' keys: a file of something else is refused with a message
-    that names the difference. Without `resume`, so is a file that holds results already. Results whose keys are not among
-    `keys` are refused, those with an error are computed again.
+    `what` (JSON data) describes the inputs other than the jobs' keys; a file with another description is rejected with a message
+    that names the difference. Without `resume`, a file with results is rejected too. Results whose keys are not among `keys` are
+    rejected; those with an error are computed again.
 
     Raises InputError, OutputError.
     """
@@ -35,7 +35,7 @@ class ResultsFile:
     def __init__(self, path: Path, what: Mapping[str, Any], keys: Sequence[str], *, resume: bool) -> None:
         self.path = path
         self.done: dict[str, JobResult] = {}
-        """Results that were there already."""
+        """Results read from the file."""
         self._keys = frozenset(keys)
         self._head = _head(what, keys)
         ensure_directory(path.parent)
@@ -47,11 +47,11 @@ class ResultsFile:
             raise
 
     def add(self, result: JobResult) -> None:
-        """Appends a line and waits until it is on the disk."""
+        """Appends a line and flushes it to disk."""
         self._append(result.as_line())
 
     def put_in_order(self, results: Sequence[JobResult]) -> None:
-        """Writes the file anew, whole or not at all: the results in this order, a line each. Closes it."""
+        """Rewrites the file atomically with the results in this order, and closes it."""
         text = "".join(f"{line}\n" for line in (json.dumps(self._head), *(r.as_line() for r in results)))
         if self.path.read_bytes() != text.encode():
             with atomic_write(self.path) as beside, beside.open("w", encoding="utf-8") as file:
@@ -61,7 +61,7 @@ class ResultsFile:
         self.close()
 
     def close(self) -> None:
-        """Lets go of the file. May be called twice."""
+        """Closes the file. May be called twice."""
         if self._file >= 0:
             os.close(self._file)
             self._file = -1
@@ -84,7 +84,7 @@ class ResultsFile:
                     f"{self.path} is being written by another process; wait for it or choose another folder",
                     path=str(self.path),
                 )
-            # whoever held the lock may have put another file in its place
+            # the previous owner of the lock may have replaced the file
             with contextlib.suppress(FileNotFoundError):
                 if self.path.stat().st_ino == os.fstat(file).st_ino:
                     return file
@@ -98,7 +98,7 @@ class ResultsFile:
             os.fsync(self._file)
         except OSError as exc:
             raise OutputError(
-                f"cannot write {self.path}: {exc.strerror or exc}; what is in it is kept and can be resumed",
+                f"cannot write {self.path}: {exc.strerror or exc}; its contents are intact, continue with --resume",
                 path=str(self.path),
             ) from exc
 
@@ -116,8 +116,8 @@ class ResultsFile:
         self._compare(lines[0])
         if not resume and len(lines) > 1:
             raise InputError(
-                f"{self.path} holds {len(lines) - 1} of {len(self._keys)} results already; "
-                "--resume goes on with them, another --out begins anew",
+                f"{self.path} already contains {len(lines) - 1} of {len(self._keys)} results; continue with --resume, or choose "
+                "another --out",
                 path=str(self.path),
             )
         for number, line in enumerate(lines[1:], 2):
@@ -126,7 +126,7 @@ class ResultsFile:
             except ValueError:
                 if number < len(lines):
                     raise self._foreign(number) from None
-                kept -= len(line) + 1  # the last line, torn though it has an end: computed again
+                kept -= len(line) + 1  # the last line is damaged: computed again
                 break
             if result.key not in self._keys:
                 raise self._foreign(number)
@@ -135,7 +135,7 @@ class ResultsFile:
         os.ftruncate(self._file, kept)
 
     def _compare(self, line: bytes) -> None:
-        """Raises InputError where the file is of other jobs."""
+        """Raises InputError if the file belongs to other jobs."""
         try:
             there: Any = json.loads(line)
             format_, what, fingerprint = there["navstack_jobs"], there["what"], there["fingerprint"]
@@ -143,26 +143,26 @@ class ResultsFile:
             raise self._foreign(1) from None
         if format_ == FORMAT and fingerprint == self._head["fingerprint"] and what == self._head["what"]:
             return
-        differences = list(_differences(what, self._head["what"])) or ["the list of jobs is another"]
+        differences = list(_differences(what, self._head["what"])) or ["the list of jobs differs"]
         raise InputError(
-            f"{self.path} holds the results of something else: {'; '.join(differences[:3])}; "
-            "give the same arguments as then, or another --out",
+            f"{self.path} contains results of other jobs: {'; '.join(differences[:3])}; use the same arguments, or choose "
+            "another --out",
             path=str(self.path),
             differences=differences,
         )
 
     def _foreign(self, line: int) -> InputError:
         return InputError(
-            f"{self.path}:{line} is no line of results of these jobs; choose another --out, or remove the file",
+            f"{self.path}:{line} is not a result of these jobs; choose another --out, or remove the file",
             path=str(self.path),
             line=line,
         )
 
 
 def _head(what: Mapping[str, Any], keys: Sequence[str]) -> dict[str, Any]:
-    told = jsonable({**what, "navstack": __version__})
-    digest = hashlib.sha256(json.dumps([told, list(keys)], sort_keys=True).encode()).hexdigest()
-    return {"navstack_jobs": FORMAT, "what": told, "jobs": len(keys), "fingerprint": digest[:16]}
+    description = jsonable({**what, "navstack": __version__})
+    digest = hashlib.sha256(json.dumps([description, list(keys)], sort_keys=True).encode()).hexdigest()
+    return {"navstack_jobs": FORMAT, "what": description, "jobs": len(keys), "fingerprint": digest[:16]}
 
 
 def _differences(there: Any, here: Any, name: str = "") -> Iterator[str]:
@@ -170,7 +170,7 @@ def _differences(there: Any, here: Any, name: str = "") -> Iterator[str]:
         for key in dict.fromkeys([*there, *here]):
             yield from _differences(there.get(key), here.get(key), f"{name}.{key}" if name else str(key))
     elif there != here:
-        yield f"{name or 'what'} was {_short(there)} and is {_short(here)} now"
+        yield f"{name or 'what'} was {_short(there)}, now it is {_short(here)}"
 
 
 def _short(value: Any) -> str:
@@ -181,7 +181,7 @@ def _short(value: Any) -> str:
 def _locked(file: int) -> bool:
     try:
         import fcntl
-    except ImportError:  # not on this system: whoever starts two at once is on their own
+    except ImportError:  # not on this system: no protection against concurrent runs
         return True
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -1,4 +1,4 @@
-"""Running many jobs: what is done is skipped, the rest shared out, each result kept at once, all given back in order."""
+"""Runs jobs: skips finished ones, distributes the others, stores each result and returns all in order."""
 
 from __future__ import annotations
 
@@ -26,31 +26,31 @@ def run_jobs(
     results: Path | None = None,
     resume: bool = False,
     progress: bool = False,
-    heard: Callable[[JobResult], None] | None = None,
+    on_result: Callable[[JobResult], None] | None = None,
 ) -> list[JobResult]:
-    """Runs `work` on every job's input; the results in the order of the jobs, whoever ran them and whenever.
+    """Runs `work` on the input of every job; returns the results in the order of the jobs.
 
-    `processes`: workers, all usable cores unless given; or another `executor` made for the same work, which is closed
-    at the end, however it ends. `results`: a file that takes each result as it comes, so that a run that was killed goes on with
-    `resume`; `what` (JSON) says what shapes the results beyond the jobs' keys, and a file of something else is refused.
-    `progress`: a bar with the time left on stderr. `heard` is called with each result as it comes.
+    `processes`: number of workers (default: all usable cores); or an `executor` created for the same work, which is closed at the
+    end. `results`: a file that stores each result immediately, so that `resume` continues an interrupted run; `what` (JSON data)
+    describes the inputs other than the jobs' keys, and a file with another description is rejected. `progress`: shows a bar on
+    stderr. `on_result` is called with each new result.
 
-    A job that raises, or whose worker dies twice, gives a result with an error; the others go on. Raises InputError and
-    OutputError for a results file that cannot be used; KeyboardInterrupt leaves the file as it is, to be resumed.
+    A job that raises, or whose worker dies twice, has an error result; the other jobs continue. Raises InputError and
+    OutputError for a results file that cannot be used; after a KeyboardInterrupt the file can be resumed.
     """
     keys = [job.key for job in jobs]
     with ExitStack() as stack:
         if executor is not None:
             stack.callback(executor.close)
-        doubled = [key for key, many in Counter(keys).items() if many > 1]
-        if doubled:
-            raise InternalError(f"two jobs have the key {doubled[0]!r}")
+        duplicates = [key for key, count in Counter(keys).items() if count > 1]
+        if duplicates:
+            raise InternalError(f"two jobs have the key {duplicates[0]!r}")
         file = None
         if results is not None:
             file = stack.enter_context(ResultsFile(results, what or {}, keys, resume=resume))
         found = dict(file.done) if file is not None else {}
         left = [job for job in jobs if job.key not in found]
-        told = stack.enter_context(progress_of(len(jobs), len(found), quiet=not progress))
+        report = stack.enter_context(progress_of(len(jobs), len(found), quiet=not progress))
         if left:
             if executor is None:
                 executor = ProcessExecutor(work, processes)
@@ -60,15 +60,15 @@ def run_jobs(
                 executor.submit(job)
             for _ in left:
                 result = executor.collect()
-                # the worker first: it works while the line is written
+                # submit first: the worker runs while the line is written
                 for job in islice(queue, 1):
                     executor.submit(job)
                 found[result.key] = result
                 if file is not None:
                     file.add(result)
-                if heard is not None:
-                    heard(result)
-                told(result)
+                if on_result is not None:
+                    on_result(result)
+                report(result)
         ordered = [found[key] for key in keys]
         if file is not None:
             file.put_in_order(ordered)

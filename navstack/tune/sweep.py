@@ -71,7 +71,7 @@ def run_sweep(
         results=results,
         resume=resume,
         progress=progress,
-        heard=on_result,
+        on_result=on_result,
     )
     many = len(cases)
     return [

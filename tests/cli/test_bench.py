@@ -96,7 +96,7 @@ def test_barn_killed_and_resumed_by_one_process_equals_a_run_by_two(
     assert 2 <= len(results.read_text().splitlines()) < 1 + 4
     assert "--resume" in navstack(*command, "--out", "one", code=2)
     message = navstack(*command, "--noise", 0.01, "--out", "one", "--resume", code=2)
-    assert "noise_m was 0.002 and is 0.01 now" in message
+    assert "noise_m was 0.002, now it is 0.01" in message
 
     one = navstack(*command, "--processes", 1, "--out", "one", "--resume", "--json")
     text = navstack(*command, "--processes", 2, "--out", "two")

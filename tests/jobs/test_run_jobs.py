@@ -90,7 +90,13 @@ def test_what_is_done_is_not_done_again(tmp_path: Path) -> None:
         end.write('{"key":"number 5","value":{"twi')  # killed in the middle of a line
     heard: list[str] = []
     results = run_jobs(
-        work.double, NUMBERS, what={"a": 1}, processes=1, results=file, resume=True, heard=lambda r: heard.append(r.key)
+        work.double,
+        NUMBERS,
+        what={"a": 1},
+        processes=1,
+        results=file,
+        resume=True,
+        on_result=lambda r: heard.append(r.key),
     )
     assert results[3].value == "kept"
     assert results[4].value["twice"] == 8 and results[5].value["twice"] == 10
@@ -98,7 +104,9 @@ def test_what_is_done_is_not_done_again(tmp_path: Path) -> None:
     assert [json.loads(line)["key"] for line in lines(file)[1:]] == [j.key for j in NUMBERS]
     # and nothing at all when everything is there
     heard.clear()
-    again = run_jobs(work.fail, NUMBERS, what={"a": 1}, results=file, resume=True, heard=lambda r: heard.append(r.key))
+    again = run_jobs(
+        work.fail, NUMBERS, what={"a": 1}, results=file, resume=True, on_result=lambda r: heard.append(r.key)
+    )
     assert again == results and not heard
 
 
@@ -115,12 +123,12 @@ def test_a_file_cut_anywhere_is_resumed(tmp_path: Path, cut: int) -> None:
 @pytest.mark.parametrize(
     ("content", "what", "resume", "match"),
     [
-        (None, {"params": "jackal", "seeds": 5}, False, "holds 2 of 3 results already; --resume"),
-        (None, {"params": "husky", "seeds": 5}, True, 'params was "jackal" and is "husky" now; give the same'),
-        (None, {"params": "jackal"}, True, "seeds was 5 and is null now"),
-        ("a,b\n1,2\n", {}, True, "results:1 is no line of results"),
-        ("a,b", {}, True, "results:1 is no line of results"),
-        ("[]\n", {}, True, "results:1 is no line of results"),
+        (None, {"params": "jackal", "seeds": 5}, False, "already contains 2 of 3 results; continue with --resume"),
+        (None, {"params": "husky", "seeds": 5}, True, 'params was "jackal", now it is "husky"; use the same'),
+        (None, {"params": "jackal"}, True, "seeds was 5, now it is null"),
+        ("a,b\n1,2\n", {}, True, "results:1 is not a result of these jobs"),
+        ("a,b", {}, True, "results:1 is not a result of these jobs"),
+        ("[]\n", {}, True, "results:1 is not a result of these jobs"),
     ],
 )
 def test_a_file_of_something_else(
@@ -143,11 +151,11 @@ def test_other_jobs_and_damaged_lines(tmp_path: Path) -> None:
     file = tmp_path / "results"
     with ResultsFile(file, {}, ["a", "b"], resume=False) as first:
         first.add(JobResult("a", 1))
-    with pytest.raises(InputError, match="the list of jobs is another"):
+    with pytest.raises(InputError, match="the list of jobs differs"):
         ResultsFile(file, {}, ["a", "b", "c"], resume=True)
     head = lines(file)[0]
     file.write_text(f'{head}\nrubbish\n{{"key":"b","value":1}}\n')
-    with pytest.raises(InputError, match="results:2 is no line"):
+    with pytest.raises(InputError, match="results:2 is not a result"):
         ResultsFile(file, {}, ["a", "b"], resume=True)
 
 
