@@ -1,0 +1,72 @@
+"""MkDocs hook: generate `reference/cli.md` from the typer application, so that the page always matches `navstack --help`."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import typer
+from mkdocs.structure.files import File, Files
+
+PAGE = "reference/cli.md"
+INTRODUCTION = """# Command reference
+
+Generated from the commands. [Commands by task](commands.md) gives an overview, exit codes and file formats.
+
+"""
+
+
+def _cell(text: str) -> str:
+    return " ".join(text.split()).replace("|", "\\|").replace("<", "&lt;")
+
+
+def _default(parameter: Any) -> str:
+    shown = parameter.show_default
+    if isinstance(shown, str):
+        return shown
+    value = parameter.default
+    if not shown or value is None or callable(value) or value in ((), [], False, ""):
+        return ""
+    return ", ".join(map(str, value)) if isinstance(value, (list, tuple)) else str(value)
+
+
+def _table(context: Any, command: Any) -> str:
+    rows: list[str] = []
+    for parameter in command.get_params(context):
+        if parameter.name == "help":
+            continue
+        if parameter.param_type_name == "option":
+            value = "" if isinstance(parameter.default, bool) else parameter.metavar or parameter.name.upper()
+            names = " ".join(f"`{name}`" for name in (*parameter.opts, *parameter.secondary_opts))
+            names += f" {_cell(value)}" if value else ""
+        else:
+            names = f"`{parameter.metavar or parameter.name.upper()}`"
+        rows.append(f"| {names} | {_cell(getattr(parameter, 'help', '') or '')} | {_cell(_default(parameter))} |")
+    return "\n".join(["| option | meaning | default |", "|---|---|---|", *rows]) if rows else ""
+
+
+def _section(path: str, context: Any, command: Any, level: int) -> str:
+    text = re.sub(r"(?<!\n)\n(?!\n)", " ", (command.help or "").strip())
+    usage = " ".join(command.collect_usage_pieces(context))
+    parts = [f"{'#' * level} {path}", text, f"```\n{path} {usage}\n```"]
+    if not getattr(command, "commands", None):
+        parts.append(_table(context, command))
+    for name, inner in sorted(getattr(command, "commands", {}).items()):
+        inner_context = typer.Context(inner, info_name=name, parent=context)
+        parts.append(_section(f"{path} {name}", inner_context, inner, min(level + 1, 4)))
+    return "\n\n".join(part for part in parts if part)
+
+
+def page() -> str:
+    """The Markdown of the command reference."""
+    from navstack.cli.app import app
+
+    command = typer.main.get_command(app)
+    context = typer.Context(command, info_name="navstack")
+    return INTRODUCTION + _section("navstack", context, command, 2) + "\n"
+
+
+def on_files(files: Files, config: Any) -> Files:
+    """Add the generated page to the site."""
+    files.append(File.generated(config, PAGE, content=page()))
+    return files
