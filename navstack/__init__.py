@@ -52,7 +52,7 @@ _WHERE = {
     "navstack.plugins": ("CRITICS", "GLOBAL_PLANNERS", "LAYERS", "LOCAL_PLANNERS", "RECOVERY_BEHAVIORS"),
     "navstack.record": ("Record",),
     "navstack.scenario": ("RunResult", "Scenario", "run_scenario"),
-    "navstack.sim": ("SimulatedRobot", "World"),
+    "navstack.sim": ("Shape", "SimulatedRobot", "World"),
 }
 _MODULE_OF = {name: module for module, names in _WHERE.items() for name in names}
 
@@ -83,7 +83,7 @@ if TYPE_CHECKING:
     from navstack.plugins import CRITICS, GLOBAL_PLANNERS, LAYERS, LOCAL_PLANNERS, RECOVERY_BEHAVIORS
     from navstack.record import Record
     from navstack.scenario import RunResult, Scenario, run_scenario
-    from navstack.sim import SimulatedRobot, World
+    from navstack.sim import Shape, SimulatedRobot, World
 
 __all__ = [
     "CRITICS",
@@ -112,6 +112,7 @@ __all__ = [
     "RobotState",
     "RunResult",
     "Scenario",
+    "Shape",
     "SimulatedRobot",
     "Transform2D",
     "Twist2D",

@@ -1,0 +1,46 @@
+"""Draw the pictures of the documentation: `python tools/docs/pictures.py [FOLDER]` (default: docs/images).
+
+Each picture is the output of a command, so that a reader can reproduce it.
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+IMAGES = Path(__file__).resolve().parents[2] / "docs" / "images"
+
+
+def navstack(*arguments: str | Path) -> None:
+    """Run a command; its exit code must be 0."""
+    print("navstack", *arguments)
+    subprocess.run([sys.executable, "-m", "navstack", *map(str, arguments)], check=True, stdout=subprocess.DEVNULL)
+
+
+def main() -> None:
+    """Draw every picture."""
+    images = Path(sys.argv[1]) if len(sys.argv) > 1 else IMAGES
+    images.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        navstack("simulate", "office", "--out", folder / "office")
+        shutil.copy(folder / "office" / "run.png", images / "office.png")
+        navstack("simulate", "narrow_door", "--out", folder / "door")
+        navstack("explain", "command", folder / "door", "--time", "3.2", "--out", images / "narrow_door.png")
+        navstack("explain", "passages", "office", "--out", folder / "passages")
+        shutil.copy(next((folder / "passages").glob("*.png")), images / "passages.png")
+        navstack("explain", "inflation", "--out", folder / "inflation")
+        shutil.copy(next((folder / "inflation").glob("*.png")), images / "inflation.png")
+        navstack(
+            *("plan", "office", "--start", "0.8,7.45", "--goal", "20.6,2.2", "--out", folder / "compare"),
+            *("--compare", "navfn,global_planner,astar,theta_star"),
+        )
+        shutil.copy(next((folder / "compare").glob("*.png")), images / "compare.png")
+        navstack("info", "--states", images / "states.png")
+
+
+if __name__ == "__main__":
+    main()
