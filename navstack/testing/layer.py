@@ -8,7 +8,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from navstack.core import Bounds, Costmap, Footprint, FrameTree, GridGeometry, OccupancyGrid, Pose2D, Transform2D, Window
+from navstack.core import (
+    Bounds,
+    Costmap,
+    Footprint,
+    FrameTree,
+    GridGeometry,
+    OccupancyGrid,
+    Pose2D,
+    Transform2D,
+    Window,
+)
 from navstack.interfaces import Layer, LayerContext
 from navstack.testing.base import Contract, contract_of
 
@@ -80,7 +90,7 @@ class LayerContract(Contract):
             results.append(master.data.copy())
             layer.update_costs(master, GEOMETRY.window)
             np.testing.assert_array_equal(master.data, results[-1])
-        np.testing.assert_array_equal(*results)
+        np.testing.assert_array_equal(results[0], results[1])
 
     def test_disabled(self) -> None:
         """With `enabled: false` (if the layer has it) nothing changes."""
@@ -116,5 +126,5 @@ class LayerContract(Contract):
 
 
 def layer_contract(plugin: type[Layer], **values: Any) -> type[LayerContract]:
-    """The suite for a layer: `TestContract = layer_contract(MyLayer, radius=0.5)`."""
+    """The suite for a layer; `values` are parameters that differ from the defaults."""
     return contract_of(LayerContract, plugin, values)
