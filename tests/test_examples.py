@@ -134,4 +134,4 @@ def test_without_its_package_the_name_is_unknown(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "navstack", "plan", "office", "--start", "0.8,7.45", "--goal", "22.2,7.45"]
     out = subprocess.run([*command, *parameters("forbidden_disc_layer")], capture_output=True, text=True, cwd=tmp_path)
     assert out.returncode == 2
-    assert 'no costmap layer "forbidden_disc"' in " ".join(out.stderr.split())
+    assert 'unknown costmap layer "forbidden_disc"' in " ".join(out.stderr.split())

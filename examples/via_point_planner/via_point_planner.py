@@ -1,6 +1,8 @@
-"""A global planner: A* from the start to a via point, then to the goal."""
+"""A global planner: from the start through via points to the goal."""
 
 from __future__ import annotations
+
+from itertools import pairwise
 
 import numpy as np
 
@@ -20,13 +22,12 @@ from navstack.plugin import (
 class ViaPointParams(ParamModel):
     """Namespace `ViaPointPlanner`."""
 
-    x: float = param(0.0, "via point in the costmap's frame", unit="m")
-    y: float = param(0.0, "via point in the costmap's frame", unit="m")
-    planner: str = param("astar", "global planner for both legs")
+    points: list[list[float]] = param([], "via points [x, y] in the costmap's frame", unit="m")
+    planner: str = param("astar", "global planner for each leg")
 
 
 class ViaPointPlanner(GlobalPlanner):
-    """Plans both legs with another registered planner and joins them."""
+    """Plans each leg with another registered planner and joins them."""
 
     Params = ViaPointParams
     PLUGIN_ALIASES = ("via_point_planner/ViaPointPlanner",)
@@ -45,10 +46,12 @@ class ViaPointPlanner(GlobalPlanner):
         footprint: Footprint | None = None,
         keep_potential: bool = False,
     ) -> Plan:
-        """Path through the via point; raises the PlanningError of the leg that has none."""
-        via = Pose2D(self.params.x, self.params.y, goal.yaw)
-        first = self.planner.make_plan(costmap, start, via, footprint=footprint)
-        second = self.planner.make_plan(costmap, via, goal, footprint=footprint, keep_potential=keep_potential)
-        poses = np.vstack((first.path.poses[:-1], second.path.poses))
-        cells = first.cells_expanded + second.cells_expanded
-        return Plan(Path(poses, costmap.frame), first.cost + second.cost, second.goal, second.goal_moved_m, cells)
+        """Path through the via points; raises the PlanningError of the leg that has none."""
+        stops = [start, *(Pose2D(x, y, goal.yaw) for x, y in self.params.points), goal]
+        legs = [
+            self.planner.make_plan(costmap, a, b, footprint=footprint, keep_potential=keep_potential)
+            for a, b in pairwise(stops)
+        ]
+        poses = np.vstack([leg.path.poses[:-1] for leg in legs] + [legs[-1].path.poses[-1:]])
+        path, cost = Path(poses, costmap.frame), sum(leg.cost for leg in legs)
+        return Plan(path, cost, legs[-1].goal, legs[-1].goal_moved_m, sum(leg.cells_expanded for leg in legs))

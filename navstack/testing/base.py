@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar, cast
 
 from navstack.core.parameters import ParamModel
 
@@ -36,4 +36,4 @@ class Contract:
 
 def contract_of(suite: type[C], plugin: type[Any], values: Mapping[str, Any]) -> type[C]:
     """A subclass of `suite` for `plugin`, ready to be collected."""
-    return type(f"Test{plugin.__name__}", (suite,), {"plugin": plugin, "values": values})
+    return cast("type[C]", type(f"Test{plugin.__name__}", (suite,), {"plugin": plugin, "values": values}))
