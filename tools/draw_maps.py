@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Draws the packaged maps: `python tools/draw_maps.py [FOLDER]` (by default `maps`).
+"""Draw the packaged maps: `python tools/draw_maps.py [FOLDER]` (by default `maps`).
 
-Each map is a plan made of shapely polygons: floor, solids (walls and whatever stands around), places. A cell is occupied
-when its centre lies in a solid, free when it lies on the floor, unknown elsewhere. The same plan gives the same pixels
-everywhere: nothing is drawn at random but by a generator that is part of this file.
+Each map is a plan of shapely polygons: floor, solids (walls and furniture), places. A cell is occupied if its centre is in a
+solid, free if it is on the floor, else unknown. The same plan gives the same pixels on every machine: random numbers come from a
+generator in this file.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from shapely import Geometry, affinity
 from shapely.geometry import Point, box
 
 FREE, OCCUPIED, UNKNOWN = 254, 0, 205
-"""Grey values of map_server's own maps."""
+"""Grey values of maps that map_server saves."""
 
 Pose = tuple[float, float, float]
 EAST, NORTH, WEST, SOUTH = 0.0, 1.5708, 3.1415, -1.5708
@@ -46,34 +46,34 @@ class Plan:
     goals: tuple[str, ...] = ()
 
     def wall(self, x0: float, y0: float, x1: float, y1: float, thickness: float = 0.1) -> None:
-        """A wall along an axis, its middle from one point to the other, square ends."""
+        """Adds an axis-parallel wall with the centreline from one point to the other, with square ends."""
         h = thickness / 2
         self.solids.append(box(min(x0, x1) - h, min(y0, y1) - h, max(x0, x1) + h, max(y0, y1) + h))
 
     def outer_walls(self, width: float, height: float, thickness: float = 0.15) -> None:
-        """The floor from the origin to (width, height), and walls around it."""
+        """Adds the floor from the origin to (width, height), and walls around it."""
         self.floor.append(box(0, 0, width, height))
         outside = box(-thickness, -thickness, width + thickness, height + thickness)
         self.solids.append(outside.difference(box(0, 0, width, height)))
 
     def door(self, x: float, y: float, *, along: str, width: float = 0.9) -> None:
-        """An opening in a wall that runs along "x" or "y", its middle at the point."""
+        """Adds an opening, centred at the point, in a wall along "x" or "y"."""
         h, deep = width / 2, 0.2
         self.openings.append(
             box(x - h, y - deep, x + h, y + deep) if along == "x" else box(x - deep, y - h, x + deep, y + h)
         )
 
     def block(self, x: float, y: float, width: float, depth: float, degrees: float = 0.0) -> None:
-        """A piece of furniture: a rectangle about the point."""
+        """Adds a rectangular piece of furniture, centred at the point."""
         shape = box(x - width / 2, y - depth / 2, x + width / 2, y + depth / 2)
         self.furniture.append(affinity.rotate(shape, degrees, origin=(x, y)))
 
     def round(self, x: float, y: float, radius: float) -> None:
-        """A round piece of furniture."""
+        """Adds a round piece of furniture."""
         self.furniture.append(Point(x, y).buffer(radius, quad_segs=16))
 
     def pixels(self) -> NDArray[np.uint8]:
-        """The image (rows from the top), uint8."""
+        """Returns the image (rows from the top), uint8."""
         nx, ny = (round(length / self.resolution) for length in self.size)
         xs = self.origin[0] + (np.arange(nx) + 0.5) * self.resolution
         ys = self.origin[1] + (np.arange(ny) + 0.5) * self.resolution
@@ -81,7 +81,7 @@ class Plan:
         floor = shapely.union_all(self.floor)
         walls = shapely.difference(shapely.union_all(self.solids), shapely.union_all(self.openings))
         solid = shapely.union_all([walls, *self.furniture])
-        # a hair's breadth decides where an edge runs through cell centres, not the last bit of a sum
+        # a small margin decides about edges through cell centres, not floating-point rounding
         floor, solid = floor.buffer(-1e-6, join_style="mitre"), solid.buffer(1e-6, join_style="mitre")
         shapely.prepare(floor)
         shapely.prepare(solid)
@@ -90,7 +90,7 @@ class Plan:
         return image[::-1].astype(np.uint8)
 
     def yaml(self) -> str:
-        """map_server's description."""
+        """Returns the YAML file for map_server."""
         return (
             f"# {self.title}\n"
             f"image: {self.name}.png\n"
@@ -102,7 +102,7 @@ class Plan:
         )
 
     def places_yaml(self) -> str:
-        """Where a robot may stand."""
+        """Returns the file of places."""
 
         def pose(name: str) -> str:
             return "[{:g}, {:g}, {:g}]".format(*self.places[name])
@@ -114,19 +114,19 @@ class Plan:
         return "\n".join(lines) + "\n"
 
 
-class Dice:
-    """A small generator (Lehmer 1951, the constants of Park and Miller 1988): the same numbers in every Python."""
+class Lehmer:
+    """A random number generator (Lehmer 1951, constants of Park and Miller 1988): the same numbers in every Python version."""
 
     def __init__(self, seed: int) -> None:
         self._state = seed % 2147483647 or 1
 
     def below(self, n: int) -> int:
-        """A whole number in [0, n)."""
+        """Returns an integer in [0, n)."""
         self._state = self._state * 48271 % 2147483647
         return self._state * n // 2147483647
 
     def chance(self, share: float) -> bool:
-        """True in `share` of all cases."""
+        """Returns True with probability `share`."""
         return self.below(1_000_000) < share * 1_000_000
 
 
@@ -134,7 +134,7 @@ def office() -> Plan:
     """Rooms on both sides of a corridor, behind doors of 0.9 m."""
     plan = Plan("office", "Office: rooms on both sides of a corridor, doors 0.9 m wide", (24.0, 16.0), (-0.5, -0.5))
     width, height = 23.0, 15.0
-    low, high = 6.5, 8.4  # middle lines of the corridor's walls
+    low, high = 6.5, 8.4  # centrelines of the corridor's walls
     plan.outer_walls(width, height)
     plan.wall(0, low, width, low)
     plan.wall(0, high, width, high)
@@ -156,9 +156,9 @@ def office() -> Plan:
 
     # three offices for two, desks at the windows
     for left, right in ((0.0, 4.6), (4.6, 8.6), (8.6, 12.6)):
-        middle = (left + right) / 2
-        desk(middle - 0.9, 14.1, -1)
-        desk(middle + 0.9, 14.1, -1)
+        centre = (left + right) / 2
+        desk(centre - 0.9, 14.1, -1)
+        desk(centre + 0.9, 14.1, -1)
     plan.block(0.2, 10.2, 0.4, 2.4)  # shelves
     plan.block(8.35, 10.4, 0.4, 2.0)
     plan.block(12.35, 11.6, 0.4, 1.6)
@@ -208,7 +208,7 @@ def office() -> Plan:
     plan.block(17.6, 5.0, 0.9, 0.5)
     plan.round(22.5, 6.0, 0.25)
     plan.block(13.3, 4.4, 0.5, 0.9)
-    # things left in the corridor
+    # obstacles in the corridor
     plan.block(12.6, 8.1, 0.7, 0.5)
     plan.round(5.6, 6.8, 0.2)
     plan.round(18.6, 6.8, 0.2)
@@ -234,12 +234,12 @@ def office() -> Plan:
 
 
 def maze() -> Plan:
-    """A maze of 11 x 9 squares of 1.4 m with a few walls taken out, so that there is more than one way."""
+    """A maze of 11 x 9 squares of 1.4 m with a few walls removed, so that there are several routes."""
     columns, rows, cell, thickness = 11, 9, 1.4, 0.1
     width, height = columns * cell, rows * cell
     plan = Plan("maze", "Maze: lanes 1.3 m wide, with loops", (width + 1.0, height + 1.0), (-0.5, -0.5))
-    dice = Dice(20100218)
-    # depth first: carve a tree, then open some more walls
+    rng = Lehmer(20100218)
+    # depth-first spanning tree, then remove some more walls
     seen = {(0, 0)}
     opened: set[tuple[int, int, int, int]] = set()
     stack = [(0, 0)]
@@ -250,13 +250,13 @@ def maze() -> Plan:
         if not new:
             stack.pop()
             continue
-        u, v = new[dice.below(len(new))]
+        u, v = new[rng.below(len(new))]
         seen.add((u, v))
         opened.add((min(x, u), min(y, v), max(x, u), max(y, v)))
         stack.append((u, v))
     for _ in range(9):
-        x, y = dice.below(columns - 1), dice.below(rows - 1)
-        opened.add((x, y, x + 1, y) if dice.chance(0.5) else (x, y, x, y + 1))
+        x, y = rng.below(columns - 1), rng.below(rows - 1)
+        opened.add((x, y, x + 1, y) if rng.chance(0.5) else (x, y, x, y + 1))
     plan.outer_walls(width, height)
     for y in range(rows):
         for x in range(columns):
@@ -285,8 +285,8 @@ def warehouse() -> Plan:
     plan = Plan("warehouse", "Warehouse: racks with aisles 1.2 m wide", (32.0, 21.0), (-0.5, -0.5))
     width, height = 31.0, 20.0
     plan.outer_walls(width, height)
-    dice = Dice(1954)
-    # double rows of racks along x: bays of 2.7 m, pallets back to back; an empty bay shows its posts only
+    rng = Lehmer(1954)
+    # double rows of racks along x: bays of 2.7 m, pallets back to back; an empty bay has only its posts
     depth, aisle, bay = 1.1, 1.2, 2.7
     bottom = 5.2
     rows: list[float] = []
@@ -299,14 +299,14 @@ def warehouse() -> Plan:
                 y = row + side * depth
                 for k in range(bays):
                     x = first + k * bay
-                    if dice.chance(0.12):
+                    if rng.chance(0.12):
                         continue
-                    loads = 2 if dice.chance(0.2) else 3
+                    loads = 2 if rng.chance(0.2) else 3
                     for load in range(loads):
-                        deep = 1.0 if dice.chance(0.7) else 0.9
-                        middle = x + bay * (load + 0.5) / loads
+                        deep = 1.0 if rng.chance(0.7) else 0.9
+                        centre = x + bay * (load + 0.5) / loads
                         inner = y + depth - deep / 2 if side == 0 else y + deep / 2
-                        plan.block(middle, inner, 0.8 if loads == 3 else 1.2, deep)
+                        plan.block(centre, inner, 0.8 if loads == 3 else 1.2, deep)
                 for k in range(bays + 1):
                     for post in (0.05, depth - 0.05):
                         plan.block(first + k * bay, y + post, 0.1, 0.1)
@@ -314,7 +314,7 @@ def warehouse() -> Plan:
     for x in (19.0, 23.0, 27.0):
         plan.block(x, 0.1, 2.4, 0.2)
         plan.block(x - 0.7, 1.6, 1.2, 0.8)
-        if dice.chance(0.6):
+        if rng.chance(0.6):
             plan.block(x + 0.7, 1.6, 1.2, 0.8, 6.0)
     plan.wall(0, 3.6, 5.0, 3.6)
     plan.wall(5.0, 0, 5.0, 3.6)
