@@ -1,0 +1,77 @@
+"""The suites of `navstack.testing` on every registered plugin, those of installed packages included."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from navstack.plugins import CRITICS, GLOBAL_PLANNERS, LAYERS, LOCAL_PLANNERS, RECOVERY_BEHAVIORS
+from navstack.testing import (
+    critic_contract,
+    global_planner_contract,
+    layer_contract,
+    local_planner_contract,
+    recovery_contract,
+)
+
+STRAIGHT_ONLY = {"carrot_planner"}
+"""Global planners that do not search around obstacles."""
+
+LOCAL_PLANNER_VALUES: dict[str, dict[str, Any]] = {
+    "dwa": {
+        "max_vel_trans": 0.5,
+        "min_vel_trans": 0.1,
+        "max_vel_x": 0.5,
+        "min_vel_x": 0.0,
+        "max_vel_y": 0.0,
+        "min_vel_y": 0.0,
+        "acc_lim_x": 1.0,
+        "acc_lim_y": 0.0,
+        "acc_lim_theta": 2.0,
+        "max_vel_theta": 1.0,
+        "xy_goal_tolerance": 0.15,
+        "yaw_goal_tolerance": 0.2,
+        "vx_samples": 6,
+        "vy_samples": 1,
+        "sim_time": 1.0,
+    },
+    "trajectory_rollout": {
+        "max_vel_x": 0.5,
+        "min_vel_x": 0.1,
+        "acc_lim_x": 1.0,
+        "acc_lim_y": 0.0,
+        "acc_lim_theta": 2.0,
+        "max_vel_theta": 1.0,
+        "xy_goal_tolerance": 0.15,
+        "yaw_goal_tolerance": 0.2,
+        "vx_samples": 6,
+        "sim_time": 1.0,
+        "dwa": True,
+        "holonomic_robot": False,
+        "meter_scoring": True,
+        "escape_vel": 0.0,
+        "path_distance_bias": 1.0,
+        "goal_distance_bias": 0.8,
+    },
+}
+"""A turtlebot; other local planners run with their defaults."""
+
+SUITES: dict[str, type[Any]] = {
+    **{f"TestLayer_{e.name}": layer_contract(e.cls) for e in LAYERS},
+    **{
+        f"TestGlobalPlanner_{e.name}": global_planner_contract(e.cls, searches=e.name not in STRAIGHT_ONLY)
+        for e in GLOBAL_PLANNERS
+    },
+    **{
+        f"TestLocalPlanner_{e.name}": local_planner_contract(e.cls, **LOCAL_PLANNER_VALUES.get(e.name, {}))
+        for e in LOCAL_PLANNERS
+    },
+    **{f"TestCritic_{e.name}": critic_contract(e.cls) for e in CRITICS},
+    **{f"TestRecovery_{e.name}": recovery_contract(e.cls) for e in RECOVERY_BEHAVIORS},
+}
+globals().update(SUITES)
+
+
+def test_every_kind_is_tested() -> None:
+    assert {name.split("_")[0] for name in SUITES} == {
+        *("TestLayer", "TestGlobalPlanner", "TestLocalPlanner", "TestCritic", "TestRecovery")
+    }
