@@ -1,5 +1,5 @@
 # pyright: basic
-"""Trajectories of sequences of velocities, for samplers that change the velocity along the way."""
+"""Rollouts of velocity sequences."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from navstack.core.jit import kernel
 
 @kernel
 def constrain(velocities, start, low, high, acceleration, dt, radius):
-    """Makes `velocities` (K, T, 3) drivable, in place: acceleration from `start` on, then limits, then the turning circle.
+    """Make `velocities` (K, T, 3) drivable, in place: acceleration from `start`, then limits, then the turning radius.
 
-    `low`, `high`, `acceleration` (3,) per axis, `dt` seconds between two velocities. `radius`: the smallest circle (m) that
-    can be driven, 0 for a robot that turns in place.
+    `low`, `high`, `acceleration` (3,) per axis, `dt` seconds between two velocities. `radius`: the smallest turning
+    radius (m), 0 for a robot that turns in place.
     """
     for k in range(velocities.shape[0]):
         for i in range(velocities.shape[1]):
@@ -28,8 +28,8 @@ def constrain(velocities, start, low, high, acceleration, dt, radius):
 
 
 @kernel
-def follow(velocities, pose, dt, poses):
-    """Poses (K, T, 3) before each of the steps of `velocities` (K, T, 3), each an Euler step; the first is `pose`."""
+def integrate(velocities, pose, dt, poses):
+    """Write the poses before each Euler step of `velocities` (K, T, 3) to `poses` (K, T, 3); the first is `pose`."""
     for k in range(velocities.shape[0]):
         x, y, yaw = pose[0], pose[1], pose[2]
         for i in range(velocities.shape[1]):

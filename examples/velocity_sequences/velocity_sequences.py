@@ -1,6 +1,9 @@
-"""Rollouts of sequences of velocities: for samplers as MPPI's, whose trajectories are more than one velocity held.
+"""Rollouts of velocity sequences, as MPPI samples them, for navstack's critics.
 
-Critics and scoring take them as they take DWA's: a trajectory is its poses, and the velocity that would be commanded.
+Critics score any rollouts, given their poses and the velocities to command:
+
+    driven, rollouts = simulate_sequences(velocities, state, limits, period)
+    table = score(critics, context, rollouts)
 """
 
 from __future__ import annotations
@@ -9,7 +12,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from _velocity_sequence_kernels import constrain, follow
+from _velocity_sequence_kernels import constrain, integrate
 from numpy.typing import NDArray
 
 from navstack.core import RobotState
@@ -20,12 +23,12 @@ from navstack.local_planner.rollouts import check_points
 
 @dataclass(frozen=True, slots=True)
 class MotionModel:
-    """What a base can do at all, whatever is asked of it."""
+    """Motion constraints of a base."""
 
     sideways: bool = False
-    """Omnidirectional."""
+    """True for an omnidirectional base."""
     min_turning_radius: float = 0.0
-    """The smallest circle (m) it can drive (Ackermann); 0: it turns in place."""
+    """Smallest turning radius (m) of an Ackermann base; 0 for a base that turns in place."""
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.min_turning_radius) and self.min_turning_radius >= 0.0):
@@ -40,21 +43,21 @@ OMNIDIRECTIONAL = MotionModel(sideways=True)
 
 
 def ackermann(min_turning_radius: float) -> MotionModel:
-    """A car: it cannot turn tighter than on a circle of this radius (m)."""
+    """An Ackermann base with this turning radius (m)."""
     return MotionModel(min_turning_radius=min_turning_radius)
 
 
-def roll_out(
+def simulate_sequences(
     velocities: NDArray[np.float64],
     state: RobotState,
     limits: VelocityLimits,
     period: float,
     model: MotionModel = DIFFERENTIAL,
 ) -> tuple[NDArray[np.float64], Rollouts]:
-    """What a base makes of `velocities` (K, T, 3), one each `period` (s): (those it can drive, their trajectories).
+    """Simulate `velocities` (K, T, 3), one per `period` (s). Returns the drivable velocities and their rollouts.
 
-    The velocities are held within the limits, the accelerations from the present velocity on, and the motion model. Raises
-    InputError for an array of another shape, for what is not finite, and for more points than memory should hold.
+    The velocities are clamped to the limits, the accelerations and the motion model. Raises InputError for arrays of another
+    shape, values that are not finite, and more than MAX_POINTS points.
     """
     if velocities.ndim != 3 or velocities.shape[2] != 3 or 0 in velocities.shape[:2]:
         raise InputError(
@@ -79,5 +82,5 @@ def roll_out(
         model.min_turning_radius,
     )
     poses = np.empty((k, t, 3))
-    follow(driven, np.array(state.pose), period, poses)
+    integrate(driven, np.array(state.pose), period, poses)
     return driven, Rollouts(np.ascontiguousarray(driven[:, 0]), poses, np.full(k, t, np.int64))

@@ -152,6 +152,9 @@ class SamplingPlanner(LocalPlanner):
     ) -> LocalPlan:
         """Select a sample for following `plan` (n, 3), all in the costmap's frame; raises NoValidControlError."""
 
+    def finish_scoring(self) -> None:
+        """Called before critics explain the last search, or score outside of `search`."""
+
     def context(
         self, state: RobotState, costmap: Costmap, footprint: Footprint, plan: NDArray[np.float64], goal: Pose2D
     ) -> ScoringContext:
@@ -173,6 +176,7 @@ class SamplingPlanner(LocalPlanner):
         """The command with its table; raises NoValidControlError with the table if no sample is legal."""
         plan = self._local_plan(command, samples, table, rollouts, context, mode)
         if table.best < 0:
+            self.finish_scoring()
             text, data = rejection_report(table, self.critics, samples)
             raise NoValidControlError(text, **data, plan=plan)
         for critic in self.critics:
@@ -212,6 +216,7 @@ class SamplingPlanner(LocalPlanner):
         """Diagnostics of the last cycle, legal or not; None before the first, without a search, and on arrival."""
         if self._last is None:
             return None
+        self.finish_scoring()
         context, rollouts, table, plan = self._last
         at_goal = plan.mode not in ("follow", "escape")
         critics: list[Critic] = [self._collision_check] if at_goal else self.critics
@@ -266,6 +271,7 @@ class SamplingPlanner(LocalPlanner):
         self, command: Twist2D, mode: str, action: str, inputs: ControlInput, plan: NDArray[np.float64], goal: Pose2D
     ) -> LocalPlan:
         """`command` if its rollout is free of collisions; raises NoValidControlError otherwise."""
+        self.finish_scoring()
         self.reset_critics()
         context = self.context(inputs.state, inputs.costmap, inputs.footprint, plan, goal)
         samples = np.array([command])

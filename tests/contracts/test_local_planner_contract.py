@@ -136,7 +136,7 @@ def check_limits(planner: LocalPlanner, command: Twist2D) -> None:
 
 
 def check_window(name: str, planner: LocalPlanner, plan: LocalPlan, velocity: Twist2D, period: float) -> None:
-    """Within one period's acceleration, but never kept below the lowest speeds that the base can drive at all."""
+    """Within one period's acceleration, or at the lowest speeds that the base can drive."""
     limits, command = planner.limits, plan.command
     if plan.mode == "arrived":
         return
@@ -148,7 +148,7 @@ def check_window(name: str, planner: LocalPlanner, plan: LocalPlan, velocity: Tw
         change = acceleration * period
         assert abs(then) <= max(abs(now) + change, lowest) + SLACK
         if name not in BRAKES_AT_ONCE and plan.mode == "follow":
-            # from below too: no harder braking, but for a change of direction at the lowest speeds
+            # braking is limited, too, except for a change of direction at the lowest speeds
             assert now - max(change, lowest) - SLACK <= then <= now + max(change, lowest) + SLACK
 
 
@@ -213,7 +213,7 @@ def test_reaches_a_free_goal_in_every_mode(planner_name: str, mode: str) -> None
 
 @pytest.mark.parametrize("planner_name", [n for n in PLANNERS if "holonomic" in MODES.get(n, {})])
 def test_a_holonomic_robot_strafes(planner_name: str) -> None:
-    """To a goal beside it, with the heading it has: some of the way sideways, where the sampling allows it."""
+    """To a goal beside the robot with the same heading: partly sideways if the sampling allows it."""
     planner = make(planner_name, **MODES[planner_name]["holonomic"][0])
     goal = Pose2D(0.7, 0.5, 0.0)
     planner.set_plan(straight(Pose2D(0.0, 0.0), goal), goal)
@@ -224,8 +224,8 @@ def test_a_holonomic_robot_strafes(planner_name: str) -> None:
     assert (plan.samples[sideways, 1] > 0.0).any() and (plan.samples[sideways, 1] < 0.0).any()
 
 
-def test_stops_when_told(name: str) -> None:
-    """Limits of zero, as a keepout mask or an operator sets them: no more than braking, and in the end no motion at all."""
+def test_stops_at_speed_limits_of_zero(name: str) -> None:
+    """Limits of zero, as a speed mask or an operator sets them: the robot brakes and then does not move."""
     planner = make(name)
     goal = Pose2D(1.8, 0.3, 0.0)
     planner.set_plan(straight(Pose2D(0.0, 0.0), goal), goal)
@@ -246,7 +246,7 @@ def test_stops_when_told(name: str) -> None:
 
 @pytest.mark.parametrize("heading", [0.0, 0.25])
 def test_a_straight_corridor_gives_a_straight_path(name: str, heading: float) -> None:
-    """No snaking between two walls: on the plan within a cell from half a metre on, and hardly any change of side."""
+    """Between two walls the robot is within a cell of the plan after half a metre and rarely changes its turning direction."""
     walls = tuple((x, y) for y in (-0.525, 0.525) for x in np.arange(-1.0, 4.0, 0.04))
     goal = Pose2D(2.4, 0.0, 0.0)
     planner = make(name, controller_frequency=10.0)
@@ -266,7 +266,7 @@ def test_a_straight_corridor_gives_a_straight_path(name: str, heading: float) ->
 
 @pytest.mark.parametrize("heading", HEADINGS[::8])
 def test_stops_at_the_goal(name: str, heading: float) -> None:
-    """A robot that arrives moving comes to rest, and stays there."""
+    """A robot that arrives at speed stops and stays at the goal."""
     goal = Pose2D(0.05, 0.0, normalize_angle(heading))
     planner = make(name)
     planner.set_plan(straight(Pose2D(-1.0, 0.0), goal), goal)
@@ -289,8 +289,8 @@ def test_goal_is_not_reached_far_away(name: str) -> None:
     assert not planner.goal_reached(inputs_at(Pose2D(0.0, 0.0)))
 
 
-def test_carries_its_table(name: str) -> None:
-    """Whatever the command, the table says how it was chosen."""
+def test_the_command_has_its_table(name: str) -> None:
+    """The table of samples shows how the command was selected."""
     planner = make(name)
     goal = Pose2D(1.5, 0.0, 0.0)
     planner.set_plan(straight(Pose2D(0.0, 0.0), goal), goal)
@@ -309,7 +309,7 @@ def test_carries_its_table(name: str) -> None:
 
 
 def test_never_drives_into_an_obstacle(name: str) -> None:
-    """A wall across the plan: no chosen trajectory has an outline's corner in a lethal cell, and the robot never touches."""
+    """A wall across the plan: no selected rollout has a footprint corner in a lethal cell, and the robot never collides."""
     wall = tuple((0.8, 0.025 + 0.05 * i) for i in range(-30, 30))
     for heading in HEADINGS[::8]:
         planner = make(name)
@@ -333,8 +333,8 @@ def test_never_drives_into_an_obstacle(name: str) -> None:
             assert pose.x + FOOTPRINT.inscribed_radius < 0.85
 
 
-def test_no_command_with_the_outline_on_a_lethal_cell(name: str) -> None:
-    """In contact wherever it goes: a reason instead of a command."""
+def test_no_command_with_the_footprint_on_a_lethal_cell(name: str) -> None:
+    """In collision with every command: the error gives the reason."""
     planner = make(name)
     goal = Pose2D(1.5, 0.0, 0.0)
     planner.set_plan(straight(Pose2D(0.0, 0.0), goal), goal)
@@ -401,7 +401,7 @@ def test_a_state_that_is_not_finite(name: str, bad: float) -> None:
 
 
 def test_plan_in_another_frame(name: str) -> None:
-    """The plan's frame, turned and moved against the costmap's, changes nothing."""
+    """A rotated and translated frame of the plan does not change the command."""
     goal = Pose2D(1.0, 0.4, 0.3)
     start = Pose2D(0.0, 0.0, 0.2)
     odom_from_map = Transform2D(0.7, -1.1, 0.8)
@@ -441,7 +441,7 @@ def test_speed_limits_can_be_lowered_and_restored(name: str) -> None:
 
 
 def test_cycles_are_reproducible(name: str) -> None:
-    """Two planners through the same run agree to the bit, tables included."""
+    """Two planners give identical commands and tables in the same run."""
     tables: list[list[bytes]] = []
     for _ in range(2):
         planner = make(name)
@@ -457,8 +457,8 @@ def test_cycles_are_reproducible(name: str) -> None:
     assert tables[0] == tables[1]
 
 
-def test_replanning_to_the_same_goal_goes_on(name: str) -> None:
-    """A replan every cycle, as with planner_frequency, still reaches the goal."""
+def test_reaches_the_goal_with_a_replan_every_cycle(name: str) -> None:
+    """As with a high planner_frequency."""
     planner = make(name)
     goal = Pose2D(1.0, 0.3, -0.6)
     pose, velocity = Pose2D(0.0, 0.0, 0.0), Twist2D()

@@ -1,7 +1,7 @@
-"""DWA against what the real dwa_local_planner::DWAPlanner computed: samples, grids, scores, commands, closed loops.
+"""DWA compared with dwa_local_planner::DWAPlanner: samples, grids, scores, commands, closed loops.
 
-C++ stores poses and velocities as float32 and scores as double; navstack rounds where C++ does, so equality is the rule. The
-tolerances allow for what another compiler may do to a float32 at the border of a cell: 1 % of the raw scores.
+C++ stores poses and velocities as float32 and scores as double; navstack rounds where C++ does, so most values are equal. The
+tolerances allow for differences of compilers at the borders of cells: 1 % of the raw scores.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def costmap_of(data: dict[str, Any], case: str) -> Costmap:
 
 
 def searched(planner: DWAPlanner, state: RobotState, costmap: Costmap, plan: np.ndarray[Any, Any]) -> LocalPlan:
-    """The table, whether a sample was legal or not."""
+    """The table, with or without a legal sample."""
     try:
         return planner.search(state, costmap, FOOTPRINT, plan, Pose2D(*plan[-1]))
     except NoValidControlError as error:
@@ -89,7 +89,7 @@ def test_one_cycle(file: FilePath, case: str) -> None:
         n = int(why.rollouts.counts[k])
         np.testing.assert_allclose(why.rollouts.poses[k, :n], data[f"{case}/points"][k, :n], rtol=0.0, atol=1e-6)
 
-    # the same grids; alignment shares the path's and is stale in C++ where that critic is off
+    # the same grids; alignment shares the grid of path, which is outdated in C++ if that critic is off
     for name in ("path", "goal", "goal_front"):
         np.testing.assert_array_equal(why.grids[name], data[f"{case}/grid_{name}"], err_msg=name)
 
@@ -105,14 +105,14 @@ def test_one_cycle(file: FilePath, case: str) -> None:
             close = np.isclose(result.costs[rows, i], raw[rows, i], rtol=RAW_RELATIVE, atol=1e-9)
             assert close.mean() >= EQUAL_SCORES, (name, np.flatnonzero(rows)[~close])
 
-    # legal and rejected alike, with the same totals
+    # the same legal and rejected samples, with the same totals
     totals = data[f"{case}/total"]
     legal = generated & (totals >= 0.0)
     assert ((result.rejected_by == -1) == legal).mean() >= EQUAL_SCORES
     close = np.isclose(result.totals[legal], totals[legal], rtol=RAW_RELATIVE)
     assert not legal.any() or close.mean() >= EQUAL_SCORES
 
-    # the same command, or one that is as good
+    # the same command, or one with the same total
     *_, cost, xv, yv, thetav = data[f"{case}/result"].tolist()
     if cost < 0.0:
         assert result.best == -1
@@ -133,7 +133,7 @@ def test_closed_loop(file: FilePath, loop: str) -> None:
     for i, row in enumerate(data[loop]):
         assert math.hypot(x - row[0], y - row[1]) <= LOOP_POSITION_M, i
         assert abs(normalize_angle(yaw - row[2])) <= LOOP_ANGLE_RAD, i
-        # C++ gets its heading from a quaternion: in (-pi, pi]
+        # C++ converts its heading from a quaternion: in (-pi, pi]
         result = searched(planner, RobotState(Pose2D(x, y, normalize_angle(yaw)), Twist2D(vx, 0.0, wz)), costmap, plan)
         vx, wz = result.command.vx, result.command.wz
         for _ in range(20):

@@ -1,4 +1,4 @@
-"""DWA's rules one by one: what is copied from C++, what is mended, what a plugin may do."""
+"""DWA: parity with C++, deliberate differences, critics of third parties."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_effective_defaults_are_noetics() -> None:
     assert not p.prune_plan and p.use_dwa and not p.latch_xy_goal_tolerance
 
 
-def test_names_of_former_releases_are_known() -> None:
+def test_parameter_names_of_previous_releases_are_known() -> None:
     for old, new in DWAParams.RENAMED.items():
         assert new in DWAParams.model_fields and old not in DWAParams.model_fields
     assert DWAParams.RENAMED["vtheta_samples"] == "vth_samples"
@@ -77,7 +77,7 @@ def test_names_of_former_releases_are_known() -> None:
 
 
 @pytest.mark.parametrize("values", [{"vx_samples": 0}, {"sim_time": 0.0}, {"acc_lim_x": -1.0}, {"max_vel_x": math.nan}])
-def test_values_out_of_range_are_refused(values: dict[str, Any]) -> None:
+def test_rejects_values_out_of_range(values: dict[str, Any]) -> None:
     with pytest.raises(ValidationError):
         DWAParams(**values)
 
@@ -98,9 +98,9 @@ def test_window_stays_within_limits_and_acceleration() -> None:
     limits = planner_on().limits
     window = velocity_window(Twist2D(0.3, 0.0, 4.9), limits, 0.2)
     np.testing.assert_allclose(window, [[0.1, 0.5], [0.0, 0.0], [4.5, 5.0]])
-    # a robot that measures a little strafing cannot be told to strafe
+    # a robot that measures a small sideways speed is not commanded to strafe
     assert velocity_window(Twist2D(0.0, 0.001, 0.0), limits, 0.2)[1].tolist() == [0.0, 0.0]
-    # one that is too fast gets the limit
+    # a robot above its limit gets the limit
     assert velocity_window(Twist2D(2.0, 0.0, 0.0), limits, 0.2)[0].tolist() == [0.5, 0.5]
 
 
@@ -117,7 +117,7 @@ def test_the_last_simulated_pose_is_not_scored() -> None:
 
 
 def test_an_angular_speed_above_pi_keeps_its_sign() -> None:
-    """Parity 15: behind the robot's back, turning at 4.6 rad/s already."""
+    """Parity 15: the plan leads behind a robot that turns at 4.6 rad/s."""
     planner = planner_on(-LINE)
     plan = planner.compute_command(at(Pose2D(0.0, 0.0, 0.3), Twist2D(0.0, 0.0, 4.6)))
     assert plan.command.wz > 4.0
@@ -132,11 +132,11 @@ def test_holonomic_samples_keep_their_order() -> None:
 
 
 def test_a_robot_at_rest_starts_at_any_frequency() -> None:
-    """C++ finds every sample too slow when one period's acceleration stays below the lowest speeds."""
+    """In C++ every sample is too slow if one period's acceleration stays below the lowest speeds."""
     for frequency in (20.0, 50.0):
         ahead = planner_on(controller_frequency=frequency).compute_command(at(Pose2D(0.0, 0.0, 0.0)))
         assert ahead.command.vx == pytest.approx(0.1, abs=1e-6)
-        # with its nose at a wall it turns
+        # close to a wall it turns
         wall = empty_map()
         wall.data[:, 45] = LETHAL
         aside = planner_on(-LINE, controller_frequency=frequency).compute_command(at(Pose2D(0.0, 0.0), costmap=wall))
@@ -158,8 +158,8 @@ def test_obstacle_scores_sum_or_maximum() -> None:
 
 
 @pytest.mark.parametrize("dot", [LETHAL, 255, 252])
-def test_a_costly_cell_under_the_centre_hides_no_collision(dot: int) -> None:
-    """The robot stands over a cell that its outline does not touch; what its outline touches later counts."""
+def test_a_high_cost_under_the_centre_hides_no_collision(dot: int) -> None:
+    """A high-cost cell inside the footprint does not hide a later collision of its edges."""
     costmap = empty_map()
     x, y, resolution = 0.01, 0.01, costmap.geometry.resolution
     cell = costmap.geometry.world_to_cell(x, y)
@@ -174,7 +174,7 @@ def test_a_costly_cell_under_the_centre_hides_no_collision(dot: int) -> None:
     limits = planner_on().limits
     critic.prepare(ScoringContext(at(Pose2D(x, y)).state, costmap, FOOTPRINT, LINE, Pose2D(1.0, 0.0), limits))
     assert critic.score(rollouts).tolist() == [-6.0, dot]
-    # the outline comes over the cell it has left behind a step before the wall
+    # the edge reaches the cell behind the robot one step before the wall
     assert critic.first_collision.tolist() == [4 if dot >= LETHAL else 5, -1]
 
 
@@ -207,7 +207,7 @@ def test_oscillation_flags() -> None:
     critic.debrief(Twist2D(0.0, 0.0, -0.5), Pose2D(0.0, 0.0))
     assert critic.state()["rot_neg_only"]
     assert critic.score(rollouts).tolist() == [-5.0, 0.0, 0.0]
-    # moved far enough: every direction again
+    # moved far enough: every direction is allowed
     critic.debrief(Twist2D(0.3, 0.0, 0.0), Pose2D(0.06, 0.0))
     assert not any(critic.state().values())
 
@@ -217,7 +217,7 @@ class _LeftParams(ParamModel):
 
 
 class _Left(Critic):
-    """Wants to turn left, and forbids to turn right fast."""
+    """Prefers left turns and rejects fast right turns."""
 
     Params = _LeftParams
     CODES = {-9: "turns right"}  # noqa: RUF012
@@ -234,7 +234,7 @@ class _Left(Critic):
         return np.where(w < -0.2, -9.0, 1.0 - w)
 
 
-def test_a_third_partys_critic_joins_the_list(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_critic_of_a_third_party(monkeypatch: pytest.MonkeyPatch) -> None:
     listed = [PluginSpec(name=n, type=n) for n in DEFAULT_CRITICS]
     same = planner_on(critics=listed).compute_command(at(Pose2D(0.0, 0.0, 0.2), Twist2D(0.3, 0.0, 0.0)))
     default = planner_on().compute_command(at(Pose2D(0.0, 0.0, 0.2), Twist2D(0.3, 0.0, 0.0)))
@@ -302,7 +302,7 @@ def test_the_life_cycle_of_a_critic(monkeypatch: pytest.MonkeyPatch) -> None:
     assert critic.calls[4:] == ["reset"]
 
 
-def test_without_the_obstacle_critic_the_goal_is_still_guarded() -> None:
+def test_commands_at_the_goal_are_checked_without_an_obstacle_critic() -> None:
     listed = [PluginSpec(name=n, type=n) for n in ("path", "goal")]
     planner = planner_on(critics=listed, scaling_speed=0.3)
     assert not any(isinstance(c, ObstacleCritic) for c in planner.critics)
@@ -312,10 +312,10 @@ def test_without_the_obstacle_critic_the_goal_is_still_guarded() -> None:
         planner.compute_command(at(Pose2D(1.5, 0.0, 2.0), costmap=costmap))
 
 
-# --- the verdict ------------------------------------------------------------------------------------------------------
+# --- rejections -------------------------------------------------------------------------------------------------------
 
 
-def test_the_verdict_counts_and_says_where() -> None:
+def test_the_error_counts_rejections_and_locates_the_first_collision() -> None:
     costmap = empty_map()
     costmap.data[:, 49:51] = LETHAL
     with pytest.raises(NoValidControlError) as caught:
@@ -334,8 +334,8 @@ def test_the_verdict_counts_and_says_where() -> None:
 
 
 @pytest.mark.parametrize("latch", [True, False])
-def test_the_latch_outlives_a_replan(latch: bool) -> None:
-    """Parity 17: C++ forgets it with every plan."""
+def test_the_latch_holds_after_a_replan(latch: bool) -> None:
+    """Parity 17: C++ releases it with every plan."""
     planner = planner_on(latch_xy_goal_tolerance=latch)
     turned = Pose2D(1.5, 0.0, 2.0)
     assert planner.compute_command(at(turned)).mode == "rotate_to_goal"
@@ -384,8 +384,8 @@ def test_braking_stops_every_axis() -> None:
     assert braking_twist(Twist2D(-0.1, 0.05, -0.3), limits, 0.2) == Twist2D()
 
 
-def test_prune_plan_drops_what_lies_behind() -> None:
-    """A plan that starts 1.5 m behind the robot is seen from 1 m behind it on, and forgotten before."""
+def test_prune_plan_drops_passed_poses() -> None:
+    """A plan that starts 1.5 m behind the robot begins 1 m behind it after pruning."""
     behind = np.column_stack((np.linspace(-1.5, 1.5, 61), np.zeros(61), np.zeros(61)))
     seen = planner_on(behind, prune_plan=True).compute_command(at(Pose2D(0.0, 0.0))).local_plan
     all_of_it = planner_on(behind).compute_command(at(Pose2D(0.0, 0.0))).local_plan
@@ -395,16 +395,16 @@ def test_prune_plan_drops_what_lies_behind() -> None:
         planner_on(prune_plan=True).compute_command(at(Pose2D(0.0, 1.2)))
 
 
-def test_the_plan_in_sight_ends_one_pose_beyond_the_window() -> None:
+def test_the_local_plan_ends_one_pose_beyond_the_window() -> None:
     long = np.column_stack((np.linspace(0.0, 6.0, 121), np.zeros(121), np.zeros(121)))
     seen = planner_on(long).compute_command(at(Pose2D(0.0, 0.0))).local_plan
     assert seen is not None and seen.poses[-1, 0] == pytest.approx(2.05)
 
 
-# --- running on and on ------------------------------------------------------------------------------------------------
+# --- memory -----------------------------------------------------------------------------------------------------------
 
 
-def test_cycles_do_not_grow() -> None:
+def test_memory_does_not_grow() -> None:
     planner = planner_on()
     inputs = at(Pose2D(0.0, 0.0, 0.1), Twist2D(0.3, 0.0, 0.0))
 
@@ -424,7 +424,7 @@ def test_cycles_do_not_grow() -> None:
     assert after - before < 20_000
 
 
-def test_read_only_and_sliced_costmaps_are_fine() -> None:
+def test_accepts_read_only_and_sliced_costmaps() -> None:
     big = np.zeros((80, 200), np.uint8)
     big[:44, 66] = LETHAL
     sliced = Costmap(GridGeometry(80, 80, 0.05, -2.0, -2.0), big[:, 10:90], "odom")

@@ -1,4 +1,4 @@
-"""Where C++ turns, or goes back and forth, for ever: TrajectoryPlanner's escapes and circles."""
+"""Escapes and full turns of TrajectoryPlanner, where C++ turns or moves back and forth forever."""
 
 from __future__ import annotations
 
@@ -46,24 +46,24 @@ def driven(pose: Pose2D, plan: LocalPlan) -> Pose2D:
     return Pose2D(x, y, math.remainder(pose.yaw + 0.05 * w, 2.0 * math.pi))
 
 
-def test_backs_out_of_a_wall_under_its_nose() -> None:
-    """The padding stands on lethal cells ahead: every sample is rejected, backing out is not nearer to anything."""
+def test_backs_away_from_a_wall_inside_the_padding() -> None:
+    """The padding overlaps lethal cells ahead: every sample is rejected, but backing up comes no nearer to an obstacle."""
     wall = [(0.19, y) for y in np.arange(-0.5, 0.5, 0.04)]
     plan = planner(escape_vel=-0.3).compute_command(at(Pose2D(0.0, 0.0), costmap(*wall)))
     assert plan.mode == "escape" and plan.command == Twist2D(-0.3, 0.0, 0.0)
-    assert plan.rejected_by is not None and plan.rejected_by[plan.best] >= 0  # no legal verdict for it
-    assert plan.trajectory is not None and -0.3 < plan.trajectory[-1, 0] < -0.1  # only what was checked
+    assert plan.rejected_by is not None and plan.rejected_by[plan.best] >= 0  # it remains marked as rejected
+    assert plan.trajectory is not None and -0.3 < plan.trajectory[-1, 0] < -0.1  # only the checked part
 
 
 @pytest.mark.parametrize("behind", [-0.19, -0.27])
-def test_does_not_back_into_what_is_behind(behind: float) -> None:
+def test_does_not_back_into_an_obstacle(behind: float) -> None:
     wall = [(x, y) for x in (0.19, behind) for y in np.arange(-0.5, 0.5, 0.04)]
     with pytest.raises(NoValidControlError, match="lethal"):
         planner(escape_vel=-0.3).compute_command(at(Pose2D(0.0, 0.0), costmap(*wall)))
 
 
-def test_goes_back_farther_from_the_same_place() -> None:
-    """A dead end just wide enough: every escape that begins there ends farther back, up to the samples' horizon."""
+def test_escapes_from_the_same_place_lead_farther() -> None:
+    """In a narrow dead end each escape leads farther back, up to the reach of the rollouts."""
     tunnel = [(x, y) for y in (-0.225, 0.225) for x in np.arange(-2.5, 0.8, 0.04)]
     end = [(0.6, y) for y in np.arange(-0.3, 0.3, 0.04)]
     grid, robot = costmap(*tunnel, *end), planner(escape_vel=-0.5, max_vel_x=0.5, sim_time=1.0)
@@ -87,8 +87,8 @@ def test_goes_back_farther_from_the_same_place() -> None:
     assert max(lengths) <= 0.6
 
 
-def test_a_whole_circle_in_place_is_enough() -> None:
-    """A gate that costs more than it is worth: C++ turns before it for ever; here it is passed after one look around."""
+def test_drives_on_after_one_full_turn_in_place() -> None:
+    """A gate that costs more than its gain: C++ turns in front of it forever; here the robot passes it after a full turn."""
     grid = costmap()
     for (ix, iy), _ in np.ndenumerate(grid.data.T):
         x, y = grid.geometry.cell_to_world(ix, iy)
@@ -108,9 +108,9 @@ def test_a_whole_circle_in_place_is_enough() -> None:
 
 
 def test_mirrored_scenes_give_mirrored_tables() -> None:
-    """Whatever lies to one side lies to the other: each sample costs what its mirror image does.
+    """Each sample costs the same as its mirror image in the mirrored scene.
 
-    But for what falls on the border of two cells, and the outline's walk from cell to cell, which has a sense of rotation.
+    Except on the borders of cells, and because the footprint's edges are rasterized in one sense of rotation.
     """
     rng = np.random.default_rng(5)
     pairs = equal = same_verdict = 0
@@ -150,8 +150,8 @@ def test_mirrored_scenes_give_mirrored_tables() -> None:
 
 @pytest.mark.parametrize("heading", [0.0, 0.3, -0.3])
 def test_a_straight_corridor_gives_a_straight_path(heading: float) -> None:
-    """No snaking: once on the plan, the robot stays within half a cell of it (two, where it came at an angle: within a cell
-    or two of the plan the sum of path and goal distances is the same) and hardly ever turns to the other side."""
+    """Once on the plan, the robot stays within half a cell of it (two if it starts at an angle: within two cells of the plan
+    the sum of path and goal distances is the same) and rarely changes its turning direction."""
     walls = [(x, y) for y in (-0.475, 0.475) for x in np.arange(-1.0, 2.6, 0.04)]
     grid, robot = costmap(*walls), planner(meter_scoring=True, max_vel_x=0.5)
     pose, velocity = Pose2D(0.0, 0.0, heading), Twist2D()

@@ -1,4 +1,4 @@
-"""Nav2's critics, rule by rule, and in a list of critics."""
+"""The critics of Nav2, and parameters that critics inherit."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def context(velocity: Twist2D = Twist2D(), goal: Pose2D = Pose2D(0.1, 0.0, 1.0),
 
 
 def straight(*samples: tuple[float, float, float], seconds: float = 1.0, points: int = 11) -> Rollouts:
-    """Trajectories without curvature in position: enough for critics that look at cells and headings."""
+    """Rollouts along straight lines, for critics that use cells and headings only."""
     array = np.array(samples)
     times = np.linspace(0.0, seconds, points)
     poses = array[:, None, :] * times[None, :, None]
@@ -54,26 +54,26 @@ def test_prefer_forward() -> None:
 
 
 @pytest.mark.parametrize(("sums", "expected"), [(False, 7.0), (True, 10.0 + 7.0)])
-def test_base_obstacle_sees_the_centre_alone(sums: bool, expected: float) -> None:
+def test_base_obstacle_scores_the_centre_only(sums: bool, expected: float) -> None:
     critic = BaseObstacleCritic("base_obstacle", BaseObstacleParams(sum_scores=sums))
-    # points 0.05 m apart, each in the middle of a cell but for the offset
+    # points 0.05 m apart, moved to the centres of cells
     rollouts = straight((0.5, 0.0, 0.0))
     rollouts.poses[:, :, :2] += 0.025
     assert scored(critic, rollouts, context(c25_20=10, c30_20=7, c25_21=254)) == pytest.approx([expected])
 
 
 @pytest.mark.parametrize("cost", [253, 254, 255])
-def test_base_obstacle_rejects_the_first_thing_on_the_way(cost: int) -> None:
+def test_base_obstacle_reports_the_first_rejection_along_the_rollout(cost: int) -> None:
     critic = BaseObstacleCritic("base_obstacle", BaseObstacleParams())
     ahead = straight((0.5, 0.0, 0.0), (0.0, 0.5, 0.0), (3.0, 0.0, 0.0), (-3.0, 0.0, 0.0))
     ahead.poses[:, :, :2] += 0.025
-    told = dict.fromkeys(("c25_20", "c26_20"), cost)
-    # the third steps over the first of the two cells into the second, and only then off the map
-    assert scored(critic, ahead, context(**told)).tolist() == [-6.0, 0.0, -6.0, -4.0]
+    costs = dict.fromkeys(("c25_20", "c26_20"), cost)
+    # the third rollout skips the first of the two cells, hits the second, and leaves the map later
+    assert scored(critic, ahead, context(**costs)).tolist() == [-6.0, 0.0, -6.0, -4.0]
     assert set(critic.CODES) == {-6, -4}
 
 
-def test_rows_that_are_dead_or_empty_are_left_alone() -> None:
+def test_skips_rejected_and_empty_rows() -> None:
     critic = BaseObstacleCritic("base_obstacle", BaseObstacleParams())
     critic.prepare(context())
     rollouts = straight((9.0, 0.0, 0.0), (0.1, 0.0, 0.0))
@@ -84,7 +84,7 @@ def test_rows_that_are_dead_or_empty_are_left_alone() -> None:
     assert out[1] == 0.0
 
 
-def test_rotate_to_goal_is_silent_far_away() -> None:
+def test_rotate_to_goal_is_zero_far_from_the_goal() -> None:
     critic = RotateToGoalCritic("rotate_to_goal", RotateToGoalParams())
     assert scored(critic, straight((0.5, 0.0, 1.0)), context(goal=Pose2D(0.3, 0.0))).tolist() == [0.0]
 
@@ -96,8 +96,8 @@ def test_rotate_to_goal_slows_down_first() -> None:
     assert out == pytest.approx([-7.0, 5.0 * 0.09 + 0.0, -7.0, 5.0 * 0.39**2 + 1.0])
 
 
-def test_rotate_to_goal_holds_until_the_goal_changes() -> None:
-    """Neither a slip out of the tolerance nor a push gives the other samples back; another goal does."""
+def test_rotate_to_goal_keeps_its_phase_until_the_goal_changes() -> None:
+    """Neither leaving the tolerance nor a higher speed ends the phase; another goal does."""
     critic = RotateToGoalCritic("rotate_to_goal", RotateToGoalParams(xy_goal_tolerance=0.15))
     ahead = straight((0.2, 0.0, 0.0))
     assert scored(critic, ahead, context()).tolist() == [-8.0]
@@ -122,7 +122,7 @@ def test_rotate_to_goal_then_only_turns() -> None:
     assert around == pytest.approx([math.pi - 1.0])
 
 
-def test_rotate_to_goal_looks_ahead_a_while() -> None:
+def test_rotate_to_goal_with_lookahead_time() -> None:
     critic = RotateToGoalCritic("rotate_to_goal", RotateToGoalParams(lookahead_time=0.5))
     assert scored(critic, straight((0.0, 0.0, 1.0), (0.0, 0.0, 2.0)), context()) == pytest.approx([0.5, 0.0])
 
@@ -153,8 +153,8 @@ def test_a_critic_inherits_only_parameters_that_were_set() -> None:
     assert own.xy_goal_tolerance == 0.2
 
 
-def test_a_list_of_them_drives() -> None:
-    """To a goal behind, with critics of both houses; the table has a column for each."""
+def test_drives_with_critics_of_ros_1_and_nav2() -> None:
+    """The robot reaches its goal; the table has a column for each critic."""
     kinds = ("base_obstacle", "path", "goal", "goal_front", "alignment", "prefer_forward", "rotate_to_goal")
     planner = DWAPlanner(
         DWAParams(

@@ -1,4 +1,4 @@
-"""Trajectory rollout's rules one by one."""
+"""Trajectory rollout: samples, scores, direction flags, strafing, escapes."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_effective_defaults_are_noetics() -> None:
         assert new in type(p).model_fields and old not in type(p).model_fields
 
 
-def test_y_vels_come_as_a_string_or_a_list() -> None:
+def test_y_vels_is_a_string_or_a_list() -> None:
     assert y_speeds("-0.3,-0.1, 0.1,-0.3") == [-0.3, -0.1, 0.1, -0.3]
     assert y_speeds([0.2, -0.2]) == [0.2, -0.2]
     assert y_speeds("") == []
@@ -54,7 +54,7 @@ def test_y_vels_come_as_a_string_or_a_list() -> None:
 
 
 def test_samples_in_their_order() -> None:
-    """Each speed straight on, then with every turn but the last; strafing; then turns in place of a lowest speed."""
+    """Each speed straight, then with every turn but the last; strafing; then turns in place of at least the lowest speed."""
     planner = planner_on(vx_samples=3, vtheta_samples=5, holonomic_robot=True, max_vel_x=0.4)
     plan = planner.compute_command(at(Pose2D(0.0, 0.0), Twist2D()))
     turns = [-1.0, -0.5, 0.0, 0.5, 1.0]
@@ -84,14 +84,14 @@ def test_the_window_of_one_period_with_dwa() -> None:
     ],
 )
 def test_scoring_scale_of_both_distros(distro: str, meters: bool, expected: list[float]) -> None:
-    """Parity 31: before 2018 meter_scoring scaled obstacles too."""
+    """Parity 31: before 2018 meter_scoring also scaled obstacles."""
     plan = planner_on(ros_distro=distro, meter_scoring=meters).compute_command(at(Pose2D(0.0, 0.0)))
     assert plan.scales is not None
     np.testing.assert_allclose(plan.scales, expected)
 
 
-def test_turns_on_in_the_direction_it_has_begun() -> None:
-    """Facing away: it turns in place, and does not change its mind from cycle to cycle."""
+def test_keeps_its_turning_direction() -> None:
+    """Facing away from the plan, it turns in place in one direction."""
     planner = planner_on(-LINE, dwa=True, controller_frequency=5.0)
     yaw, signs = 0.02, set[float]()
     for _ in range(10):
@@ -102,8 +102,8 @@ def test_turns_on_in_the_direction_it_has_begun() -> None:
     assert len(signs) == 1
 
 
-def test_backs_out_where_nothing_else_is_legal() -> None:
-    """A nose close to a wall: turning would hit, straight back is free. C++ calls it escaping."""
+def test_backs_up_if_every_sample_is_rejected() -> None:
+    """Close to a wall, turning collides, but straight back is free (escaping in C++)."""
     shape = Footprint(np.array([[0.3, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.3, -0.2]]))
     costmap = empty_map()
     costmap.data[34:46, 47] = LETHAL  # 0.35 .. 0.40 m ahead
@@ -113,17 +113,17 @@ def test_backs_out_where_nothing_else_is_legal() -> None:
     state = RobotState(Pose2D(0.0, 0.0, 0.0))
     plan = planner.compute_command(ControlInput(state, costmap, shape))
     assert plan.command == Twist2D(-0.1, 0.0, 0.0)
-    # while escaping nothing forward is sampled
+    # no forward samples during an escape
     again = planner.compute_command(ControlInput(state, costmap, shape))
     assert again.samples is not None and again.samples[:, 0].max() == 0.0
-    # with a wall behind as well there is no command: C++ would back into it
+    # with a wall behind, too, no command is legal: C++ backs into it
     costmap.data[30:50, 34] = LETHAL
     with pytest.raises(NoValidControlError, match="obstacle"):
         planner.compute_command(ControlInput(state, costmap, shape))
 
 
-def test_strafes_where_it_can_do_nothing_else() -> None:
-    """Walls before, behind and within reach of any turn; to the left is free."""
+def test_strafes_if_all_other_samples_are_rejected() -> None:
+    """Walls in front, behind and within reach of every turn; the left is free."""
     shape = Footprint(np.array([[0.3, 0.1], [-0.3, 0.1], [-0.3, -0.1], [0.3, -0.1]]))
     costmap = empty_map()
     costmap.data[:, 46:48] = LETHAL
@@ -136,7 +136,7 @@ def test_strafes_where_it_can_do_nothing_else() -> None:
     assert plan.command == Twist2D(0.0, 0.3, 0.0)
 
 
-def test_heading_scoring_looks_at_the_plan_in_sight() -> None:
+def test_heading_scoring_compares_with_the_visible_plan() -> None:
     left = np.column_stack((np.linspace(0.0, 1.0, 21), np.linspace(0.0, 1.0, 21), np.zeros(21)))
     planner = planner_on(left, heading_scoring=True, heading_scoring_timestep=0.8)
     plan = planner.compute_command(at(Pose2D(0.0, 0.0, 0.0)))
@@ -146,7 +146,7 @@ def test_heading_scoring_looks_at_the_plan_in_sight() -> None:
     assert plan.costs[straight, -1] == pytest.approx(math.pi / 4, abs=0.05)
 
 
-def test_heading_difference_ends_at_walls() -> None:
+def test_heading_errors_use_visible_poses_only() -> None:
     costs = np.zeros((20, 20), np.uint8)
     plan = np.array([[0.05, 0.55, 0.0], [0.95, 0.55, 0.0], [0.95, 0.95, 0.0]])
     pose, alive, out = np.array([[0.05, 0.05, 0.0]]), np.ones(1, np.bool_), np.zeros(1)
@@ -160,7 +160,7 @@ def test_heading_difference_ends_at_walls() -> None:
     assert math.isinf(out[0])
 
 
-def test_simple_attractor_goes_straight_for_the_end() -> None:
+def test_simple_attractor_drives_straight_to_the_end() -> None:
     plan = planner_on(simple_attractor=True).compute_command(at(Pose2D(0.0, 0.0, 0.0)))
     assert plan.critics == ("obstacle", "goal") and plan.command.vx > 0.3 and abs(plan.command.wz) < 0.2
 
@@ -177,7 +177,7 @@ def test_cells_under_the_robot_are_passable() -> None:
     assert (off == LETHAL).all()
 
 
-def test_reached_once_position_and_heading_are_found() -> None:
+def test_reached_after_a_command_at_position_and_heading() -> None:
     planner = planner_on()
     there = at(Pose2D(1.5, 0.0, 0.0))
     assert not planner.goal_reached(there)

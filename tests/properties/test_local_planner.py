@@ -1,4 +1,4 @@
-"""Whatever the costmap, pose and plan: a command within limits, or the right exception."""
+"""For any costmap, pose and plan: a command within limits, or the right exception."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ twists = st.builds(Twist2D, speeds, st.sampled_from([0.0, 0.1, -0.3]), speeds)
 
 @st.composite
 def plans(draw: st.DrawFn) -> np.ndarray[Any, Any]:
-    """Empty, of one pose, far away, back and forth, all poses equal, or with a number that is none."""
+    """Empty, of one pose, far away, back and forth, all poses equal, or with NaN or inf."""
     n = draw(st.integers(0, 60))
     kind = draw(st.sampled_from(["walk", "back_and_forth", "same", "far"]))
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
@@ -95,7 +95,7 @@ def make(name: str, draw: st.DrawFn) -> LocalPlanner:
 
 
 def check(planner: LocalPlanner, plan: LocalPlan, measured: Twist2D) -> None:
-    """Within the limits; a robot that is beyond them is braked as fast as it can be, and never driven farther beyond."""
+    """Within the limits; a robot beyond them brakes, and never accelerates further."""
     limits, command = planner.limits, plan.command
     assert command.is_finite()
     for value, low, high, now in (
@@ -107,10 +107,10 @@ def check(planner: LocalPlanner, plan: LocalPlan, measured: Twist2D) -> None:
         assert within or plan.mode == "brake"
 
 
-def check_outlines(planner: LocalPlanner, plan: LocalPlan, footprint: Footprint, costmap: Costmap, seed: int) -> None:
-    """Never a legal verdict for an outline on a lethal or unknown cell, or off the map: of the winner, and of some others.
+def check_footprints(planner: LocalPlanner, plan: LocalPlan, footprint: Footprint, costmap: Costmap, seed: int) -> None:
+    """No legal rollout has its footprint on a lethal or unknown cell or off the map; for the best and some other samples.
 
-    Against the walk of `verdict.first_lethal_cell`, in Python. Where it backs out, the outline may stand where it stood.
+    Compared with `first_lethal_cell`, in Python. In an escape the footprint may remain in collision.
     """
     if plan.mode not in ("follow", "rotate_to_goal", "brake") or plan.best < 0:
         return
@@ -151,19 +151,19 @@ def test_a_command_or_the_right_exception(name: str, data: st.DataObject) -> Non
         else:
             check(planner, plan, inputs.state.velocity)
             assert plan.rejected_by is not None
-            # an escape is what is left where every sample was rejected, and stays marked as rejected
+            # an escape is selected if every sample was rejected, and remains marked as rejected
             assert plan.best == -1 or plan.rejected_by[plan.best] == -1 or plan.mode == "escape"
-            check_outlines(planner, plan, footprint, costmap, data.draw(st.integers(0, 2**32 - 1)))
+            check_footprints(planner, plan, footprint, costmap, data.draw(st.integers(0, 2**32 - 1)))
         assert np.array_equal(costmap.data, before)
         planner.goal_reached(inputs)
 
 
 @SETTINGS
 @given(costmap=costmaps(), poses_=st.lists(poses, min_size=1, max_size=8), scale=st.floats(1.0, 1.5), data=st.data())
-def test_no_outline_costs_more_than_the_bound(
+def test_no_footprint_costs_more_than_the_bound(
     costmap: Costmap, poses_: list[Pose2D], scale: float, data: st.DataObject
 ) -> None:
-    """The bound that decides which outlines are walked at all holds wherever the centre lies in its cell."""
+    """The bound that decides which footprints are rasterized holds for every position of the centre in its cell."""
     g = costmap.geometry
     footprint = data.draw(st.sampled_from(FOOTPRINTS))
     rows, bound = np.empty_like(costmap.data), np.empty_like(costmap.data)
@@ -193,10 +193,10 @@ def test_no_outline_costs_more_than_the_bound(
     seed=st.integers(0, 2**32 - 1),
     nose=st.booleans(),
 )
-def test_a_wave_that_stops_and_goes_on_gives_the_same_scores(
+def test_a_resumed_wavefront_gives_the_same_scores(
     costmap: Costmap, line: np.ndarray[Any, Any], robot: Pose2D, last_only: bool, seed: int, nose: bool
 ) -> None:
-    """Grids are computed as far as critics look: against the whole grid, with C++'s values, looked up point by point."""
+    """Grids are computed as far as critics need them; compared with the whole grid of C++, point by point."""
     line = line[np.isfinite(line).all(axis=1)]
     if len(line) == 0:
         return
@@ -234,21 +234,21 @@ def test_a_wave_that_stops_and_goes_on_gives_the_same_scores(
 
 @SETTINGS
 @given(costmap=costmaps(), robot=poses, at=st.tuples(st.floats(0.0, 1.0), st.floats(0.0, 1.0)))
-def test_a_wave_steered_towards_the_robot_has_the_distances_of_one_in_all_directions(
+def test_directed_and_undirected_wavefronts_have_the_same_distances(
     costmap: Costmap, robot: Pose2D, at: tuple[float, float]
 ) -> None:
     g = costmap.geometry
     end = np.array([[g.origin_x + at[0] * g.width_m * 0.999, g.origin_y + at[1] * g.height_m * 0.999, 0.0]])
-    steered = MapGridBuilder().build(costmap, end, robot, last_only=True)
-    everywhere = MapGridBuilder().build(costmap, end, robot, last_only=False)
-    assert steered.seeds == everywhere.seeds
-    np.testing.assert_array_equal(steered.values(), everywhere.values())
+    directed = MapGridBuilder().build(costmap, end, robot, last_only=True)
+    undirected = MapGridBuilder().build(costmap, end, robot, last_only=False)
+    assert directed.seeds == undirected.seeds
+    np.testing.assert_array_equal(directed.values(), undirected.values())
 
 
 @SETTINGS
 @given(pose=poses, velocity=twists, side=st.floats(0.11, 0.9), ahead=st.floats(0.3, 1.4))
 def test_mirrored_scenes_have_mirrored_tables(pose: Pose2D, velocity: Twist2D, side: float, ahead: float) -> None:
-    """In an empty map, DWA judges a sample as it judges its mirror image in the mirrored scene."""
+    """In an empty map, DWA scores a sample as its mirror image in the mirrored scene."""
 
     def table(sign: float) -> dict[tuple[float, float], float]:
         cls = LOCAL_PLANNERS.get("dwa").cls
@@ -277,7 +277,7 @@ def test_mirrored_scenes_have_mirrored_tables(pose: Pose2D, velocity: Twist2D, s
 
 @SETTINGS
 @given(data=st.data())
-def test_the_seven_critics_at_once_say_what_they_say_one_by_one(data: st.DataObject) -> None:
+def test_fused_scoring_equals_scoring_one_by_one(data: st.DataObject) -> None:
     params = DWAParams(
         ros_distro=data.draw(st.sampled_from(["noetic", "indigo"])),
         sum_scores=data.draw(st.booleans()),
@@ -295,7 +295,7 @@ def test_the_seven_critics_at_once_say_what_they_say_one_by_one(data: st.DataObj
         plan = data.draw(plans())
         if len(plan) == 0 or not np.isfinite(plan).all():
             plan = np.array([state.pose])
-        if data.draw(st.booleans()):  # in the middle of the costmap, where there is something to tell
+        if data.draw(st.booleans()):  # in the middle of the costmap, where scores differ
             g = costmap.geometry
             middle = np.array([g.origin_x + 0.5 * g.width_m, g.origin_y + 0.5 * g.height_m, 0.0])
             state = RobotState(Pose2D(*middle), state.velocity)

@@ -39,7 +39,7 @@ from navstack.local_planner.scoring import score
 from navstack.plugins import CRITICS, LOCAL_PLANNERS
 
 sys.path.insert(0, str(FilePath(__file__).resolve().parents[2] / "examples" / "velocity_sequences"))
-from velocity_sequences import roll_out
+from velocity_sequences import simulate_sequences
 
 TURTLEBOT: dict[str, Any] = {
     "max_vel_trans": 0.5,
@@ -144,7 +144,7 @@ def trajectories(state: RobotState, planner: DWAPlanner) -> dict[str, Rollouts]:
     fan[:, 0, 0] = rng.uniform(0.1, 0.5, SEQUENCES)
     fan[:, 0, 2] = rng.uniform(-1.0, 1.0, SEQUENCES)
     sequences = {"noisy": noisy, "fan": np.repeat(fan, POINTS, axis=1)}
-    return {name: roll_out(v, state, planner.limits, SEQUENCE_PERIOD_S)[1] for name, v in sequences.items()}
+    return {name: simulate_sequences(v, state, planner.limits, SEQUENCE_PERIOD_S)[1] for name, v in sequences.items()}
 
 
 def scoring_rows(inputs: ControlInput, calibration: Reference | None, runs: int) -> list[dict[str, Any]]:

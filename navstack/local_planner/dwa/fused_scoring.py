@@ -1,6 +1,7 @@
 """The seven default critics of DWA, scored in two kernel calls: the same table as `scoring.score`.
 
-Kept beside `scoring.score` because whole runs take 2 to 9 % less time with it (maze_lanes 8 %, noise 9 %, a BARN world 2 %).
+Kept beside `scoring.score` because whole runs take 2 to 9 % less time with it (the scenario maze_lanes 8 %, noise 9 %, a
+BARN world 2 %).
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from navstack.core import Costmap, Footprint, Pose2D, RobotState, Twist2D
 from navstack.core.parameters import ParamModel
-from navstack.interfaces import ControlDiagnostics, Critic, LocalPlan, Rollouts, ScoringContext, VelocityLimits
+from navstack.interfaces import Critic, LocalPlan, Rollouts, ScoringContext, VelocityLimits
 from navstack.local_planner.critics import DEFAULT_CRITICS
 from navstack.local_planner.critics.obstacle import ObstacleCritic, ObstacleParams
 from navstack.local_planner.dwa.fused_scoring import FusedScorer
@@ -118,22 +118,13 @@ class DWAPlanner(SamplingPlanner):
         if table.best < 0 and self.generator.widen_rotation(window, state, self._limits):
             context = self.context(state, costmap, footprint, plan, goal)
             samples, rollouts, table = self._scored(window, context)
-        if table.best < 0:
-            self._publish_scores()
-            command = Twist2D()
-        else:
-            command = Twist2D(*rollouts.commands[table.best].tolist())
+        command = Twist2D(*rollouts.commands[table.best].tolist()) if table.best >= 0 else Twist2D()
         return self.result(command, samples.copy(), table, rollouts, context)
 
-    def reset_critics(self) -> None:
-        """Clear the state that critics keep between cycles."""
-        self._publish_scores()
-        super().reset_critics()
-
-    def diagnostics(self) -> ControlDiagnostics | None:
-        """Diagnostics of the last cycle: see `SamplingPlanner`."""
-        self._publish_scores()
-        return super().diagnostics()
+    def finish_scoring(self) -> None:
+        """Hand the results of fused scoring to the critics."""
+        if self._fused is not None:
+            self._fused.publish()
 
     def _scored(
         self, window: NDArray[np.float64], context: ScoringContext
@@ -142,7 +133,3 @@ class DWAPlanner(SamplingPlanner):
         rollouts = self.generator.simulate(samples, context.state, self._limits)
         scored = score(self.critics, context, rollouts) if self._fused is None else self._fused.score(context, rollouts)
         return samples, rollouts, scored
-
-    def _publish_scores(self) -> None:
-        if self._fused is not None:
-            self._fused.publish()

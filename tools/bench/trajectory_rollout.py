@@ -1,8 +1,8 @@
 """Effect of the measures by which trajectory rollout avoids getting stuck: BARN worlds with and without each of them.
 
-    python tools/bench/unstuck.py [--worlds 49 157] [--distro indigo] [--without circles check longer]
+    python tools/bench/trajectory_rollout.py [--worlds 49 157] [--distro indigo] [--without full_turns check longer]
 
-Without `circles`, the robot turns in place as long as that scores best; without `check`, it backs out into obstacles; without
+Without `full_turns`, the robot turns in place as long as that scores best; without `check`, it backs up into obstacles; without
 `longer`, every escape ends after escape_reset_dist. Without all three, the planner equals the C++ original. By default, each is
 removed on its own, then all together, in the worlds in which the C++ stack failed (folder `data`, see `reference.py`).
 """
@@ -24,8 +24,8 @@ from navstack.local_planner.trajectory_rollout import planner as trajectory_roll
 from navstack.local_planner.trajectory_rollout.escape import Escape, FullTurnDetector
 
 DATA = data_folder("data")
-MEASURES = ("circles", "check", "longer")
-CASES: tuple[tuple[str, ...], ...] = ((), ("circles",), ("check",), ("longer",), MEASURES)
+MEASURES = ("full_turns", "check", "longer")
+CASES: tuple[tuple[str, ...], ...] = ((), ("full_turns",), ("check",), ("longer",), MEASURES)
 
 
 def never_complete(self: FullTurnDetector, pose: Pose2D, *, moved: bool) -> bool:
@@ -35,7 +35,7 @@ def never_complete(self: FullTurnDetector, pose: Pose2D, *, moved: bool) -> bool
 
 
 def all_points(context: ScoringContext, rollouts: Rollouts, distance: float) -> int:
-    """Backing out is always allowed."""
+    """Backing up is always allowed."""
     del context, distance
     return int(rollouts.counts[-1])
 
@@ -54,7 +54,7 @@ def without(removed: tuple[str, ...]) -> Iterator[None]:
     """Disables some of MEASURES."""
     with (
         patch.object(
-            FullTurnDetector, "complete", never_complete if "circles" in removed else FullTurnDetector.complete
+            FullTurnDetector, "complete", never_complete if "full_turns" in removed else FullTurnDetector.complete
         ),
         patch.object(
             trajectory_rollout,
