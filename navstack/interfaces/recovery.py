@@ -1,4 +1,4 @@
-"""Recovery behaviors, stepwise."""
+"""Recovery behaviors."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from navstack.interfaces.local_planner import LocalPlanner
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecoveryContext:
-    """What a recovery behaviour may act on."""
+    """What a recovery behavior may act on."""
 
     global_costmap: CostmapServer
     local_costmap: CostmapServer
@@ -27,7 +27,7 @@ class RecoveryContext:
 
 
 class RecoveryStatus(Enum):
-    """Where a recovery behaviour stands after a step."""
+    """Status of a recovery behavior after a step."""
 
     RUNNING = "running"
     DONE = "done"
@@ -36,17 +36,17 @@ class RecoveryStatus(Enum):
 
 @dataclass(frozen=True, slots=True)
 class RecoveryStep:
-    """The velocity to command until the next step, and whether there will be one."""
+    """Result of one step: the status, and the velocity to command until the next step."""
 
     status: RecoveryStatus
     twist: Twist2D = Twist2D()
     text: str = ""
-    """What was done or why it failed, for the log."""
+    """What was done, or why it failed, for the log."""
     data: dict[str, Any] = field(default_factory=dict[str, Any])
 
 
 class RecoveryBehavior(ABC):
-    """Stepwise, so that a cancel or a new goal takes effect within one cycle."""
+    """A recovery behavior runs step by step, so that a cancel or a new goal takes effect within one cycle."""
 
     Params: ClassVar[type[ParamModel]]
 
@@ -56,25 +56,25 @@ class RecoveryBehavior(ABC):
 
     @property
     def frequency(self) -> float | None:
-        """How often it wants to be stepped (Hz); None: at the controller's frequency."""
+        """Rate of the steps (Hz); None for the frequency of the control cycle."""
         return None
 
     @abstractmethod
     def start(self, context: RecoveryContext, now: float) -> None:
-        """Called once, before the first step. May raise a RecoveryError."""
+        """Prepare the first step; called once. May raise a RecoveryError."""
 
     @abstractmethod
     def step(self, state: RobotState, now: float) -> RecoveryStep:
-        """One step; `state.pose` in the local costmap's frame. Never blocks."""
+        """Execute one step at `now` (s) without blocking; `state.pose` is in the local costmap's frame."""
 
     def check(self, context: RecoveryContext) -> None:
-        """Raises a ParameterError when the parameters do not fit this robot; called once, before the first goal."""
+        """Raise a ParameterError if the parameters do not fit this robot; called once, before the first goal."""
         del context
 
     def follow_up(self, state: RobotState, now: float) -> bool:
-        """Called once a control cycle after the last step, until it returns False: for effects that outlast the behaviour.
+        """Continue effects that outlast the behavior, such as a speed limit for a distance; return False at their end.
 
-        A speed limit that holds for a distance, say. `state.pose` in the local costmap's frame.
+        Called in every control cycle after the last step until it returns False. `state.pose` is in the local costmap's frame.
         """
         del state, now
         return False

@@ -1,4 +1,4 @@
-"""What the user of the stack supplies: a robot, simulated or real."""
+"""The robot, which the user of navstack supplies."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ class Robot(Protocol):
 
     @property
     def frames(self) -> FrameTree:
-        """Map -> odom -> base and the sensors, kept up to date by the robot."""
+        """The frames map -> odom -> base and those of the sensors, kept up to date by the robot."""
         ...
 
     def state(self) -> RobotState:
-        """Odometry: pose in the odometry frame, velocity in the robot's own."""
+        """Return the odometry: pose in the odometry frame, velocity in the base frame."""
         ...
 
     def scans(self) -> Sequence[SensorData]:
-        """What the sensors delivered since the last call, oldest first."""
+        """Return the sensor data since the last call, the oldest first."""
         ...
 
     def command(self, twist: Twist2D) -> None:
-        """Drive so until told otherwise."""
+        """Drive at this velocity until the next command."""
         ...

@@ -1,4 +1,4 @@
-"""Recovery behaviours: what the robot does when it does not get on."""
+"""Recovery behaviors: what the robot does if planning or control fails, or if it makes no progress."""
 
 from navstack.recovery.back_up import BackUp, BackUpParams
 from navstack.recovery.clear_costmap import ClearCostmapRecovery, ClearCostmapRecoveryParams

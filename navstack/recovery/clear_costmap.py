@@ -1,4 +1,4 @@
-"""clear_costmap_recovery: forget the obstacles far from the robot, they may be gone.
+"""clear_costmap_recovery: clear obstacles far from the robot, which may have disappeared.
 
 Source: clear_costmap_recovery/src/clear_costmap_recovery.cpp.
 """
@@ -29,18 +29,18 @@ class ClearCostmapRecoveryParams(ParamModel):
     RENAMED: ClassVar[Mapping[str, str]] = {"layer_search_string": "layer_names"}
 
     reset_distance: float = param(
-        3.0, "side of the square around the robot that is kept (the whole side, not half)", unit="m", ge=0.0
+        3.0, "side length of the square around the robot that is not cleared", unit="m", ge=0.0
     )
     invert_area_to_clear: bool = param(False, "clear inside the square instead of outside")
-    force_updating: bool = param(False, "update the costmaps right after clearing")
+    force_updating: bool = param(False, "update the costmaps after clearing")
     affected_maps: Literal["both", "local", "global"] = param(
-        "both", "which costmaps are cleared", ros_differs="another word is an error; ROS takes it for both"
+        "both", "costmaps to clear", ros_differs="any other value is an error; in ROS it means both"
     )
     layer_names: list[str] | None = param(
         None,
-        "layers to clear; without it, every layer fed by sensors",
-        ros_differs='ROS\'s default ["obstacles"] matches no layer of most robots, and nothing is cleared; '
-        "a name that matches no layer is an error here",
+        "layers to clear; by default every layer with sensor data",
+        ros_differs='ROS\'s default ["obstacles"] matches no layer of most robots, so that nothing is cleared; '
+        "here a name that matches no layer is an error",
     )
 
     def check(self, context: CheckContext) -> Iterator[Issue]:
@@ -54,13 +54,13 @@ class ClearCostmapRecoveryParams(ParamModel):
             if name not in known:
                 message = (
                     f'layer_names of {context.name} contains "{name}", which is not a layer of {costmaps}; use one of: '
-                    f"{', '.join(known) or 'none'}; or remove layer_names to clear every layer fed by sensors"
+                    f"{', '.join(known) or 'none'}; or remove layer_names to clear every layer with sensor data"
                 )
                 yield Issue("error", "no-such-layer", ("layer_names",), message)
 
 
 def _last_name(name: str) -> str:
-    """As in ROS, `global_costmap/obstacle_layer` is `obstacle_layer`."""
+    """Return a layer's name without namespaces: as in ROS, `global_costmap/obstacle_layer` is `obstacle_layer`."""
     return name.rsplit("/", 1)[-1]
 
 
@@ -76,31 +76,31 @@ class ClearCostmapRecovery(RecoveryBehavior):
         self._context: RecoveryContext | None = None
 
     def check(self, context: RecoveryContext) -> None:
-        """Raises ParameterError when a layer name matches no layer of the affected costmaps."""
+        """Raise ParameterError if a layer name matches no layer of the affected costmaps."""
         names = self.params.layer_names
         if names is None:
             return
         known = [_last_name(layer.name) for costmap in self._affected(context) for layer in costmap.layers]
         for name in names:
             if _last_name(name) not in known:
-                there = ", ".join(dict.fromkeys(known)) or "none"
+                names_of_layers = ", ".join(dict.fromkeys(known)) or "none"
                 raise ParameterError(
-                    f'{self.name}/layer_names: there is no layer "{name}" to clear; layers of '
-                    f"{' and '.join(c.name for c in self._affected(context))}: {there}. Leave layer_names out to clear "
-                    "every layer fed by sensors",
+                    f'{self.name}/layer_names: no layer "{name}"; layers of '
+                    f"{' and '.join(c.name for c in self._affected(context))}: {names_of_layers}. Remove layer_names to "
+                    "clear every layer with sensor data",
                     parameter=f"{self.name}/layer_names",
                     layer=name,
                     known=known,
                 )
 
     def start(self, context: RecoveryContext, now: float) -> None:
-        """Raises ParameterError as `check` does."""
+        """Raise ParameterError as `check` does."""
         del now
         self.check(context)
         self._context = context
 
     def step(self, state: RobotState, now: float) -> RecoveryStep:
-        """Clears and is done; FrameError when the robot's place is not known."""
+        """Clear the costmaps. Raises FrameError if the robot's pose is unknown."""
         del state
         context = self._context
         assert context is not None
@@ -129,13 +129,13 @@ class ClearCostmapRecovery(RecoveryBehavior):
         cells = {
             layer.name: layer.reset(square, invert=not self.params.invert_area_to_clear)
             for layer in costmap.layers
-            if self._is_meant(layer)
+            if self._is_selected(layer)
         }
         if self.params.force_updating:
             costmap.update(now)
         return cells
 
-    def _is_meant(self, layer: Layer) -> bool:
+    def _is_selected(self, layer: Layer) -> bool:
         names = self.params.layer_names
         if names is None:
             return layer.clearable

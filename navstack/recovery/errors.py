@@ -1,4 +1,4 @@
-"""Why a behaviour that moves or waits gave up, with the numbers of Nav2's actions (nav2_msgs: Spin, BackUp, DriveOnHeading)."""
+"""Errors of the recovery behaviors, with the codes of Nav2's actions (nav2_msgs: Spin, BackUp, DriveOnHeading)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class BackUpTimeoutError(RecoveryError):
 
 
 class BackUpCollisionError(CollisionAheadError):
-    """Something is behind the robot."""
+    """The robot would collide while backing up."""
 
     code = 714
     name = "COLLISION_AHEAD"
@@ -34,14 +34,14 @@ class DriveOnHeadingTimeoutError(RecoveryError):
 
 
 class DriveOnHeadingCollisionError(CollisionAheadError):
-    """Something is in the robot's way."""
+    """The robot would collide on its straight path."""
 
     code = 723
     name = "COLLISION_AHEAD"
 
 
 class DriveOnHeadingInputError(ParameterError):
-    """Distance and speed point in opposite directions."""
+    """Distance and speed have opposite signs."""
 
     code = 724
     name = "INVALID_INPUT"

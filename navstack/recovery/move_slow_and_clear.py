@@ -1,4 +1,4 @@
-"""move_slow_and_clear: forget the obstacles at the robot's side and creep on for a while.
+"""move_slow_and_clear: clear the obstacles near the robot and drive slowly for some distance.
 
 Source: move_slow_and_clear/src/move_slow_and_clear.cpp.
 """
@@ -13,31 +13,31 @@ from navstack.core.parameters import ParamModel, param
 from navstack.interfaces import LocalPlanner, RecoveryBehavior, RecoveryContext, RecoveryStatus, RecoveryStep
 from navstack.plugins import RECOVERY_BEHAVIORS
 
-_OURS = "the local planner in use is slowed down, whatever its name (parity 20)"
+_UNUSED = "the limits always apply to the local planner in use (parity 20)"
 
 
 class MoveSlowAndClearParams(ParamModel):
     """Namespace: the instance's name."""
 
     NO_EFFECT: ClassVar[Mapping[str, str]] = {
-        "max_trans_param_name": _OURS,
-        "max_rot_param_name": _OURS,
-        "planner_namespace": _OURS,
+        "max_trans_param_name": _UNUSED,
+        "max_rot_param_name": _UNUSED,
+        "planner_namespace": _UNUSED,
     }
 
     clearing_distance: float = param(
-        0.5, "half the side of the square around the robot that is cleared", unit="m", ge=0.0
+        0.5, "half the side length of the square around the robot that is cleared", unit="m", ge=0.0
     )
-    limited_trans_speed: float = param(0.25, "highest speed for a while", unit="m/s", ge=0.0)
-    limited_rot_speed: float = param(0.45, "highest turning speed for a while", unit="rad/s", ge=0.0)
-    limited_distance: float = param(0.3, "how far from here the limits hold", unit="m", ge=0.0)
+    limited_trans_speed: float = param(0.25, "maximum translational speed afterwards", unit="m/s", ge=0.0)
+    limited_rot_speed: float = param(0.45, "maximum rotational speed afterwards", unit="rad/s", ge=0.0)
+    limited_distance: float = param(0.3, "distance after which the limits are restored", unit="m", ge=0.0)
 
 
 @RECOVERY_BEHAVIORS.register("move_slow_and_clear", aliases=("move_slow_and_clear/MoveSlowAndClear",))
 class MoveSlowAndClear(RecoveryBehavior):
-    """Clears both costmaps near the robot and lowers the local planner's speed limits until it is `limited_distance` away.
+    """Clears both costmaps near the robot and lowers the local planner's speed limits for `limited_distance`.
 
-    ROS differs: there, limits are set by parameter names that no longer exist, and only layers whose name contains
+    ROS differs: there, the limits are set by parameter names that no longer exist, and only layers whose name contains
     "obstacles" are cleared (parity 18, 20).
     """
 
@@ -51,12 +51,12 @@ class MoveSlowAndClear(RecoveryBehavior):
         self._from = Pose2D(0.0, 0.0)
 
     def start(self, context: RecoveryContext, now: float) -> None:
-        """Nothing yet."""
+        """Store the context; the first step does the work."""
         del now
         self._context = context
 
     def step(self, state: RobotState, now: float) -> RecoveryStep:
-        """Clears, slows down, and is done; FrameError when the robot's place is not known."""
+        """Clear the costmaps and lower the limits. Raises FrameError if the robot's pose is unknown."""
         context = self._context
         assert context is not None
         cleared: dict[str, dict[str, int]] = {}
@@ -70,13 +70,13 @@ class MoveSlowAndClear(RecoveryBehavior):
         self._slowed = planner
         self._from = state.pose
         text = (
-            f"Move slow and clear: cleared {2.0 * p.clearing_distance:.2f} m around the robot, no faster than "
+            f"Move slow and clear: cleared a square of {2.0 * p.clearing_distance:.2f} m around the robot; limits "
             f"{p.limited_trans_speed:g} m/s and {p.limited_rot_speed:g} rad/s for {p.limited_distance:g} m"
         )
         return RecoveryStep(RecoveryStatus.DONE, text=text, data={"cells_cleared": cleared})
 
     def follow_up(self, state: RobotState, now: float) -> bool:
-        """Lifts the limits once the robot is far enough."""
+        """Restore the limits after `limited_distance`; return True until then."""
         del now
         if self._slowed is None:
             return False

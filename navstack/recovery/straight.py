@@ -1,25 +1,26 @@
-"""Driving straight for a distance, collision-checked: what back_up and drive_on_heading share.
+"""Straight motions with collision checks, shared by back_up and drive_on_heading.
 
-Source of behaviour and names: nav2_behaviors (drive_on_heading.hpp).
+Source of behavior and names: nav2_behaviors (drive_on_heading.hpp).
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
-from navstack.core import Costmap, Footprint, Pose2D, RobotState, Twist2D, describe_cost
+from navstack.core import Costmap, Footprint, Pose2D, RobotState, Twist2D
 from navstack.core.collision import footprint_cost
-from navstack.core.costs import LETHAL
 from navstack.core.errors import CollisionAheadError, RecoveryError
 from navstack.interfaces import RecoveryBehavior, RecoveryContext, RecoveryStatus, RecoveryStep
+from navstack.recovery.motion import blocks, describe_obstacle
 
 
 def clear_distance(costmap: Costmap, footprint: Footprint, pose: Pose2D, distance: float) -> tuple[float, int | None]:
-    """How far (m, up to `|distance|`) the outline can go from `pose` along its heading, backwards when negative.
+    """Return how far (m, up to `|distance|`) the footprint can move along its heading, backwards if negative.
 
-    Looked at every half cell, the whole outline each time. Returns also the cost that ends it: below LETHAL when nothing
-    does, None for the edge of the costmap.
+    The whole footprint is checked every half cell. The second value is the footprint cost that ends the motion (None for the
+    edge of the costmap), or the largest cost if nothing does.
     """
     step = 0.5 * costmap.geometry.resolution
     count = math.ceil(abs(distance) / step)
@@ -28,119 +29,83 @@ def clear_distance(costmap: Costmap, footprint: Footprint, pose: Pose2D, distanc
         along = math.copysign(min(k * step, abs(distance)), distance)
         at = Pose2D(pose.x + along * math.cos(pose.yaw), pose.y + along * math.sin(pose.yaw), pose.yaw)
         cost = footprint_cost(costmap, footprint, at)
-        if cost is None or cost >= LETHAL:
+        if cost is None or blocks(cost):
             return abs(along), cost
         worst = max(worst, cost)
     return abs(distance), worst
 
 
-class StraightDrive:
-    """One drive of `distance` (m, backwards when negative) at `speed` (m/s, positive), a command a step."""
+@dataclass(frozen=True, slots=True, eq=False)
+class StraightMotion:
+    """A motion of `distance` (m, backwards if negative) at `speed` (m/s, positive), and its errors."""
 
-    def __init__(
-        self,
-        name: str,
-        context: RecoveryContext,
-        now: float,
-        *,
-        distance: float,
-        speed: float,
-        time_allowance: float,
-        look_ahead_s: float,
-        frequency: float,
-        check_collisions: bool,
-        timeout: type[RecoveryError],
-        collision: type[CollisionAheadError],
-    ) -> None:
-        self.name = name
-        self.driven = 0.0
-        """m since the first step, straight."""
-        self._context = context
-        self._began = now
-        self._distance = distance
-        self._speed = min(speed, context.local_planner.limits.max_vel_trans)
-        self._time_allowance = time_allowance
-        self._look_ahead_s = look_ahead_s
-        self._frequency = frequency
-        self._check = check_collisions
-        self._timeout, self._collision = timeout, collision
-        self._start: Pose2D | None = None
-
-    def step(self, state: RobotState, now: float) -> RecoveryStep:
-        """The next command; raises the timeout's or the collision's error."""
-        pose = state.pose
-        first = self._start is None
-        if self._start is None:
-            self._start = pose
-        self.driven = self._start.distance_to(pose)
-        left = abs(self._distance) - self.driven
-        data = {"driven_m": self.driven, "left_m": max(0.0, left)}
-        # the command holds for a whole period: stop at the step that comes nearest
-        if left <= 0.5 * self._speed / self._frequency:
-            return RecoveryStep(RecoveryStatus.DONE, text=f"{self.name}: drove {self.driven:.2f} m", data=data)
-        if now - self._began > self._time_allowance:
-            raise self._timeout(
-                f"{self.name} drove {self.driven:.2f} of {abs(self._distance):.2f} m within its time_allowance of "
-                f"{self._time_allowance:g} s",
-                **data,
-            )
-        if self._check:
-            ahead = math.copysign(min(left, self._speed * self._look_ahead_s), self._distance)
-            costmap = self._context.local_costmap
-            clear, cost = clear_distance(costmap.master, costmap.footprint, pose, ahead)
-            if cost is None or cost >= LETHAL:
-                what = "the edge of the costmap" if cost is None else f"cost {describe_cost(cost)}"
-                raise self._collision(
-                    f"{self.name} stopped after {self.driven:.2f} of {abs(self._distance):.2f} m: {clear:.2f} m further "
-                    f"on the outline meets {what}",
-                    cost=cost,
-                    collision_after_m=clear,
-                    **data,
-                )
-        text = f"{self.name}: driving {self._distance:.2f} m at {self._speed:g} m/s" if first else ""
-        speed = math.copysign(self._speed, self._distance)
-        return RecoveryStep(RecoveryStatus.RUNNING, Twist2D(speed, 0.0, 0.0), text, data)
+    distance: float
+    speed: float
+    timeout: type[RecoveryError]
+    collision: type[CollisionAheadError]
 
 
 class StraightRecovery(RecoveryBehavior):
-    """A recovery that is one straight drive; who derives from it says in `start` how far and how fast."""
+    """A recovery behavior that is one straight motion. A subclass calls `begin` in its `start`; its `Params` are MotionParams."""
 
     def __init__(self, name: str, params: Any) -> None:
         super().__init__(name, params)
-        self._drive: StraightDrive | None = None
+        self._context: RecoveryContext | None = None
+        self._motion: StraightMotion | None = None
+        self._started_at = 0.0
+        self._start: Pose2D | None = None
 
     @property
     def frequency(self) -> float:
-        """Commands per second."""
+        """Rate of the commands (Hz)."""
         return self.params.cycle_frequency
 
-    def step(self, state: RobotState, now: float) -> RecoveryStep:
-        """The next command; raises the timeout's or the collision's error."""
-        assert self._drive is not None
-        return self._drive.step(state, now)
+    def begin(self, context: RecoveryContext, now: float, motion: StraightMotion) -> None:
+        """Begin a motion from the pose of the first step, at most at the local planner's maximum speed."""
+        speed = min(motion.speed, context.local_planner.limits.max_vel_trans)
+        self._context = context
+        self._motion = StraightMotion(motion.distance, speed, motion.timeout, motion.collision)
+        self._started_at = now
+        self._start = None
 
-    def drive(
-        self,
-        context: RecoveryContext,
-        now: float,
-        *,
-        distance: float,
-        speed: float,
-        timeout: type[RecoveryError],
-        collision: type[CollisionAheadError],
+    def step(self, state: RobotState, now: float) -> RecoveryStep:
+        """Return the next command. Raises the errors of the motion."""
+        context, motion = self._context, self._motion
+        assert context is not None and motion is not None
+        first = self._start is None
+        if self._start is None:
+            self._start = state.pose
+        driven = self._start.distance_to(state.pose)
+        left = abs(motion.distance) - driven
+        data = {"driven_m": driven, "left_m": max(0.0, left)}
+        # the command holds for a whole period: stop at the nearest step
+        if left <= 0.5 * motion.speed / self.params.cycle_frequency:
+            return RecoveryStep(RecoveryStatus.DONE, text=f"{self.name}: drove {driven:.2f} m", data=data)
+        if now - self._started_at > self.params.time_allowance:
+            raise motion.timeout(
+                f"{self.name} drove {driven:.2f} of {abs(motion.distance):.2f} m within its time_allowance of "
+                f"{self.params.time_allowance:g} s",
+                **data,
+            )
+        if not self.params.disable_collision_checks:
+            self._check_path(context, motion, state.pose, data)
+        text = f"{self.name}: driving {motion.distance:.2f} m at {motion.speed:g} m/s" if first else ""
+        speed = math.copysign(motion.speed, motion.distance)
+        return RecoveryStep(RecoveryStatus.RUNNING, Twist2D(speed, 0.0, 0.0), text, data)
+
+    def _check_path(
+        self, context: RecoveryContext, motion: StraightMotion, pose: Pose2D, data: dict[str, float]
     ) -> None:
-        """Begins: `distance` (m, backwards when negative) at `speed` (m/s), from the pose at the first step."""
-        p = self.params
-        self._drive = StraightDrive(
-            self.name,
-            context,
-            now,
-            distance=distance,
-            speed=abs(speed),
-            time_allowance=p.time_allowance,
-            look_ahead_s=p.simulate_ahead_time,
-            frequency=p.cycle_frequency,
-            check_collisions=not p.disable_collision_checks,
-            timeout=timeout,
-            collision=collision,
-        )
+        look_ahead = motion.speed * self.params.simulate_ahead_time
+        left = abs(motion.distance) - data["driven_m"]
+        costmap = context.local_costmap
+        ahead = math.copysign(min(left, look_ahead), motion.distance)
+        clear, cost = clear_distance(costmap.master, costmap.footprint, pose, ahead)
+        if blocks(cost):
+            raise motion.collision(
+                f"{self.name} stopped after {data['driven_m']:.2f} of {abs(motion.distance):.2f} m: the footprint hits "
+                f"{describe_obstacle(cost)} after another {clear:.2f} m",
+                cost=cost,
+                collision_after_m=clear,
+                **data,
+            )
