@@ -1,11 +1,12 @@
-"""Nav2's simple commander on a `MoveBase`: the method names that its scripts use, in camelCase for that reason.
+"""Nav2's simple commander on a `MoveBase`, with the camelCase method names that its scripts use.
 
-Source of names and meanings: nav2_simple_commander (robot_navigator.py). What has no meaning without ROS (lifecycle,
-localisation, behaviour trees) is not here.
+Source of names and semantics: nav2_simple_commander (robot_navigator.py). Methods that require ROS (lifecycle, localization,
+behavior trees) are omitted.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -13,10 +14,11 @@ from typing import Final
 
 from navstack.bringup import build_move_base, simulated_robot
 from navstack.core import Costmap, Listener, OccupancyGrid, Path, Pose2D, Twist2D
-from navstack.core.errors import InputError, InternalError, NavError
+from navstack.core.errors import InputError, NavError
 from navstack.interfaces import RecoveryBehavior, RecoveryStatus
-from navstack.move_base import GoalHandle, GoalStatus, MoveBase
+from navstack.move_base import GoalHandle, GoalStatus, MoveBase, plugin_calls
 from navstack.move_base.errors import GoalCanceledError, StaleSensorsError
+from navstack.move_base.schedule import EPSILON_S
 from navstack.parameters.configuration import Configuration
 from navstack.recovery import (
     BackUp,
@@ -28,15 +30,14 @@ from navstack.recovery import (
 )
 
 POLL_S: Final = 0.1
-"""How long `isTaskComplete` lets the world go on, as in Nav2."""
+"""Time that `isTaskComplete` advances (s), as in Nav2."""
 PASSED_RADIUS_M: Final = 0.7
-"""How near counts as having passed a pose on the way (Nav2's RemovePassedGoals)."""
-EPSILON_S: Final = 1e-6
+"""Distance at which an intermediate pose counts as passed (Nav2's RemovePassedGoals)."""
 NO_ERROR: Final = (0, "")
 
 
 class TaskResult(Enum):
-    """How a task ended; Nav2's numbers."""
+    """Result of a task, with Nav2's numbers."""
 
     UNKNOWN = 0
     SUCCEEDED = 1
@@ -46,44 +47,45 @@ class TaskResult(Enum):
 
 @dataclass(frozen=True, slots=True)
 class TaskFeedback:
-    """Where the robot stands with its task."""
+    """Progress of a task."""
 
     current_pose: Pose2D | None
-    """In the global costmap's frame; None when it is not known."""
+    """In the global costmap's frame; None if unknown."""
     distance_remaining: float
-    """m along the plan, then straight from pose to pose. For a behaviour what it has left, in its own unit (m, rad)."""
+    """m along the plan, then straight from pose to pose; for a behavior its remaining distance or angle (m, rad)."""
     navigation_time: float
-    """s since the task began."""
+    """s since the task started."""
     estimated_time_remaining: float | None
-    """s at the mean speed so far; None while that says nothing."""
+    """s at the mean speed so far; None if that is unknown."""
     number_of_recoveries: int
     number_of_poses_remaining: int
-    """Of the task, the present one included."""
+    """Including the present one."""
     current_waypoint: int
-    """Index of the pose the robot is on its way to."""
+    """Index of the present pose."""
 
 
 class BasicNavigator:
-    """One task at a time: a pose, poses to go through, waypoints to stop at, or a behaviour (spin, backup).
+    """Executes one task at a time: a pose, poses to drive through, waypoints to stop at, or a behavior (spin, backup).
 
         navigator.goToPose(goal)
         while not navigator.isTaskComplete():
             print(navigator.getFeedback())
         print(navigator.getResult())
 
-    Every `isTaskComplete` lets the world go on by `POLL_S`; nothing moves in between.
+    Every `isTaskComplete` advances the robot and the goal manager by `POLL_S`; nothing moves in between.
     """
 
     def __init__(self, move_base: MoveBase, advance: Callable[[float], float]) -> None:
-        """`advance(t)` lets the world go on until `t` (s) and gives the time: of a simulation, its `advance_to`; live, it
-        sleeps. For times that are past it returns at once.
+        """Create a navigator. `advance(t)` runs the robot until `t` (s) and returns the time.
+
+        In a simulation that is `advance_to`; for a real robot it sleeps. It returns at once if `t` is in the past.
         """
         self.move_base = move_base
         self.missed_waypoints: list[int] = []
-        """Indices of the waypoints of the last followWaypoints that were not reached."""
+        """Indices of the waypoints that the last followWaypoints did not reach."""
         self._advance = advance
         self._now = advance(0.0)
-        self._begun = self._now
+        self._started_at = self._now
         self._poses: tuple[Pose2D, ...] = ()
         self._frame: str | None = None
         self._index = 0
@@ -93,7 +95,8 @@ class BasicNavigator:
         self._past_recoveries = 0
         self._behavior: RecoveryBehavior | None = None
         self._next_step = 0.0
-        self._left = 0.0
+        self._frequency = math.inf
+        self._remaining = 0.0
         self._result: TaskResult | None = TaskResult.UNKNOWN
         self._error: tuple[int, str] = NO_ERROR
 
@@ -108,7 +111,7 @@ class BasicNavigator:
         seed: int = 0,
         listeners: Sequence[Listener] = (),
     ) -> BasicNavigator:
-        """A navigator of a simulated robot at `start`; raises as `navstack.simulated_robot` does."""
+        """Create a navigator of a simulated robot at `start`. Raises as `navstack.simulated_robot` does."""
         robot = simulated_robot(configuration, static_map, start, obstacles=obstacles, seed=seed)
         move_base = build_move_base(configuration, robot, static_map=static_map, listeners=listeners)
 
@@ -122,31 +125,31 @@ class BasicNavigator:
     # --- tasks --------------------------------------------------------------------------------------------------------
 
     def goToPose(self, pose: Pose2D, frame: str | None = None) -> bool:
-        """Drives to `pose` (in the global costmap's frame unless given); whatever was under way ends. True: accepted."""
-        return self._set_out((pose,), frame, through=False, stop_on_failure=True)
+        """Drive to `pose` (default frame: the global costmap's) and end the previous task. Returns True: accepted."""
+        return self._drive_to((pose,), frame, through=False, stop_on_failure=True)
 
     def goThroughPoses(self, poses: Sequence[Pose2D], frame: str | None = None) -> bool:
-        """Drives to the last pose by way of the others, which it need only pass within PASSED_RADIUS_M, without a stop."""
-        return self._set_out(tuple(poses), frame, through=True, stop_on_failure=True)
+        """Drive to the last pose through the others, which the robot passes within PASSED_RADIUS_M without a stop."""
+        return self._drive_to(tuple(poses), frame, through=True, stop_on_failure=True)
 
     def followWaypoints(
         self, poses: Sequence[Pose2D], frame: str | None = None, *, stop_on_failure: bool = False
     ) -> bool:
-        """Drives to every pose in turn and stops there.
+        """Drive to every pose in order and stop there.
 
-        One that cannot be reached is left out (`missed_waypoints`), or ends the task with `stop_on_failure`. Nav2 differs:
-        there a task with missed waypoints has SUCCEEDED.
+        A waypoint that cannot be reached is skipped (`missed_waypoints`), or ends the task with `stop_on_failure`. Nav2
+        differs: there a task with missed waypoints has SUCCEEDED.
         """
-        return self._set_out(tuple(poses), frame, through=False, stop_on_failure=stop_on_failure)
+        return self._drive_to(tuple(poses), frame, through=False, stop_on_failure=stop_on_failure)
 
     def spin(
         self, spin_dist: float = 1.57, time_allowance: float = 10.0, disable_collision_checks: bool = False
     ) -> bool:
-        """Turns in place by `spin_dist` (rad, clockwise when negative)."""
+        """Turn in place by `spin_dist` (rad, clockwise if negative)."""
         params = SpinParams(
             spin_dist=spin_dist, time_allowance=time_allowance, disable_collision_checks=disable_collision_checks
         )
-        return self._behave(Spin("spin", params))
+        return self._run_behavior(Spin("spin", params))
 
     def backup(
         self,
@@ -155,14 +158,14 @@ class BasicNavigator:
         time_allowance: float = 10.0,
         disable_collision_checks: bool = False,
     ) -> bool:
-        """Reverses by `backup_dist` (m) at `backup_speed` (m/s)."""
+        """Reverse by `backup_dist` (m) at `backup_speed` (m/s)."""
         params = BackUpParams(
             backup_dist=backup_dist,
             backup_speed=backup_speed,
             time_allowance=time_allowance,
             disable_collision_checks=disable_collision_checks,
         )
-        return self._behave(BackUp("backup", params))
+        return self._run_behavior(BackUp("backup", params))
 
     def driveOnHeading(
         self,
@@ -171,42 +174,42 @@ class BasicNavigator:
         time_allowance: float = 10.0,
         disable_collision_checks: bool = False,
     ) -> bool:
-        """Drives straight by `dist` (m, backwards when it and `speed` are negative)."""
+        """Drive straight by `dist` (m, backwards if it and `speed` are negative)."""
         params = DriveOnHeadingParams(
             dist_to_travel=dist,
             speed=speed,
             time_allowance=time_allowance,
             disable_collision_checks=disable_collision_checks,
         )
-        return self._behave(DriveOnHeading("drive_on_heading", params))
+        return self._run_behavior(DriveOnHeading("drive_on_heading", params))
 
     def cancelTask(self) -> None:
-        """Ends the task at hand and waits until it has ended: one control cycle."""
+        """Cancel the present task and wait for its end, at most one control cycle."""
         if self._behavior is not None:
-            self._end_behavior(TaskResult.CANCELED, GoalCanceledError("the behaviour was cancelled"))
+            self._end_behavior(TaskResult.CANCELED, GoalCanceledError("the behavior was cancelled"))
         elif self._handle is not None and not self._handle.is_done:
             self.move_base.cancel_goal(self._handle)
             self._result = TaskResult.CANCELED
             while not self._handle.is_done:
-                self._turn(self._now + POLL_S)
+                self._tick(self._now + POLL_S)
             self._error = (self._handle.result.error_code, self._handle.result.message)
 
-    # --- how it stands ------------------------------------------------------------------------------------------------
+    # --- progress -----------------------------------------------------------------------------------------------------
 
     def isTaskComplete(self) -> bool:
-        """Lets the world go on for POLL_S, or until the task ends; True once it has. Without a task: True."""
+        """Advance by POLL_S or until the task ends; return True after its end, and without a task."""
         end = self._now + POLL_S
         while self._result is None and self._now < end - EPSILON_S:
-            self._turn(end)
+            self._tick(end)
         return self._result is not None
 
     def getFeedback(self) -> TaskFeedback | None:
-        """Where the robot stands; None without a task."""
+        """Return the progress; None without a task."""
         if self._result is not None:
             return None
-        spent = self._now - self._begun
+        spent = self._now - self._started_at
         if self._behavior is not None:
-            return TaskFeedback(self.move_base.robot_pose, self._left, spent, None, 0, 0, 0)
+            return TaskFeedback(self.move_base.robot_pose, self._remaining, spent, None, 0, 0, 0)
         now = self.move_base.feedback
         left = now.distance_remaining
         for a, b in zip(self._poses[self._index :], self._poses[self._index + 1 :]):
@@ -225,20 +228,20 @@ class BasicNavigator:
         )
 
     def getResult(self) -> TaskResult:
-        """How the last task ended; UNKNOWN while it has not, and before the first."""
+        """Return the result of the last task; UNKNOWN before its end and before the first task."""
         return self._result or TaskResult.UNKNOWN
 
     def getTaskError(self) -> tuple[int, str]:
-        """Code and reason of the last task's failure; (0, "") when there was none."""
+        """Return code and reason of the last task's failure; (0, "") without a failure."""
         return self._error
 
     # --- plans and costmaps -------------------------------------------------------------------------------------------
 
     def getPath(self, start: Pose2D, goal: Pose2D, planner_id: str = "", use_start: bool = False) -> Path | None:
-        """A plan without driving, from the robot unless `use_start`; None when there is none (`getTaskError` says why)."""
+        """Plan without driving, from the robot unless `use_start`; None without a plan, with the reason in `getTaskError`."""
         if planner_id:
             raise InputError(
-                f'there is one global planner, and it has no id "{planner_id}"; MoveBase.reconfigure changes it',
+                f'planner_id "{planner_id}" is not supported: there is one global planner, which MoveBase.reconfigure changes',
                 planner_id=planner_id,
             )
         self._error = NO_ERROR
@@ -249,39 +252,39 @@ class BasicNavigator:
             return None
 
     def clearAllCostmaps(self) -> None:
-        """Resets every layer of both costmaps."""
+        """Reset every layer of both costmaps."""
         self.move_base.clear_costmaps()
 
     def clearLocalCostmap(self) -> None:
-        """Resets every layer of the local costmap."""
+        """Reset every layer of the local costmap."""
         self.move_base.local_costmap.reset()
 
     def clearGlobalCostmap(self) -> None:
-        """Resets every layer of the global costmap."""
+        """Reset every layer of the global costmap."""
         self.move_base.global_costmap.reset()
 
     def getGlobalCostmap(self) -> Costmap:
-        """The global master grid as it is; copy it to keep it."""
+        """Return the global master grid, which later updates change; copy it to keep it."""
         return self.move_base.global_costmap.master
 
     def getLocalCostmap(self) -> Costmap:
-        """The local master grid as it is; copy it to keep it."""
+        """Return the local master grid, which later updates change; copy it to keep it."""
         return self.move_base.local_costmap.master
 
     def waitUntilNav2Active(self) -> None:
-        """Until both costmaps have been updated once; then plans can be asked for."""
-        self._turn(self._now)
+        """Update both costmaps once, so that plans can be requested."""
+        self._tick(self._now)
 
     def lifecycleShutdown(self) -> None:
-        """Ends every task and stops the robot, for good."""
+        """End every task, stop the robot and reject later tasks."""
         self.cancelTask()
         self.move_base.shutdown()
 
-    # --- the works ----------------------------------------------------------------------------------------------------
+    # --- execution ----------------------------------------------------------------------------------------------------
 
-    def _set_out(self, poses: tuple[Pose2D, ...], frame: str | None, *, through: bool, stop_on_failure: bool) -> bool:
+    def _drive_to(self, poses: tuple[Pose2D, ...], frame: str | None, *, through: bool, stop_on_failure: bool) -> bool:
         if not poses:
-            raise InputError("there is no pose to go to; give one at least")
+            raise InputError("the list of poses is empty; give at least one")
         if self._behavior is not None:
             self.cancelTask()
         self._poses, self._frame = poses, frame
@@ -289,17 +292,17 @@ class BasicNavigator:
         self._index = 0
         self._past_recoveries = 0
         self.missed_waypoints = []
-        self._begin()
+        self._start_task()
         self._handle = self.move_base.send_goal(poses[0], frame)
         return True
 
-    def _begin(self) -> None:
-        self._begun = self._now
+    def _start_task(self) -> None:
+        self._started_at = self._now
         self._result = None
         self._error = NO_ERROR
 
-    def _turn(self, end: float) -> None:
-        """The world goes on to what is due next, `end` (s) at the latest; then whatever is due is done."""
+    def _tick(self, end: float) -> None:
+        """Advance to the next due time, at most to `end` (s), and execute what is due."""
         due = min(end, self.move_base.next_due(self._now))
         if self._behavior is not None:
             due = min(due, self._next_step)
@@ -309,10 +312,10 @@ class BasicNavigator:
             if self._now >= self._next_step - EPSILON_S:
                 self._step(self._behavior)
         elif self._result is None:
-            self._look()
+            self._check_goal()
 
-    def _look(self) -> None:
-        """On to the next pose where one is done with."""
+    def _check_goal(self) -> None:
+        """Send the next pose once the robot has reached or passed the present one."""
         handle = self._handle
         assert handle is not None
         last = self._index + 1 == len(self._poses)
@@ -349,36 +352,33 @@ class BasicNavigator:
         self._index += 1
         self._handle = self.move_base.send_goal(self._poses[self._index], self._frame)
 
-    def _behave(self, behavior: RecoveryBehavior) -> bool:
+    def _run_behavior(self, behavior: RecoveryBehavior) -> bool:
         self.cancelTask()
         self._poses, self._handle = (), None
         context = self.move_base.recovery_context
-        behavior.check(context)
-        # the costmap as it is now, not as it was when the last task ended
-        self._turn(self._now)
-        self._begin()
-        behavior.start(context, self._now)
+        plugin_calls.call(behavior, behavior.check, context)
+        # update the costmaps, which may be as old as the last task
+        self._tick(self._now)
+        self._start_task()
+        frequency = plugin_calls.start_recovery(behavior, context, self._now)
+        self._frequency = frequency or context.controller_frequency
         self._behavior = behavior
         self._next_step = self._now
         return True
 
     def _step(self, behavior: RecoveryBehavior) -> None:
         move_base, now = self.move_base, self._now
-        self._next_step = now + 1.0 / (behavior.frequency or move_base.params.controller_frequency)
+        self._next_step = now + 1.0 / self._frequency
         try:
-            if not move_base.local_costmap.is_current(now):
-                raise StaleSensorsError(f"a sensor of {move_base.local_costmap.name} is silent: not moving without it")
-            step = behavior.step(move_base.local_state(now), now)
+            if not plugin_calls.is_current(move_base.local_costmap, now):
+                raise StaleSensorsError(f"a sensor of {move_base.local_costmap.name} is stale: the robot must not move")
+            step = plugin_calls.recovery_step(behavior, move_base.local_state(now), now)
         except NavError as exc:
             self._end_behavior(TaskResult.FAILED, exc)
             return
-        except Exception as exc:
-            said = f"{type(exc).__name__}: {exc}"
-            self._end_behavior(TaskResult.FAILED, InternalError(f"{behavior.name} raised {said}; please report this"))
-            return
-        self._left = float(step.data.get("left_m", step.data.get("left_rad", 0.0)))
+        self._remaining = float(step.data.get("left_m", step.data.get("left_rad", 0.0)))
         if step.status is RecoveryStatus.RUNNING:
-            move_base.robot.command(step.twist)
+            plugin_calls.send_command(move_base.robot, step.twist)
         elif step.status is RecoveryStatus.DONE:
             self._end_behavior(TaskResult.SUCCEEDED, None)
         else:
@@ -388,4 +388,4 @@ class BasicNavigator:
         self._behavior = None
         self._result = result
         self._error = NO_ERROR if error is None else (error.code, error.message)
-        self.move_base.robot.command(Twist2D())
+        plugin_calls.send_command(self.move_base.robot, Twist2D())

@@ -1,4 +1,4 @@
-"""Parameters + registries -> a running MoveBase: the only file that puts the parts together."""
+"""Builds a running MoveBase, a simulated robot or a single plan from a configuration: the only file that assembles the parts."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from navstack.core.errors import InputError, PlanningError, StartOccupiedError, 
 from navstack.core.poses import require_pose
 from navstack.costmap import LayeredCostmap
 from navstack.costmap.reconfigure import apply_reconfigure, check_reconfigure
-from navstack.interfaces import GlobalPlanner, Plan, Robot
+from navstack.interfaces import GlobalPlanner, LocalPlanner, Plan, RecoveryBehavior, Robot
 from navstack.map_io import load_mask
-from navstack.move_base import MoveBase
+from navstack.move_base import MoveBase, plugin_calls
 from navstack.move_base.occupied_cell import add_layer
 from navstack.parameters.configuration import Configuration, CostmapConfiguration, PluginChoice
 from navstack.sim import Shape, SimulatedRobot, World
@@ -22,7 +22,7 @@ from navstack.sim import Shape, SimulatedRobot, World
 def build_costmap(
     name: str, configuration: CostmapConfiguration, frames: FrameTree, static_map: OccupancyGrid | None
 ) -> LayeredCostmap:
-    """`global_costmap` or `local_costmap`, with the layers its parameters name."""
+    """Build `global_costmap` or `local_costmap` with the layers of its parameters."""
     return LayeredCostmap(
         name,
         configuration.params,
@@ -41,57 +41,75 @@ def build_move_base(
     static_map: OccupancyGrid | None = None,
     listeners: Sequence[Listener] = (),
 ) -> MoveBase:
-    """A goal manager that drives `robot` with the planners, costmaps and recoveries that `configuration` names.
+    """Build a goal manager for `robot` with the planners, costmaps and recovery behaviors of a configuration.
 
-    `static_map` is what map_server would publish; None for a robot without a map.
+    `static_map` is the map that map_server would publish; None for a robot without a map.
     """
     return MoveBase(
         configuration.move_base,
         robot=robot,
         global_costmap=build_costmap("global_costmap", configuration.global_costmap, robot.frames, static_map),
         local_costmap=build_costmap("local_costmap", configuration.local_costmap, robot.frames, static_map),
-        global_planner=configuration.global_planner.cls(configuration.global_planner.params),
-        local_planner=configuration.local_planner.cls(configuration.local_planner.params),
-        recoveries=[choice.cls(choice.name, choice.params) for choice in configuration.recoveries],
+        global_planner=_global_planner(configuration.global_planner),
+        local_planner=_local_planner(configuration.local_planner),
+        recoveries=[_recovery(choice) for choice in configuration.recoveries],
         listeners=listeners,
         goal_time_limit_s=configuration.navstack.goal_time_limit or math.inf,
     )
 
 
-def reconfigure(move_base: MoveBase, configuration: Configuration) -> None:
-    """Gives a running goal manager the parameters, planners and costmap parameters of `configuration`.
+def _global_planner(choice: PluginChoice[GlobalPlanner]) -> GlobalPlanner:
+    return plugin_calls.call(choice.cls, choice.cls, choice.params)
 
-    A planner is made anew when its plugin or its parameters differ. Costmaps keep what they have seen and take what
-    dynamic_reconfigure can change in ROS (inflation, ranges, footprint, frequencies, size ..; `navstack.costmap.reconfigure`);
-    recoveries stay as they are. Everything or nothing: when a planner cannot be made, or a costmap would have to be built
-    anew, nothing is changed and the error is raised.
+
+def _local_planner(choice: PluginChoice[LocalPlanner]) -> LocalPlanner:
+    return plugin_calls.call(choice.cls, choice.cls, choice.params)
+
+
+def _recovery(choice: PluginChoice[RecoveryBehavior]) -> RecoveryBehavior:
+    return plugin_calls.call(choice.cls, choice.cls, choice.name, choice.params)
+
+
+def reconfigure(move_base: MoveBase, configuration: Configuration) -> None:
+    """Apply the parameters, planners and costmap parameters of a configuration to a running goal manager.
+
+    A planner is replaced if its plugin or its parameters differ. Costmaps keep their observations and apply the parameters
+    that dynamic_reconfigure can change in ROS (inflation, ranges, footprint, frequencies, size ..; see
+    `navstack.costmap.reconfigure`). Recovery behaviors remain. If anything raises, nothing has changed: a planner that cannot
+    be created, or a costmap parameter that is fixed at run time.
     """
     costmaps = [
-        (costmap, given, given.layers)
-        for costmap, given in (
+        (costmap, target)
+        for costmap, target in (
             (move_base.global_costmap, configuration.global_costmap),
             (move_base.local_costmap, configuration.local_costmap),
         )
         if isinstance(costmap, LayeredCostmap)
     ]
-    for costmap, given, layers in costmaps:
-        check_reconfigure(costmap, given.params, layers)
-    made_global = made_local = None
-    choice = configuration.global_planner
-    if type(move_base.global_planner) is not choice.cls or move_base.global_planner.params != choice.params:
-        made_global = choice.cls(choice.params)
-    driver = configuration.local_planner
-    if type(move_base.local_planner) is not driver.cls or move_base.local_planner.params != driver.params:
-        made_local = driver.cls(driver.params)
-    move_base.reconfigure(configuration.move_base, global_planner=made_global, local_planner=made_local)
+    for costmap, target in costmaps:
+        check_reconfigure(costmap, target.params, target.layers)
+    new_global, new_local = configuration.global_planner, configuration.local_planner
+    move_base.reconfigure(
+        configuration.move_base,
+        global_planner=_global_planner(new_global) if _differs(move_base.global_planner, new_global) else None,
+        local_planner=_local_planner(new_local) if _differs(move_base.local_planner, new_local) else None,
+    )
     move_base.goal_time_limit_s = configuration.navstack.goal_time_limit or math.inf
-    changes = [apply_reconfigure(costmap, given.params, layers, given.footprint) for costmap, given, layers in costmaps]
+    changes = [
+        apply_reconfigure(costmap, target.params, target.layers, target.footprint) for costmap, target in costmaps
+    ]
     if any(changes):
         move_base.costmaps_changed()
 
 
+def _differs(
+    planner: GlobalPlanner | LocalPlanner, choice: PluginChoice[GlobalPlanner] | PluginChoice[LocalPlanner]
+) -> bool:
+    return type(planner) is not choice.cls or planner.params != choice.params
+
+
 def true_footprint(configuration: Configuration) -> Footprint:
-    """The robot's outline without the padding that costmaps add."""
+    """Return the robot's footprint without the padding of the costmaps."""
     return configuration.local_costmap.true_footprint
 
 
@@ -105,36 +123,21 @@ def simulated_robot(
     shapes: Sequence[Shape] = (),
     seed: int = 0,
 ) -> SimulatedRobot:
-    """A robot at `start` (map frame) among the map's walls and `obstacles` (x, y, radius; m), as `navstack: sim:` says.
+    """Build the robot of the section `navstack: sim:` at `start` (map frame), among walls and `obstacles` (x, y, radius; m).
 
-    Lidars above them do not see `low_obstacles`; bumpers feel them. `shapes`: whatever else stands or moves there. A `World`
-    in the place of the map has its own obstacles, to which none can be added.
+    `low_obstacles` are below the plane of higher lidars, but bumpers detect them. `shapes` are other static or moving
+    obstacles. A `World` instead of a map has its own obstacles, and no others can be added.
 
-    Raises StartOutsideMapError or StartOccupiedError when it cannot stand there.
+    Raises InputError, StartOutsideMapError, or StartOccupiedError if the robot collides at the start.
     """
     footprint = true_footprint(configuration)
     if isinstance(static_map, World):
         if obstacles or low_obstacles or shapes:
-            raise InputError("a world has its obstacles already; give a map with obstacles, or a world without")
-        world, static_map = static_map, static_map.map
+            raise InputError("a World already has obstacles; pass a map with obstacles, or a World without")
+        world = static_map
     else:
         world = World(static_map, obstacles, low_discs=low_obstacles, shapes=shapes)
-    if not require_pose(start, "start").is_finite():
-        raise InputError(f"the start {tuple(start)} is not finite; give x,y,yaw in metres and radians", pose=start)
-    if not world.contains(start):
-        left, right, bottom, top = static_map.geometry.extent
-        raise StartOutsideMapError(
-            f"the start ({start.x:g}, {start.y:g}) lies outside the map, which covers x {left:g} .. {right:g}, "
-            f"y {bottom:g} .. {top:g} m",
-            pose=start,
-        )
-    if not world.is_free(footprint, start):
-        raise StartOccupiedError(
-            f"the robot does not fit at the start ({start.x:g}, {start.y:g}, {start.yaw:g}): its outline "
-            f"(circumscribed radius {footprint.circumscribed_radius:.2f} m) touches an obstacle; "
-            f"{_nearest_free(world, footprint, start)}",
-            pose=start,
-        )
+    _check_start(world, footprint, start)
     return SimulatedRobot(
         configuration.navstack.sim,
         world,
@@ -148,32 +151,58 @@ def simulated_robot(
 
 
 def odometry_frame(configuration: Configuration) -> str:
-    """The frame odometry lives in: the local costmap's, unless that is the map's own."""
+    """Return the frame of the odometry: the local costmap's frame, unless that is the map's frame."""
     local = configuration.local_costmap.params.global_frame
     return local if local != configuration.global_costmap.params.global_frame else "odom"
 
 
 def true_frame(configuration: Configuration) -> str:
-    """The frame of the simulated world: the global costmap's, or "map" above it for a robot that knows only odometry."""
+    """Return the frame of the simulated world: the global costmap's frame, or "map" for a robot with odometry only."""
     frame = configuration.global_costmap.params.global_frame
     return frame if frame != odometry_frame(configuration) else "map"
 
 
+def _check_start(world: World, footprint: Footprint, start: Pose2D) -> None:
+    _require_finite("start", start)
+    if not world.contains(start):
+        raise _start_outside(world.map, start)
+    if not world.is_free(footprint, start):
+        raise StartOccupiedError(
+            f"the robot collides with an obstacle at the start ({start.x:g}, {start.y:g}, {start.yaw:g}): its footprint has "
+            f"a circumscribed radius of {footprint.circumscribed_radius:.2f} m; {_nearest_free(world, footprint, start)}",
+            pose=start,
+        )
+
+
 def _nearest_free(world: World, footprint: Footprint, pose: Pose2D) -> str:
-    """A hint where the robot would fit, searched on rings around `pose`."""
+    """Return a hint with the first free pose on rings around `pose`."""
     for ring in range(1, 21):
         radius = 0.1 * ring
         for k in range(6 * ring):
             angle = 2.0 * math.pi * k / (6 * ring)
             near = Pose2D(pose.x + radius * math.cos(angle), pose.y + radius * math.sin(angle), pose.yaw)
             if world.contains(near) and world.is_free(footprint, near):
-                return f"it would fit at ({near.x:.2f}, {near.y:.2f})"
-    return "it fits nowhere within 2 m"
+                return f"it is free at ({near.x:.2f}, {near.y:.2f})"
+    return "it is free nowhere within 2 m"
+
+
+def _require_finite(name: str, pose: Pose2D) -> None:
+    if not require_pose(pose, name).is_finite():
+        raise InputError(f"the {name} {tuple(pose)} is not finite; give x,y,yaw in metres and radians", pose=pose)
+
+
+def _start_outside(grid: OccupancyGrid, start: Pose2D) -> StartOutsideMapError:
+    left, right, bottom, top = grid.geometry.extent
+    return StartOutsideMapError(
+        f"the start ({start.x:g}, {start.y:g}) is outside the map, which covers x {left:g} .. {right:g}, "
+        f"y {bottom:g} .. {top:g} m",
+        pose=start,
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class PlannedPath:
-    """A plan and the costmap it was made on."""
+    """A plan, and the costmap and the planner that made it."""
 
     plan: Plan
     costmap: LayeredCostmap
@@ -189,20 +218,14 @@ def plan_on_map(
     planner: PluginChoice[GlobalPlanner] | None = None,
     keep_potential: bool = False,
 ) -> PlannedPath:
-    """One plan on the global costmap of a robot that stands at `start` and has seen nothing but the map.
+    """Plan once on the global costmap of a robot at `start` that knows only the map.
 
-    Poses in the map's frame. Raises a PlanningError with code and data when there is none.
+    The poses are in the map frame. Raises InputError, and a PlanningError with code and data if there is no plan.
     """
-    for what, pose in (("start", start), ("goal", goal)):
-        if not require_pose(pose, what).is_finite():
-            raise InputError(f"the {what} {tuple(pose)} is not finite; give x,y,yaw in metres and radians", pose=pose)
+    _require_finite("start", start)
+    _require_finite("goal", goal)
     if static_map.geometry.world_to_cell(start.x, start.y) is None and static_map.origin_yaw == 0.0:
-        left, right, bottom, top = static_map.geometry.extent
-        raise StartOutsideMapError(
-            f"the start ({start.x:g}, {start.y:g}) lies outside the map, which covers x {left:g} .. {right:g}, "
-            f"y {bottom:g} .. {top:g} m",
-            pose=start,
-        )
+        raise _start_outside(static_map, start)
     frames = FrameTree()
     params = configuration.global_costmap.params
     frames.set_static(params.global_frame, params.robot_base_frame, Transform2D(start.x, start.y, start.yaw))
@@ -210,8 +233,8 @@ def plan_on_map(
     costmap.update(0.0)
     choice = planner or configuration.global_planner
     try:
-        plan = choice.cls(choice.params).make_plan(
-            costmap.master, start, goal, footprint=costmap.footprint, keep_potential=keep_potential
+        plan = plugin_calls.make_plan(
+            _global_planner(choice), costmap.master, start, goal, costmap.footprint, keep_potential=keep_potential
         )
     except PlanningError as error:
         raise add_layer(costmap, error) from None

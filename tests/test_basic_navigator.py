@@ -227,7 +227,7 @@ def test_paths_and_costmaps() -> None:
 
 def test_wrong_use_says_so() -> None:
     navigator = Table().navigator
-    with pytest.raises(InputError, match="no pose"):
+    with pytest.raises(InputError, match="list of poses is empty"):
         navigator.goThroughPoses([])
     with pytest.raises(InputError, match="GridBased"):
         navigator.getPath(Pose2D(0.0, 0.0), Pose2D(0.0, 0.0), planner_id="GridBased")

@@ -36,7 +36,7 @@ def make_plan(
     master = costmap.master
     robot: Pose2D | None = None
     try:
-        robot = costmap.robot_pose(now)
+        robot = plugin_calls.call(costmap, costmap.robot_pose, now)
     except FrameError:
         if start is None:
             raise

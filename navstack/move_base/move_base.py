@@ -22,7 +22,7 @@ from navstack.interfaces import (
     RecoveryContext,
     Robot,
 )
-from navstack.move_base import make_plan, status_messages
+from navstack.move_base import make_plan, plugin_calls, status_messages
 from navstack.move_base.errors import BusyError
 from navstack.move_base.events import EventPublisher
 from navstack.move_base.feedback import Feedback, feedback_of
@@ -196,7 +196,7 @@ class MoveBase:
 
     def clear_costmaps(self) -> int:
         """Reset every layer of both costmaps (move_base's service clear_costmaps); return the number of cells cleared."""
-        return self.local_costmap.reset() + self.global_costmap.reset()
+        return sum(plugin_calls.call(c, c.reset) for c in (self.local_costmap, self.global_costmap))
 
     def make_plan(self, goal: Pose2D, start: Pose2D | None = None, *, tolerance: float = 0.0) -> Plan:
         """Plan without driving (move_base's service make_plan), in the global costmap's frame.

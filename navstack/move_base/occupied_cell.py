@@ -6,6 +6,7 @@ from typing import TypeVar
 
 from navstack.core.errors import GoalOccupiedError, NavError, StartOccupiedError
 from navstack.interfaces import CostmapServer
+from navstack.move_base import plugin_calls
 
 E = TypeVar("E", bound=NavError)
 
@@ -24,7 +25,7 @@ def add_layer(costmap: CostmapServer, error: E) -> E:
     ix, iy = cell
     if not master.geometry.contains_cell(ix, iy) or int(master.data[iy, ix]) != cost:
         return error
-    found = costmap.explain(ix, iy)
+    found = plugin_calls.call(costmap, costmap.explain, ix, iy)
     if found is None or found.set_by is None:
         return error
     data = {**error.data, "layer": found.set_by, "source": found.source, "stamp": found.stamp}

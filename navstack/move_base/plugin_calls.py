@@ -26,8 +26,10 @@ from navstack.interfaces import (
     LocalPlanner,
     Plan,
     RecoveryBehavior,
+    RecoveryContext,
     RecoveryStep,
     Robot,
+    VelocityLimits,
 )
 
 T = TypeVar("T")
@@ -54,6 +56,8 @@ def call(plugin: object, method: Callable[[*Ts], T], *args: *Ts) -> T:
 
 def name_of(plugin: object) -> str:
     """Return the instance name of a recovery behavior or a costmap, the class name of any other plugin."""
+    if isinstance(plugin, type):
+        return plugin.__name__
     name = getattr(plugin, "name", None)
     return name if isinstance(name, str) else type(plugin).__name__
 
@@ -168,12 +172,27 @@ def goal_reached(planner: LocalPlanner, inputs: ControlInput) -> bool:
         raise plugin_error(planner, exc) from exc
 
 
+def limits_of(planner: LocalPlanner) -> VelocityLimits:
+    """Return the present limits of the local planner. Raises NavError."""
+    return call(planner, lambda: planner.limits)
+
+
 def set_limits(planner: LocalPlanner, max_vel_trans: float | None, max_vel_theta: float | None) -> None:
     """Set the speed limits of the local planner (m/s, rad/s); None restores the limit of the parameters. Raises NavError."""
     call(planner, lambda: planner.set_limits(max_vel_trans=max_vel_trans, max_vel_theta=max_vel_theta))
 
 
 # --- recovery behaviors -----------------------------------------------------------------------------------------------
+
+
+def start_recovery(recovery: RecoveryBehavior, context: RecoveryContext, now: float) -> float | None:
+    """Start a recovery behavior at `now` (s); return the rate of its steps (Hz), None for the default. Raises NavError."""
+
+    def start() -> float | None:
+        recovery.start(context, now)
+        return recovery.frequency
+
+    return call(recovery, start)
 
 
 def recovery_step(recovery: RecoveryBehavior, state: RobotState, now: float) -> RecoveryStep:

@@ -55,14 +55,14 @@ class RecoveryRunner:
         """Start a behavior, whose first step is due at once. Returns its end if it fails to start."""
         self.running = recovery
         self.started_at = now
-        self._steps = Schedule(recovery.frequency or self._frequency, now)
         self._checks = Schedule(self._frequency, now)
         self._checks.advance(now)
-        self._steps.advance(now)
         try:
-            plugin_calls.call(recovery, recovery.start, context, now)
+            frequency = plugin_calls.start_recovery(recovery, context, now)
         except NavError as exc:
             return _failed(recovery, exc)
+        self._steps = Schedule(frequency or self._frequency, now)
+        self._steps.advance(now)
         return None
 
     def drop(self, now: float) -> None:

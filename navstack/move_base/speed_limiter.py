@@ -22,7 +22,7 @@ class SpeedLimiter:
         self._costmaps = [costmap for costmap in costmaps if costmap.limits_speed]
         self.is_needed = bool(self._costmaps)
         """True if a costmap may limit the speed."""
-        limits = planner.limits if self._costmaps else None
+        limits = plugin_calls.limits_of(planner) if self._costmaps else None
         self._full_speed = (
             0.0 if limits is None else min(limits.max_vel_trans, math.hypot(limits.max_vel_x, limits.max_vel_y))
         )
@@ -33,7 +33,7 @@ class SpeedLimiter:
         `slowed`: a recovery behavior may have set limits; a lower limit of it is kept. Raises NavError.
         """
         limit = self._lowest(now)
-        present = self._planner.limits
+        present = plugin_calls.limits_of(self._planner)
         if limit == self.limit and (limit is None or present.max_vel_trans <= limit):
             return False
         if slowed and (limit is None or present.max_vel_trans <= limit):

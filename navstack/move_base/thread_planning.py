@@ -172,8 +172,9 @@ class ThreadPlanning:
         if self.hung < MAX_HUNG:
             # a new object: the old one may be in any state
             try:
-                self._worker = _Worker(type(planner)(planner.params), self._on_answer)
-            except Exception:
+                new_planner = plugin_calls.call(planner, type(planner), planner.params)
+                self._worker = _Worker(new_planner, self._on_answer)
+            except NavError:
                 self.hung = MAX_HUNG
         waiting = self._job
         if waiting is None:

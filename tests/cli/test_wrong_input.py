@@ -149,7 +149,7 @@ def test_simulate_an_unreachable_goal(navstack, tmp_path: Path) -> None:
 def test_simulate_from_inside_a_wall(navstack, tmp_path: Path) -> None:
     outcome = navstack("simulate", write_map(tmp_path), "--start", "4.02,2", "--goal", "1,1", "--out", tmp_path / "out")
     assert outcome.code == 2
-    assert "does not fit" in outcome.err
+    assert "collides with an obstacle" in outcome.err
     assert "would fit at" in outcome.err
     assert not (tmp_path / "out").exists() or not list((tmp_path / "out").iterdir())
 
