@@ -1,4 +1,4 @@
-"""The packaged maps are what their script draws, and a robot can go wherever they say."""
+"""The packaged maps match their script, and all their places are reachable."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ROBOT_RADIUS = 0.25
 
 
 def read(name: str) -> OccupancyGrid:
-    """The map by its YAML, without the room that reads maps for users."""
+    """Reads a map from its YAML, independently of `navstack.map_io`."""
     description = yaml.safe_load(map_path(name).read_text())
     pixels = np.array(Image.open(map_path(name).with_name(description["image"])))[::-1]
     occupancy = (255.0 - pixels) / 255.0
@@ -78,7 +78,7 @@ def test_users_read_the_same_map(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_place_has_room(name: str) -> None:
+def test_every_place_has_clearance(name: str) -> None:
     world = World(read(name))
     found = load_places(name)
     for place, pose in found.places.items():
@@ -91,7 +91,7 @@ def test_every_place_has_room(name: str) -> None:
 
 
 def components(grid: OccupancyGrid, radius: float) -> NDArray[np.int32]:
-    """Labels of what a round robot's centre can reach: cells whose centre has that much room."""
+    """Labels of the regions that a round robot's centre can reach: cells with this clearance."""
     free = grid.data == 0
     from scipy.ndimage import distance_transform_edt
 
@@ -115,8 +115,8 @@ def test_all_places_are_connected(name: str) -> None:
     assert len(found) == 1
 
 
-def test_each_goal_of_the_office_lies_behind_a_door_of_0_9_m() -> None:
-    """A robot that needs more than such a door has cannot leave the corridor; one that needs just that can."""
+def test_each_goal_of_the_office_is_behind_a_door_of_0_9_m() -> None:
+    """A robot wider than such a door cannot leave the corridor; one of exactly its width can."""
     grid, found = read("office"), load_places("office")
 
     def reached(radius: float) -> list[bool]:
@@ -144,7 +144,9 @@ def test_nothing_is_known_outside_the_building(name: str) -> None:
     assert not (free[:, :-1] & unknown[:, 1:]).any()
 
 
-def test_a_folder_of_the_same_name_hides_no_packaged_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_of_the_same_name_does_not_hide_a_packaged_map(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "office").mkdir()
     monkeypatch.chdir(tmp_path)
     path, grid = map_of("office")

@@ -1,4 +1,4 @@
-"""Intervals against published and simulated figures; what cannot be told is said not to be."""
+"""Intervals against published and simulated values; insufficient data is reported as such."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from navstack.statistics import mean, paired_difference, paired_share_difference
 
 
 @pytest.mark.parametrize(("k", "n"), [(0, 10), (10, 10), (36, 50), (81, 263), (15, 148)])
-def test_a_share_has_wilsons_interval(k: int, n: int) -> None:
+def test_a_share_has_the_wilson_interval(k: int, n: int) -> None:
     got = share([True] * k + [False] * (n - k))
     want = stats.binomtest(k, n).proportion_ci(method="wilson")
     assert (got.value, got.groups) == (k / n, n)
@@ -21,7 +21,7 @@ def test_a_share_has_wilsons_interval(k: int, n: int) -> None:
     assert got.low <= got.value <= got.high
 
 
-def test_copies_of_a_run_prove_nothing_more() -> None:
+def test_copies_of_a_run_do_not_narrow_the_interval() -> None:
     once = [True, True, False, True, False, True, True, True]
     fivefold = share([s for s in once for _ in range(5)], [i for i in range(8) for _ in range(5)])
     assert fivefold.low == pytest.approx(share(once).low)
@@ -29,13 +29,13 @@ def test_copies_of_a_run_prove_nothing_more() -> None:
     assert share([True] * 50, [i // 5 for i in range(50)]).low == pytest.approx(share([True] * 10).low)
 
 
-def test_runs_that_differ_within_groups_are_worth_more_than_the_groups() -> None:
+def test_variation_within_groups_increases_the_effective_sample_size() -> None:
     # every group the same mix: the runs are as good as independent
     mixed = share([True, False] * 20, [i // 4 for i in range(40)])
     assert mixed.high - mixed.low == pytest.approx((lambda i: i.high - i.low)(share([True, False] * 20)))
 
 
-def test_a_mean_has_students_interval() -> None:
+def test_a_mean_has_the_student_interval() -> None:
     values = [1.0, 2.5, 2.0, 4.0]
     got = mean(values)
     want = stats.ttest_1samp(values, 0.0).confidence_interval()
@@ -47,8 +47,8 @@ def test_a_mean_has_students_interval() -> None:
 
 
 @pytest.mark.parametrize("rate", [0.1, 0.5, 0.9])
-def test_intervals_hold_what_they_promise(rate: float) -> None:
-    """Over 400 experiments of 30 scenarios with 4 seeds that resemble each other, the truth lies inside 95 times in 100."""
+def test_intervals_have_their_nominal_coverage(rate: float) -> None:
+    """In 400 experiments of 30 scenarios with 4 correlated seeds, the interval contains the true value in 95 % of the cases."""
     rng = np.random.default_rng(1)
     groups = [i for i in range(30) for _ in range(4)]
     inside = 0
@@ -72,7 +72,7 @@ def test_paired_differences() -> None:
     assert paired_difference([1.0], [2.0]).verdict == "no difference shown"
 
 
-def test_agreeing_everywhere_is_not_being_equal() -> None:
+def test_agreement_of_all_pairs_does_not_prove_equality() -> None:
     same = paired_share_difference([True] * 10, [True] * 10)
     assert same.verdict == "no difference shown"
     assert same.interval.value == 0.0 and same.interval.high == -same.interval.low > 0.2
@@ -86,7 +86,7 @@ def test_agreeing_everywhere_is_not_being_equal() -> None:
     assert got.verdict == "higher" and (got.higher, got.lower) == (9, 1)
 
 
-def test_copies_do_not_make_a_difference_either() -> None:
+def test_copies_do_not_make_a_difference_significant() -> None:
     a, b = [False, False, True], [True, True, True]
     tenfold = paired_share_difference(
         [v for v in a for _ in range(10)], [v for v in b for _ in range(10)], [i for i in range(3) for _ in range(10)]
@@ -104,7 +104,7 @@ def test_rank_correlation() -> None:
     assert math.isnan(rank_correlation([1.0], [1.0]).rho)
 
 
-def test_pairs_are_pairs() -> None:
+def test_unpaired_values_are_rejected() -> None:
     for function in (paired_difference, paired_share_difference, rank_correlation):
         with pytest.raises(InternalError, match="pairs"):
             function([1.0], [1.0, 2.0])

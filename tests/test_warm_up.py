@@ -1,4 +1,4 @@
-"""After warming up, a run finds every kernel loaded: its clock measures driving, not compiling."""
+"""After the warm-up, all kernels are loaded: the wall time of a run excludes compilation."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ print(loaded)
 """
 
 
-def test_no_kernel_is_left_to_load_when_the_clock_runs() -> None:
+def test_no_kernel_is_loaded_after_the_warm_up() -> None:
     # a process of its own: in this one other tests have loaded them
     ended = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, timeout=300, check=False)
     assert ended.returncode == 0, ended.stderr

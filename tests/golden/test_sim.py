@@ -34,7 +34,7 @@ ROUND = Footprint.from_radius(0.18)
 
 
 def replayed(odometry: Array) -> Array:
-    """Our poses when every step of the log is driven in one of ours: as far and as much turned as theirs was."""
+    """Poses of our robot when each step of the log is one of its steps, with the same displacement and rotation."""
     robot = SimulatedRobot(SimParams(lasers=[]), World(), ROUND, Pose2D(*odometry[0, 1:4].tolist()))
     length = np.hypot(*np.diff(odometry[:, 1:3], axis=0).T) * np.where(odometry[1:, 4] < 0, -1.0, 1.0)
     turn = np.diff(np.unwrap(odometry[:, 3]))
@@ -47,8 +47,8 @@ def replayed(odometry: Array) -> Array:
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda f: f.name)
-def test_a_step_goes_along_the_heading_at_its_middle(file: Path) -> None:
-    """Displacements of the log, summed over a drive, by the heading at the start, the middle and the end of each step.
+def test_a_step_uses_the_heading_at_its_midpoint(file: Path) -> None:
+    """Displacements of the log, summed over a drive, with the heading at the start, the midpoint and the end of each step.
 
     Positions are rounded to 0.1 mm: n steps sum up to about 0.04 sqrt(n) mm of random error, 2 mm at most here. The other
     two rules are off by dt/2 times the integral of v w, several times as much.
@@ -68,18 +68,18 @@ def test_a_step_goes_along_the_heading_at_its_middle(file: Path) -> None:
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda f: f.name)
-def test_velocities_are_the_commands_at_once(file: Path) -> None:
-    """No acceleration limit and no lag: every velocity of the log was commanded, and came within 40 ms of a message's time."""
+def test_velocities_follow_commands_immediately(file: Path) -> None:
+    """No acceleration limit and no lag: every velocity of the log was commanded within 40 ms of its message."""
     for odometry, commands in drives(file):
         known = {(round(v, 3), round(w, 3)) for v, w in commands[:, 1:].tolist()} | {(0.0, 0.0)}
         begun = commands[0, 0]
-        said = {(round(v, 3), round(w, 3)) for t, *_, v, w in odometry.tolist() if t > begun}
-        assert said <= known
+        velocities = {(round(v, 3), round(w, 3)) for t, *_, v, w in odometry.tolist() if t > begun}
+        assert velocities <= known
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda f: f.name)
-def test_our_robot_integrates_likewise(file: Path) -> None:
-    """Whole drives end where theirs did, to the 2 mm that the rounding of the log allows: measured 1.0, 0.8, 1.6 mm."""
+def test_our_robot_integrates_in_the_same_way(file: Path) -> None:
+    """Whole drives end at the same pose within 2 mm, the rounding of the log; measured 1.0, 0.8, 1.6 mm."""
     for odometry, _ in drives(file):
         ours = replayed(odometry)
         assert np.hypot(*(ours[:, :2] - odometry[:, 1:3]).T).max() < 2e-3
@@ -88,7 +88,7 @@ def test_our_robot_integrates_likewise(file: Path) -> None:
 
 @pytest.mark.parametrize("file", FILES, ids=lambda f: f.name)
 def test_a_step_takes_20_ms(file: Path) -> None:
-    """Turn over angular velocity, over the steps of a drive without gaps in the log: their clock's mean is within 1 %."""
+    """Rotation divided by angular velocity over the steps without gaps in the log gives the step length within 1 %."""
     for odometry, _ in drives(file):
         turn, w = np.diff(np.unwrap(odometry[:, 3])), odometry[1:, 5]
         sure = (np.abs(w) > 0.1) & (np.diff(odometry[:, 0]) < 0.03) & (np.diff(odometry[:, 0]) > 0.01)

@@ -1,4 +1,4 @@
-"""Jobs: the same results whoever runs them, whoever dies, and however often it was killed."""
+"""Jobs: results do not depend on the executor, on dead workers or on interruptions."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def lines(file: Path) -> list[str]:
     return file.read_text().splitlines()
 
 
-def test_the_same_results_by_one_process_two_or_none(tmp_path: Path) -> None:
+def test_results_do_not_depend_on_the_number_of_processes(tmp_path: Path) -> None:
     files = [tmp_path / name for name in ("serial", "one", "two")]
     here = run_jobs(work.double, NUMBERS, executor=SerialExecutor(work.double), results=files[0])
     one = run_jobs(work.double, NUMBERS, processes=1, results=files[1])
@@ -34,7 +34,7 @@ def test_the_same_results_by_one_process_two_or_none(tmp_path: Path) -> None:
     assert len(lines(files[0])) == 1 + len(NUMBERS)
 
 
-def test_a_failure_is_a_result_and_the_others_go_on() -> None:
+def test_a_failure_is_a_result_and_other_jobs_continue() -> None:
     results = run_jobs(work.fail, NUMBERS[:4], processes=2)
     assert [r.value for r in results] == [0, None, None, 3]
     assert [r.failed for r in results] == [False, True, True, False]
@@ -44,7 +44,7 @@ def test_a_failure_is_a_result_and_the_others_go_on() -> None:
     assert "in fail" in results[2].error["traceback"]
 
 
-def test_a_worker_that_dies_is_replaced_and_its_job_done_again(tmp_path: Path) -> None:
+def test_a_dead_worker_is_replaced_and_its_job_retried(tmp_path: Path) -> None:
     jobs = [Job(str(i), (str(tmp_path), i)) for i in range(8)]
     assert [r.value for r in run_jobs(work.die_once, jobs, processes=2)] == list(range(8))
     assert (tmp_path / "died").exists()
@@ -58,7 +58,7 @@ def test_a_job_that_kills_its_worker_twice_is_a_failure() -> None:
     assert "SIGKILL" in results[1].error["message"] and "memory" in results[1].error["message"]
 
 
-def test_an_idle_worker_that_was_killed_costs_nothing() -> None:
+def test_a_killed_idle_worker_loses_no_job() -> None:
     with ProcessExecutor(work.double, 1) as executor:
         executor.submit(NUMBERS[0])
         assert executor.collect().key == "number 0"
@@ -67,11 +67,11 @@ def test_an_idle_worker_that_was_killed_costs_nothing() -> None:
         assert executor.collect().value["twice"] == 2
 
 
-def test_a_worker_is_asked_for_many_jobs_and_keeps_what_it_loaded() -> None:
+def test_a_worker_runs_many_jobs_and_caches_its_data() -> None:
     assert [r.value for r in run_jobs(work.Counting(), NUMBERS, processes=1)] == list(range(1, 13))
 
 
-def test_workers_work_where_we_are_now_and_print_to_stderr(
+def test_workers_use_the_current_folder_and_print_to_stderr(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -81,7 +81,7 @@ def test_workers_work_where_we_are_now_and_print_to_stderr(
     assert "to stderr" not in capfd.readouterr().out
 
 
-def test_what_is_done_is_not_done_again(tmp_path: Path) -> None:
+def test_finished_jobs_are_skipped(tmp_path: Path) -> None:
     file = tmp_path / "out" / "results.jsonl"
     with ResultsFile(file, {"a": 1}, [j.key for j in NUMBERS], resume=False) as half:
         half.add(JobResult("number 3", value="kept"))
@@ -111,7 +111,7 @@ def test_what_is_done_is_not_done_again(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("cut", [5, 40, -3, -30])
-def test_a_file_cut_anywhere_is_resumed(tmp_path: Path, cut: int) -> None:
+def test_a_file_truncated_anywhere_is_resumed(tmp_path: Path, cut: int) -> None:
     file, whole = tmp_path / "cut", tmp_path / "whole"
     want = run_jobs(work.double, NUMBERS, executor=SerialExecutor(work.double), results=whole)
     file.write_bytes(whole.read_bytes()[:cut])
@@ -131,7 +131,7 @@ def test_a_file_cut_anywhere_is_resumed(tmp_path: Path, cut: int) -> None:
         ("[]\n", {}, True, "results:1 is not a result of these jobs"),
     ],
 )
-def test_a_file_of_something_else(
+def test_a_file_of_other_jobs_is_rejected(
     tmp_path: Path, content: str | None, what: dict[str, object], resume: bool, match: str
 ) -> None:
     file, keys = tmp_path / "results", ["a", "b", "c"]
@@ -159,7 +159,7 @@ def test_other_jobs_and_damaged_lines(tmp_path: Path) -> None:
         ResultsFile(file, {}, ["a", "b"], resume=True)
 
 
-def test_two_at_once_do_not_write_one_file(tmp_path: Path) -> None:
+def test_two_processes_do_not_write_the_same_file(tmp_path: Path) -> None:
     with (
         ResultsFile(tmp_path / "results", {}, ["a"], resume=False),
         pytest.raises(OutputError, match="another process"),
@@ -167,7 +167,7 @@ def test_two_at_once_do_not_write_one_file(tmp_path: Path) -> None:
         ResultsFile(tmp_path / "results", {}, ["a"], resume=True)
 
 
-def test_a_folder_that_cannot_be(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_created(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(OutputError, match="--out"):
         run_jobs(work.double, NUMBERS, results=tmp_path / "file" / "results")
@@ -186,7 +186,7 @@ class Closing(SerialExecutor):
         self.closed = True
 
 
-def test_wrong_use() -> None:
+def test_incorrect_use_is_rejected() -> None:
     with pytest.raises(InternalError, match="number 0"):
         run_jobs(work.double, [NUMBERS[0], NUMBERS[0]])
     with pytest.raises(InputError, match="at least 1"):
@@ -205,7 +205,7 @@ def test_wrong_use() -> None:
 
 
 def lives(pid: int) -> bool:
-    """False for what has ended, though nobody asked how."""
+    """True if the process is running; False for a zombie."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except OSError:
@@ -234,8 +234,8 @@ if __name__ == "__main__":
 
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
-def test_killed_in_the_middle_and_resumed(tmp_path: Path, how: signal.Signals) -> None:
-    """Two jobs of four wait for ever on a pipe; the run is killed when the others are in the file, and its workers end too."""
+def test_a_killed_run_is_resumed(tmp_path: Path, how: signal.Signals) -> None:
+    """Two of four jobs wait on a pipe forever; the run is killed when the others are in the file, and its workers end too."""
     results, inputs = tmp_path / "results", [tmp_path / str(i) for i in range(4)]
     for i, file in enumerate(inputs):
         if i in (0, 2):

@@ -1,4 +1,4 @@
-"""Work for the tests' workers, who import it by its name."""
+"""Work functions for the tests; workers import them by name."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def fail(number: int) -> int:
 
 
 def die_once(asked: tuple[str, int]) -> int:
-    """Kills its process the first time it is asked for number 3."""
+    """Kills its process at the first call with number 3."""
     folder, number = asked
     seen = Path(folder) / "died"
     if number == 3 and not seen.exists():
@@ -44,7 +44,7 @@ def surroundings(name: str) -> list[Any]:
 
 
 class Counting:
-    """Keeps what it has loaded: how many jobs a worker did so far."""
+    """Keeps state: the number of jobs that the worker has run."""
 
     def __init__(self) -> None:
         self.done = 0
@@ -55,6 +55,6 @@ class Counting:
 
 
 def wait_for(file: str) -> str:
-    """Ends when the file can be read: a pipe to which nobody ever writes holds it up for good."""
+    """Ends when the file can be read; blocks forever on a pipe without a writer."""
     Path(f"{file}.pid").write_text(str(os.getpid()))
     return Path(file).read_text()

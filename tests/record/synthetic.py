@@ -1,4 +1,4 @@
-"""A made-up run with everything a record can hold: two rooms, a corridor, three goals, a box that is not on the map."""
+"""A synthetic run with all data that a record can contain: two rooms, a corridor, three goals, a box that is not on the map."""
 
 from __future__ import annotations
 

@@ -44,17 +44,17 @@ def test_in_another_process(here, tmp_path, seed):
     assert digests(tmp_path) == digests(here)
 
 
-def test_another_run_is_another_file(here, tmp_path):
+def test_different_runs_give_different_files(here, tmp_path):
     synthetic.record_run(8.0, seed=2).save(tmp_path)
     assert digests(tmp_path)["run.npz"] != digests(here)["run.npz"]
 
 
-def test_no_time_of_writing_is_in_the_file(here):
+def test_the_file_has_no_time_stamps(here):
     with zipfile.ZipFile(here / "run.npz") as archive:
         assert {info.date_time for info in archive.infolist()} == {(1980, 1, 1, 0, 0, 0)}
 
 
-def test_saving_leaves_the_recorder_as_it_was(tmp_path):
+def test_saving_does_not_change_the_recorder(tmp_path):
     recorder = synthetic.record_run(4.0)
     recorder.save(tmp_path / "a")
     recorder.save(tmp_path / "b")

@@ -1,4 +1,4 @@
-"""Whatever lies where a record should: one clear RecordError. Wherever a record cannot be written: nothing half-written."""
+"""Invalid files give one clear RecordError; failed writes leave no partial file."""
 
 from __future__ import annotations
 
@@ -75,8 +75,8 @@ def test_truncated_anywhere(good, tmp_path):
         refused(path, "truncated")
 
 
-def test_a_flipped_bit_is_noticed_or_harmless(good, tmp_path):
-    """A zip checks what its members hold; what it does not check (names of hosts, flags) changes nothing that is read."""
+def test_a_flipped_bit_is_detected_or_harmless(good, tmp_path):
+    """A zip file has checksums of its members; unprotected bytes (host names, flags) do not affect the data."""
     content = bytearray(good.read_bytes())
     whole = Record.load(good)
     rng = np.random.default_rng(11)
@@ -102,7 +102,7 @@ def test_a_flipped_bit_is_noticed_or_harmless(good, tmp_path):
 
 
 def rewritten(good, folder, change):
-    """The record with something changed in its meta or its arrays, checksums and all in order."""
+    """The record with a change in its meta data or arrays, with valid checksums."""
     with zipfile.ZipFile(good) as archive:
         meta = json.loads(archive.read("meta.json"))
         events = [json.loads(line) for line in archive.read("events.jsonl").splitlines()]
@@ -185,7 +185,7 @@ CHANGES = {
 
 
 @pytest.mark.parametrize("name", CHANGES)
-def test_what_cannot_be_is_refused(good, tmp_path, name):
+def test_invalid_contents_are_rejected(good, tmp_path, name):
     refused(rewritten(good, tmp_path, CHANGES[name]))
 
 
@@ -213,7 +213,7 @@ def test_nothing_is_unpickled(good, tmp_path):
 
 @contextmanager
 def as_nobody():
-    """Root may write anywhere; somebody else may not."""
+    """True if the user is root, who can write everywhere."""
     if os.geteuid() != 0:
         yield
         return
@@ -224,7 +224,7 @@ def as_nobody():
         os.seteuid(0)
 
 
-def test_a_folder_that_may_not_be_written_to(tmp_path):
+def test_a_read_only_folder(tmp_path):
     recorder = synthetic.record_run(1.0)
     recorder.save(tmp_path / "fine")
     for folder in (tmp_path, *tmp_path.parents[:2]):
@@ -238,7 +238,7 @@ def test_a_folder_that_may_not_be_written_to(tmp_path):
         recorder.save(locked / "inside")
 
 
-def test_a_file_where_the_folder_should_be(tmp_path):
+def test_a_file_in_place_of_the_folder(tmp_path):
     (tmp_path / "taken").write_text("mine")
     with pytest.raises(OutputError, match="taken"):
         synthetic.record_run(1.0).save(tmp_path / "taken")
@@ -246,7 +246,7 @@ def test_a_file_where_the_folder_should_be(tmp_path):
 
 
 @pytest.mark.parametrize("after", [0, 1, 5])
-def test_a_disk_that_fills_up_leaves_the_old_run(tmp_path, monkeypatch, after):
+def test_a_full_disk_leaves_the_old_run(tmp_path, monkeypatch, after):
     synthetic.record_run(1.0).save(tmp_path)
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     recorder = synthetic.record_run(2.0)

@@ -1,4 +1,4 @@
-"""Metrics against motions whose numbers are known, and their documentation."""
+"""Metrics of motions with known results, and their documentation."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_clearance() -> None:
 
 
 @pytest.mark.parametrize("cycles", [0, 1, 2, 3])
-def test_runs_that_hardly_were(cycles: int) -> None:
+def test_runs_of_a_few_cycles(cycles: int) -> None:
     m = metrics(np.arange(float(cycles)), np.zeros((cycles, 3)))
     assert m.speed_mean_m_s == m.jerk_rms_m_s3 == m.curvature_mean_1_m == 0.0
 
@@ -79,9 +79,9 @@ def test_timings_count_every_call_also_one_that_fails() -> None:
     assert plan(2) == 0.5
     with pytest.raises(ZeroDivisionError):
         plan(0)
-    told = timings.as_dict()
-    assert told["planning_ms"]["count"] == 2 and told["control_ms"] == {"count": 0}
-    assert set(told["planning_ms"]) == {"count", "p50", "p95", "p99", "max"}
+    reported = timings.as_dict()
+    assert reported["planning_ms"]["count"] == 2 and reported["control_ms"] == {"count": 0}
+    assert set(reported["planning_ms"]) == {"count", "p50", "p95", "p99", "max"}
 
 
 def test_the_documentation_names_every_metric_column_and_array() -> None:

@@ -21,7 +21,7 @@ def a_recorder() -> RunRecorder:
 
 
 def through_a_file(recorder: RunRecorder) -> Record:
-    """Written and read as `save` and `load` do, without a disk."""
+    """Writes and reads as `save` and `load` do, in memory."""
     meta, events, arrays = recorder._members()
     buffer = io.BytesIO()
     write(buffer, meta, events, arrays)
@@ -53,7 +53,7 @@ UPDATES = st.lists(
 
 @settings(deadline=None, max_examples=60, derandomize=True)
 @given(UPDATES)
-def test_any_history_of_a_costmap_comes_back(updates):
+def test_any_history_of_a_costmap_is_restored(updates):
     recorder = a_recorder()
     costmap = Costmap(GridGeometry(9, 7, 0.1))
     states = []
@@ -66,8 +66,8 @@ def test_any_history_of_a_costmap_comes_back(updates):
             costmap.geometry = g.moved_to(g.origin_x + 0.1 * w, g.origin_y)
         elif what == "resize":
             costmap = Costmap(GridGeometry(w + 1, h + 1, 0.2), np.full((h + 1, w + 1), cost, np.uint8))
-        told = {"patch": window, "nothing": Window(0, 0, 0, 0)}.get(what)
-        recorder.costmap(float(i), "global", costmap, told)
+        changed = {"patch": window, "nothing": Window(0, 0, 0, 0)}.get(what)
+        recorder.costmap(float(i), "global", costmap, changed)
         states.append((costmap.geometry, costmap.data.copy()))
     run = through_a_file(recorder)
     for i, (geometry, data) in enumerate(states):
@@ -93,26 +93,26 @@ JSON = st.recursive(
         max_size=6,
     )
 )
-def test_any_event_comes_back_and_takes_one_line_of_the_log_at_most(told):
+def test_any_event_is_restored_and_takes_at_most_one_line_of_the_log(reported):
     recorder = a_recorder()
-    told = [(t, kind, text, data) for t, kind, text, data in told if kind != "feedback"]
-    for t, kind, text, data in told:
+    reported = [(t, kind, text, data) for t, kind, text, data in reported if kind != "feedback"]
+    for t, kind, text, data in reported:
         recorder.on_event(Event(t, kind, text, data))
     # what is said again and again takes one line
-    runs = [i for i, one in enumerate(told) if i == 0 or one[1:3] != told[i - 1][1:3]]
+    runs = [i for i, one in enumerate(reported) if i == 0 or one[1:3] != reported[i - 1][1:3]]
     assert len(render_log(*recorder._members()[:2]).splitlines()) == 3 + len(runs)
     run = through_a_file(recorder)
     assert [(e.time, e.kind, e.text, e.data) for e in run.events] == [
-        (t, k, text, jsonable(d)) for t, k, text, d in told
+        (t, k, text, jsonable(d)) for t, k, text, d in reported
     ]
 
 
-def test_sets_are_put_in_order():
+def test_sets_are_sorted():
     assert jsonable({"b", "a", "c"}) == ["a", "b", "c"]
     assert jsonable(frozenset({3, 1, 2})) == [1, 2, 3]
 
 
-def test_names_that_are_no_text(tmp_path):
+def test_file_names_that_are_not_utf_8(tmp_path):
     name = "map\udcff"  # as Python spells a file name that is not UTF-8
     recorder = RunRecorder(map=None, footprint=Footprint.from_radius(0.2), scenario={"map": name})
     recorder.on_event(Event(0.0, "info", name, {name: name}))

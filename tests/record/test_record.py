@@ -23,7 +23,7 @@ def saved(recorder: RunRecorder, folder) -> Record:
     return Record.load(folder)
 
 
-def test_a_saved_run_comes_back_as_it_was(tmp_path):
+def test_a_saved_run_is_restored(tmp_path):
     recorder = synthetic.record_run(12.0, scans=True)
     files = recorder.save(tmp_path / "out")
     assert sorted(files) == ["log", "record"]
@@ -39,7 +39,7 @@ def test_a_saved_run_comes_back_as_it_was(tmp_path):
             assert loaded.arrays[name].tobytes() == array.tobytes()
 
 
-def test_what_was_sampled_is_what_is_read(tmp_path):
+def test_samples_are_restored(tmp_path):
     recorder = a_recorder(local_frame="odom_combined")
     rows = []
     for i in range(5):
@@ -119,7 +119,7 @@ def test_plans_goals_events_collisions_and_results(tmp_path):
     ]
 
 
-def test_collisions_of_the_simulator_replace_those_noted(tmp_path):
+def test_collisions_of_the_simulator_replace_those_added_before(tmp_path):
     class Hit:
         time, pose = 3.0, Pose2D(1.0, 1.0, 0.0)
 
@@ -183,7 +183,7 @@ def test_planners_with_other_critics_share_the_record(tmp_path):
     assert np.array_equal(second.scales, [nan, 1.0, 2.0], equal_nan=True)
 
 
-def test_tables_of_samples_can_be_left_out(tmp_path):
+def test_tables_of_samples_can_be_omitted(tmp_path):
     recorder = a_recorder(keep_tables=False)
     recorder.local_plan(0.0, synthetic.local_plan(np.random.default_rng(1), Pose2D(0, 0), 0))
     back = saved(recorder, tmp_path).local_plan(0)
@@ -193,8 +193,8 @@ def test_tables_of_samples_can_be_left_out(tmp_path):
     assert len(back.plan.trajectory) == 17
 
 
-def test_a_costmap_is_what_it_was_at_any_time(tmp_path):
-    """Patches of the global one, whole grids of the rolling one: each update comes back cell for cell."""
+def test_a_costmap_is_restored_at_any_time(tmp_path):
+    """Windows of the global costmap, whole grids of the rolling one: each update is restored cell by cell."""
     rng = np.random.default_rng(5)
     recorder = a_recorder()
     wide = Costmap(GridGeometry(60, 40, 0.1, -1.0, -2.0), frame="map")
@@ -236,7 +236,7 @@ def test_a_costmap_is_what_it_was_at_any_time(tmp_path):
     assert np.array_equal(run.costmap_at("global", 0.0).data, states["global"][0][2])
 
 
-def test_a_window_that_changed_little_costs_little(tmp_path):
+def test_small_changes_need_little_memory(tmp_path):
     recorder = a_recorder()
     costmap = Costmap(GridGeometry(500, 500, 0.1))
     for i in range(100):
@@ -255,7 +255,7 @@ def test_scans(tmp_path):
     assert scan.pose == run.pose_at(2.0)
 
 
-def test_a_run_of_nothing(tmp_path):
+def test_an_empty_run(tmp_path):
     run = saved(a_recorder(), tmp_path)
     assert run.duration == 0.0
     assert run.path_length == 0.0
@@ -275,7 +275,7 @@ def test_map_and_footprint(tmp_path):
     assert run.footprint == outline
 
 
-def test_numpy_and_json_open_it_in_a_line_each(tmp_path):
+def test_numpy_and_json_can_read_the_file(tmp_path):
     synthetic.record_run(4.0).save(tmp_path)
     with np.load(tmp_path / "run.npz", allow_pickle=False) as run:
         assert run["samples"]["x"].shape == (20,)
@@ -284,7 +284,7 @@ def test_numpy_and_json_open_it_in_a_line_each(tmp_path):
         assert [json.loads(line)["kind"] for line in io.BytesIO(run["events.jsonl"])][:2] == ["goal", "plan"]
 
 
-def test_a_minute_with_everything_on_is_small(tmp_path):
+def test_the_file_of_a_full_run_is_small(tmp_path):
     """72 s at 5 Hz."""
     rng = np.random.default_rng(0)
     cells = rng.integers(0, 2, (80, 80)).astype(np.uint8) * 254

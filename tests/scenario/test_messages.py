@@ -1,4 +1,4 @@
-"""What wrong scenario files are told: file, line, column, the value, the way out. A person has read these aloud."""
+"""Messages for invalid scenario files: file, line, column, value and fix."""
 
 from __future__ import annotations
 
@@ -238,15 +238,13 @@ CASES = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_a_wrong_file_is_told_what_where_and_the_way_out(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_error_names_location_value_and_fix(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     text, *wanted = CASES[name]
     Path("wrong.yaml").write_text(text, encoding="utf-8")
-    said = [f for f in check_scenario("wrong.yaml") if f.severity == "error"]
-    assert [f"{f.line}:{f.column}: {f.message}" for f in said] == wanted
-    assert {f.file for f in said} == {"wrong.yaml"}
+    found = [f for f in check_scenario("wrong.yaml") if f.severity == "error"]
+    assert [f"{f.line}:{f.column}: {f.message}" for f in found] == wanted
+    assert {f.file for f in found} == {"wrong.yaml"}
 
 
 def test_all_errors_are_in_one_message(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -263,39 +261,39 @@ def test_all_errors_are_in_one_message(tmp_path: Path, monkeypatch: pytest.Monke
 
 
 @pytest.mark.parametrize("name", ["missing.yaml", "."])
-def test_a_file_that_is_none(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_that_does_not_exist(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ScenarioError, match=r"cannot be read|is not a file"):
         read_scenario(name)
 
 
 @pytest.mark.parametrize("key", ["map", "params", "places"])
-def test_a_name_that_no_file_can_have(key: str, tmp_path: Path) -> None:
+def test_a_name_too_long_for_a_file(key: str, tmp_path: Path) -> None:
     file = tmp_path / "a.yaml"
     lines = {"map": "office", "start": "corridor_west", "goals": "[office_2]", key: "a" * 5000}
     file.write_text("".join(f"{k}: {v}\n" for k, v in lines.items()), encoding="utf-8")
-    said = next(f for f in check_scenario(file) if f.key == key)
-    assert said.message.startswith(("map", "params", "file"))
-    assert said.column == len(key) + 3
+    found = next(f for f in check_scenario(file) if f.key == key)
+    assert found.message.startswith(("map", "params", "file"))
+    assert found.column == len(key) + 3
 
 
-def test_a_warning_about_parameters_names_the_place_in_the_scenario(
+def test_a_warning_about_parameters_has_the_location_in_the_scenario(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("a.yaml").write_text(GOOD + "set: {DWAPlannerROS/max_vel_xx: 1}\n", encoding="utf-8")
-    (said,) = (f for f in check_scenario("a.yaml") if f.severity == "warning")
-    assert str(said) == (
+    (found,) = (f for f in check_scenario("a.yaml") if f.severity == "warning")
+    assert str(found) == (
         "a.yaml:4:7: warning: max_vel_xx = 1 is not a parameter of DWAPlannerROS and has no effect; did you mean max_vel_x?"
     )
 
 
-def test_a_goal_that_cannot_be_reached_is_a_warning_unless_it_is_meant(tmp_path: Path) -> None:
+def test_an_unreachable_goal_is_a_warning_unless_expected(tmp_path: Path) -> None:
     file = tmp_path / "a.yaml"
     text = GOOD.replace("[office_2]", "[[-40, 9]]")
     file.write_text(text, encoding="utf-8")
-    (said,) = (f for f in check_scenario(file) if f.severity == "warning")
-    assert said.message == (
+    (found,) = (f for f in check_scenario(file) if f.severity == "warning")
+    assert found.message == (
         "goal 1 (-40, 9) is outside the map, which covers x -0.5 .. 23.5, y -0.5 .. 15.5 m and cannot be reached; move "
         "it, or expect ABORTED under `success: goals:`"
     )
@@ -303,7 +301,7 @@ def test_a_goal_that_cannot_be_reached_is_a_warning_unless_it_is_meant(tmp_path:
     assert not [f for f in check_scenario(file) if f.severity == "warning"]
 
 
-def test_a_place_on_a_turned_map_is_looked_up_where_it_lies(tmp_path: Path) -> None:
+def test_positions_on_a_rotated_map(tmp_path: Path) -> None:
     image = Image.new("L", (40, 20), 254)
     image.putpixel((30, 5), 0)  # cell ix 30, iy 14
     image.save(tmp_path / "turned.png")
@@ -314,14 +312,14 @@ def test_a_place_on_a_turned_map_is_looked_up_where_it_lies(tmp_path: Path) -> N
     )
     file = tmp_path / "a.yaml"
 
-    def said(x: float, y: float) -> list[str]:
+    def found(x: float, y: float) -> list[str]:
         file.write_text(f"map: turned.yaml\nstart: [{x}, {y}]\ngoals: [[4.0, 6.0]]\n", encoding="utf-8")
         return [f.message for f in check_scenario(file) if f.rule == "start"]
 
-    assert said(4.0, 6.0) == []
-    (outside,) = said(6.0, 6.0)  # inside, were the map not turned
+    assert found(4.0, 6.0) == []
+    (outside,) = found(6.0, 6.0)  # inside if the map were not rotated
     assert "is outside the map" in outside and "rotated by 1.5708 rad" in outside
-    (wall,) = said(5.0 - 1.45, 5.0 + 3.05)
+    (wall,) = found(5.0 - 1.45, 5.0 + 3.05)
     assert "is in a wall of the map" in wall
 
 

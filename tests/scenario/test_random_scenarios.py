@@ -1,4 +1,4 @@
-"""Random scenarios: no exception, no hang, no goal without an end, no collision reported as success.
+"""Random scenarios: no exception, no hang, a terminal state for every goal, no success despite a collision.
 
 Thousands of them, and longer ones: `navstack bench random`.
 """
@@ -14,7 +14,7 @@ SHORT_S = 2.0
 FOUR = 50
 
 
-def test_the_number_says_it_all() -> None:
+def test_a_scenario_depends_on_its_number_only() -> None:
     first, second = (random_scenario(7).build() for _ in range(2))
     assert first.as_dict() == second.as_dict()
     assert (first.map.data == second.map.data).all()
@@ -22,7 +22,7 @@ def test_the_number_says_it_all() -> None:
 
 
 @pytest.mark.parametrize("first", range(0, 200, FOUR))
-def test_nothing_that_must_never_be(first: int) -> None:
+def test_no_invariant_is_violated(first: int) -> None:
     checked = [check_random(number, time_limit_s=SHORT_S) for number in range(first, first + FOUR)]
     assert [(c.number, c.faults) for c in checked if c.faults] == []
     # they drive: a fault cannot hide behind scenarios that never begin

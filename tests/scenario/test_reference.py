@@ -1,6 +1,6 @@
-"""docs/reference/scenarios.md lists every field of shapes, motions, tours and conditions, as the models have them.
+"""docs/reference/scenarios.md lists every field of the models of shapes, motions, tours and conditions.
 
-`NAVSTACK_WRITE_SCENARIOS=1 pytest tests/scenario_file/test_reference.py` writes its tables anew.
+`NAVSTACK_WRITE_SCENARIOS=1 pytest tests/scenario/test_reference.py` rewrites its tables.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def tables() -> str:
     return "\n".join(parts)
 
 
-def test_the_page_lists_what_the_models_have() -> None:
+def test_the_page_lists_the_fields_of_the_models() -> None:
     text = PAGE.read_text(encoding="utf-8")
     head, _, rest = text.partition(BEGIN)
     there, _, tail = rest.partition(END)

@@ -1,4 +1,4 @@
-"""What a scenario file says becomes a scenario: relative paths, overrides, tours, shapes, conditions."""
+"""Scenario files: relative paths, overrides, tours, shapes, conditions."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def short(tmp_path: Path) -> Path:
     return file
 
 
-def test_what_the_file_says_is_what_is_driven(short: Path) -> None:
+def test_the_scenario_has_the_values_of_the_file(short: Path) -> None:
     scenario = load_scenario(short)
     assert scenario.name == "short" and scenario.seed == 3 and scenario.time_limit_s == 30.0
     assert scenario.start == Pose2D(3.0, 7.4, 0.0) and scenario.goals == (Pose2D(4.0, 7.4, 0.0),)
@@ -64,7 +64,7 @@ def test_what_the_file_says_is_what_is_driven(short: Path) -> None:
     assert scenario.success == SuccessConditions(max_time_s=20.0, min_clearance_m=0.01)
 
 
-def test_what_the_caller_says_comes_first(short: Path) -> None:
+def test_arguments_override_the_file(short: Path) -> None:
     spec = read_scenario(short)
     scenario = spec.build(
         seed=9,
@@ -106,7 +106,7 @@ def test_paths_are_relative_to_the_file(tmp_path: Path, monkeypatch: pytest.Monk
     assert scenario.names["map"] == "mine.yaml" and scenario.names["params"] == ["turtlebot", "faster.yaml"]
 
 
-def test_a_tour_is_shuffled_by_the_seed(tmp_path: Path) -> None:
+def test_a_random_tour_depends_on_the_seed(tmp_path: Path) -> None:
     file = tmp_path / "a.yaml"
     file.write_text("map: office\ntour: {order: random, loops: 2}\n", encoding="utf-8")
     spec = read_scenario(file)
@@ -116,7 +116,7 @@ def test_a_tour_is_shuffled_by_the_seed(tmp_path: Path) -> None:
     assert spec.build(seed=1).goals == first.goals
 
 
-def test_the_map_says_where_to_go_when_the_file_does_not(tmp_path: Path) -> None:
+def test_the_places_of_the_map_supply_start_and_goals(tmp_path: Path) -> None:
     file = tmp_path / "a.yaml"
     file.write_text("map: maze\n", encoding="utf-8")
     scenario = load_scenario(file)
@@ -134,14 +134,14 @@ def test_the_map_says_where_to_go_when_the_file_does_not(tmp_path: Path) -> None
         ("not: [closed", False),
     ],
 )
-def test_scenario_files_are_told_from_others(text: str, is_one: bool, tmp_path: Path) -> None:
+def test_scenario_files_are_distinguished_from_others(text: str, is_one: bool, tmp_path: Path) -> None:
     file = tmp_path / "a.yaml"
     file.write_text(text, encoding="utf-8")
     assert is_scenario_file(file) is is_one
     assert not is_scenario_file(tmp_path)
 
 
-def test_a_scenario_and_its_spec_go_to_other_processes(short: Path) -> None:
+def test_scenarios_and_specs_can_be_pickled(short: Path) -> None:
     spec = read_scenario(short)
     there = pickle.loads(pickle.dumps(spec))
     assert len(pickle.dumps(spec)) < 10_000
@@ -150,7 +150,7 @@ def test_a_scenario_and_its_spec_go_to_other_processes(short: Path) -> None:
     assert scenario.as_dict() == spec.build().as_dict()
 
 
-def test_the_length_is_that_of_the_record_s_columns_whatever_the_slip(short: Path) -> None:
+def test_the_length_equals_that_of_the_recorded_poses_despite_slip(short: Path) -> None:
     result = run_scenario(load_scenario(short, overrides=["navstack/sim/wheel_slip=0.2"]))
     assert result.recorder is not None
     samples = result.recorder.record().samples
@@ -159,7 +159,7 @@ def test_the_length_is_that_of_the_record_s_columns_whatever_the_slip(short: Pat
     assert sum(goal.path_length_m for goal in result.goals) == pytest.approx(way, rel=1e-9)
 
 
-def test_the_record_holds_all_of_it_and_its_metrics(short: Path, tmp_path: Path) -> None:
+def test_the_record_contains_the_scenario_and_gives_the_metrics(short: Path, tmp_path: Path) -> None:
     result = run_scenario(load_scenario(short), timings=True)
     assert result.succeeded and [v.condition for v in result.conditions] == [
         *("goals", "max_collisions", "max_time", "min_clearance"),
@@ -172,36 +172,36 @@ def test_the_record_holds_all_of_it_and_its_metrics(short: Path, tmp_path: Path)
     # without a record, the same numbers
     light = run_scenario(again, record=False)
     assert light.metrics == result.metrics and light.recorder is None and light.timings is None
-    told = result.as_dict()
-    assert told["metrics"]["length_m"] == pytest.approx(0.9, abs=0.2)
-    assert told["timings"]["control_ms"]["count"] >= 10 and "timings" not in json.dumps(record.scenario)
+    result_of = result.as_dict()
+    assert result_of["metrics"]["length_m"] == pytest.approx(0.9, abs=0.2)
+    assert result_of["timings"]["control_ms"]["count"] >= 10 and "timings" not in json.dumps(record.scenario)
 
 
-def test_conditions_that_do_not_hold_are_said(short: Path) -> None:
+def test_failed_conditions_are_reported(short: Path) -> None:
     short.write_text(
         SHORT.replace("max_time: 20, min_clearance: 0.01", "max_time: 1, min_clearance: 3, goals: ABORTED")
     )
     result = run_scenario(load_scenario(short), record=False)
     assert not result.succeeded
-    said = {v.condition: v.text for v in result.conditions if not v.holds}
-    assert set(said) == {"goals", "max_time", "min_clearance"}
-    assert said["goals"] == "goal 1 ended SUCCEEDED, ABORTED required"
-    assert said["max_time"].endswith("s, at most 1 required")
+    found = {v.condition: v.text for v in result.conditions if not v.holds}
+    assert set(found) == {"goals", "max_time", "min_clearance"}
+    assert found["goals"] == "goal 1 ended SUCCEEDED, ABORTED required"
+    assert found["max_time"].endswith("s, at most 1 required")
 
 
 def test_a_condition_result_shows_enough_digits_to_differ_from_the_limit(short: Path) -> None:
     metrics = run_scenario(load_scenario(short), record=False).metrics
     wanted = SuccessConditions(max_time_s=100.0, max_collisions=0, max_recoveries=3)
 
-    def said(**values: Any) -> list[str]:
+    def texts(**values: Any) -> list[str]:
         return [v.text for v in wanted.evaluate(["SUCCEEDED"], replace(metrics, **values), 1)][1:]
 
-    assert said(collisions=1, time_s=100.004, recoveries=1) == [
+    assert texts(collisions=1, time_s=100.004, recoveries=1) == [
         "1 collision, at most 0 required",
         "100.004 s, at most 100 required",
         "1 recovery, at most 3 required",
     ]
-    assert said(collisions=0, time_s=100.0, recoveries=4) == [
+    assert texts(collisions=0, time_s=100.0, recoveries=4) == [
         "0 collisions, at most 0 required",
         "100 s, at most 100 required",
         "4 recoveries, at most 3 required",
@@ -217,12 +217,12 @@ def test_the_old_name_of_max_collisions_is_read_with_a_note(short: Path) -> None
 
 
 @pytest.mark.parametrize("wrong", [{"goals": []}, {"time_limit_s": 0.0}, {"time_limit_s": float("nan")}])
-def test_what_cannot_be_driven_is_refused_before_it_is_built(short: Path, wrong: dict[str, Any]) -> None:
+def test_invalid_arguments_are_rejected_before_building(short: Path, wrong: dict[str, Any]) -> None:
     with pytest.raises(InputError, match=r"goals is empty|must be above 0 s"):
         read_scenario(short).build(**wrong)
 
 
-def test_states_must_fit_the_goals_that_are_given(short: Path) -> None:
+def test_the_number_of_states_must_match_the_goals(short: Path) -> None:
     short.write_text(SHORT.replace("max_time: 20", "goals: [ABORTED]"))
     scenario = read_scenario(short).build(goals=[Pose2D(4.0, 7.4), Pose2D(5.0, 7.4)])
     with pytest.raises(InputError, match="lists 1 state for 2 goals"):
@@ -259,7 +259,7 @@ def test_check_takes_a_scenario_file(
     assert [(f["line"], f["column"], f["suggestion"]) for f in errors] == [(14, 1, "seed")]
 
 
-def test_those_that_are_shipped_say_what_they_show() -> None:
+def test_shipped_scenarios_have_descriptions() -> None:
     files = shipped_scenarios()
     assert len(files) >= 8
     for path in files.values():
@@ -267,7 +267,7 @@ def test_those_that_are_shipped_say_what_they_show() -> None:
         assert spec.description and spec.parts.settings.name
 
 
-def test_a_rest_ends_whatever_the_rounding_of_its_end(short: Path) -> None:
+def test_a_pause_ends_despite_rounding(short: Path) -> None:
     # 1.86 + 0.5 is 2.3600000000000003, which a robot at 118 / 50 s never reaches by whole steps
     short.write_text(SHORT.replace("goals: [[4.0, 7.4, 0.0]]", "goals: [[9.0, 7.4], [9.0, 7.4]]"))
     spec = read_scenario(short)
@@ -281,7 +281,7 @@ def test_a_rest_ends_whatever_the_rounding_of_its_end(short: Path) -> None:
         assert [outcome.state for outcome in driven.outcomes] == ["PREEMPTED", "PREEMPTED"]
 
 
-def test_a_run_whose_time_stands_still_is_told_not_driven_for_ever(short: Path) -> None:
+def test_a_run_without_progress_of_time_is_an_error(short: Path) -> None:
     driven = Run(load_scenario(short), record=False)
     for _ in range(5):
         driven.step()

@@ -1,4 +1,4 @@
-"""The scenarios that come with navstack succeed, and give the same records in any process and any order."""
+"""The shipped scenarios succeed, and give the same records in any process and any order."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def test_a_shipped_scenario_is_sound_and_succeeds(name: str) -> None:
 
 
 def record_of(job: tuple[str, str]) -> tuple[str, str]:
-    """Drives a shipped scenario in whatever process this is; the digest of its record's bytes."""
+    """Drives a shipped scenario in this process; returns the digest of its record."""
     name, folder = job
     result = run_scenario(load_scenario(shipped_scenarios()[name]))
     assert result.recorder is not None

@@ -1,4 +1,4 @@
-"""A start where the robot does not fit, told without a kernel: the same answer as the simulated world's."""
+"""The check of the start without kernels agrees with the simulated world."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ OUTLINES = (
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_it_is_what_the_world_says(seed: int) -> None:
+def test_it_agrees_with_the_simulated_world(seed: int) -> None:
     rng = np.random.default_rng(seed)
     grid = random_map(seed, share=0.02)
     centre = grid.geometry.origin_x, grid.geometry.origin_y
@@ -33,7 +33,7 @@ def test_it_is_what_the_world_says(seed: int) -> None:
         for _ in range(150):
             x, y = (centre + rng.uniform(-5, 5, 2)).tolist()
             pose = Pose2D(x, y, float(rng.uniform(-math.pi, math.pi)))
-            said = collision_at_start(outline, pose, grid, shapes)
-            answers.add(said is None)
-            assert (said is None) is world.is_free(outline, pose), (pose, said)
+            found = collision_at_start(outline, pose, grid, shapes)
+            answers.add(found is None)
+            assert (found is None) is world.is_free(outline, pose), (pose, found)
     assert answers == {True, False}

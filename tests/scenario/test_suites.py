@@ -1,4 +1,4 @@
-"""Suites: by name and number, the same everywhere, training apart from held-out."""
+"""Suites: reproducible by name and number, with separate training and held-out splits."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from navstack.scenario import ScenarioSpec, load_suite, suite_names
 from navstack.scenario.suites import random_maps
 
 
-def told(specs: list[ScenarioSpec]) -> list[object]:
+def contents(specs: list[ScenarioSpec]) -> list[object]:
     return [(s.name, s.parts.start, s.parts.goals, s.parts.shapes, s.map().data.tobytes()) for s in specs]
 
 
 @pytest.mark.parametrize("name", ["office", "narrow", "crowd"])
 def test_a_suite_is_the_same_every_time_and_splits_by_number(name: str) -> None:
     whole = load_suite(name, count=6)
-    assert told(load_suite(name, count=6)) == told(whole)
+    assert contents(load_suite(name, count=6)) == contents(whole)
     train, held_out = load_suite(name, split="train", count=3), load_suite(name, split="held_out", count=3)
-    assert told(train) == told(whole)[0::2] and told(held_out) == told(whole)[1::2]
+    assert contents(train) == contents(whole)[0::2] and contents(held_out) == contents(whole)[1::2]
     assert len({s.name for s in whole}) == 6 and len({s.parts.start for s in whole}) > 1
 
 
-def test_barn_needs_its_worlds(data_dir: Path) -> None:
+def test_barn_needs_a_directory(data_dir: Path) -> None:
     with pytest.raises(InputError, match=r"needs the folder of the BARN worlds"):
         load_suite("barn")
     folder = data_dir / "barn"
@@ -46,7 +46,7 @@ def test_a_shipped_scenario_is_simulated_by_its_name(tmp_path: Path, capfd: pyte
     assert document["success"] and document["goals"][0]["state"] == "ABORTED"
 
 
-def test_a_suite_that_is_none() -> None:
+def test_unknown_suites_are_rejected() -> None:
     with pytest.raises(InputError, match=r'unknown suite "ofice"; did you mean "office"\?'):
         load_suite("ofice")
     with pytest.raises(InputError, match=r"count is 0; it must be at least 1"):
@@ -57,7 +57,7 @@ def test_a_suite_that_is_none() -> None:
 
 
 @pytest.mark.parametrize("seed", range(30))
-def test_rooms_and_mazes_are_connected_and_walled_in(seed: int) -> None:
+def test_rooms_and_mazes_are_connected_and_enclosed(seed: int) -> None:
     from scipy import ndimage
 
     rng = np.random.Generator(np.random.PCG64([seed, 1]))
@@ -70,7 +70,7 @@ def test_rooms_and_mazes_are_connected_and_walled_in(seed: int) -> None:
         assert (grid.data[[0, -1]] == 100).all() and (grid.data[:, [0, -1]] == 100).all()
 
 
-def test_fields_and_caves_hold_free_ground_and_obstacles() -> None:
+def test_fields_and_caves_have_free_space_and_obstacles() -> None:
     rng = np.random.Generator(np.random.PCG64(5))
     for grid in (random_maps.discs(rng, 6.0, 5.0, 0.3, (0.1, 0.3)), random_maps.caves(rng, 6.0, 5.0, 0.25)):
         inner = grid.data[1:-1, 1:-1]

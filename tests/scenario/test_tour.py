@@ -1,4 +1,4 @@
-"""Tours: the file of places, the order, rest and failure, what is told, and Ctrl-C."""
+"""Tours: the file of places, order, pauses, failures, output, and Ctrl-C."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def test_start_and_goals_by_name(tmp_path: Path) -> None:
         ("", "1:1", "no places"),
     ],
 )
-def test_wrong_files_are_told_by_line_and_column(tmp_path: Path, text: str, where: str, what: str) -> None:
+def test_errors_in_places_files_have_line_and_column(tmp_path: Path, text: str, where: str, what: str) -> None:
     path = file_of(tmp_path, text)
     with pytest.raises(InputError) as failed:
         load_places(path)
@@ -116,15 +116,15 @@ def scenario_of(*goals: Pose2D, **more: object) -> Scenario:
     )
 
 
-def test_it_rests_between_goals_and_tells_how_it_stands() -> None:
-    told: list[tuple[str, float]] = []
+def test_a_tour_pauses_between_goals_and_reports_its_state() -> None:
+    reported: list[tuple[str, float]] = []
     scenario = scenario_of(NEAR, FAR, pause_s=3.0)
-    result = drive_tour(scenario, ("near", "far"), on_goal=lambda n, o, s: told.append((n, s.running_s)))
+    result = drive_tour(scenario, ("near", "far"), on_goal=lambda n, o, s: reported.append((n, s.running_s)))
     assert result.succeeded
     assert not result.interrupted
     state = result.state
     assert (state.total, state.done, state.succeeded, state.success_rate, state.place) == (2, 2, 2, 1.0, None)
-    assert [name for name, _ in told] == ["near", "far"]
+    assert [name for name, _ in reported] == ["near", "far"]
     driving = sum(goal.time_s for goal in result.run.goals)
     assert state.running_s == pytest.approx(driving + 3.0, abs=1e-6)
     assert state.distance_m == pytest.approx(sum(g.path_length_m for g in result.run.goals), abs=0.05)
@@ -134,7 +134,7 @@ def test_it_rests_between_goals_and_tells_how_it_stands() -> None:
 
 
 @pytest.mark.parametrize("stop", [False, True])
-def test_a_failure_ends_the_tour_only_when_asked_to(stop: bool) -> None:
+def test_a_failure_ends_the_tour_only_with_stop_on_failure(stop: bool) -> None:
     result = drive_tour(scenario_of(WALL, NEAR, stop_on_failure=stop), ("wall", "near"))
     assert [g.state for g in result.run.goals] == ["ABORTED"] if stop else ["ABORTED", "SUCCEEDED"]
     assert result.state.success_rate == (0.0 if stop else 0.5)
@@ -149,7 +149,7 @@ def test_a_goal_that_takes_too_long_is_cancelled() -> None:
     assert len(result.run.goals) == 2
 
 
-def test_a_stopped_tour_stands_and_keeps_its_record() -> None:
+def test_a_stopped_tour_stops_the_robot_and_has_a_complete_record() -> None:
     run = Run(scenario_of(FAR, NEAR))
     while run.move_base.command.vx == 0.0:
         assert run.step()

@@ -1,4 +1,4 @@
-"""The simulator that C++ was measured in on the BARN worlds can be set up in ours: a Jackal among cylinders, no map."""
+"""Reproduces the simulator in which the C++ stack was measured on the BARN worlds: a Jackal among cylinders, without a map."""
 
 from __future__ import annotations
 
@@ -69,8 +69,8 @@ def test_start_and_goal_are_free_and_scans_see_every_cylinder_in_sight(worlds: l
         assert np.isfinite(scan.ranges).any()
 
 
-def test_a_blind_drive_ends_at_the_first_cylinder(worlds: list[World]) -> None:
-    """Straight ahead at 0.5 m/s: collision exactly where the outline meets the first disc, after commands in time."""
+def test_an_open_loop_drive_ends_at_the_first_cylinder(worlds: list[World]) -> None:
+    """Straight ahead at 0.5 m/s: collision exactly where the footprint meets the first disc."""
     touched = 0
     for world in worlds[:20]:
         robot = SimulatedRobot(PARAMS, world, JACKAL, START)
@@ -88,7 +88,7 @@ def test_a_blind_drive_ends_at_the_first_cylinder(worlds: list[World]) -> None:
     assert touched > 5
 
 
-def test_a_command_older_than_a_quarter_of_a_second_is_none() -> None:
+def test_a_command_older_than_0_25_s_is_ignored() -> None:
     robot = SimulatedRobot(PARAMS, World(), JACKAL, START)
     robot.command(Twist2D(0.5))
     robot.advance_to(2.0)

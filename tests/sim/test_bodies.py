@@ -33,7 +33,7 @@ def robot(params: SimParams, world: World | None = None, start: Pose2D = Pose2D(
 
 
 def stopping(v: float, a: float, j: float) -> tuple[float, float]:
-    """Time and way of a stop from `v` at most `a` and `j`: the acceleration is a trapezium, or a triangle without its top."""
+    """Time and distance of a stop from `v` with limits `a` and `j`: the acceleration profile is a trapezium or a triangle."""
     time = v / a + a / j if v >= a * a / j else 2.0 * math.sqrt(v / j)
     return time, 0.5 * v * time
 
@@ -61,7 +61,7 @@ def test_stopping_distance_with_limited_jerk(v: float, a: float, j: float) -> No
 
 @settings(deadline=None, derandomize=True, max_examples=60)
 @given(st.lists(st.floats(-2, 2), min_size=1, max_size=8), st.floats(0.2, 5), st.floats(0.2, 50), st.floats(5, 200))
-def test_any_commands_keep_to_both_limits_and_are_reached(
+def test_arbitrary_commands_respect_both_limits_and_are_reached(
     commands: list[float], a: float, j: float, frequency: float
 ) -> None:
     it = robot(SimParams(kinematics="holonomic", acc_lim_y=a, jerk_lim_y=j, physics_frequency=frequency))
@@ -79,7 +79,7 @@ def test_any_commands_keep_to_both_limits_and_are_reached(
     assert np.abs(acceleration[-2:]).max() <= 1e-6
 
 
-def test_a_limit_of_jerk_alone_and_of_turning() -> None:
+def test_jerk_limit_without_acceleration_limit_and_of_rotation() -> None:
     it = robot(SimParams(jerk_lim_theta=2.0))
     it.command(Twist2D(0.0, 0.0, 1.0))
     samples = it.advance_to(3.0)
@@ -97,7 +97,7 @@ def car(**more: object) -> SimParams:
 
 @pytest.mark.parametrize("v", [0.8, -0.8])
 @pytest.mark.parametrize("w", [0.5, -0.5])
-def test_a_car_turns_as_it_is_told(v: float, w: float) -> None:
+def test_a_car_follows_the_commanded_turning_rate(v: float, w: float) -> None:
     it = robot(car())
     it.command(Twist2D(v, 0.0, w))
     samples = it.advance_to(4.0)
@@ -107,7 +107,7 @@ def test_a_car_turns_as_it_is_told(v: float, w: float) -> None:
     assert np.hypot(samples[:, 0], samples[:, 1] - radius) == pytest.approx(abs(radius), abs=2e-5)
 
 
-def test_the_turning_circle_of_a_car_is_that_of_its_greatest_steering_angle() -> None:
+def test_the_turning_circle_of_a_car_is_limited_by_its_maximum_steering_angle() -> None:
     params = car()
     assert params.turning_radius == pytest.approx(0.5 / math.tan(0.6))
     it = robot(params)
@@ -125,7 +125,7 @@ def test_the_turning_circle_of_a_car_is_that_of_its_greatest_steering_angle() ->
     assert it.state().velocity.wz == pytest.approx(0.25)
 
 
-def test_a_car_does_not_turn_where_it_stands_nor_slide() -> None:
+def test_a_car_neither_turns_in_place_nor_moves_sideways() -> None:
     it = robot(car())
     it.command(Twist2D(0.0, 0.5, 1.0))
     it.advance_to(2.0)
@@ -148,7 +148,7 @@ def test_the_wheels_of_a_car_turn_at_their_rate() -> None:
     assert samples[:, 8] == pytest.approx(expected)
 
 
-def test_the_angular_part_may_be_the_angle_itself() -> None:
+def test_the_angular_command_can_be_the_steering_angle() -> None:
     it = robot(car(steering_command="angle"))
     it.command(Twist2D(0.0, 0.0, -0.3))
     it.advance_to(0.1)
@@ -158,7 +158,7 @@ def test_the_angular_part_may_be_the_angle_itself() -> None:
     assert it.state().velocity.wz == pytest.approx(0.4 * math.tan(-0.3) / 0.5)
 
 
-def test_lag_of_a_car_is_that_of_speed_and_steering() -> None:
+def test_the_lag_of_a_car_applies_to_speed_and_steering() -> None:
     it = robot(car(velocity_lag=0.2))
     it.command(Twist2D(0.4, 0.0, 0.2))
     samples = it.advance_to(1.0)
@@ -184,8 +184,8 @@ def test_systematic_errors_of_the_odometry() -> None:
     assert tuple(it.frames.lookup("map", "base_footprint", it.time)) == pytest.approx(tuple(it.pose), abs=1e-12)
 
 
-def test_wheel_slip_is_of_the_true_motion_and_has_its_variance() -> None:
-    """A second of driving: the relative error of the way has the given deviation, at any speed and step."""
+def test_wheel_slip_affects_the_true_motion_with_its_variance() -> None:
+    """One second of driving: the relative error of the distance has the given deviation, at any speed and step."""
     for speed, frequency in ((0.5, 50.0), (1.0, 20.0)):
         params = SimParams(wheel_slip=0.05, physics_frequency=frequency)
         ways: list[float] = []
@@ -203,7 +203,7 @@ def test_wheel_slip_is_of_the_true_motion_and_has_its_variance() -> None:
 
 
 def wall_world(kind: str, angle: float) -> World:
-    """A wall 1 cm thick, 8 m long, 1 m ahead of the origin, turned by `angle` (rad) about (1, 0)."""
+    """A wall 1 cm thick, 8 m long, 1 m ahead of the origin, rotated by `angle` (rad) about (1, 0)."""
     if kind == "cells":
         data = np.zeros((400, 201), np.int8)
         data[:, 100] = 100
@@ -224,7 +224,7 @@ def wall_world(kind: str, angle: float) -> World:
     st.floats(-0.5, 0.5),
     st.sampled_from([10.0, 50.0, 200.0]),
 )
-def test_nothing_drives_through_a_wall_of_a_centimetre_at_2_m_per_s(
+def test_no_body_passes_a_wall_of_one_centimetre_at_2_m_per_s(
     outline: str, kinematics: str, kind: str, angle: float, wz: float, vy: float, frequency: float
 ) -> None:
     world = wall_world(kind, angle)
@@ -266,7 +266,7 @@ def test_at_the_wall_a_car_neither_slides_nor_turns() -> None:
     assert not it.in_collision
 
 
-def test_a_round_car_that_is_held_does_not_turn() -> None:
+def test_a_blocked_round_car_does_not_turn() -> None:
     it = SimulatedRobot(car(), wall_world("polygon", 0.0), CIRCLE, Pose2D(0, 0, 0))
     it.command(Twist2D(1.0, 0.0, 0.2))
     it.advance_to(1.2)
@@ -276,7 +276,7 @@ def test_a_round_car_that_is_held_does_not_turn() -> None:
     assert it.pose.yaw == pytest.approx(yaw, abs=0.01)
 
 
-def test_a_polygon_that_drives_over_a_standing_robot_is_a_collision_with_its_name() -> None:
+def test_a_polygon_that_moves_over_a_stopped_robot_is_a_collision_with_its_name() -> None:
     cart = Shape(name="cart", box=[0.4, 0.4], motion=OnTrack(points=[[2, 0], [-2, 0]], speed=1.0))
     it = robot(SimParams(), World(None, [[9.0, 9.0, 0.1]], shapes=[cart]))
     it.advance_to(1.8)
@@ -290,13 +290,13 @@ def test_a_polygon_that_drives_over_a_standing_robot_is_a_collision_with_its_nam
     assert it.clearance == pytest.approx(1.0 - 0.2 - 0.18, abs=0.03)
 
 
-def test_a_start_within_a_shape_is_refused() -> None:
+def test_a_start_in_a_shape_is_rejected() -> None:
     world = World(None, shapes=[Shape(box=[1.0, 1.0], pose=[0.3, 0.0])])
     with pytest.raises(InputError, match="polygon"):
         robot(SimParams(), world)
 
 
-def test_names_of_what_was_hit() -> None:
+def test_names_of_obstacles() -> None:
     shapes = [
         Shape(name="post", radius=0.1, pose=[5, 0]),
         Shape(name="cart", radius=0.1, motion=OnTrack(points=[[6, 0], [7, 0]])),

@@ -1,4 +1,4 @@
-"""Bumpers: which zones are pressed, where the points lie, when they come; and what a robot makes of them."""
+"""Bumpers: pressed zones, positions and times of their points, and the reaction of the stack."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def clouds(robot: SimulatedRobot) -> list[PointCloud]:
 def touching(
     bearing: float, footprint: Footprint = CIRCLE, *, kinematics: Any = "holonomic", **bumper: Any
 ) -> SimulatedRobot:
-    """A robot that has driven 0.5 m into a post that lies in that direction."""
+    """A robot that has driven 0.5 m into a post in this direction."""
     post = [0.5 * math.cos(bearing), 0.5 * math.sin(bearing), 0.02]
     params = SimParams(kinematics=kinematics, lasers=[], sensors={"bumper": BumperParams(**bumper)})
     robot = SimulatedRobot(params, World(None, [post]), footprint, Pose2D(0.0, 0.0, 0.0))
@@ -38,7 +38,7 @@ def touching(
 
 
 @pytest.mark.parametrize("bearing", [0.0, 0.4, -0.4, 0.7, -0.7, 1.5, -1.5])
-def test_the_point_lies_where_it_is_touched(bearing: float) -> None:
+def test_the_point_is_at_the_contact(bearing: float) -> None:
     robot = touching(bearing)
     cloud = clouds(robot)[-1]
     assert (cloud.topic, cloud.frame) == ("mobile_base/sensors/bumper_pointcloud", "bumper_link")
@@ -51,13 +51,13 @@ def test_the_point_lies_where_it_is_touched(bearing: float) -> None:
 
 
 @pytest.mark.parametrize("bearing", [1.8, math.pi, -1.8])
-def test_behind_a_kobuki_feels_nothing(bearing: float) -> None:
+def test_a_kobuki_has_no_bumper_at_the_back(bearing: float) -> None:
     robot = touching(bearing)
     assert all(len(cloud.points) == 0 for cloud in clouds(robot))
 
 
 @pytest.mark.parametrize(("bearing", "middle"), [(0.2, 0.0), (0.7, 1.047), (-1.4, -1.047)])
-def test_by_zone_the_point_lies_in_its_middle(bearing: float, middle: float) -> None:
+def test_with_point_zone_the_point_is_at_the_zone_centre(bearing: float, middle: float) -> None:
     ((x, y, _),) = clouds(touching(bearing, point="zone"))[-1].points.tolist()
     assert math.atan2(y, x) == pytest.approx(middle, abs=0.03)
 
@@ -79,7 +79,7 @@ def test_a_box_against_a_wall_presses_every_zone_of_its_front() -> None:
     assert 0.17 < points[0, 1] < 0.2
 
 
-def test_clouds_come_while_it_is_pressed_and_one_tells_the_release() -> None:
+def test_clouds_are_published_while_pressed_and_once_on_release() -> None:
     params = SimParams(lasers=[], sensors={"bumper": BumperParams(frequency=5.0)})
     robot = SimulatedRobot(params, corridor(10, 0.05), CIRCLE, Pose2D(1.0, 0.0, 0.0))
     assert robot.scans() == []
@@ -98,7 +98,7 @@ def test_clouds_come_while_it_is_pressed_and_one_tells_the_release() -> None:
     assert found[0].stamp == pytest.approx(2.6)
 
 
-def test_how_a_call_is_cut_does_not_matter() -> None:
+def test_the_division_into_calls_does_not_matter() -> None:
     ends: list[list[tuple[float, bytes]]] = []
     for cuts in (1, 7):
         robot = SimulatedRobot(SimParams(lasers=[]), corridor(10, 0.05), CIRCLE, Pose2D(1.0, 0.0, 0.1))
@@ -120,7 +120,7 @@ def test_lidar_and_bumper_in_the_order_of_their_times() -> None:
     assert robot.frames.lookup("base_footprint", "bumper_link").is_identity()
 
 
-def test_skin_is_dense_and_points_outwards() -> None:
+def test_outline_points_are_dense_and_normals_point_outwards() -> None:
     for footprint in (CIRCLE, BOX, Footprint(BOX.vertices[::-1].copy())):
         points, normals = outline_points(footprint.vertices)
         gaps = np.hypot(*(np.roll(points, -1, axis=0) - points).T)
@@ -129,7 +129,7 @@ def test_skin_is_dense_and_points_outwards() -> None:
         assert ((points * normals).sum(axis=1) > 0.0).all()  # convex around the centre
 
 
-def test_bad_bumpers_are_refused() -> None:
+def test_invalid_bumpers_are_rejected() -> None:
     with pytest.raises(ValueError, match=r"write \[from, to\]"):
         BumperParams(zones=[[1.0, 0.5]])
     with pytest.raises(ValueError, match="laser is the name of a lidar and of a bumper"):
@@ -156,8 +156,8 @@ def test_bumpers_from_yaml(tmp_path: Path) -> None:
 # --- a round body -----------------------------------------------------------------------------------------------------
 
 
-def test_a_round_robot_turns_on_the_spot_in_collision() -> None:
-    """The corners of the 16-gon that stands for it do not catch; those of a box do."""
+def test_a_round_robot_turns_in_place_in_collision() -> None:
+    """The corners of the 16-gon that approximates it do not collide; those of a box do."""
     for footprint, turned in (
         (CIRCLE, 1.0),
         (Footprint(np.array([[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]])), 0.1),
@@ -173,7 +173,7 @@ def test_a_round_robot_turns_on_the_spot_in_collision() -> None:
 # --- low obstacles ----------------------------------------------------------------------------------------------------
 
 
-def test_lidars_do_not_see_what_is_low() -> None:
+def test_lidars_do_not_see_low_obstacles() -> None:
     ahead = SimParams(bumpers=[], sensors={"laser": LidarParams(x=0.0, beams=1, range_min=0.0)})
     world = World(None, [[3.0, 0.0, 0.5]], low_discs=[[1.5, 0.0, 0.2]])
     robot = SimulatedRobot(ahead, world, CIRCLE, Pose2D(0.0, 0.0, 0.0))
@@ -195,7 +195,7 @@ def test_lidars_do_not_see_what_is_low() -> None:
 
 
 def bumped(disc: tuple[float, float, float]) -> tuple[SimulatedRobot, nav.MoveBase, Any, list[Any]]:
-    """The turtlebot on its way into office_2, over a low disc; what the global costmap said of it each second."""
+    """The turtlebot drives to office_2 over a low disc; the global costmap's cost of the disc at each second."""
     grid = nav.load_map(nav.map_path("office"))
     configuration = nav.load_configuration(["turtlebot"])
     office = nav.load_places("office")
@@ -221,8 +221,8 @@ def bumped(disc: tuple[float, float, float]) -> tuple[SimulatedRobot, nav.MoveBa
             }
             for (dx, dy), cost in costs.items():
                 if cost == 254 and robot.collisions:
-                    told = costmap.explain_cell(x + dx, y + dy)  # pyright: ignore
-                    marks.append((costmap.name, told.source, told.stamp, told.set_by))
+                    explained = costmap.explain_cell(x + dx, y + dy)  # pyright: ignore
+                    marks.append((costmap.name, explained.source, explained.stamp, explained.set_by))
     return robot, move_base, handle, marks
 
 
@@ -230,8 +230,8 @@ ON_THE_WAY = [((6.795, 7.674, 0.115), True), ((5.668, 7.784, 0.046), True), ((4.
 
 
 @pytest.mark.parametrize(("disc", "arrives"), ON_THE_WAY)
-def test_a_turtlebot_marks_what_it_bumps_into(disc: tuple[float, float, float], arrives: bool) -> None:
-    """It drives into what it cannot see, once or a few times, marks it, and goes around it where there is room.
+def test_a_turtlebot_marks_obstacles_that_press_its_bumper(disc: tuple[float, float, float], arrives: bool) -> None:
+    """It collides with the unseen obstacle once or a few times, marks it, and drives around it if there is space.
 
     The turtlebot's YAML lets it drive forwards only, and the mark lies some centimetres beyond what it touches: now and
     then it pushes against the thing until it gives up, with that reason.

@@ -1,4 +1,4 @@
-"""Pedestrians: where they walk, what they keep off, the same for the same seed."""
+"""Pedestrians: paths, distances to obstacles, reproducibility by seed."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def walker(x: float, y: float, *goals: tuple[float, float], radius: float = 0.25
 
 
 def ways(robot: SimulatedRobot, seconds: float, step: float = 0.1) -> NDArray[np.float64]:
-    """(time, people, 2) where they walked."""
+    """(time, people, 2) their positions."""
     found: list[NDArray[np.float64]] = []
     begun = robot.time
     for k in range(round(seconds / step)):
@@ -33,7 +33,7 @@ def ways(robot: SimulatedRobot, seconds: float, step: float = 0.1) -> NDArray[np
     return np.array(found)
 
 
-def test_one_alone_walks_to_its_goals_at_its_speed() -> None:
+def test_a_single_pedestrian_walks_to_its_goals_at_its_speed() -> None:
     world = World(None, shapes=[walker(0, 0, (10, 0), (10, 5), speed=1.2, goal_radius=0.2)])
     way = ways(SimulatedRobot(BLIND, world, CIRCLE, FAR_AWAY), 15.0)[:, 0]
     # v (t - tau (1 - exp(-t / tau))): the speed is come to under the relaxation time of 0.5 s
@@ -66,7 +66,7 @@ def test_forces_are_the_gradients_of_the_paper_s_potentials() -> None:
     )
 
 
-def test_two_that_meet_pass_each_other() -> None:
+def test_two_pedestrians_pass_each_other() -> None:
     world = World(None, shapes=[walker(-4, 0, (4, 0), speed=1.2), walker(4, 0.05, (-4, 0), speed=1.2)])
     both = ways(SimulatedRobot(BLIND, world, CIRCLE, FAR_AWAY), 12.0)
     assert np.hypot(*(both[:, 0] - both[:, 1]).T).min() > 0.5
@@ -87,8 +87,8 @@ ROOM = """
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_nobody_walks_into_walls_solids_or_the_robot(seed: int) -> None:
-    """Six who criss-cross a room with a pillar, a post and a robot that drives about."""
+def test_pedestrians_do_not_collide_with_walls_solids_or_the_robot(seed: int) -> None:
+    """Six pedestrians cross a room with a pillar, a post and a moving robot."""
     rng = np.random.default_rng(seed)
     grid = ascii_map(ROOM, 0.5)
     people = [
@@ -114,7 +114,7 @@ def test_nobody_walks_into_walls_solids_or_the_robot(seed: int) -> None:
     assert np.mean(speeds) > 0.2
 
 
-def test_they_walk_round_a_robot_that_stands_in_their_way() -> None:
+def test_pedestrians_walk_around_a_stopped_robot() -> None:
     world = World(None, shapes=[walker(-3, 0.02, (3, 0), speed=1.0)])
     robot = SimulatedRobot(BLIND, world, CIRCLE, Pose2D(0, 0, 0))
     way = ways(robot, 10.0)[:, 0]
@@ -123,7 +123,7 @@ def test_they_walk_round_a_robot_that_stands_in_their_way() -> None:
     assert np.hypot(*(way - [3, 0]).T).min() < 0.4
 
 
-def test_one_that_does_not_notice_the_robot_runs_into_it() -> None:
+def test_a_pedestrian_that_ignores_the_robot_collides_with_it() -> None:
     shape = walker(-3, 0, (3, 0), speed=1.0, notices_robot=False).model_copy(update={"name": "ann"})
     robot = SimulatedRobot(BLIND, World(None, shapes=[shape]), CIRCLE, Pose2D(0, 0, 0))
     robot.advance_to(8.0)
@@ -131,7 +131,7 @@ def test_one_that_does_not_notice_the_robot_runs_into_it() -> None:
     assert robot.pose == Pose2D(0, 0, 0)
 
 
-def test_speeds_and_ways_come_from_the_seed() -> None:
+def test_speeds_and_paths_depend_on_the_seed() -> None:
     world = World(None, shapes=[walker(0, y, (20, y)) for y in np.arange(0, 120, 6.0).tolist()])
 
     def walked(seed: int) -> NDArray[np.float64]:
@@ -145,7 +145,7 @@ def test_speeds_and_ways_come_from_the_seed() -> None:
     assert 0.1 < speeds.std() < 0.5
 
 
-def test_they_pause_at_their_goals() -> None:
+def test_pedestrians_pause_at_their_goals() -> None:
     world = World(None, shapes=[walker(0, 0, (2, 0), (0, 0), speed=1.0, pause=3.0)])
     way = ways(SimulatedRobot(BLIND, world, CIRCLE, FAR_AWAY), 6.0)[:, 0]
     there = np.hypot(*(way - [2, 0]).T) < 0.45

@@ -1,4 +1,4 @@
-"""The same bits in any process."""
+"""Results are identical to the bit in any process."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def run(**environment: str) -> str:
     return out.stdout
 
 
-def test_the_same_bits_in_any_process() -> None:
+def test_identical_results_in_any_process() -> None:
     first = run(PYTHONHASHSEED="1")
     assert len(first.split()[0]) == len(hashlib.sha256().hexdigest())
     assert int(first.split()[1]) > 0

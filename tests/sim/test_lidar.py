@@ -1,4 +1,4 @@
-"""Ranges against a marcher of small steps, closed forms, noise, and what REP 117 says."""
+"""Ranges against a ray marcher with small steps and closed forms; noise; the special values of REP 117."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def occupied_at(grid: OccupancyGrid, x: NDArray[np.float64], y: NDArray[np.float
 
 
 def in_polygons(world: World, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which points of the map frame lie in one of the world's polygons, by shapely."""
+    """Which points of the map frame are in one of the world's polygons, by shapely."""
     solids = world.solids_at(0.0)
     found = np.zeros(x.shape, bool)
     for k in range(len(solids.circles)):
@@ -55,7 +55,7 @@ def march(world: World, eye: Pose2D, angles: NDArray[np.float64], reach: float) 
 
 
 def compare(world: World, eye: Pose2D, reach: float) -> None:
-    """The marcher finds a hit within a step behind the exact one; it may only miss corners shorter than its step."""
+    """The marcher finds a hit within one step behind the exact one; it can miss only corners shorter than its step."""
     params = LidarParams(x=0.0, beams=360, fov=2 * math.pi, range_min=0.0, range_max=reach)
     lidar = Lidar(params, seed=0, number=0)
     exact = lidar.scan(world, eye, 0, 0.0).ranges.astype(float)
@@ -108,8 +108,8 @@ def test_equals_a_marcher_on_the_packaged_maps(name: str) -> None:
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_leaps_cross_free_cells_only(seed: int) -> None:
-    """Every rectangle lies on the map and holds no occupied cell; where there is none, the cell is occupied."""
+def test_free_rectangles_contain_only_free_cells(seed: int) -> None:
+    """Every rectangle is on the map and contains no occupied cell; an empty one means an occupied cell."""
     rng = np.random.default_rng(seed)
     ny, nx = rng.integers(1, 50, 2).tolist() if seed else (3, 700)  # beyond what a byte holds
     occupied = rng.random((ny, nx)) < rng.choice([0.0, 0.005, 0.03, 0.2])
@@ -153,13 +153,13 @@ def test_along_the_axes_and_through_corners() -> None:
     assert ranges == pytest.approx([diagonal, 1.5, diagonal, 2.5, diagonal, 1.5, diagonal, 2.5], abs=1e-5)
 
 
-def test_unknown_cells_hide_nothing() -> None:
+def test_unknown_cells_are_transparent() -> None:
     world = World(ascii_map(" ??#"))
     params = LidarParams(x=0.0, beams=1, range_min=0.0)
     assert Lidar(params, seed=0, number=0).scan(world, Pose2D(0.5, 0.5, 0.0), 0, 0.0).ranges[0] == 2.5
 
 
-def test_too_near_is_minus_inf_and_nothing_is_plus_inf() -> None:
+def test_too_near_is_minus_inf_and_no_hit_is_plus_inf() -> None:
     world = World(ascii_map("#     "), [[4.0, 0.5, 0.5]])
     params = LidarParams(x=0.0, beams=2, fov=math.pi * 0.999, range_min=0.45, range_max=6.0)
     forward = LidarParams(x=0.0, beams=1)
@@ -193,7 +193,7 @@ def test_disc_in_closed_form() -> None:
     assert np.isfinite(ranges).sum() == 111  # asin(1/6) = 0.167 rad on either side
 
 
-def test_a_full_circle_measures_no_direction_twice() -> None:
+def test_a_full_circle_has_no_duplicate_direction() -> None:
     assert LidarParams(beams=360, fov=2 * math.pi).angle_increment == pytest.approx(math.radians(1))
     assert LidarParams(beams=720, fov=4.71238).angle_increment == pytest.approx(4.71238 / 719)
     assert LidarParams().angle_min == pytest.approx(-0.5)

@@ -19,14 +19,14 @@ def measured(data: LaserScan | PointCloud) -> bytes:
     return (data.ranges if isinstance(data, LaserScan) else data.points).tobytes()
 
 
-def test_there_and_back() -> None:
+def test_back_and_forth() -> None:
     tracked = TrackedDiscs([Track([(0, 0), (3, 0), (3, 1)], 0.5, 0.2)])
     places = [tracked.discs(t)[0].tolist() for t in (0, 2, 6, 7, 8, 9, 15, 16, 17)]
     expected = [(0, 0), (1, 0), (3, 0), (3, 0.5), (3, 1), (3, 0.5), (0.5, 0), (0, 0), (0.5, 0)]
     assert places == [pytest.approx([x, y, 0.2]) for x, y in expected]
 
 
-def test_round_and_round_and_backwards() -> None:
+def test_closed_tracks_forwards_and_backwards() -> None:
     square = [(0, 0), (1, 0), (1, 1), (0, 1)]
     tracked = TrackedDiscs(
         [Track(square, 1.0, 0.1, closed=True, start_offset=0.5), Track(square, -1.0, 0.3, closed=True)]
@@ -36,7 +36,7 @@ def test_round_and_round_and_backwards() -> None:
     assert tracked.discs(3.0)[:, 2].tolist() == [0.1, 0.3]
 
 
-def test_every_disc_keeps_to_its_track_and_its_speed() -> None:
+def test_every_disc_stays_on_its_track_at_its_speed() -> None:
     rng = np.random.default_rng(0)
     tracks = [Track(rng.uniform(0, 5, (4, 2)) + 20 * k, float(rng.uniform(-2, 2)), 0.1, bool(k % 2)) for k in range(50)]
     tracked = TrackedDiscs(tracks)
@@ -51,7 +51,7 @@ def test_every_disc_keeps_to_its_track_and_its_speed() -> None:
         assert np.isclose(moved, step * speeds, rtol=1e-6).mean() > 0.9
 
 
-def test_wrong_tracks_are_refused() -> None:
+def test_invalid_tracks_are_rejected() -> None:
     for track, message in (
         (Track([(0, 0)], 1.0, 0.1), "two points"),
         (Track([(0, 0), (1,)], 1.0, 0.1), "two points"),
@@ -72,7 +72,7 @@ def test_a_scan_sees_discs_where_they_were_at_its_time() -> None:
         assert scan.ranges[0] == pytest.approx(4.5 - scan.stamp, abs=1e-6)
 
 
-def test_a_disc_that_runs_into_a_standing_robot_is_one_collision_and_does_not_hold_it() -> None:
+def test_a_disc_that_hits_a_stopped_robot_is_one_collision_and_does_not_block_it() -> None:
     world = World(None, (), [TrackedDiscs([Track([(2, 0), (-2, 0)], 1.0, 0.3)])])
     robot = SimulatedRobot(AHEAD, world, CIRCLE, Pose2D(0, 0, 0))
     robot.advance_to(1.6)
@@ -91,7 +91,7 @@ def test_a_disc_that_runs_into_a_standing_robot_is_one_collision_and_does_not_ho
     assert len(robot.collisions) == 2
 
 
-def test_driving_into_a_moving_disc_is_one_collision_too() -> None:
+def test_driving_into_a_moving_disc_is_one_collision() -> None:
     world = World(None, (), [TrackedDiscs([Track([(2, 0), (-2, 0)], 0.3, 0.3)])])
     robot = SimulatedRobot(AHEAD, world, CIRCLE, Pose2D(0, 0, 0))
     robot.command(Twist2D(0.5))
@@ -99,7 +99,7 @@ def test_driving_into_a_moving_disc_is_one_collision_too() -> None:
     assert len(robot.collisions) == 1
 
 
-def test_what_comes_towards_a_driving_robot_stops_it_and_is_not_driven_through() -> None:
+def test_an_approaching_obstacle_stops_the_robot_and_is_not_passed_through() -> None:
     world = World(None, (), [TrackedDiscs([Track([(2, 0), (-9, 0)], 0.5, 0.3)])])
     for acceleration in (None, 1.0):
         robot = SimulatedRobot(SimParams(acc_lim_x=acceleration, lasers=[]), world, CIRCLE, Pose2D(0, 0, 0))
@@ -114,7 +114,7 @@ def test_what_comes_towards_a_driving_robot_stops_it_and_is_not_driven_through()
         assert len(robot.collisions) == 1
 
 
-def test_what_lies_over_a_robot_lets_it_leave_but_not_through_itself() -> None:
+def test_the_robot_can_leave_an_overlapping_obstacle_but_not_through_it() -> None:
     door = Shape(
         segment=[[0.3, 1], [0.3, -1]], motion=DoorMotion(style="sliding", slide=[0, 2], open=[[0, 1]], moving_time=0.0)
     )
@@ -131,7 +131,7 @@ def test_what_lies_over_a_robot_lets_it_leave_but_not_through_itself() -> None:
     assert not robot.in_collision
 
 
-def test_a_world_that_moves_is_the_same_however_the_run_is_cut() -> None:
+def test_moving_obstacles_do_not_depend_on_the_division_into_calls() -> None:
     rng = np.random.default_rng(1)
     tracks = [Track(rng.uniform(-4, 4, (3, 2)), float(rng.uniform(0.2, 1)), 0.15) for _ in range(12)]
     world = World(None, (), [TrackedDiscs(tracks)])

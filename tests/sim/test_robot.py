@@ -21,7 +21,7 @@ def robot(params: SimParams | None = None, world: World | None = None, start: Po
     return SimulatedRobot(params or SimParams(), world or World(), CIRCLE, start, **kw)
 
 
-def test_is_a_robot() -> None:
+def test_implements_the_robot_protocol() -> None:
     made: Robot = robot()
     assert made.state().frame == "odom"
 
@@ -30,7 +30,7 @@ def test_is_a_robot() -> None:
 
 
 def test_turning_circle() -> None:
-    """v = 0.5, w = 0.5: a circle of 1 m; after a full turn the robot is back."""
+    """v = 0.5, w = 0.5: a circle of 1 m radius; after a full turn the robot is at its start."""
     it = robot()
     it.command(Twist2D(0.5, 0.0, 0.5))
     samples = it.advance_to(4 * math.pi)
@@ -66,7 +66,7 @@ def test_lag_is_first_order() -> None:
     assert samples[:, 6] == pytest.approx(1.0 - np.exp(-t / 0.1))
 
 
-def test_dead_time_and_timeout() -> None:
+def test_command_delay_and_timeout() -> None:
     it = robot(SimParams(command_delay=0.1, command_timeout=0.25))
     it.command(Twist2D(0.4))
     samples = it.advance_to(1.0)
@@ -91,8 +91,8 @@ def test_differential_never_moves_sideways_holonomic_does() -> None:
         assert tuple(it.pose) == pytest.approx((0.2, y, 0.0))
 
 
-def test_how_a_call_is_cut_does_not_matter() -> None:
-    """Bit by bit the same in one call and in fifty, noise included."""
+def test_the_division_into_calls_does_not_matter() -> None:
+    """Identical to the bit in one call and in fifty, noise included."""
     params = SimParams(acc_lim_x=1.0, wheel_slip=0.1, odometry_noise=0.1, command_delay=0.05)
     once, often = robot(params, seed=3), robot(params, seed=3)
     for it, cuts in ((once, 1), (often, 50)):
@@ -108,7 +108,7 @@ def test_how_a_call_is_cut_does_not_matter() -> None:
 # --- time, frames, scans ----------------------------------------------------------------------------------------------
 
 
-def test_time_is_whole_steps_and_never_before_what_was_asked() -> None:
+def test_time_is_in_whole_steps_and_never_before_the_requested_time() -> None:
     it = robot()
     it.advance_to(0.05)
     assert it.time == 0.06
@@ -163,10 +163,10 @@ def test_energy_of_the_odometry_noise() -> None:
 
 
 @pytest.mark.parametrize("frequency", [20.0, 100.0])
-def test_the_heading_wanders_with_the_root_of_the_way(frequency: float) -> None:
+def test_the_heading_drifts_with_the_square_root_of_the_distance(frequency: float) -> None:
     """0.05 rad for a metre: after 4 m the heading has a deviation of 0.1 rad, the lateral error one of 0.05 sqrt(4^3 / 3) m."""
     true: list[tuple[float, float]] = []
-    told: list[tuple[float, float]] = []
+    reported: list[tuple[float, float]] = []
     for seed in range(300):
         it = robot(
             SimParams(physics_frequency=frequency, wheel_slip_turn=0.05, odometry_noise_turn=0.025, lasers=[]),
@@ -175,12 +175,12 @@ def test_the_heading_wanders_with_the_root_of_the_way(frequency: float) -> None:
         it.command(Twist2D(0.8))
         it.advance_to(5.0)
         true.append((it.pose.yaw, it.pose.y))
-        told.append((it.state().pose.yaw, it.state().pose.y))
+        reported.append((it.state().pose.yaw, it.state().pose.y))
     lateral = 0.05 * math.sqrt(4.0**3 / 3.0)
     assert np.std(true, axis=0) == pytest.approx([0.1, lateral], rel=0.15)
-    assert np.std(told, axis=0) == pytest.approx([0.05, lateral / 2.0], rel=0.15)
+    assert np.std(reported, axis=0) == pytest.approx([0.05, lateral / 2.0], rel=0.15)
     assert (np.abs(np.mean(true, axis=0)) < 4.0 * np.array([0.1, lateral]) / math.sqrt(300)).all()
-    assert abs(np.corrcoef(np.array(true)[:, 0], np.array(told)[:, 0])[0, 1]) < 0.25
+    assert abs(np.corrcoef(np.array(true)[:, 0], np.array(reported)[:, 0])[0, 1]) < 0.25
 
 
 def test_scans_are_taken_where_the_robot_was_at_their_times() -> None:
@@ -227,7 +227,7 @@ def corridor(wall_cells: int, resolution: float) -> World:
 
 @pytest.mark.parametrize("speed", [0.3, 2.0, 5.0])
 @pytest.mark.parametrize("footprint", [CIRCLE, BOX, Footprint.from_radius(0.02)], ids=["round", "box", "tiny"])
-def test_never_through_a_wall_of_one_centimetre(speed: float, footprint: Footprint) -> None:
+def test_no_motion_through_a_wall_of_one_centimetre(speed: float, footprint: Footprint) -> None:
     it = SimulatedRobot(SimParams(), corridor(1, 0.01), footprint, Pose2D(0.5, 0.003, 0.0))
     it.command(Twist2D(speed))
     it.advance_to(8.0)
@@ -242,8 +242,8 @@ def test_never_through_a_wall_of_one_centimetre(speed: float, footprint: Footpri
     assert it.state().velocity == Twist2D(0, 0, 0)
 
 
-def test_never_over_a_thin_post_by_turning() -> None:
-    """The corner of a long box sweeps over a post of 1 cm at 4 rad/s: 0.1 m of arc per step."""
+def test_no_rotation_over_a_thin_post() -> None:
+    """The corner of a long box passes a post of 1 cm at 4 rad/s: 0.1 m of arc per step."""
     footprint = Footprint(np.array([[-1.2, -0.2], [1.2, -0.2], [1.2, 0.2], [-1.2, 0.2]]))
     post = (1.2 * math.cos(1.0), 1.2 * math.sin(1.0), 0.005)
     it = SimulatedRobot(SimParams(), World(None, [post]), footprint, Pose2D(0, 0, 0))
@@ -276,13 +276,13 @@ def test_the_wheels_stop_with_the_robot() -> None:
     assert it.distance_travelled == pytest.approx(it.pose.x - 1.0)
 
 
-def test_a_start_in_a_wall_is_refused() -> None:
+def test_a_start_in_a_wall_is_rejected() -> None:
     with pytest.raises(InputError, match=r"the start \(1.9, 0, 0\) collides with the map at \(2\.0"):
         robot(world=corridor(10, 0.05), start=Pose2D(1.9, 0.0, 0.0))
 
 
 @pytest.mark.parametrize("pose", [Pose2D(math.nan, 0, 0), Pose2D(0, math.inf, 0), Pose2D(0, 0, math.nan)])
-def test_a_world_is_not_asked_about_a_place_that_is_none(pose: Pose2D) -> None:
+def test_queries_at_poses_that_are_not_finite_are_rejected(pose: Pose2D) -> None:
     world = World(None, [[1.0, 1.0, 0.2]])
     footprint = Footprint.from_radius(0.2)
     for ask in (
@@ -295,17 +295,17 @@ def test_a_world_is_not_asked_about_a_place_that_is_none(pose: Pose2D) -> None:
 
 
 @pytest.mark.parametrize("discs", [[[0.0, 1.0]], [[None, 1.0]], [["a", 1.0, 0.2]]])
-def test_discs_that_are_no_rows_are_refused(discs: list[list[float]]) -> None:
+def test_malformed_discs_are_rejected(discs: list[list[float]]) -> None:
     with pytest.raises(InputError, match="not a row of three numbers"):
         World(None, discs)
 
 
-def test_a_seed_below_zero_is_refused() -> None:
+def test_a_negative_seed_is_rejected() -> None:
     with pytest.raises(InputError, match="the seed is -1"):
         robot(seed=-1)
 
 
-def test_commands_that_are_no_numbers_are_refused() -> None:
+def test_commands_that_are_not_finite_are_rejected() -> None:
     with pytest.raises(InputError, match="finite"):
         robot().command(Twist2D(math.nan))
     with pytest.raises(InputError, match="cannot simulate"):
@@ -324,7 +324,7 @@ def test_bad_parameters_are_refused() -> None:
 
 
 def test_transform_of_the_grid_does_not_change_a_run() -> None:
-    """The same walls, given by a grid that is turned by a quarter: the same collision."""
+    """The same walls in a grid rotated by 90 degrees give the same collision."""
     text = """
 ....#...
 ....#...

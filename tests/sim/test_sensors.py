@@ -29,7 +29,7 @@ def sonar_of(world: World, **more: object) -> RangeReading:
 # --- sonar ------------------------------------------------------------------------------------------------------------
 
 
-def test_a_sonar_reports_the_nearest_thing_in_its_cone() -> None:
+def test_a_sonar_reports_the_nearest_obstacle_in_its_cone() -> None:
     beside = [[1.5 * math.cos(0.2), 1.5 * math.sin(0.2), 0.1], [2.0, 0.0, 0.1], [0.9, 0.9, 0.1]]
     reading = sonar_of(World(None, beside), fov=0.5, beams=201)
     # the disc to the side, not the one ahead, and not the one outside
@@ -61,7 +61,7 @@ def test_noise_of_a_sonar() -> None:
 # --- lidar ------------------------------------------------------------------------------------------------------------
 
 
-def test_a_beam_without_a_hit_may_report_the_greatest_range() -> None:
+def test_a_beam_without_a_hit_can_report_the_maximum_range() -> None:
     lidar = {"x": 0.0, "beams": 3, "fov": 1.0, "range_min": 0.1, "range_max": 4.0}
     world = World(None, [[2.0, 0.0, 0.5]])
     found: list[list[float]] = []
@@ -73,7 +73,7 @@ def test_a_beam_without_a_hit_may_report_the_greatest_range() -> None:
     assert found == [[math.inf, 1.5, math.inf], [4.0, 1.5, 4.0]]
 
 
-def test_low_things_are_seen_by_low_lidars() -> None:
+def test_low_lidars_see_low_obstacles() -> None:
     world = World(
         ascii_map(" " * 6, y=-0.5),
         [[5.0, 0.0, 0.2]],
@@ -99,7 +99,7 @@ def imu(**more: object) -> SimParams:
     return SimParams(lasers=[], bumpers=[], imus=["gyro"], sensors={"gyro": ImuParams(**more)})  # pyright: ignore
 
 
-def test_an_imu_tells_the_true_yaw_and_rate() -> None:
+def test_an_imu_reports_the_true_yaw_and_rate() -> None:
     it = robot(imu(yaw=0.5, frequency=25.0), start=Pose2D(0, 0, 3.0))
     it.command(Twist2D(0.2, 0.0, 0.5))
     it.advance_to(2.0)
@@ -113,7 +113,7 @@ def test_an_imu_tells_the_true_yaw_and_rate() -> None:
     assert it.frames.lookup("base_footprint", "imu_link").yaw == 0.5
 
 
-def test_a_robot_that_is_held_does_not_turn_for_its_imu_either() -> None:
+def test_the_imu_of_a_blocked_robot_reports_no_rotation() -> None:
     box = Footprint(np.array([[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]]))
     it = SimulatedRobot(imu(), World(None, shapes=[Shape(box=[2, 0.1], pose=[0, 0.3])]), box, Pose2D(0, 0, 0))
     it.command(Twist2D(0.0, 0.0, 1.0))
@@ -135,7 +135,7 @@ def test_errors_of_an_imu() -> None:
     assert errors.std() == pytest.approx(0.02, rel=4 / math.sqrt(2 * n))
 
 
-def test_the_bias_of_an_imu_wanders_as_far_as_it_is_said_to() -> None:
+def test_the_bias_of_an_imu_drifts_with_the_given_deviation() -> None:
     ends: list[float] = []
     for seed in range(200):
         it = robot(imu(yaw_rate_drift=0.01, frequency=10.0), seed=seed)
@@ -144,7 +144,7 @@ def test_the_bias_of_an_imu_wanders_as_far_as_it_is_said_to() -> None:
     assert np.std(ends) == pytest.approx(0.01 * 2.0, rel=4 / math.sqrt(400))
 
 
-def test_an_imu_reads_the_same_however_the_run_is_cut() -> None:
+def test_imu_readings_do_not_depend_on_the_division_into_calls() -> None:
     found: list[list[object]] = []
     for cuts in (1, 17):
         it = robot(imu(orientation_noise=0.02, yaw_rate_noise=0.01, yaw_rate_drift=0.1, frequency=30.0), seed=3)
@@ -157,7 +157,7 @@ def test_an_imu_reads_the_same_however_the_run_is_cut() -> None:
     assert found[0] == found[1]
 
 
-def test_a_name_belongs_to_one_sensor() -> None:
+def test_sensor_names_are_unique() -> None:
     with pytest.raises(ValueError, match="the name of a lidar and of an IMU"):
         SimParams(lasers=["a"], imus=["a"])
     with pytest.raises(InputError, match="two sensors have the frame"):
@@ -167,7 +167,7 @@ def test_a_name_belongs_to_one_sensor() -> None:
 # --- localization -----------------------------------------------------------------------------------------------------
 
 
-def test_offsets_are_those_of_fake_localization() -> None:
+def test_offsets_match_fake_localization() -> None:
     """Map -> base = T(-delta_yaw; -delta_x, -delta_y) times the true pose."""
     for noise in (0.0, 0.05):
         it = robot(SimParams(delta_x=1.0, delta_y=2.0, delta_yaw=math.pi / 2, odometry_noise=noise))
@@ -196,8 +196,8 @@ def test_noise_of_the_localization() -> None:
     assert again.frames.lookup("map", "odom", 7.0) == it.frames.lookup("map", "odom", 7.0)
 
 
-def test_a_delay_lets_the_correction_come_late() -> None:
-    """The odometry says 2 % too much: a fifth of a second later the localization takes that back."""
+def test_a_delay_delays_the_correction() -> None:
+    """The odometry overestimates by 2 %: the localization corrects it 0.2 s later."""
     it = robot(SimParams(odometry_scale=0.02, localization_delay=0.2))
     it.command(Twist2D(0.5))
     it.advance_to(4.0)

@@ -1,4 +1,4 @@
-"""Shapes of every kind in a scenario: driven, recorded, read back, driven again."""
+"""Shapes of every kind in a scenario: driven, recorded, restored, driven again."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_a_record_with_shapes_and_people_replays_byte_for_byte(tmp_path: Path) -
     assert (record.clearances < np.array(alone) - 0.01).any()
 
 
-def test_a_record_knows_where_everything_stood(tmp_path: Path) -> None:
+def test_a_record_contains_the_positions_of_obstacles(tmp_path: Path) -> None:
     run = Run(scenario())
     for _ in range(12):
         run.step()
@@ -95,7 +95,7 @@ def test_a_record_knows_where_everything_stood(tmp_path: Path) -> None:
     assert len(kept.solids_at(0.0)[1]) == 1
 
 
-def test_damaged_solids_are_found() -> None:
+def test_damaged_solids_are_detected() -> None:
     run = Run(scenario())
     run.step()
     run.step()
@@ -112,7 +112,7 @@ def test_damaged_solids_are_found() -> None:
             check(record.meta, [], {**record.arrays, name: damaged})
 
 
-def test_pictures_show_what_stands_and_what_moves(tmp_path: Path) -> None:
+def test_pictures_show_static_and_moving_obstacles(tmp_path: Path) -> None:
     run = Run(scenario())
     for _ in range(12):
         run.step()

@@ -1,4 +1,4 @@
-"""A robot that has nothing but sonars: the range sensor layer takes what they report."""
+"""A robot with sonars only: the range sensor layer marks their readings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Doors by their timetable, polygons on tracks, and what of them is seen, felt and measured."""
+"""Doors with timetables and polygons on tracks: poses, scans, collisions and clearances."""
 
 from __future__ import annotations
 
@@ -48,16 +48,16 @@ def test_a_timetable_repeats() -> None:
         Shape(segment=[[0, 0], [1, 0]], motion=DoorMotion(open=[[1, 4], [6, 9.5]], period=10.0, moving_time=1.0))
     )
     for base in (10.0, 30.0, 1000.0):
-        told = [door.openness(base + t) for t in (1.0, 1.5, 3.0, 4.5, 5.5, 7.0, 9.75, 10.25, 10.75)]
-        assert told == pytest.approx([0.0, 0.5, 1.0, 0.5, 0.0, 1.0, 0.75, 0.25, 0.0])
+        openness = [door.openness(base + t) for t in (1.0, 1.5, 3.0, 4.5, 5.5, 7.0, 9.75, 10.25, 10.75)]
+        assert openness == pytest.approx([0.0, 0.5, 1.0, 0.5, 0.0, 1.0, 0.75, 0.25, 0.0])
     once = Door(Shape(segment=[[0, 0], [1, 0]], motion=DoorMotion(open=[[1, 4]], moving_time=1.0)))
     assert once.openness(100.0) == once.openness(0.5) == 0.0
 
 
-def test_a_door_that_is_told_to_close_before_it_is_open_turns_back() -> None:
+def test_a_door_that_closes_before_it_is_open_reverses() -> None:
     door = Door(Shape(segment=[[0, 0], [1, 0]], motion=DoorMotion(open=[[1, 2]], moving_time=4.0)))
-    told = [door.openness(t) for t in (1.0, 1.5, 2.0, 2.5, 3.0, 4.0)]
-    assert told == pytest.approx([0.0, 0.125, 0.25, 0.125, 0.0, 0.0], abs=1e-12)
+    openness = [door.openness(t) for t in (1.0, 1.5, 2.0, 2.5, 3.0, 4.0)]
+    assert openness == pytest.approx([0.0, 0.125, 0.25, 0.125, 0.0, 0.0], abs=1e-12)
 
 
 def test_a_lidar_sees_the_door_where_it_was_at_its_time() -> None:
@@ -110,7 +110,7 @@ def test_polygons_on_tracks() -> None:
     assert disc.discs_at(6.0).tolist() == [pytest.approx([3.0, 2.0, 0.3])]
 
 
-def test_clearance_to_what_moves_is_that_of_the_moment() -> None:
+def test_clearance_to_moving_obstacles_depends_on_time() -> None:
     cart = Shape(box=[0.6, 0.2], motion=OnTrack(points=[[5, 0], [2, 0]], speed=1.0))
     world = World(None, shapes=[cart])
     assert world.moves
@@ -154,12 +154,12 @@ def test_clearance_to_what_moves_is_that_of_the_moment() -> None:
         ({"radius": 1, "motion": {"kind": "pedestrian", "goals": []}}, "goals is empty"),
     ],
 )
-def test_wrong_shapes_are_refused(wrong: dict[str, object], message: str) -> None:
+def test_invalid_shapes_are_rejected(wrong: dict[str, object], message: str) -> None:
     with pytest.raises(ValidationError, match=message):
         Shape.model_validate(wrong)
 
 
-def test_a_moving_world_is_the_same_however_the_run_is_cut() -> None:
+def test_moving_shapes_do_not_depend_on_the_division_into_calls() -> None:
     shapes = [
         Shape(box=[0.5, 0.3], motion=OnTrack(points=[[1, -2], [1, 2]], speed=0.6, spin=1.0)),
         Shape(segment=[[2, -1], [2, 1]], motion=DoorMotion(open=[[1, 2]], period=3.0, moving_time=0.5)),

@@ -1,4 +1,4 @@
-"""Worlds to test in."""
+"""Worlds for tests."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def ascii_map(text: str, resolution: float = 1.0, *, x: float = 0.0, y: float = 
 
 
 def random_map(seed: int, *, share: float = 0.05, size: int = 60, resolution: float = 0.1) -> OccupancyGrid:
-    """Occupied cells strewn about, some unknown, the grid turned and moved."""
+    """Random occupied and unknown cells; the grid is rotated and translated."""
     rng = np.random.default_rng(seed)
     data = np.zeros((size - 7, size), np.int8)
     data[rng.random(data.shape) < UNKNOWN_SHARE] = -1
