@@ -182,8 +182,8 @@ def _nearest_free(world: World, footprint: Footprint, pose: Pose2D) -> str:
             angle = 2.0 * math.pi * k / (6 * ring)
             near = Pose2D(pose.x + radius * math.cos(angle), pose.y + radius * math.sin(angle), pose.yaw)
             if world.contains(near) and world.is_free(footprint, near):
-                return f"it is free at ({near.x:.2f}, {near.y:.2f})"
-    return "it is free nowhere within 2 m"
+                return f"it fits at ({near.x:.2f}, {near.y:.2f})"
+    return "it fits nowhere within 2 m"
 
 
 def _require_finite(name: str, pose: Pose2D) -> None:

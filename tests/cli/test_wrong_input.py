@@ -150,7 +150,7 @@ def test_simulate_from_inside_a_wall(navstack, tmp_path: Path) -> None:
     outcome = navstack("simulate", write_map(tmp_path), "--start", "4.02,2", "--goal", "1,1", "--out", tmp_path / "out")
     assert outcome.code == 2
     assert "collides with an obstacle" in outcome.err
-    assert "would fit at" in outcome.err
+    assert "fits at" in outcome.err
     assert not (tmp_path / "out").exists() or not list((tmp_path / "out").iterdir())
 
 
