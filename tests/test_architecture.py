@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import ast
+import importlib.util
 import re
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
-PACKAGE = Path(__file__).resolve().parents[1] / "navstack"
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / "navstack"
+KERNEL_EXCEPTIONS: set[str] = set()
+"""Kernels with more than 12 arguments, as `file:function`. At most three, each with the measured loss as a comment."""
+TOP_LEVEL = {"pyproject.toml", "README.md", "navstack", "params", "maps", "tests", "tools", "docs", "examples"}
 
 # Imports go down only: a package may import packages of a lower level. Names of the packages, levels from the bottom up.
 LEVELS: tuple[tuple[str, ...], ...] = (
@@ -34,7 +41,7 @@ SAME_LEVEL: set[tuple[str, str]] = set()
 """Exceptions: (importing package, imported package). At most three."""
 
 
-def room_of(file: Path) -> str:
+def package_of(file: Path) -> str:
     relative = file.relative_to(PACKAGE)
     return relative.parts[0].removesuffix(".py")
 
@@ -59,18 +66,20 @@ FILES = [f for f in sorted(PACKAGE.rglob("*.py")) if f.parent != PACKAGE or f.st
 
 @pytest.mark.parametrize("file", FILES, ids=lambda f: str(f.relative_to(PACKAGE)))
 def test_imports_go_down_only(file: Path) -> None:
-    room = room_of(file)
-    assert room in LEVEL_OF, f"{room} has no level: give it one here and in CONTRIBUTING.md"
+    package = package_of(file)
+    assert package in LEVEL_OF, f"{package} has no level: give it one here and in CONTRIBUTING.md"
     for module, line in imports_of(file):
         parts = module.split(".")
         if parts[0] != "navstack" or len(parts) < 2 or parts[1].startswith("_"):
             continue
         other = parts[1]
-        if other == room:
+        if other == package:
             continue
         assert other in LEVEL_OF, f"{file}:{line}: {module}"
-        allowed = LEVEL_OF[other] < LEVEL_OF[room] or (room, other) in SAME_LEVEL
-        assert allowed, f"{file}:{line}: {room} (level {LEVEL_OF[room]}) imports {module} (level {LEVEL_OF[other]})"
+        allowed = LEVEL_OF[other] < LEVEL_OF[package] or (package, other) in SAME_LEVEL
+        assert allowed, (
+            f"{file}:{line}: {package} (level {LEVEL_OF[package]}) imports {module} (level {LEVEL_OF[other]})"
+        )
 
 
 def imported_after(statement: str, *modules: str) -> list[str]:
@@ -114,3 +123,122 @@ def test_contributing_lists_the_levels() -> None:
     text = (PACKAGE.parent / "CONTRIBUTING.md").read_text(encoding="utf-8")
     listed = text[text.index("levels): ") :].split(".\n")[0].split(" < ")
     assert [tuple(re.findall(r"`(\w+)`", level)) for level in listed] == list(LEVELS)
+
+
+# --- sizes ------------------------------------------------------------------------------------------------------------
+
+
+@cache
+def metrics() -> ModuleType:
+    """`tools/code_metrics.py`, which prints the same figures by package."""
+    spec = importlib.util.spec_from_file_location("code_metrics", ROOT / "tools" / "code_metrics.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+ALL_FILES = sorted(PACKAGE.rglob("*.py"))
+each_file = pytest.mark.parametrize("file", ALL_FILES, ids=lambda f: str(f.relative_to(PACKAGE)))
+
+
+@each_file
+def test_files_and_functions_are_short(file: Path) -> None:
+    limits = metrics()
+    assert len(file.read_text(encoding="utf-8").splitlines()) <= limits.MAX_FILE_LINES
+    for function in limits.functions_of(file):
+        limit = limits.MAX_KERNEL_LINES if function.is_kernel else limits.MAX_FUNCTION_LINES
+        assert function.lines <= limit, f"{file}:{function.line} {function.name}"
+
+
+@each_file
+def test_kernels_take_few_arguments(file: Path) -> None:
+    for function in metrics().functions_of(file):
+        name = f"{file.relative_to(PACKAGE)}:{function.name}"
+        if function.is_kernel and name not in KERNEL_EXCEPTIONS:
+            assert function.arguments <= metrics().MAX_KERNEL_ARGUMENTS, name
+
+
+def test_at_most_three_kernels_are_exceptions() -> None:
+    assert len(KERNEL_EXCEPTIONS) <= 3
+    there = {f"{f.file.relative_to(PACKAGE)}:{f.name}" for file in ALL_FILES for f in metrics().functions_of(file)}
+    assert there >= KERNEL_EXCEPTIONS
+
+
+# --- modules ----------------------------------------------------------------------------------------------------------
+
+
+def module_of(file: Path) -> str:
+    parts = file.relative_to(PACKAGE.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def runtime_imports(file: Path) -> set[str]:
+    """Modules that are imported when this one is: not those below TYPE_CHECKING or inside functions."""
+    modules = {module_of(f) for f in ALL_FILES}
+    found: set[str] = set()
+    body = list(ast.parse(file.read_text(encoding="utf-8")).body)
+    while body:
+        node = body.pop()
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
+            body += node.orelse
+        elif isinstance(node, ast.If | ast.Try):
+            body += [*node.body, *node.orelse]
+        elif isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            for alias in node.names:
+                inner = f"{node.module}.{alias.name}"
+                found.add(inner if inner in modules else node.module)
+    return found & modules
+
+
+def test_no_import_circles() -> None:
+    graph = {module_of(file): runtime_imports(file) for file in ALL_FILES}
+    done: set[str] = set()
+    path: list[str] = []
+
+    def visit(module: str) -> None:
+        assert module not in path, " -> ".join([*path[path.index(module) :], module])
+        if module in done:
+            return
+        path.append(module)
+        for other in sorted(graph[module]):
+            visit(other)
+        path.pop()
+        done.add(module)
+
+    for module in graph:
+        visit(module)
+
+
+@each_file
+def test_nothing_private_is_imported_from_another_package(file: Path) -> None:
+    here = package_of(file)
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if not (isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("navstack.")):
+            continue
+        parts = node.module.split(".")
+        if parts[1] == here:
+            continue
+        names = [*parts[1:], *(alias.name for alias in node.names)]
+        private = [name for name in names if name.startswith("_") and not name.startswith("__")]
+        assert not private, f"{file}:{node.lineno}: {private}"
+
+
+@pytest.mark.parametrize("file", sorted(PACKAGE.rglob("__init__.py")), ids=module_of)
+def test_init_files_hold_public_names_only(file: Path) -> None:
+    if file.parent == PACKAGE:
+        return  # imports its names at first use
+    for node in ast.parse(file.read_text(encoding="utf-8")).body:
+        is_docstring = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+        target = node.targets[0] if isinstance(node, ast.Assign) else getattr(node, "target", None)
+        is_all = isinstance(target, ast.Name) and target.id == "__all__"
+        assert isinstance(node, ast.Import | ast.ImportFrom) or is_docstring or is_all, f"{file}:{node.lineno}"
+
+
+def test_layout_of_the_repository() -> None:
+    assert {path.name for path in ROOT.iterdir()} >= TOP_LEVEL
+    assert not list((ROOT / "params").rglob("*.py"))
+    assert not list((ROOT / "maps").rglob("*.py"))

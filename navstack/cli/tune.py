@@ -17,60 +17,67 @@ if TYPE_CHECKING:
     from navstack.tune.setup import Setup
 
 
+Trials = Annotated[int, typer.Option("--trials", metavar="N", help="Number of candidates.", min=1)]
+Why = Annotated[
+    bool,
+    typer.Option("--why", help="No search: show the effect of halving and doubling each parameter, in all scenarios."),
+]
+Objectives = Annotated[
+    list[str],
+    typer.Option(
+        "--objective",
+        metavar="NAME",
+        help="score (default), time, clearance, smoothness or success; several give a Pareto front (repeatable).",
+    ),
+]
+MinSuccess = Annotated[
+    float, typer.Option("--min-success", help="Required success rate, with several objectives.", min=0.0, max=1.0)
+]
+Sampler = Annotated[str, typer.Option("--sampler", metavar="tpe|cmaes|random", help="Sampler of the candidates.")]
+HeldOut = Annotated[
+    float,
+    typer.Option(
+        "--held-out",
+        metavar="SHARE",
+        help="Share of the scenarios reserved for validation; always half of a packaged suite.",
+    ),
+]
+Against = Annotated[
+    str | None,
+    typer.Option("--against", metavar="NAME|DIR|FILE", help="Also compare the result with these parameters."),
+]
+Storage = Annotated[
+    str | None,
+    typer.Option(
+        "--storage",
+        metavar="FILE|URL",
+        help="Storage of the study: a file (default: OUT/study.journal), or a database for several machines.",
+    ),
+]
+Revert = Annotated[
+    bool,
+    typer.Option("--revert/--keep-all", help="Revert changes that make no difference, or keep all changes."),
+]
+Out = Annotated[
+    Path, typer.Option("--out", metavar="DIR", help="Folder for the tuned YAML files, the report and the study.")
+]
+
+
 @with_options(search=SearchArguments)
 def tune(
     search: SearchArguments,
-    trials: Annotated[int, typer.Option("--trials", metavar="N", help="Number of candidates.", min=1)] = 100,
-    why: Annotated[
-        bool,
-        typer.Option(
-            "--why", help="No search: show the effect of halving and doubling each parameter, in all scenarios."
-        ),
-    ] = False,
-    objective: Annotated[
-        list[str],
-        typer.Option(
-            "--objective",
-            metavar="NAME",
-            help="score (default), time, clearance, smoothness or success; several give a Pareto front (repeatable).",
-        ),
-    ] = [],
-    min_success: Annotated[
-        float,
-        typer.Option("--min-success", help="Required success rate, with several objectives.", min=0.0, max=1.0),
-    ] = 1.0,
-    sampler: Annotated[
-        str, typer.Option("--sampler", metavar="tpe|cmaes|random", help="Sampler of the candidates.")
-    ] = "tpe",
-    held_out: Annotated[
-        float,
-        typer.Option(
-            "--held-out",
-            metavar="SHARE",
-            help="Share of the scenarios reserved for validation; always half of a packaged suite.",
-        ),
-    ] = 0.4,
-    against: Annotated[
-        str | None,
-        typer.Option("--against", metavar="NAME|DIR|FILE", help="Also compare the result with these parameters."),
-    ] = None,
+    trials: Trials = 100,
+    why: Why = False,
+    objective: Objectives = [],
+    min_success: MinSuccess = 1.0,
+    sampler: Sampler = "tpe",
+    held_out: HeldOut = 0.4,
+    against: Against = None,
     workers: Workers = None,
-    storage: Annotated[
-        str | None,
-        typer.Option(
-            "--storage",
-            metavar="FILE|URL",
-            help="Storage of the study: a file (default: OUT/study.journal), or a database for several machines.",
-        ),
-    ] = None,
+    storage: Storage = None,
     resume: Resume = False,
-    revert: Annotated[
-        bool,
-        typer.Option("--revert/--keep-all", help="Revert changes that make no difference, or keep all changes."),
-    ] = True,
-    out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Folder for the tuned YAML files, the report and the study.")
-    ] = Path("navstack_tune"),
+    revert: Revert = True,
+    out: Out = Path("navstack_tune"),
     json_: options.Json = False,
 ) -> int:
     """Search for better parameters and validate them on scenarios that the search has not seen."""

@@ -19,8 +19,8 @@ from navstack.core import Costmap, Footprint, GridGeometry, Path, Pose2D, RobotS
 from navstack.core.errors import NoValidControlError
 from navstack.interfaces import LocalPlan
 from navstack.local_planner import DWAParams, DWAPlanner
-from navstack.local_planner.critics import DEFAULT_CRITICS
 from navstack.local_planner.dwa._generator_kernels import axis_values
+from navstack.local_planner.dwa.default_critics import DEFAULT_CRITICS
 from navstack.local_planner.trajectory_rollout._kernels import perimeter_cost
 from tests.conftest import golden_files
 

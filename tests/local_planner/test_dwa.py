@@ -16,9 +16,10 @@ from navstack.core.errors import InvalidPathError, NoValidControlError
 from navstack.core.parameters import ParamModel, PluginSpec, param
 from navstack.interfaces import ControlInput, Critic, RejectionDetail, Rollouts, ScoringContext, VelocityLimits
 from navstack.local_planner import DWAParams, DWAPlanner
-from navstack.local_planner.critics import DEFAULT_CRITICS, ObstacleCritic, OscillationCritic
+from navstack.local_planner.critics import ObstacleCritic, OscillationCritic
 from navstack.local_planner.critics.obstacle import ObstacleParams
 from navstack.local_planner.critics.oscillation import OscillationParams
+from navstack.local_planner.dwa.default_critics import DEFAULT_CRITICS
 from navstack.local_planner.dwa.generator import velocity_window
 from navstack.local_planner.stop_rotate import braking_twist, turning_twist
 from navstack.plugins import CRITICS

@@ -11,19 +11,7 @@ from navstack.local_planner.critics.prefer_forward import PreferForwardCritic
 from navstack.local_planner.critics.rotate_to_goal import RotateToGoalCritic
 from navstack.local_planner.critics.twirling import TwirlingCritic
 
-DEFAULT_CRITICS: tuple[str, ...] = (
-    "oscillation",
-    "obstacle",
-    "goal_front",
-    "alignment",
-    "path",
-    "goal",
-    "twirling",
-)
-"""The seven critics of move_base, in its order: the first that rejects a rollout gives the reason."""
-
 __all__ = [
-    "DEFAULT_CRITICS",
     "AlignmentCritic",
     "BaseObstacleCritic",
     "GoalCritic",

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from navstack.core import Costmap, Footprint, Pose2D, RobotState, Twist2D
 from navstack.core.parameters import ParamModel
 from navstack.interfaces import Critic, LocalPlan, Rollouts, ScoringContext, VelocityLimits
-from navstack.local_planner.critics import DEFAULT_CRITICS
 from navstack.local_planner.critics.obstacle import ObstacleCritic, ObstacleParams
+from navstack.local_planner.dwa.default_critics import DEFAULT_CRITICS
 from navstack.local_planner.dwa.fused_scoring import FusedScorer
 from navstack.local_planner.dwa.generator import DWAGenerator
 from navstack.local_planner.dwa.params import DWAParams
