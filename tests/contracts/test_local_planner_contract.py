@@ -1,7 +1,7 @@
-"""What every registered local planner must keep to, on small maps with an ideal robot.
+"""Contract of every registered local planner, on small maps with an ideal robot.
 
-Public: a third party's planner that is registered by entry point is run through the same suite. A planner is made from its
-own defaults plus those of WANTED that its parameters know.
+Planners that third parties register by entry points run through the same suite. A planner is created with its defaults and
+with the values of WANTED that it has parameters for.
 """
 
 from __future__ import annotations
