@@ -22,7 +22,7 @@ from navstack.global_planner._search.cost_interpreter import WaveCosts, navfn_co
 from navstack.global_planner._search.propagation import propagate_navfn
 from navstack.global_planner._search.traceback import navfn_path
 from navstack.global_planner._search.wavefront import Wavefront
-from tests.conftest import golden_files
+from tests.conftest import GOLDEN_PART, golden_files
 
 POTENTIAL_TOLERANCE = 1e-6
 PATH_TOLERANCE_CELLS = 0.51
@@ -56,13 +56,13 @@ def raw_costs() -> WaveCosts:
     return wave_costs(steps, steps >= 254)
 
 
-def costs_of(case: Case, data: dict[str, NDArray[Any]], golden_dir: Path, data_dir: Path) -> NDArray[np.uint8]:
+def costs_of(case: Case, data: dict[str, NDArray[Any]], golden_dir: Path) -> NDArray[np.uint8]:
     if "costmap" in data:
         return data["costmap"]
     if int(data["query"][2]) == 0:
         from PIL import Image
 
-        with Image.open(data_dir / "maps/navfn__willow_costmap/willow_costmap.pgm") as image:
+        with Image.open(GOLDEN_PART / "willow_costmap.png") as image:  # navfn/test/willow_costmap.pgm
             return np.array(image)
     with np.load(golden_dir / "costmap_static_willow010_r020_csf5.npz") as z:
         return z["master"]
@@ -74,10 +74,10 @@ def hausdorff(a: NDArray[Any], b: NDArray[Any]) -> float:
 
 @pytest.mark.parametrize("stop", [False, True], ids=["full", "at_start"])
 @pytest.mark.parametrize("case", list(cases()), ids=str)
-def test_dijkstra(case: Case, stop: bool, golden_dir: Path, data_dir: Path) -> None:
+def test_dijkstra(case: Case, stop: bool, golden_dir: Path) -> None:
     data = case.load()
     nx, ny, mode, sx, sy, gx, gy = (int(v) for v in data["query"])
-    costs = costs_of(case, data, golden_dir, data_dir)
+    costs = costs_of(case, data, golden_dir)
     assert costs.shape == (ny, nx)
     interpreter = raw_costs() if mode == 0 else navfn_costs(mode == 1)
     wave = Wavefront()
@@ -111,11 +111,11 @@ def test_dijkstra(case: Case, stop: bool, golden_dir: Path, data_dir: Path) -> N
 
 # raw costs (mode 0) are not those of a costmap, for which A* is designed
 @pytest.mark.parametrize("case", [c for c in cases() if int(c.load()["query"][2]) != 0], ids=str)
-def test_astar_costs_what_dijkstra_does(case: Case, golden_dir: Path, data_dir: Path) -> None:
+def test_astar_costs_what_dijkstra_does(case: Case, golden_dir: Path) -> None:
     data = case.load()
     nx, ny, mode, sx, sy, gx, gy = (int(v) for v in data["query"])
     assert mode != 0
-    costmap = Costmap(GridGeometry(nx, ny, 0.1), costs_of(case, data, golden_dir, data_dir))
+    costmap = Costmap(GridGeometry(nx, ny, 0.1), costs_of(case, data, golden_dir))
     start, goal = Pose2D(*costmap.geometry.cell_to_world(gx, gy)), Pose2D(*costmap.geometry.cell_to_world(sx, sy))
     plans = []
     for use_astar in (False, True):
