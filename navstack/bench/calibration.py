@@ -1,4 +1,4 @@
-"""The time of a fixed piece of work, which tells how fast the machine is at the moment."""
+"""The time of a fixed piece of work, a measure of the current speed of the machine."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What two parameter sets are compared on: scenario files and BARN worlds, and the metrics of a run."""
+"""Scenario files and BARN worlds for comparisons of two parameter sets, and the compared metrics."""
 
 from __future__ import annotations
 

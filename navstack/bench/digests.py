@@ -1,4 +1,4 @@
-"""Digests and short names of the inputs of a benchmark, to tell whether earlier results belong to them."""
+"""Digests and short names of the inputs of a benchmark; they show whether earlier results belong to it."""
 
 from __future__ import annotations
 

@@ -128,13 +128,13 @@ def run_pairs(
                 planner.make_plan(costmap, start, goal, footprint=footprint)
         for start, goal in pairs:
             reset_planner(planner)
-            began = time.perf_counter()
+            started = time.perf_counter()
             try:
                 plan = planner.make_plan(costmap, start, goal, footprint=footprint)
             except PlanningError as error:
                 results.append(PairResult(name, start, goal, str(error), 0))
                 continue
-            took = (time.perf_counter() - began) * 1e3
+            elapsed = (time.perf_counter() - started) * 1e3
             results.append(
                 PairResult(
                     planner=name,
@@ -143,7 +143,7 @@ def run_pairs(
                     error=None,
                     blocked=blocked_points(plan, costmap, corners=name == "navfn"),
                     length_m=plan.length_m,
-                    time_ms=took,
+                    time_ms=elapsed,
                     cost=plan.cost,
                     clearance_m=plan.clearance_m(costmap),
                     expanded=plan.cells_expanded,

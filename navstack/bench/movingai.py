@@ -108,15 +108,15 @@ def solve(planner: GlobalPlanner, costmap: Costmap, problem: Problem) -> Answer:
     height = costmap.geometry.ny
     start = Pose2D(problem.sx + 0.5, height - problem.sy - 0.5)
     goal = Pose2D(problem.gx + 0.5, height - problem.gy - 0.5)
-    began = time.perf_counter()
+    started = time.perf_counter()
     try:
         plan = planner.make_plan(costmap, start, goal)
     except PlanningError:
-        return Answer(problem, math.inf, 0, (time.perf_counter() - began) * 1e3, np.empty((0, 2)))
-    took = (time.perf_counter() - began) * 1e3
+        return Answer(problem, math.inf, 0, (time.perf_counter() - started) * 1e3, np.empty((0, 2)))
+    elapsed = (time.perf_counter() - started) * 1e3
     xy = plan.path.poses[:, :2] - 0.5
     xy[:, 1] = height - 1 - xy[:, 1]
-    return Answer(problem, plan.path.length, plan.cells_expanded, took, xy)
+    return Answer(problem, plan.path.length, plan.cells_expanded, elapsed, xy)
 
 
 def run(folder: Path, planner: GlobalPlanner, problems: Iterable[Problem] | None = None) -> list[Answer]:

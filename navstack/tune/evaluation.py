@@ -1,4 +1,4 @@
-"""What candidates are evaluated on: scenarios or BARN worlds. A run is a pure function of candidate, case and seed."""
+"""Evaluation of candidates on scenarios or BARN worlds. A run is a pure function of candidate, case and seed."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ _SLICES: Final = 6
 
 
 def draw_fixed_runs(tuning: TuningResult, training: RunWork, held_out: RunWork | None, folder: Path) -> list[FixedRun]:
-    """Drives runs that changed from failure to success once more and draws them; held-out runs first."""
+    """Repeats and draws runs that changed from failure to success; held-out runs first."""
     found: list[FixedRun] = []
     overrides = tuple(tuning.problem.space.overrides(tuning.candidate))
     for name, comparison, work in (("held-out", tuning.held_out, held_out), ("training", tuning.training, training)):

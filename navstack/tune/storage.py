@@ -118,7 +118,7 @@ def _database(optuna: Any, url: str) -> Any:
             return optuna.storages.RDBStorage(
                 url, heartbeat_interval=HEARTBEAT_S, grace_period=4 * HEARTBEAT_S, engine_kwargs=engine
             )
-    except Exception as exc:  # drivers raise exceptions of their own
+    except Exception as exc:  # each driver has its own exceptions
         reason = str(exc).strip().splitlines()
         raise InputError(
             f'--storage "{url}" cannot be used: {reason[0] if reason else type(exc).__name__}; give a file, or a reachable '

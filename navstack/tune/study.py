@@ -284,7 +284,7 @@ class Study:
         return [t for t in self._study.get_trials(deepcopy=False, states=(states.FAIL,)) if t.number in numbers]
 
     def _send_heartbeat(self, active: list[_ActiveTrial]) -> None:
-        """Tells a database that the trials of this process are alive."""
+        """Sends a heartbeat for the active trials, which marks them as alive in a database."""
         if self._single_process or not hasattr(self._storage, "record_heartbeat"):
             return
         now = time.monotonic()

@@ -112,7 +112,7 @@ class TuningResult:
 
 @dataclass(frozen=True, slots=True)
 class Validation:
-    """What the result of the search is compared on."""
+    """The cases and executors that validate the result of the search."""
 
     held_out: tuple[Case, ...] = ()
     executor: Executor | None = None

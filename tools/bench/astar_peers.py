@@ -28,9 +28,9 @@ from navstack.map_io import load_map
 def median_ms(run: Callable[[], object], repeats: int) -> float:
     times: list[float] = []
     for _ in range(repeats):
-        began = time.process_time()
+        started = time.process_time()
         run()
-        times.append((time.process_time() - began) * 1e3)
+        times.append((time.process_time() - started) * 1e3)
     return statistics.median(times)
 
 

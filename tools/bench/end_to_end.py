@@ -21,9 +21,9 @@ from navstack.scenario import run_scenario
 
 
 def timed(*command: str) -> float:
-    began = time.perf_counter()
+    started = time.perf_counter()
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    return time.perf_counter() - began
+    return time.perf_counter() - started
 
 
 def main() -> None:
@@ -33,9 +33,9 @@ def main() -> None:
     parser.add_argument("--profile", action="store_true", help="print a profile")
     args = parser.parse_args()
     scenario = scenario_of(args)
-    began = time.perf_counter()
+    started = time.perf_counter()
     first = run_scenario(scenario)
-    print(f"first run in this process {time.perf_counter() - began:.2f} s")
+    print(f"first run in this process {time.perf_counter() - started:.2f} s")
     factors = [run_scenario(scenario).real_time_factor for _ in range(args.repeat)]
     states = ", ".join(goal.state for goal in first.goals)
     print(f"{first.simulated_s:.1f} s simulated ({states})")

@@ -166,9 +166,9 @@ def main() -> None:
         now = reference.calibration_ms()
         times: list[float] = []
         for _ in range(args.repeats):
-            began = time.perf_counter()
+            started = time.perf_counter()
             run()
-            times.append((time.perf_counter() - began) * 1e3)
+            times.append((time.perf_counter() - started) * 1e3)
         now = min(now, reference.calibration_ms())
         ours = statistics.median(times)
         cpp = reference.scaled_ms(name.split()[0], now)

@@ -124,9 +124,9 @@ def measure(golden: Path, scene: str, side: int, name: str, repeats: int) -> dic
     first_kb = 0
     for _ in range(repeats):
         planner.reset()
-        began = time.process_time()
+        started = time.process_time()
         plan = planner.make_plan(costmap, a, b)
-        times.append(time.process_time() - began)
+        times.append(time.process_time() - started)
         if len(times) == 1:
             first_kb = memory_kb("VmHWM") - before
         if sum(times) > 8.0:
@@ -135,13 +135,13 @@ def measure(golden: Path, scene: str, side: int, name: str, repeats: int) -> dic
     poses = plan.path.poses
     x, y = poses[min(len(poses) - 1, 8), :2]
     data[2:4, 2:4] ^= 1  # without a change the cached plan would be returned
-    began = time.process_time()
+    started = time.process_time()
     planner.make_plan(costmap, Pose2D(float(x) + 0.02, float(y) + 0.02), b)  # builds the goal potential
     x, y = poses[min(len(poses) - 1, 16), :2]
     data[2:4, 2:4] ^= 1
-    began = time.process_time()
+    started = time.process_time()
     planner.make_plan(costmap, Pose2D(float(x) + 0.02, float(y) + 0.02), b)
-    replanned = time.process_time() - began
+    replanned = time.process_time() - started
     return {
         "scene": scene,
         "cells": side * side,

@@ -45,11 +45,11 @@ class Stopwatch:
             if self._depth:
                 return call(*args, **kwargs)
             self._depth = 1
-            began = clock()
+            started = clock()
             try:
                 return call(*args, **kwargs)
             finally:
-                self.spent += clock() - began
+                self.spent += clock() - started
                 self.calls += 1
                 self._depth = 0
 
@@ -62,10 +62,10 @@ class Stopwatch:
         timed, clock = watch.wrap(math.cos), time.perf_counter_ns
 
         def once() -> float:
-            watch.spent, began = 0, clock()
+            watch.spent, started = 0, clock()
             for _ in range(1000):
                 timed(0.0)
-            return (clock() - began - watch.spent) / 1000.0
+            return (clock() - started - watch.spent) / 1000.0
 
         return min(once() for _ in range(20))
 
@@ -95,9 +95,9 @@ def measure(scenario: Scenario, overhead: float) -> tuple[list[float], list[floa
 
     def timed_tick(now: float) -> None:
         watch.spent = watch.calls = 0
-        began = clock()
+        started = clock()
         tick(now)
-        spent = clock() - began - watch.spent - watch.calls * overhead
+        spent = clock() - started - watch.spent - watch.calls * overhead
         (driving if move_base.last_tick.local_plan is not None else others).append(spent / 1e3)
 
     move_base.tick = timed_tick  # type: ignore[method-assign]

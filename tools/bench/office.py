@@ -97,7 +97,7 @@ def main() -> None:
         lines = list(pool.map(drive, tasks))
     print("\n".join(lines))
     good = sum("SUCCEEDED" in line and " 0 collisions" in line for line in lines)
-    print(f"{good} of {len(lines)} reached without collision ({args.distro or 'as the parameters say'})")
+    print(f"{good} of {len(lines)} reached without collision ({args.distro or 'distro of the parameters'})")
 
 
 if __name__ == "__main__":

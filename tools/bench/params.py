@@ -22,9 +22,9 @@ ALPHABETS = ("ab:- \n", "[]{},: \n", "&a*b: \n", "\ta: b\n", "0123456789.e:\n ",
 
 def timed(job: object) -> float:
     assert callable(job)
-    began = time.process_time()
+    started = time.process_time()
     job()
-    return (time.process_time() - began) * 1e3
+    return (time.process_time() - started) * 1e3
 
 
 def main() -> None:

@@ -29,9 +29,9 @@ def best_us(work: Callable[[], object], runs: int = 7) -> float:
     """Shortest time of a call (us)."""
     best = math.inf
     for _ in range(runs):
-        begun = time.perf_counter()
+        started = time.perf_counter()
         work()
-        best = min(best, time.perf_counter() - begun)
+        best = min(best, time.perf_counter() - started)
     return best * 1e6
 
 
@@ -47,9 +47,9 @@ def main() -> None:
     ]
     rows: list[tuple[str, str, float]] = []
 
-    begun = time.perf_counter()
+    started = time.perf_counter()
     world = World(grid)
-    first_world = time.perf_counter() - begun
+    first_world = time.perf_counter() - started
     rows.append(("world from a known map", "", best_us(lambda: World(grid))))
     new = iter(range(grid.data.size))
 
@@ -89,13 +89,13 @@ def main() -> None:
         found = []
         for k in range(400):
             robot.command(Twist2D(0.4 if k % 20 < 10 else -0.4, 0.0, 0.2))
-            begun = time.perf_counter()
+            started = time.perf_counter()
             robot.advance_to(0.2 * (k + 1))
             if what == "scans computed":
                 for data in robot.scans():
                     if isinstance(data, LaserScan):
                         _ = data.ranges
-            found.append((time.perf_counter() - begun) * 1e6)
+            found.append((time.perf_counter() - started) * 1e6)
         rows.append(("0.2 s of physics", f"10 steps, {what}", statistics.median(found)))
 
     tracks = [
@@ -106,9 +106,9 @@ def main() -> None:
     robot = SimulatedRobot(SimParams(lasers=[]), crowded, footprint, Pose2D(29.75, 7.95, 0.0))
     found = []
     for k in range(100):
-        begun = time.perf_counter()
+        started = time.perf_counter()
         robot.advance_to(0.2 * (k + 1))
-        found.append((time.perf_counter() - begun) * 1e6)
+        found.append((time.perf_counter() - started) * 1e6)
     rows.append(("0.2 s among moving discs", "10 steps, 2000 tracks", statistics.median(found)))
 
     print(f"compiling or loading the first kernel: {first_world:.2f} s")
