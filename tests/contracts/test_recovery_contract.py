@@ -1,4 +1,4 @@
-"""What every recovery behaviour owes: run against all that are registered, those of third parties included."""
+"""Contract of recovery behaviors: run against every registered one, including those of third parties."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def scene() -> tuple[KinematicRobot, RecoveryContext]:
     return robot, context
 
 
-def test_the_built_in_ones_have_their_ros_names() -> None:
+def test_ros_names_of_the_built_in_behaviors() -> None:
     for name, alias in BUILT_IN.items():
         assert RECOVERY_BEHAVIORS.get(name).cls is RECOVERY_BEHAVIORS.get(alias).cls
         assert RECOVERY_BEHAVIORS.get(alias.replace("/", "::")).name == name
@@ -50,7 +50,7 @@ def cls(request: pytest.FixtureRequest) -> type[RecoveryBehavior]:
 
 
 def run(recovery: RecoveryBehavior, robot: KinematicRobot, context: RecoveryContext) -> list[RecoveryStep]:
-    """Steps it at its frequency until it ends, at most two minutes."""
+    """Step the behavior at its frequency until it ends, at most two minutes."""
     recovery.start(context, robot.time)
     frequency = recovery.frequency or context.controller_frequency
     begun = robot.time
@@ -64,7 +64,7 @@ def run(recovery: RecoveryBehavior, robot: KinematicRobot, context: RecoveryCont
         assert robot.time < begun + 120.0
 
 
-def test_it_has_parameters_with_defaults_and_meanings(cls: type[RecoveryBehavior]) -> None:
+def test_parameters_have_defaults_and_descriptions(cls: type[RecoveryBehavior]) -> None:
     assert issubclass(cls.Params, ParamModel)
     cls.Params()
     for name, field in cls.Params.model_fields.items():
@@ -72,7 +72,7 @@ def test_it_has_parameters_with_defaults_and_meanings(cls: type[RecoveryBehavior
     assert cls.__doc__
 
 
-def test_it_ends_with_a_word_and_finite_commands(cls: type[RecoveryBehavior]) -> None:
+def test_it_ends_with_a_text_and_finite_commands(cls: type[RecoveryBehavior]) -> None:
     robot, context = scene()
     recovery = make(cls)
     recovery.check(context)
@@ -88,7 +88,7 @@ def test_it_ends_with_a_word_and_finite_commands(cls: type[RecoveryBehavior]) ->
     assert steps[-1].twist == Twist2D()
 
 
-def test_it_can_be_used_again_and_does_the_same(cls: type[RecoveryBehavior]) -> None:
+def test_a_second_run_is_identical(cls: type[RecoveryBehavior]) -> None:
     recovery = make(cls)
     robot, context = scene()
     once = run(recovery, robot, context)
@@ -97,7 +97,7 @@ def test_it_can_be_used_again_and_does_the_same(cls: type[RecoveryBehavior]) -> 
     assert [(s.status, s.twist, s.text) for s in once] == [(s.status, s.twist, s.text) for s in again]
 
 
-def test_it_can_be_left_at_any_step_and_started_anew(cls: type[RecoveryBehavior]) -> None:
+def test_it_can_be_abandoned_and_restarted_at_any_step(cls: type[RecoveryBehavior]) -> None:
     recovery = make(cls)
     robot, context = scene()
     recovery.start(context, 0.0)
@@ -115,7 +115,7 @@ def test_its_follow_up_ends(cls: type[RecoveryBehavior]) -> None:
     assert not left[-1]
 
 
-def test_nothing_but_nav_errors_where_the_robot_is_not_known(cls: type[RecoveryBehavior]) -> None:
+def test_only_nav_errors_without_a_robot_pose(cls: type[RecoveryBehavior]) -> None:
     robot, context = scene()
     robot.frames.remove("base_link")
     recovery = make(cls)
@@ -142,7 +142,7 @@ def test_move_base_runs_it_and_can_cancel_it(cls: type[RecoveryBehavior]) -> Non
     assert (bench.robot.twist, bench.move_base.recovery) == (Twist2D(), None), running
 
 
-def test_a_cancel_takes_effect_within_a_control_cycle_whenever_it_comes(cls: type[RecoveryBehavior]) -> None:
+def test_a_cancel_takes_effect_within_a_control_cycle(cls: type[RecoveryBehavior]) -> None:
     period = 0.2
 
     def scene_until(count: int) -> tuple[Bench, GoalHandle]:
@@ -152,7 +152,7 @@ def test_a_cancel_takes_effect_within_a_control_cycle_whenever_it_comes(cls: typ
             bench.tick()
         return bench, handle
 
-    # at which ticks the recovery runs
+    # the ticks at which the recovery runs
     bench, handle = scene_until(0)
     running: list[int] = []
     for count in range(1, 2000):

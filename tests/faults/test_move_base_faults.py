@@ -1,7 +1,7 @@
-"""Parts that break in every way we could think of, in seeded combinations.
+"""Faults of every part, in seeded combinations.
 
-Whatever breaks: the robot never moves on a stale command for longer than one control period, every goal reaches a terminal
-state with a code and a reason, and once the fault is gone the next good goal succeeds. NAVSTACK_SOAK=50000 runs as many
+With any fault the robot never moves on a stale command for longer than one control period, every goal reaches a terminal
+state with a code and a reason, and after the fault the next valid goal succeeds. NAVSTACK_SOAK sets the number of
 combinations.
 """
 
@@ -36,7 +36,7 @@ COMBINATIONS = int(os.environ.get("NAVSTACK_SOAK", "500"))
 BATCH = 50
 
 
-def say(problem: Exception) -> Callable[[int], Any]:
+def raising(problem: Exception) -> Callable[[int], Any]:
     def behave(n: int) -> None:
         raise problem
 
@@ -48,20 +48,20 @@ EMPTY_PLAN = Plan(Path(np.zeros((0, 3)), "map"), 1.0, Pose2D(1.0, 0.0))
 
 PLANNERS: dict[str, Callable[[int], Any]] = {
     "good": lambda n: None,
-    "raises": say(ValueError("planner broke")),
-    "raises nothing to say": say(RuntimeError()),
-    "no path": say(NoValidPathError("nothing connects")),
+    "raises": raising(ValueError("planner broke")),
+    "raises without text": raising(RuntimeError()),
+    "no path": raising(NoValidPathError("nothing connects")),
     "returns nothing": lambda n: NOTHING,
     "returns nonsense": lambda n: [(0, 0), (1, 1)],
     "returns NaN": lambda n: NAN_PLAN,
     "returns an empty plan": lambda n: EMPTY_PLAN,
     "fails at first": lambda n: occupied(n) if n < 3 else None,
-    "fails now and then": lambda n: occupied(n) if n % 2 else None,
+    "fails sometimes": lambda n: occupied(n) if n % 2 else None,
 }
 PLANNING_TIMES = [0.0, 0.0, 0.0, 0.3, 1.7, math.inf]
 DRIVERS: dict[str, Callable[[int], Any]] = {
     "good": lambda n: None,
-    "raises": say(ZeroDivisionError("driver broke")),
+    "raises": raising(ZeroDivisionError("driver broke")),
     "no control": no_control,
     "returns nothing": lambda n: NOTHING,
     "returns nonsense": lambda n: "go",
@@ -71,19 +71,22 @@ DRIVERS: dict[str, Callable[[int], Any]] = {
     "halts": TurnAndGo.halt,
     "swings": lambda n: TurnAndGo.turn(0.5 if n % 4 < 2 else -0.5),
     "spins": lambda n: TurnAndGo.turn(0.9),
-    "fails now and then": lambda n: no_control(n) if n % 3 == 2 else None,
+    "fails sometimes": lambda n: no_control(n) if n % 3 == 2 else None,
     "fails after a while": lambda n: no_control(n) if n > 6 else None,
     "takes long": lambda n: None,  # see `build`
 }
 TAKES_LONG_S = 1.6
-"""Longer than the patience of half of the combinations."""
+"""Longer than the patience in half of the combinations."""
 RECOVERIES: dict[str, Callable[[], list[Waiting]]] = {
     "none": list,
     "one": lambda: [Waiting("one")],
     "turns": lambda: [Waiting("short", 0.5, frequency=20.0), Waiting("long", 1.3, frequency=7.0)],
     "never ends": lambda: [Waiting("endless", math.inf, frequency=20.0)],
-    "slow to step": lambda: [Waiting("slow", 1.0, frequency=0.7)],
-    "raises": lambda: [Waiting("broken", 1.0, say(KeyError("x"))), Waiting("sad", 1.0, say(RecoveryError("no")))],
+    "slow steps": lambda: [Waiting("slow", 1.0, frequency=0.7)],
+    "raises": lambda: [
+        Waiting("broken", 1.0, raising(KeyError("x"))),
+        Waiting("sad", 1.0, raising(RecoveryError("no"))),
+    ],
     "NaN": lambda: [Waiting("nan", 1.0, lambda n: RecoveryStep(RecoveryStatus.RUNNING, Twist2D(0.0, 0.0, math.nan)))],
     "nonsense": lambda: [Waiting("odd", 1.0, lambda n: 42)],
     "fails": lambda: [Waiting("fails", 1.0, lambda n: RecoveryStep(RecoveryStatus.FAILED, text="could not"))],
@@ -100,11 +103,11 @@ def sensors(bench: Bench, kind: str, since: float) -> None:
     def broken(now: float) -> bool:
         raise RuntimeError("driver crashed")
 
-    if kind == "silent":
+    if kind == "stale":
         bench.local_costmap.stale = lambda now: now >= since
-    elif kind == "silent for a while":
+    elif kind == "stale for a while":
         bench.local_costmap.stale = lambda now: since <= now < since + 0.7
-    elif kind == "late now and then":
+    elif kind == "late sometimes":
         bench.local_costmap.stale = lambda now: now >= since and int(now * 10.0) % 3 == 0
     elif kind == "update fails":
 
@@ -113,11 +116,11 @@ def sensors(bench: Bench, kind: str, since: float) -> None:
                 raise ValueError("grid broke")
 
         bench.local_costmap.fails = bench.global_costmap.fails = fails
-    elif kind == "cannot tell":
+    elif kind == "check fails":
         bench.local_costmap.stale = broken
 
 
-SENSORS = ["good", "good", "good", "silent", "silent for a while", "late now and then", "update fails", "cannot tell"]
+SENSORS = ["good", "good", "good", "stale", "stale for a while", "late sometimes", "update fails", "check fails"]
 
 
 class Robot(KinematicRobot):
@@ -129,7 +132,7 @@ class Robot(KinematicRobot):
 
 
 def robot_trouble(bench: Bench, kind: str, since: float) -> Callable[[float], None]:
-    """Called after every tick."""
+    """Return a function to call after every tick."""
     robot = bench.robot
     assert isinstance(robot, Robot)
     if kind in ("state", "scans", "command"):
@@ -192,25 +195,25 @@ def repair(bench: Bench) -> None:
 
 
 def build(seed: int) -> tuple[Bench, random.Random, dict[str, Any]]:
-    dice = random.Random(seed)
-    # mostly one or two faults at a time, so that each has a chance to show
+    rng = random.Random(seed)
+    # one to three faults at a time, so that each takes effect
     faulty = set(
-        dice.sample(["planner", "planning", "driver", "recovery", "sensors", "robot", "client"], dice.randint(1, 3))
+        rng.sample(["planner", "planning", "driver", "recovery", "sensors", "robot", "client"], rng.randint(1, 3))
     )
 
     def pick(what: str, choices: list[Any]) -> Any:
-        return dice.choice(choices) if what in faulty else choices[0]
+        return rng.choice(choices) if what in faulty else choices[0]
 
     about: dict[str, Any] = {
         "seed": seed,
         "planner": pick("planner", list(PLANNERS)),
         "planning": pick("planning", PLANNING_TIMES),
         "driver": pick("driver", list(DRIVERS)),
-        "recovery": dice.choice(list(RECOVERIES)),
+        "recovery": rng.choice(list(RECOVERIES)),
         "sensors": pick("sensors", SENSORS),
         "robot": pick("robot", ROBOTS),
         "client": pick("client", CLIENTS),
-        "since": round(dice.uniform(0.0, 4.0), 2),
+        "since": round(rng.uniform(0.0, 4.0), 2),
     }
     slow = [about["planning"]]
     bench = Bench(
@@ -219,12 +222,12 @@ def build(seed: int) -> tuple[Bench, random.Random, dict[str, Any]]:
         recoveries=RECOVERIES[about["recovery"]](),
         planning=InlinePlanning(lambda now: slow[0]),
         recovery_time_limit_s=3.0,
-        planner_frequency=dice.choice([0.0, 1.0, 3.0]),
-        planner_patience=dice.choice([0.0, 1.0]),
-        controller_patience=dice.choice([0.0, 1.0]),
-        oscillation_timeout=4.0,  # long enough to turn round for a goal that is close
-        max_planning_retries=dice.choice([-1, 0, 3]),
-        shutdown_costmaps=dice.random() < 0.2,
+        planner_frequency=rng.choice([0.0, 1.0, 3.0]),
+        planner_patience=rng.choice([0.0, 1.0]),
+        controller_patience=rng.choice([0.0, 1.0]),
+        oscillation_timeout=4.0,  # long enough to turn around for a near goal
+        max_planning_retries=rng.choice([-1, 0, 3]),
+        shutdown_costmaps=rng.random() < 0.2,
     )
     bench.robot.__class__ = Robot
     about["slow"] = slow
@@ -236,12 +239,12 @@ def build(seed: int) -> tuple[Bench, random.Random, dict[str, Any]]:
                 robot.advance_to(robot.time + TAKES_LONG_S)
 
         bench.driver.behave = thinks  # type: ignore[attr-defined]
-    return bench, dice, about
+    return bench, rng, about
 
 
 MEANT: dict[str, set[str]] = {
     "raises": {"INTERNAL"},
-    "raises nothing to say": {"INTERNAL"},
+    "raises without text": {"INTERNAL"},
     "no path": {"NO_VALID_PATH"},
     "returns nothing": {"PLANNING_FAILED", "INTERNAL"},
     "returns nonsense": {"INTERNAL"},
@@ -255,12 +258,12 @@ MEANT: dict[str, set[str]] = {
     "halts": {"FAILED_TO_MAKE_PROGRESS"},
     "swings": {"FAILED_TO_MAKE_PROGRESS"},
     "spins": {"FAILED_TO_MAKE_PROGRESS"},
-    "takes long": {"FAILED_TO_MAKE_PROGRESS"},  # a turn that goes on meanwhile overshoots: it may swing
-    "silent": {"SENSOR_DATA_STALE"},
-    "silent for a while": {"SENSOR_DATA_STALE"},
-    "late now and then": {"SENSOR_DATA_STALE"},
+    "takes long": {"FAILED_TO_MAKE_PROGRESS"},  # the turn continues meanwhile and overshoots: it may swing
+    "stale": {"SENSOR_DATA_STALE"},
+    "stale for a while": {"SENSOR_DATA_STALE"},
+    "late sometimes": {"SENSOR_DATA_STALE"},
     "update fails": {"INTERNAL"},
-    "cannot tell": {"INTERNAL"},
+    "check fails": {"INTERNAL"},
     "state": {"INTERNAL"},
     "command": {"INTERNAL"},
     "odometry stops": {"TF_ERROR"},
@@ -274,17 +277,17 @@ MEANT: dict[str, set[str]] = {
     "bad quaternion": {"REPLACED", "INVALID_GOAL"},
     "new goals": {"REPLACED"},
 }
-"""With what a goal may end when this is wrong."""
+"""Error names with which a goal may end under each fault."""
 
 
 def codes(about: dict[str, Any]) -> set[str]:
-    """Of all that is wrong in this combination; whatever works as it should is no reason to fail."""
+    """Return the error names of all faults in this combination; a working part must not be a reason to fail."""
     found = {"NONE"}.union(
         *(MEANT.get(str(about[part]), set()) for part in ("planner", "driver", "sensors", "robot", "client"))
     )
-    if about["planner"] == "fails now and then":
+    if about["planner"] == "fails sometimes":
         found.add("GOAL_OCCUPIED")
-    if about["driver"] == "fails now and then":
+    if about["driver"] == "fails sometimes":
         found.add("NO_VALID_CONTROL")
     if about["planning"] > 0.0:
         found.add("TIMEOUT")
@@ -292,12 +295,12 @@ def codes(about: dict[str, Any]) -> set[str]:
 
 
 def run_one(seed: int) -> None:
-    bench, dice, about = build(seed)
+    bench, rng, about = build(seed)
     manager, robot = bench.move_base, bench.robot
     sensors(bench, about["sensors"], about["since"])
     trouble = robot_trouble(bench, about["robot"], about["since"])
-    goals: list[GoalHandle] = [manager.send_goal(Pose2D(dice.uniform(1.0, 3.0), dice.uniform(-2.0, 2.0), 1.0))]
-    moment = dice.uniform(0.0, 5.0)
+    goals: list[GoalHandle] = [manager.send_goal(Pose2D(rng.uniform(1.0, 3.0), rng.uniform(-2.0, 2.0), 1.0))]
+    moment = rng.uniform(0.0, 5.0)
     moving_since: float | None = None
 
     def turn() -> None:
@@ -305,7 +308,7 @@ def run_one(seed: int) -> None:
         before = len(robot.commands)
         bench.tick()
         trouble(robot.time)
-        # the rule on stale commands
+        # no stale commands
         last = robot.commands[-1] if robot.commands else (0.0, Twist2D())
         assert all(math.isfinite(v) for v in last[1])
         if robot.twist == Twist2D() or len(robot.commands) > before:
@@ -315,7 +318,7 @@ def run_one(seed: int) -> None:
             # a recovery's command holds until its next step, by contract
             held = 1.0 / 0.7 if manager.recovery == "slow" else 2.0 * PERIOD
             if about["driver"] == "takes long":
-                held += TAKES_LONG_S  # nobody can send a command while the local planner thinks
+                held += TAKES_LONG_S  # no commands while the local planner computes
             assert robot.time - moving_since <= held + 0.021, about
 
     def client() -> None:
@@ -325,11 +328,11 @@ def run_one(seed: int) -> None:
         elif kind == "cancels all":
             manager.cancel_all_goals()
         elif kind == "burst":
-            goals.extend(manager.send_goal(Pose2D(dice.uniform(-2.0, 2.0), 1.0)) for _ in range(30))
+            goals.extend(manager.send_goal(Pose2D(rng.uniform(-2.0, 2.0), 1.0)) for _ in range(30))
         elif kind == "bad quaternion":
             goals.append(manager.send_goal(Pose2D(1.0, 1.0), orientation=(0.0, 0.0, 0.0, 0.0)))
         elif kind == "new goals":
-            goals.append(manager.send_goal(Pose2D(dice.uniform(-2.0, 2.0), 1.0)))
+            goals.append(manager.send_goal(Pose2D(rng.uniform(-2.0, 2.0), 1.0)))
 
     asked = False
     while not (all(goal.is_done for goal in goals) and (asked or about["client"] == "one goal")):
@@ -341,9 +344,9 @@ def run_one(seed: int) -> None:
             asked = True
             client()
             if about["client"] == "new goals" and len(goals) < 5:
-                asked, moment = False, moment + dice.uniform(0.0, 1.0)
+                asked, moment = False, moment + rng.uniform(0.0, 1.0)
         if robot.time >= moment + 90.0:
-            raise AssertionError(f"{[g for g in goals if not g.is_done]} hangs in {manager.state}: {about}")
+            raise AssertionError(f"{[g for g in goals if not g.is_done]} has not ended in {manager.state}: {about}")
 
     for goal in goals:
         result = goal.result
@@ -355,7 +358,7 @@ def run_one(seed: int) -> None:
     if about["robot"] != "command":
         assert robot.twist == Twist2D(), about
     assert manager.state is Mode.IDLE
-    # the fault is gone: the next good goal succeeds
+    # after the fault the next valid goal succeeds
     repair(bench)
     about["slow"][0] = 0.0
     bench.move_base._navigation.recoveries = ()
@@ -365,13 +368,13 @@ def run_one(seed: int) -> None:
 
 
 @pytest.mark.parametrize("first", range(0, COMBINATIONS, BATCH))
-def test_every_goal_ends_whatever_breaks(first: int) -> None:
+def test_every_goal_ends_despite_faults(first: int) -> None:
     for seed in range(first, min(first + BATCH, COMBINATIONS)):
         run_one(seed)
 
 
-@pytest.mark.parametrize("name", [n for n in PLANNERS if n not in ("good", "fails at first", "fails now and then")])
-def test_a_planner_that_breaks(name: str) -> None:
+@pytest.mark.parametrize("name", [n for n in PLANNERS if n not in ("good", "fails at first", "fails sometimes")])
+def test_a_faulty_global_planner(name: str) -> None:
     bench = Bench(planner=StraightPlanner(PLANNERS[name]), recoveries=[Waiting("a")])
     handle = bench.run(bench.move_base.send_goal(Pose2D(2.0, 0.0)))
     assert handle.text == "Failed to find a valid plan. Even after executing recovery behaviors."
@@ -392,7 +395,7 @@ def test_a_planner_that_breaks(name: str) -> None:
         "returns half a twist",
     ],
 )
-def test_a_local_planner_that_breaks(name: str) -> None:
+def test_a_faulty_local_planner(name: str) -> None:
     bench = Bench(driver=TurnAndGo(DRIVERS[name]), recoveries=[Waiting("a")])
     handle = bench.run(bench.move_base.send_goal(Pose2D(2.0, 0.0)))
     assert handle.text == "Failed to find a valid control. Even after executing recovery behaviors."
@@ -409,7 +412,7 @@ def test_a_recovery_that_never_ends() -> None:
 
 
 def test_cancels_at_every_tick_of_a_run() -> None:
-    """A goal with a recovery on the way, cancelled at each of its ticks in turn."""
+    """A goal with a recovery, cancelled at each of its ticks."""
 
     def scene() -> tuple[Bench, GoalHandle]:
         planner = StraightPlanner(lambda n: occupied(n) if n < 6 else None)
@@ -432,7 +435,7 @@ def test_cancels_at_every_tick_of_a_run() -> None:
         assert bench.robot.twist == Twist2D()
 
 
-def test_a_thousand_goals_in_a_burst() -> None:
+def test_a_thousand_goals_at_the_same_time() -> None:
     bench = Bench()
     handles = [bench.move_base.send_goal(Pose2D(0.01 * n, 1.0)) for n in range(1000)]
     bench.run_to(1.0)
@@ -442,13 +445,13 @@ def test_a_thousand_goals_in_a_burst() -> None:
     for handle in handles:
         counts[handle.status.name] = counts.get(handle.status.name, 0) + 1
     assert counts == {"RECALLED": 1998, "PREEMPTED": 1, "SUCCEEDED": 1}
-    # the status list forgets
+    # the status list is pruned
     bench.run_to(bench.robot.time + 10.0)
     bench.run(bench.move_base.send_goal(Pose2D(0.0, 0.0)))
     assert len(bench.move_base.server.statuses()) <= 2
 
 
-def test_odometry_that_stops_is_noticed_by_its_age() -> None:
+def test_stopped_odometry_is_detected_by_its_age() -> None:
     bench = Bench()
     bench.robot.deaf_since = 2.0
     handle = bench.run(bench.move_base.send_goal(Pose2D(4.0, 0.0)))

@@ -1,8 +1,8 @@
-"""The goal manager against the real move_base node: the same statuses, texts, plans, commands and recoveries, in time.
+"""The goal manager against the real move_base node: the same statuses, texts, plans, commands and recoveries at the same times.
 
-The parts around it are small here (a kinematic robot on an empty costmap, a straight planner), so that only the goal
-manager is compared. C++ ran on a wall clock with threads: its times are a few milliseconds after the cycle they belong to,
-seldom a whole cycle. `PERIOD` is the turtlebot's control period.
+The other parts are small (a kinematic robot on an empty costmap, a straight planner), so that only the goal manager is
+compared. C++ ran on a wall clock with threads: its times are a few milliseconds after their cycle, rarely a whole cycle.
+`PERIOD` is the turtlebot's control period.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from tests.move_base.world import Bench, StraightPlanner, occupied
 
 PERIOD = 0.2
 LATE = 0.06
-"""s: how late C++ may be for its own cycle."""
+"""Delay of C++ after its cycle (s)."""
 
 
 def load(file: Path) -> Any:
@@ -52,7 +52,7 @@ def test_a_sequence_of_goals_and_cancels(file: Path) -> None:
     for time, what, *rest in theirs:
         if what in ("cmd", "status", "result"):
             continue
-        # what is sent between two cycles arrives between them
+        # messages between two cycles arrive between them
         bench.run_to(time - 1e-3)
         bench.robot.advance_to(time)
         bench.move_base.tick(time)
@@ -72,10 +72,10 @@ def test_a_sequence_of_goals_and_cancels(file: Path) -> None:
     bench.run(last)
 
     def status_sequence(name: str) -> list[tuple[str, str]]:
-        heard = [e for e in bench.ears.of("status") if e.data["id"] == name]
-        found = [(e.data["status"], e.data["text"]) for e in heard]
-        # the node reports a goal that is taken at once as ACTIVE
-        return found[1:] if heard[1].time - heard[0].time < LATE else found
+        received = [e for e in bench.listener.of("status") if e.data["id"] == name]
+        found = [(e.data["status"], e.data["text"]) for e in received]
+        # the node reports a goal that is accepted at once as ACTIVE
+        return found[1:] if received[1].time - received[0].time < LATE else found
 
     for name in handles:
         expected = [(e[3], e[4]) for e in theirs if e[1] == "status" and e[2] == name]
@@ -84,16 +84,16 @@ def test_a_sequence_of_goals_and_cancels(file: Path) -> None:
         assert [s for s, _ in found] == [s for s, _ in expected], name
         assert found[-1] == result == expected[-1]
         assert [t for _, t in found if t] == [t for _, t in expected if t]
-    # when each status was reached; the last goal's end depends on how one drives
+    # times of the statuses; the end of the last goal depends on the local planner
     for time, what, *rest in theirs:
         if what == "status" and (rest[0], rest[1]) != (last.id, "SUCCEEDED"):
             ours = next(
-                e.time for e in bench.ears.of("status") if (e.data["id"], e.data["status"]) == (rest[0], rest[1])
+                e.time for e in bench.listener.of("status") if (e.data["id"], e.data["status"]) == (rest[0], rest[1])
             )
-            # a tick of ours at a time that C++'s clock passed a little later, or one cycle apart
+            # C++'s clock is slightly later, or one cycle apart
             assert ours == pytest.approx(time, abs=PERIOD + 1e-6), (time, rest)
 
-    # commands: none between the end of a goal and the next one's plan; a zero where C++ sends one
+    # no commands between the end of a goal and the next plan; zero where C++ sends zero
     def commands(events: list[tuple[float, float]], begin: float, end: float) -> list[tuple[float, float]]:
         return [e for e in events if begin - 1e-6 <= e[0] <= end]
 
@@ -104,9 +104,9 @@ def test_a_sequence_of_goals_and_cancels(file: Path) -> None:
     for name, following in itertools.pairwise(sent):
         stop = ended[name]
         if stop > sent[following]:
-            # replaced while it drove: the robot keeps its command for one period, then has one for the new goal
+            # replaced while driving: the robot keeps its command for one period, then receives one for the new goal
             assert not commands(theirs_cmd, stop, stop + PERIOD / 2)
-            swap = bench.ears.of("status")
+            swap = bench.listener.of("status")
             accepted = next(e.time for e in swap if (e.data["id"], e.data["status"]) == (following, "ACTIVE"))
             assert not commands(ours_cmd, accepted, accepted + PERIOD / 2)
             assert commands(ours_cmd, accepted + PERIOD - 1e-6, accepted + PERIOD + 1e-6)[0][1] > 0.0
@@ -132,26 +132,26 @@ def test_an_unreachable_goal(file: Path) -> None:
     handle = bench.run(bench.move_base.send_goal(Pose2D(1.1, -1.3)))
     assert handle.status.name == case["final_state"] == "ABORTED"
     assert handle.text == case["final_text"]
-    # two turns, each ended a step earlier or later than C++'s (their pose is of another instant)
+    # two turns, each one step shorter or longer than C++'s (poses of other times)
     slack = 2 * 0.05 + LATE
     assert handle.result.time_s == pytest.approx(case["time"], abs=slack)
-    # what the log says and when
+    # log messages and their times
     ours = [
         (e.time, e.text)
-        for e in bench.ears.events
+        for e in bench.listener.events
         if e.kind in ("recovery", "warning") and not e.text.endswith("finished.")
     ]
     assert [text for _, text in ours] == [entry[2] for entry in case["log"]]
     for (time, _), entry in zip(ours, case["log"], strict=True):
         assert time == pytest.approx(entry[0], abs=slack)
-    # every attempt to plan
-    attempts = [e.time for e in bench.ears.of("plan_failed")]
+    # every plan request
+    attempts = [e.time for e in bench.listener.of("plan_failed")]
     assert len(attempts) == len(case["plans"]) == handle.result.data["failed_plans"]
     for time, (theirs, _) in zip(attempts, case["plans"], strict=True):
         assert time == pytest.approx(theirs, abs=slack)
-    # every zero velocity; ours has one more after each turn (parity 19)
+    # every zero velocity; navstack sends one more after each turn (parity 19)
     zeros = [t for t, c in bench.robot.commands if c == Twist2D()]
-    finished = [e.time for e in bench.ears.of("recovery") if e.text.endswith("finished.")]
+    finished = [e.time for e in bench.listener.of("recovery") if e.text.endswith("finished.")]
     assert len(finished) == 2
     zeros = [t for t in zeros if t not in finished]
     expected = [t for t, v, w in case["cmd"] if v == 0.0 and w == 0.0]
@@ -162,21 +162,21 @@ def test_an_unreachable_goal(file: Path) -> None:
 def test_goals_that_are_reached(file: Path) -> None:
     for case in load(file):
         bench = Bench()
-        # far enough that driving there takes as long as C++ took
+        # far enough for the driving time of C++
         x = min(4.8, 0.45 * case["time"])
         handle = bench.run(bench.move_base.send_goal(Pose2D(x, 0.3)))
         assert (handle.status.name, handle.text) == (case["final_state"], case["final_text"])
-        assert [e[1] for e in case["status"]] == [e.data["status"] for e in bench.ears.of("status")][1:]
-        # a zero velocity at once, a plan at once, the first command one period later, a plan a second
+        assert [e[1] for e in case["status"]] == [e.data["status"] for e in bench.listener.of("status")][1:]
+        # zero velocity and a plan immediately, the first command one period later, one plan per second
         assert case["cmd"][0][1:] == [0.0, 0.0]
         assert bench.robot.commands[0] == (0.0, Twist2D())
         assert case["cmd"][1][0] == pytest.approx(bench.robot.commands[1][0], abs=LATE)
         assert bench.robot.commands[1][1] != Twist2D()
-        # C++ reports a plan twice: navfn's and with the goal appended
+        # C++ publishes every plan twice: navfn's plan, and the plan with the goal
         theirs = [t for t, n in case["plans"][::2]]
-        ours = [e.time for e in bench.ears.of("plan")]
+        ours = [e.time for e in bench.listener.of("plan")]
         assert ours == [float(k) for k in range(len(ours))]
         for mine, yours in zip(ours, theirs, strict=False):
             assert mine == pytest.approx(yours, abs=PERIOD)
-        # the last command is zero, at the cycle that finds the goal reached
+        # the last command is zero, in the cycle that detects the goal
         assert bench.robot.commands[-1] == (bench.robot.time, Twist2D())

@@ -1,7 +1,6 @@
-"""docs/parity/end_to_end.md: the recorded runs of the real move_base node beside navstack's with the real parts, time by time.
+"""docs/parity/end_to_end.md: the recorded runs of the real move_base node against navstack with the real parts.
 
-Every difference is in the document, with the number of the parity list that it comes from; here it is shown that there
-are no others.
+The document lists every difference with its number in the parity list; these tests show that there are no others.
 """
 
 from __future__ import annotations
@@ -24,11 +23,11 @@ from navstack.sim import SimulatedRobot
 DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "parity" / "end_to_end.md"
 WILLOW = "maps/turtlebot_apps__willow-2010-02-18-0.10/willow-2010-02-18-0.10.yaml"
 STEP = 0.02
-"""s of the simulated world: what is sent at 6.004 s arrives at 6.02 s."""
+"""Step of the simulated world (s): a message at 6.004 s arrives at 6.02 s."""
 
 
 class Turtlebot:
-    """The real parts on Willow, from the turtlebot's own YAML."""
+    """The real parts on the map of Willow Garage, with the turtlebot's own YAML."""
 
     def __init__(self, data: Path) -> None:
         grid = load_map(data / WILLOW)
@@ -71,7 +70,7 @@ def theirs(folder: Path, name: str) -> Any:
 
 
 def written(heading: str) -> list[list[str]]:
-    """The table below a heading of the document, without its first column's heading."""
+    """Return the rows of the table below a heading of the document."""
     section = DOCUMENT.read_text(encoding="utf-8").split(f"## {heading}\n")[1].split("\n## ")[0]
     rows = [[c.strip() for c in line.strip("|").split("|")] for line in section.splitlines() if line.startswith("|")]
     return rows[2:]
@@ -89,24 +88,24 @@ def test_an_unreachable_goal(golden_dir: Path, data_dir: Path) -> None:
     x, y, yaw, _ = case["goal"]
     handle = turtlebot.run(turtlebot.move_base.send_goal(Pose2D(x, y, yaw)))
     assert (handle.status.name, handle.text) == (case["final_state"], case["final_text"])
-    said = [(e.time, e.text) for e in turtlebot.events if e.kind in ("recovery", "warning")]
-    ended = [time for time, text in said if text == "Rotate recovery behavior finished."]  # ours alone says so
-    said = [entry for entry in said if not entry[1].endswith("finished.")]
-    # the same things in the same order at the same times; parity 21: another square
-    assert [text.replace("0.86m", "1.84m") for _, text in said] == [entry[2] for entry in case["log"]]
-    assert [time for time, _ in said] == pytest.approx([entry[0] for entry in case["log"]], abs=0.05)
-    # as many tries to plan, at the same times, none with a path
+    messages = [(e.time, e.text) for e in turtlebot.events if e.kind in ("recovery", "warning")]
+    ended = [time for time, text in messages if text == "Rotate recovery behavior finished."]  # navstack only
+    messages = [entry for entry in messages if not entry[1].endswith("finished.")]
+    # the same messages in the same order at the same times; parity 21: another square
+    assert [text.replace("0.86m", "1.84m") for _, text in messages] == [entry[2] for entry in case["log"]]
+    assert [time for time, _ in messages] == pytest.approx([entry[0] for entry in case["log"]], abs=0.05)
+    # the same number of plan requests at the same times, all without a path
     tries = [e.time for e in turtlebot.events if e.kind == "plan_failed"]
     assert tries == pytest.approx([entry[0] for entry in case["plans"]], abs=0.05)
-    # the same zero commands; parity 19: one more at the end of each turn
+    # the same zero velocities; parity 19: one more at the end of each turn
     zeros = [time for time, twist in turtlebot.commands if twist == Twist2D()]
     assert [t for t in zeros if t in ended] == ended
     expected = [t for t, v, w in case["cmd"] if v == 0.0 and w == 0.0]
     assert [t for t in zeros if t not in ended] == pytest.approx(expected, abs=0.05)
-    # and the document says so
+    # and the document lists them
     rows = written("Unreachable goal")
     assert [seconds(row[1]) for row in rows] == pytest.approx([0.0, *(entry[0] for entry in case["log"])], abs=0.001)
-    assert [seconds(row[2]) for row in rows] == pytest.approx([0.0, *(time for time, _ in said)], abs=0.03)
+    assert [seconds(row[2]) for row in rows] == pytest.approx([0.0, *(time for time, _ in messages)], abs=0.03)
 
 
 def test_preempt_cancel_bad_quaternion_another_frame(golden_dir: Path, data_dir: Path) -> None:
@@ -127,7 +126,7 @@ def test_preempt_cancel_bad_quaternion_another_frame(golden_dir: Path, data_dir:
             handles[name] = manager.send_goal(far[name], goal_id=name)
     turtlebot.run(handles["D"])
     ours = [(e.time, e.data["id"], e.data["status"], e.data["text"]) for e in turtlebot.events if e.kind == "status"]
-    # the node's topic does not carry the PENDING of a goal that is taken at once
+    # the node does not publish PENDING for a goal that is accepted at once
     shown = {(e[2], e[3]) for e in events if e[1] == "status"}
     ours = [entry for entry in ours if entry[2] != "PENDING" or entry[1:3] in shown]
     expected = [(e[0], *e[2:]) for e in events if e[1] == "status"]
@@ -136,11 +135,11 @@ def test_preempt_cancel_bad_quaternion_another_frame(golden_dir: Path, data_dir:
         assert [e[2:] for e in ours if e[1] == name] == [e[2:] for e in expected if e[1] == name]
     times = {e[1:3]: e[0] for e in ours}
     for time, name, status, _ in expected:
-        if (name, status) != ("D", "SUCCEEDED"):  # how long that takes is the planners' affair
+        if (name, status) != ("D", "SUCCEEDED"):  # its duration depends on the planners
             assert times[name, status] == pytest.approx(time, abs=0.07)
     rows = written("Preempt, cancel, zero quaternion, another frame")
-    told = [(row[0].split()[0], row[0].split()[1]) for row in rows]
-    assert told == [(name, status) for _, name, status, _ in expected]
+    listed = [(row[0].split()[0], row[0].split()[1]) for row in rows]
+    assert listed == [(name, status) for _, name, status, _ in expected]
     for row, (time, name, status, _) in zip(rows, expected, strict=True):
         assert seconds(row[1]) == pytest.approx(time, abs=0.001)
         assert seconds(row[2]) == pytest.approx(times[name, status], abs=0.03 if name != "D" else 1.0)

@@ -10,7 +10,7 @@ from navstack.move_base.goal import GoalResult
 
 from .world import Bench
 
-# "-" heard and ignored, "E" cannot be; WFR WAITING_FOR_RESULT, P PREEMPTING, R RECALLING, A ACTIVE, Q PENDING
+# "-" ignored, "E" illegal; WFR WAITING_FOR_RESULT, P PREEMPTING, R RECALLING, A ACTIVE, Q PENDING
 TABLE = """
 state                   PENDING ACTIVE PREEMPTED SUCCEEDED ABORTED REJECTED RECALLED PREEMPTING RECALLING
 WAITING_FOR_GOAL_ACK    Q       A      A,P,WFR   A,WFR     A,WFR   Q,WFR    Q,WFR    A,P        Q,R
@@ -65,7 +65,7 @@ def test_every_entry_of_the_client_table(state: CommState, status: GoalStatus, c
 
 
 @pytest.mark.parametrize(("state", "status", "cell"), CELLS)
-def test_a_result_ends_it_from_any_state_but_done(state: CommState, status: GoalStatus, cell: str) -> None:
+def test_a_result_ends_every_state_except_done(state: CommState, status: GoalStatus, cell: str) -> None:
     if not status.is_terminal:
         return
     machine = ClientStateMachine()
@@ -101,13 +101,13 @@ def test_a_client_drives() -> None:
     assert client.get_state() is GoalStatus.LOST
     with pytest.raises(InputError):
         client.wait_for_result()
-    said: list[str] = []
+    calls: list[str] = []
     ended: list[tuple[GoalStatus, GoalResult]] = []
     far: list[float] = []
     client.send_goal(
         Pose2D(1.0, 0.0),
         done_cb=lambda status, result: ended.append((status, result)),
-        active_cb=lambda: said.append("active"),
+        active_cb=lambda: calls.append("active"),
         feedback_cb=lambda feedback: far.append(feedback.distance_remaining),
     )
     assert client.get_state() is GoalStatus.PENDING
@@ -115,7 +115,7 @@ def test_a_client_drives() -> None:
     assert client.wait_for_result()
     assert client.get_state() is GoalStatus.SUCCEEDED
     assert client.get_goal_status_text() == "Goal reached."
-    assert said == ["active"]
+    assert calls == ["active"]
     assert len(ended) == 1
     assert ended[0][0] is GoalStatus.SUCCEEDED
     assert ended[0][1] is client.get_result()
@@ -123,7 +123,7 @@ def test_a_client_drives() -> None:
     assert far[-1] < 0.2
 
 
-def test_a_client_cancels_what_takes_too_long() -> None:
+def test_a_client_cancels_after_its_timeout() -> None:
     bench = Bench()
     client = SimpleActionClient(bench.move_base, bench.tick)
     status = client.send_goal_and_wait(Pose2D(4.0, 0.0), execute_timeout_s=2.0, preempt_timeout_s=1.0)

@@ -19,7 +19,7 @@ def server() -> SimpleActionServer:
     return SimpleActionServer()
 
 
-def test_a_goal_waits_is_accepted_and_ends(server: SimpleActionServer) -> None:
+def test_submit_accept_and_end(server: SimpleActionServer) -> None:
     heard: list[tuple[str, GoalStatus, str]] = []
     server = SimpleActionServer(lambda handle, now: heard.append((handle.id, handle.status, handle.text)))
     a = server.submit(goal("a"), 1.0)
@@ -38,7 +38,7 @@ def test_a_goal_waits_is_accepted_and_ends(server: SimpleActionServer) -> None:
     ]
 
 
-def test_nothing_to_accept_and_nothing_to_end(server: SimpleActionServer) -> None:
+def test_calls_without_a_goal(server: SimpleActionServer) -> None:
     with pytest.raises(GoalTransitionError):
         server.accept(0.0)
     with pytest.raises(GoalTransitionError):
@@ -61,7 +61,7 @@ def test_a_new_goal_replaces_the_current_one_when_it_is_accepted(server: SimpleA
     assert (b.status, server.preempt_requested) == (S.ACTIVE, False)
 
 
-def test_a_waiting_goal_is_recalled_for_a_newer_one(server: SimpleActionServer) -> None:
+def test_a_newer_goal_recalls_the_waiting_goal(server: SimpleActionServer) -> None:
     a, b = server.submit(goal("a", 1.0), 1.0), server.submit(goal("b", 2.0), 2.0)
     assert (a.status, a.text, a.result.error_name) == (S.RECALLED, status_messages.REPLACED, "REPLACED")
     assert server.next is b
@@ -79,7 +79,7 @@ def test_a_goal_with_an_older_stamp_is_recalled(server: SimpleActionServer, wait
     assert same.status is S.PENDING
 
 
-def test_an_older_stamp_than_a_goal_that_has_ended_is_recalled_too(server: SimpleActionServer) -> None:
+def test_a_goal_stamped_before_an_ended_goal_is_recalled(server: SimpleActionServer) -> None:
     server.submit(goal("a", 5.0), 5.0)
     server.accept(5.0)
     server.set_succeeded(5.5, "")
@@ -98,7 +98,7 @@ def test_cancel_all(server: SimpleActionServer) -> None:
     b = server.submit(goal("b", 2.0), 2.0)
     assert server.cancel(3.0) == [a, b]
     assert (a.status, b.status, server.preempt_requested) == (S.PREEMPTING, S.RECALLING, True)
-    # the waiting goal comes to the executor already cancelled
+    # the executor receives the waiting goal already cancelled
     server.accept(3.2)
     assert (a.status, b.status, server.preempt_requested) == (S.PREEMPTED, S.PREEMPTING, True)
     server.set_preempted(3.2)
@@ -111,11 +111,11 @@ def test_cancel_by_id(server: SimpleActionServer) -> None:
     b = server.submit(goal("b", 2.0), 2.0)
     assert server.cancel(3.0, "b") == [b]
     assert (a.status, b.status) == (S.ACTIVE, S.RECALLING)
-    assert server.cancel(3.0, "b") == [b]  # again: nothing new
+    assert server.cancel(3.0, "b") == [b]  # no change
     assert b.status is S.RECALLING
 
 
-def test_cancel_before_the_goal_is_known(server: SimpleActionServer) -> None:
+def test_cancel_before_arrival(server: SimpleActionServer) -> None:
     assert server.cancel(1.0, "later") == []
     later = server.submit(goal("later", 2.0), 2.0)
     assert (later.status, later.text) == (S.RECALLED, "")
@@ -128,7 +128,7 @@ def test_cancel_by_time(server: SimpleActionServer) -> None:
     b = server.submit(goal("b", 2.0), 2.0)
     assert server.cancel(3.0, stamp=1.5) == [a]
     assert (a.status, b.status) == (S.PREEMPTING, S.PENDING)
-    # goals that come later but were stamped before are not even looked at
+    # later goals with an earlier stamp are recalled on arrival
     early = server.submit(goal("early", 1.5), 3.0)
     assert (early.status, early.text) == (S.RECALLED, status_messages.CANCELED_BEFORE)
     server.cancel(4.0, stamp=1.0)

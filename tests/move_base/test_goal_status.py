@@ -34,7 +34,7 @@ CELLS = [
 ]
 
 
-def test_numbers_are_those_on_the_wire() -> None:
+def test_numbers_of_ros() -> None:
     assert [s.name for s in sorted(GoalStatus)] == NUMBERS
     assert [int(GoalStatus[name]) for name in NUMBERS] == list(range(10))
 
@@ -44,7 +44,7 @@ def test_terminal_states() -> None:
     assert terminal == {"PREEMPTED", "SUCCEEDED", "ABORTED", "REJECTED", "RECALLED", "LOST"}
 
 
-def test_the_table_here_is_whole() -> None:
+def test_the_table_here_is_complete() -> None:
     assert len(CELLS) == len(ServerCall) * len(GoalStatus)
     assert len(SERVER_TRANSITIONS) == sum(cell[2] is not None for cell in CELLS) == 14
 
@@ -54,8 +54,8 @@ def test_every_entry_of_the_server_table(call: ServerCall, before: GoalStatus, r
     if reached is not None:
         assert after(call, before) is reached
         return
-    with pytest.raises(GoalTransitionError) as told:
+    with pytest.raises(GoalTransitionError) as caught:
         after(call, before)
-    assert before.name in told.value.message
-    assert call.value in told.value.message
-    assert told.value.data["status"] == before.name
+    assert before.name in caught.value.message
+    assert call.value in caught.value.message
+    assert caught.value.data["status"] == before.name

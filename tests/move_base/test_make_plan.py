@@ -15,7 +15,7 @@ from .world import Bench, StraightPlanner, occupied
 
 
 class Picky(StraightPlanner):
-    """Plans only to goals at x >= `x`; remembers the costmap it was given."""
+    """Plans only to goals at x >= `x`; stores the costmap of the request."""
 
     def __init__(self, x: float) -> None:
         super().__init__()
@@ -31,7 +31,7 @@ class Picky(StraightPlanner):
         return super().make_plan(costmap, start, goal)
 
 
-def test_from_the_robot_and_from_elsewhere() -> None:
+def test_from_the_robot_and_from_another_start() -> None:
     bench = Bench(start=Pose2D(0.5, 0.5))
     bench.tick()
     plan = bench.move_base.make_plan(Pose2D(2.0, 0.5))
@@ -41,7 +41,7 @@ def test_from_the_robot_and_from_elsewhere() -> None:
     assert not bench.robot.commands
 
 
-def test_not_while_there_is_a_goal() -> None:
+def test_busy_while_a_goal_is_active() -> None:
     bench = Bench()
     bench.move_base.send_goal(Pose2D(3.0, 0.0))
     bench.run_to(1.0)
@@ -49,7 +49,7 @@ def test_not_while_there_is_a_goal() -> None:
         bench.move_base.make_plan(Pose2D(1.0, 0.0))
 
 
-def test_the_costmap_around_the_robot_is_taken_for_free_but_left_as_it_is() -> None:
+def test_the_costmap_around_the_robot_is_cleared_in_a_copy() -> None:
     for clear in (True, False):
         planner = Picky(-9.0)
         bench = Bench(planner=planner, make_plan_clear_costmap=clear, clearing_radius=0.5)
@@ -80,21 +80,21 @@ def test_within_tolerance_and_with_the_goal_appended() -> None:
         assert "GOAL_OCCUPIED" in plan.notes[-1]
 
 
-def test_nothing_found_says_why_the_goal_itself_could_not_be_reached() -> None:
+def test_without_a_plan_the_error_is_that_of_the_goal_itself() -> None:
     bench = Bench(planner=StraightPlanner(occupied))
     bench.tick()
-    with pytest.raises(GoalOccupiedError) as told:
+    with pytest.raises(GoalOccupiedError) as caught:
         bench.move_base.make_plan(Pose2D(2.0, 1.0), tolerance=0.5)
-    assert told.value.data["call"] == 0
+    assert caught.value.data["call"] == 0
 
 
 @pytest.mark.parametrize("tolerance", [-1.0, math.nan, math.inf])
-def test_a_tolerance_that_is_none(tolerance: float) -> None:
+def test_an_invalid_tolerance(tolerance: float) -> None:
     with pytest.raises(InputError, match="tolerance"):
         Bench().move_base.make_plan(Pose2D(1.0, 0.0), tolerance=tolerance)
 
 
-def test_without_a_pose_of_the_robot_it_needs_a_start() -> None:
+def test_without_a_robot_pose_a_start_is_required() -> None:
     bench = Bench()
     bench.robot.frames.remove("base_link")
     with pytest.raises(FrameError):
@@ -102,7 +102,7 @@ def test_without_a_pose_of_the_robot_it_needs_a_start() -> None:
     assert bench.move_base.make_plan(Pose2D(1.0, 0.0), Pose2D(0.0, 0.0)).path.length == pytest.approx(1.0)
 
 
-def test_rings_are_whole_and_grow() -> None:
+def test_rings_are_complete_and_grow() -> None:
     found = rings(Pose2D(1.0, 2.0, 0.5), 0.1, 1.0)
     # (2 n + 1)^2 - 1 poses for n rings of 0.3 m
     assert len(found) == 7 * 7 - 1

@@ -1,4 +1,4 @@
-"""Failures of planners name the layer that set the cost."""
+"""Planning errors name the layer that set the cost."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from navstack.parameters.configuration import load_configuration
 from tests.costmap.build import frames_at, inflation, obstacle, rolling, scan
 
 
-def test_of_a_sensor_by_way_of_the_inflation() -> None:
+def test_inflation_of_an_observation() -> None:
     """A scan of a wall 1 m ahead: its cells by the obstacle layer, those before it by the inflation, both from that scan."""
     live = rolling(obstacle(), inflation(), frames=frames_at(stamp=2.5))
     live.observe(scan(np.full(360, 1.0), stamp=2.5))
@@ -30,25 +30,25 @@ def test_of_a_sensor_by_way_of_the_inflation() -> None:
     planner = AStarPlanner(AStarParams(start_policy="refuse"))
     with pytest.raises(GoalOccupiedError) as caught:
         planner.make_plan(live.master, Pose2D(0.0, 0.0, 0.0), Pose2D(x, y, 0.0))
-    told = add_layer(live, caught.value)
-    assert told.message.endswith('the goal\'s cell was set by the layer obstacle_layer, from "scan" at 2.500 s')
-    assert told.data["layer"] == "obstacle_layer"
-    assert told.data["source"] == "scan"
-    assert told.data["stamp"] == 2.5
-    assert told.data["cell"] == [ix, iy]
-    assert told.code == 206
+    explained = add_layer(live, caught.value)
+    assert explained.message.endswith('the goal\'s cell was set by the layer obstacle_layer, from "scan" at 2.500 s')
+    assert explained.data["layer"] == "obstacle_layer"
+    assert explained.data["source"] == "scan"
+    assert explained.data["stamp"] == 2.5
+    assert explained.data["cell"] == [ix, iy]
+    assert explained.code == 206
     assert (live.master.data == before).all()
-    assert add_layer(live, told) is told
+    assert add_layer(live, explained) is explained
     near = np.argwhere(live.master.data == 253)
     iy, ix = near[len(near) // 2].tolist()
     x, y = live.master.geometry.cell_to_world(ix, iy)
     with pytest.raises(StartOccupiedError) as refused:
         planner.make_plan(live.master, Pose2D(x, y, 0.0), Pose2D(0.0, 0.0, 0.0))
-    told = add_layer(live, refused.value)
-    assert told.data["layer"] == "inflation_layer"
-    assert told.data["source"] == "scan"
-    assert "start's cell was set by the layer inflation_layer" in told.message
-    assert pickle.loads(pickle.dumps(told)).as_dict() == told.as_dict()
+    explained = add_layer(live, refused.value)
+    assert explained.data["layer"] == "inflation_layer"
+    assert explained.data["source"] == "scan"
+    assert "start's cell was set by the layer inflation_layer" in explained.message
+    assert pickle.loads(pickle.dumps(explained)).as_dict() == explained.as_dict()
 
 
 def test_of_the_map() -> None:
@@ -58,7 +58,7 @@ def test_of_the_map() -> None:
     assert error.value.data["layer"] == "static_layer"
 
 
-def test_what_it_cannot_know_it_leaves_alone() -> None:
+def test_other_errors_are_unchanged() -> None:
     live = rolling(obstacle(), inflation())
     live.update(0.0)
     other = NoValidPathError("no way", cell=[1, 1], cost=254)

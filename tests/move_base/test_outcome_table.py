@@ -1,4 +1,4 @@
-"""Each row of the outcome table (move_base behaviour, section 7), reached with the real parts in the simulator.
+"""Each row of the outcome table (move_base behavior, section 7), with the real parts in the simulator.
 
 The turtlebot in the packaged office: real costmaps, navfn, DWA, recoveries, simulated robot and lidar. Two rows cannot be
 reached from outside, in C++ neither: a local planner that refuses a plan (there: one that is not initialised) is DWA with
@@ -173,14 +173,14 @@ def test_row(cause: str) -> None:
     assert bool(result.message) == (status is not S.SUCCEEDED)
 
 
-def test_accepted_carries_its_text() -> None:
+def test_the_text_of_accepted() -> None:
     office = Office()
     handle = office.move_base.send_goal(FAR)
     office.tick()
     assert (handle.status, handle.text) == (S.ACTIVE, status_messages.ACCEPTED)
 
 
-def test_the_rows_are_those_of_the_reference(reference_dir: Path) -> None:
+def test_the_rows_match_the_reference(reference_dir: Path) -> None:
     document = (reference_dir / "move_base_behaviour.md").read_text(encoding="utf-8")
     section = document.split("## 7. Outcome table")[1].split("\n## ")[0]
     rows = [
@@ -188,11 +188,11 @@ def test_the_rows_are_those_of_the_reference(reference_dir: Path) -> None:
     ]
     _, *rows = rows
     assert {cause for cause, *_ in rows} == set(ROWS) | set(ELSEWHERE)
-    said = ""
+    documented = ""
     for cause, status, code, text in rows:
-        said = said if text == "same text" else re.sub(r'^"(.*)".*$', r"\1", text)
+        documented = documented if text == "same text" else re.sub(r'^"(.*)".*$', r"\1", text)
         if cause in ROWS:
             _, expected, ours = ROWS[cause]
             assert (expected.name, int(expected)) == (status, int(code))
             # actionlib spells it "recieved" (golden e2e/preempt)
-            assert ours.replace("recieved", "received") == said
+            assert ours.replace("recieved", "received") == documented

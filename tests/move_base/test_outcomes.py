@@ -1,4 +1,4 @@
-"""Every row of the outcome table (small parts; with the real ones: test_real_parts.py), with code and data behind it."""
+"""Every row of the outcome table with small parts, with its code and data; test_real_parts.py uses the real parts."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_cancelled_while_driving() -> None:
     assert handle.result.error_name == "CANCELED"
 
 
-def test_cancelled_before_it_was_looked_at() -> None:
+def test_cancelled_before_acceptance() -> None:
     bench = Bench()
     handle = bench.move_base.send_goal(FAR)
     bench.move_base.cancel_goal(handle.id)
@@ -66,7 +66,7 @@ def test_replaced_by_a_new_goal() -> None:
     assert second.status is S.SUCCEEDED
 
 
-def test_bumped_while_waiting_and_older_than_the_current_one() -> None:
+def test_recalled_for_a_newer_goal_or_an_older_stamp() -> None:
     bench = Bench()
     first = bench.move_base.send_goal(FAR)
     bench.run_to(2.05)
@@ -118,7 +118,7 @@ def test_bad_quaternion(orientation: tuple[float, float, float, float], active: 
     assert good.status is S.SUCCEEDED
 
 
-def test_a_quaternion_about_z_need_not_be_of_unit_length() -> None:
+def test_a_quaternion_about_z_may_have_any_length() -> None:
     bench = Bench()
     handle = bench.move_base.send_goal(Pose2D(1.0, 0.0), orientation=(0.0, 0.0, 3.0, 3.0))
     assert handle.goal.pose.yaw == pytest.approx(math.pi / 2.0)
@@ -135,7 +135,7 @@ def test_a_position_that_is_not_finite() -> None:
         bench.move_base.send_goal(FAR, stamp=math.nan)
 
 
-def test_the_local_planner_refuses_the_plan() -> None:
+def test_the_local_planner_rejects_the_plan() -> None:
     driver = TurnAndGo()
     driver.refuse = InvalidPathError("not for me")
     bench = Bench(driver=driver)
@@ -157,7 +157,7 @@ def test_no_plan(enabled: bool) -> None:
     assert result.data["last_failure"]["message"] == "the goal is in a wall"
     assert result.data["robot"] is not None
     assert result.message.startswith("the goal is in a wall (")
-    # 5.0 give up, 5.2 a (done at once), 5.4 .. 10.2 try, 10.4 b (1 s), .. 16.4 try, 16.6 abort
+    # 5.0 patience ends, 5.2 a (one step), 5.4 .. 10.2 retries, 10.4 b (1 s), .. 16.4 retries, 16.6 abort
     assert result.time_s == pytest.approx(16.6 if enabled else 5.2)
 
 
@@ -168,7 +168,7 @@ def test_no_control() -> None:
     assert (handle.status, handle.text) == (S.ABORTED, status_messages.NO_CONTROL)
     assert (handle.result.error_code, handle.result.error_name) == (106, "NO_VALID_CONTROL")
     assert handle.result.recovery_names == ("a", "b")
-    # 3.0 s without a command; the patience is not renewed by a recovery (C++): each next failure recovers again
+    # 3.0 s without a command; a recovery does not restart the patience (C++): every later failure recovers again
     began = [r.started[0] for r in recoveries]
     assert began == pytest.approx([3.2, 3.8])
     assert handle.result.time_s == pytest.approx(4.4)
@@ -189,7 +189,7 @@ def test_oscillation() -> None:
 
 
 def test_turning_in_place_is_progress() -> None:
-    # half a radian in 4 s: C++ would call it oscillation after 10 s
+    # half a radian in 4 s: oscillation in C++ after 10 s
     bench = Bench(driver=TurnAndGo(lambda n: TurnAndGo.turn(0.1)), planner_frequency=0.0)
     bench.move_base.send_goal(FAR)
     bench.run_to(60.0)
@@ -197,7 +197,7 @@ def test_turning_in_place_is_progress() -> None:
 
 
 def test_one_transition_a_cycle() -> None:
-    """C++ goes on controlling in the cycle that finds the robot oscillating (parity 24)."""
+    """C++ continues to control in the cycle that detects the oscillation (parity 24)."""
     driver = TurnAndGo(lambda n: TurnAndGo.halt(n))
     bench = Bench(driver=driver, recoveries=[Waiting("a", 2.0)])
     bench.move_base.send_goal(FAR)
@@ -210,21 +210,21 @@ def test_one_transition_a_cycle() -> None:
     assert bench.robot.commands[-1][1] == Twist2D(0.0, 0.0, 0.5)
 
 
-def test_silent_sensors() -> None:
+def test_stale_sensors() -> None:
     bench = Bench()
     bench.local_costmap.stale = lambda now: now >= 2.0
     handle = bench.run(bench.move_base.send_goal(FAR))
     assert (handle.status, handle.text) == (S.ABORTED, status_messages.STALE_SENSORS)
     assert (handle.result.error_code, handle.result.error_name) == (9020, "SENSOR_DATA_STALE")
     assert handle.result.time_s == pytest.approx(5.0)
-    # stopped at once
+    # stopped immediately
     assert all(c == Twist2D() for t, c in bench.robot.commands if t >= 2.0)
-    warned = [e.text for e in bench.ears.of("warning")]
+    warned = [e.text for e in bench.listener.of("warning")]
     assert warned == [status_messages.LOG_STALE.format(name="local_costmap")]
     assert handle.result.data["stale_cycles"] == 16
 
 
-def test_sensors_that_come_back_in_time() -> None:
+def test_sensors_that_recover_in_time() -> None:
     bench = Bench()
     bench.local_costmap.stale = lambda now: 2.0 <= now < 4.5
     handle = bench.run(bench.move_base.send_goal(FAR))
@@ -232,7 +232,7 @@ def test_sensors_that_come_back_in_time() -> None:
     assert {c for t, c in bench.robot.commands if 2.0 <= t < 4.5} == {Twist2D()}
 
 
-def test_sensors_fall_silent_during_a_recovery() -> None:
+def test_sensors_become_stale_during_a_recovery() -> None:
     bench = Bench(planner=StraightPlanner(occupied), recoveries=[Waiting("turn", 60.0, frequency=20.0)])
     bench.local_costmap.stale = lambda now: now >= 10.0
     handle = bench.run(bench.move_base.send_goal(FAR))
@@ -259,13 +259,13 @@ def test_a_bug_in_the_state_machine_ends_the_goal() -> None:
     bench = Bench()
     handle = bench.move_base.send_goal(FAR)
     bench.run_to(2.0)
-    bench.move_base._navigation.apply(NavEvent.RECOVERY_ENDED, 2.0)  # what cannot happen while driving
+    bench.move_base._navigation.apply(NavEvent.RECOVERY_ENDED, 2.0)  # illegal while driving
     assert (handle.status, handle.text) == (S.ABORTED, status_messages.BAD_STATE)
     assert (handle.result.error_code, bench.robot.twist) == (9099, Twist2D())
     assert bench.run(bench.move_base.send_goal(Pose2D(1.0, 0.0))).status is S.SUCCEEDED
 
 
-def test_a_robot_that_takes_no_commands() -> None:
+def test_a_robot_that_rejects_commands() -> None:
     bench = Bench()
 
     def broken(what: str) -> None:
@@ -281,7 +281,7 @@ def test_a_robot_that_takes_no_commands() -> None:
 # --- goals in other frames --------------------------------------------------------------------------------------------
 
 
-def test_a_goal_in_another_frame_is_taken_where_it_was_then() -> None:
+def test_a_goal_in_another_frame_is_transformed_at_acceptance() -> None:
     bench = Bench(start=Pose2D(1.0, 1.0, math.pi / 2.0), map_to_odom=Transform2D(0.5, 0.0, 0.0))
     handle = bench.move_base.send_goal(Pose2D(1.0, 0.0), "/base_link")
     bench.tick()
@@ -291,7 +291,7 @@ def test_a_goal_in_another_frame_is_taken_where_it_was_then() -> None:
     assert bench.robot.odom_pose == pytest.approx((1.0, 2.0, math.pi / 2.0), abs=0.1)
 
 
-def test_a_goal_in_a_frame_that_nobody_knows() -> None:
+def test_a_goal_in_an_unknown_frame() -> None:
     bench = Bench(recoveries=[Waiting("a")])
     handle = bench.run(bench.move_base.send_goal(Pose2D(1.0, 0.0), "moon"))
     assert (handle.status, handle.text) == (S.ABORTED, status_messages.NO_PLAN)
@@ -299,7 +299,7 @@ def test_a_goal_in_a_frame_that_nobody_knows() -> None:
     assert "moon" in handle.result.message
 
 
-def test_a_frame_that_comes_late_is_good_enough() -> None:
+def test_a_frame_may_arrive_after_the_goal() -> None:
     bench = Bench()
     handle = bench.move_base.send_goal(Pose2D(1.0, 0.0), "dock")
     bench.run_to(2.0)
@@ -308,7 +308,7 @@ def test_a_frame_that_comes_late_is_good_enough() -> None:
     assert bench.robot.odom_pose.x == pytest.approx(1.5, abs=0.1)
 
 
-def test_the_global_frame_changes_on_the_way() -> None:
+def test_the_global_frame_changes_while_driving() -> None:
     bench = Bench()
     handle = bench.move_base.send_goal(Pose2D(3.0, 0.0))
     bench.run_to(2.0)
@@ -324,7 +324,7 @@ def test_the_global_frame_changes_on_the_way() -> None:
 # --- recoveries -------------------------------------------------------------------------------------------------------
 
 
-def test_a_plan_ends_the_row_of_recoveries_that_was_for_want_of_it() -> None:
+def test_a_plan_resets_the_index_after_planning_recoveries() -> None:
     planner = StraightPlanner(lambda n: occupied(n) if n < 60 else None)
     bench = Bench(planner=planner, recoveries=[Waiting("a"), Waiting("b"), Waiting("c")])
     handle = bench.move_base.send_goal(Pose2D(4.0, 0.0))
@@ -338,18 +338,18 @@ def test_a_plan_ends_the_row_of_recoveries_that_was_for_want_of_it() -> None:
     assert seen[-1] == 0
 
 
-def test_a_failure_of_another_kind_goes_on_down_the_list() -> None:
+def test_a_failure_of_another_kind_continues_in_the_list() -> None:
     planner = StraightPlanner(lambda n: occupied(n) if n < 26 else None)
     driver = TurnAndGo(no_control)
     bench = Bench(planner=planner, driver=driver, recoveries=[Waiting("a"), Waiting("b"), Waiting("c")])
     handle = bench.run(bench.move_base.send_goal(FAR))
-    # the plan after "a" sets the index back, since "a" was for want of a plan; then all three are for want of a command
+    # the plan after "a" resets the index, since "a" was a planning recovery; the next three are control recoveries
     assert handle.result.recovery_names == ("a", "a", "b", "c")
     assert handle.text == status_messages.NO_CONTROL
 
 
-def test_recoveries_that_take_turns_for_ever_end() -> None:
-    """A plan resets the index, a failed command recovers, a failed plan recovers: in C++ such a goal never ends."""
+def test_alternating_recoveries_end() -> None:
+    """Plans reset the index between planning and control recoveries: in C++ such a goal never ends."""
 
     def planner(n: int) -> None:
         if n % 3:
@@ -425,19 +425,19 @@ def test_a_new_goal_during_a_recovery() -> None:
     assert max(turning) <= accepted
 
 
-# --- plans that take their time ---------------------------------------------------------------------------------------
+# --- slow planners ----------------------------------------------------------------------------------------------------
 
 
-def test_a_plan_arrives_when_the_planner_would_have_it() -> None:
+def test_a_plan_arrives_after_the_planning_time() -> None:
     bench = Bench(planning=InlinePlanning(1.3), planner_frequency=0.0)
     handle = bench.run(bench.move_base.send_goal(Pose2D(2.0, 0.0)))
     assert handle.status is S.SUCCEEDED
-    assert [e.time for e in bench.ears.of("plan")] == pytest.approx([1.3])
+    assert [e.time for e in bench.listener.of("plan")] == pytest.approx([1.3])
     moving = [t for t, c in bench.robot.commands if c != Twist2D()]
     assert moving[0] == pytest.approx(1.4)
 
 
-def test_a_planner_slower_than_patience_still_gets_there() -> None:
+def test_a_planner_slower_than_its_patience_still_reaches_the_goal() -> None:
     bench = Bench(planning=InlinePlanning(7.0), recoveries=[Waiting("a")], planner_frequency=0.0)
     handle = bench.run(bench.move_base.send_goal(Pose2D(2.0, 0.0)))
     assert handle.status is S.SUCCEEDED
@@ -452,7 +452,7 @@ def test_a_planner_that_never_answers() -> None:
     assert (handle.result.error_code, handle.result.error_name) == (207, "TIMEOUT")
 
 
-def test_a_plan_for_a_goal_that_is_no_more_is_dropped() -> None:
+def test_a_plan_for_a_former_goal_is_discarded() -> None:
     bench = Bench(planning=InlinePlanning(1.0), planner_frequency=0.0)
     bench.move_base.send_goal(Pose2D(4.0, 0.0))
     bench.run_to(0.5)
@@ -528,12 +528,12 @@ def test_feedback() -> None:
     assert feedback.distance_remaining == pytest.approx(2.0, abs=0.06)
     assert feedback.estimated_time_remaining == pytest.approx(4.4, abs=0.3)
     bench.run(handle)
-    assert [e.data["pose"][0] for e in bench.ears.of("feedback")] == sorted(
-        e.data["pose"][0] for e in bench.ears.of("feedback")
+    assert [e.data["pose"][0] for e in bench.listener.of("feedback")] == sorted(
+        e.data["pose"][0] for e in bench.listener.of("feedback")
     )
 
 
-def test_what_a_tick_did() -> None:
+def test_the_result_of_a_tick() -> None:
     bench = Bench()
     bench.move_base.send_goal(Pose2D(3.0, 0.0))
     bench.tick()
@@ -550,7 +550,7 @@ def test_what_a_tick_did() -> None:
     assert turn.command == bench.move_base.command == turn.local_plan.command
 
 
-def test_plans_of_another_frame_or_not_finite_are_refused() -> None:
+def test_plans_in_another_frame_or_not_finite_are_rejected() -> None:
     wrong = Plan(Path(np.zeros((2, 3)), "odom"), 0.0, Pose2D(0.0, 0.0))
     nan = Plan(Path(np.full((2, 3), np.nan), "map"), 0.0, Pose2D(0.0, 0.0))
     empty = Plan(Path(np.zeros((0, 3)), "map"), 0.0, Pose2D(0.0, 0.0))
@@ -573,8 +573,8 @@ def test_results_are_plain_data() -> None:
 
 
 @pytest.mark.parametrize("own", [True, False])
-def test_a_time_limit_ends_a_goal_that_would_go_on_for_ever(own: bool) -> None:
-    # oscillation_timeout 0: C++ would have the robot spin until somebody cancels
+def test_a_time_limit_ends_a_goal_without_end(own: bool) -> None:
+    # oscillation_timeout 0: in C++ the robot spins until a cancel
     bench = Bench(driver=TurnAndGo(lambda n: TurnAndGo.turn(0.5)), oscillation_timeout=0.0)
     if not own:
         bench.move_base.goal_time_limit_s = 20.0
@@ -586,7 +586,7 @@ def test_a_time_limit_ends_a_goal_that_would_go_on_for_ever(own: bool) -> None:
     assert bench.robot.twist == Twist2D()
 
 
-def test_a_time_limit_counts_from_acceptance_and_ends_a_recovery_too() -> None:
+def test_a_time_limit_counts_from_acceptance_and_also_ends_a_recovery() -> None:
     bench = Bench(planner=StraightPlanner(occupied), recoveries=[Waiting("long", 60.0, frequency=20.0)])
     bench.run_to(3.0)
     handle = bench.run(bench.move_base.send_goal(FAR, time_limit_s=10.0))

@@ -52,10 +52,10 @@ def test_the_names_and_effective_defaults_of_ros() -> None:
         ("planer_frequency", 1.0),
     ],
 )
-def test_what_cannot_be_is_refused(name: str, value: object) -> None:
-    with pytest.raises(ValidationError) as told:
+def test_invalid_values_are_rejected(name: str, value: object) -> None:
+    with pytest.raises(ValidationError) as caught:
         MoveBaseParams.model_validate({name: value})
-    assert name in str(told.value)
+    assert name in str(caught.value)
 
 
 def test_a_recovery_list_from_yaml() -> None:

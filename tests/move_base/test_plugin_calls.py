@@ -83,7 +83,7 @@ class BrokenFollowUp(Waiting):
 
 
 def failures(bench: Bench, kind: str) -> list[dict[str, Any]]:
-    return [event.data for event in bench.ears.of(kind)]
+    return [event.data for event in bench.listener.of(kind)]
 
 
 def test_planners_in_a_run() -> None:
@@ -111,7 +111,7 @@ def test_a_recovery_that_raises_in_start() -> None:
     bench = Bench(planner=StraightPlanner(broken), recoveries=[BrokenStart("first")])
     handle = bench.run(bench.move_base.send_goal(GOAL))
     assert handle.result.recovery_names == ("first",)
-    (event,) = bench.ears.of("recovery")
+    (event,) = bench.listener.of("recovery")
     assert event.text == f"first raised KeyError: 'speed' ({HERE}:{line_of(BrokenStart.start)})"
     assert "Traceback" in event.data["traceback"]
 
@@ -120,7 +120,7 @@ def test_a_recovery_that_raises_in_follow_up() -> None:
     planner = StraightPlanner(lambda n: broken(n) if n < 30 else None)
     bench = Bench(planner=planner, recoveries=[BrokenFollowUp("slow")])
     assert bench.run(bench.move_base.send_goal(GOAL)).status is GoalStatus.SUCCEEDED
-    (event,) = bench.ears.of("warning")
+    (event,) = bench.listener.of("warning")
     assert event.text == f"slow raised KeyError: 'limit' ({HERE}:{line_of(BrokenFollowUp.follow_up)})"
     assert "Traceback" in event.data["traceback"]
 
@@ -134,7 +134,7 @@ def test_the_robot_and_the_costmaps() -> None:
     bench.global_costmap.fails = fails
     bench.robot.broken = lambda what: fails(0.0)
     bench.move_base.tick(0.0)
-    texts = [event.text for event in bench.ears.of("warning")]
+    texts = [event.text for event in bench.listener.of("warning")]
     where = rf"\({re.escape(HERE)}:{line_of(fails)}\)"
     assert re.fullmatch(rf"no scans from the robot: KinematicRobot raised OSError: disk full {where}", texts[0])
     assert re.fullmatch(

@@ -66,7 +66,7 @@ def test_reached() -> None:
     assert office.stands()
 
 
-def test_cancelled_and_replaced_and_bumped() -> None:
+def test_cancelled_replaced_and_recalled() -> None:
     office = Office()
     first = office.move_base.send_goal(FAR)
     office.run_to(3.0)
@@ -76,7 +76,7 @@ def test_cancelled_and_replaced_and_bumped() -> None:
     assert (bumped.status, bumped.text) == (S.RECALLED, status_messages.REPLACED)
     office.tick()
     assert (first.status, first.text) == (S.PREEMPTED, status_messages.REPLACED)
-    # the robot goes on with its last command until it has one for the new goal
+    # the robot keeps its last command until the first one for the new goal
     assert office.move_base.command.vx > 0.1
     office.move_base.cancel_goal(second)
     assert second.status is S.PREEMPTING
@@ -117,7 +117,7 @@ def test_no_plan() -> None:
     assert good.status is S.SUCCEEDED
 
 
-def test_the_recoveries_clear_what_sensors_saw() -> None:
+def test_the_recoveries_clear_observations() -> None:
     office = Office()
     office.run(office.move_base.send_goal(WALL))
     cleared = [e.data["cells_cleared"] for e in office.events if "cells_cleared" in e.data]
@@ -125,12 +125,12 @@ def test_the_recoveries_clear_what_sensors_saw() -> None:
     for by_costmap in cleared:
         assert set(by_costmap) == {"global_costmap", "local_costmap"}
         assert all("obstacle_layer" in layers and "static_layer" not in layers for layers in by_costmap.values())
-    # the aggressive one keeps less than a metre, the walls of the corridor are further away
+    # the aggressive reset keeps less than a metre; the walls of the corridor are farther away
     assert cleared[1]["global_costmap"]["obstacle_layer"] > 0
 
 
 def test_no_control() -> None:
-    # so padded that the outline meets both walls of the corridor, whatever the command
+    # with this padding the footprint hits both walls of the corridor for every command
     office = Office("local_costmap/footprint_padding=1.5")
     handle = office.run(office.move_base.send_goal(FAR))
     assert (handle.status, handle.text) == (S.ABORTED, status_messages.NO_CONTROL)
@@ -148,7 +148,7 @@ def test_oscillation() -> None:
     assert office.stands()
 
 
-def test_silent_sensors() -> None:
+def test_stale_sensors() -> None:
     office = Office(
         "global_costmap/obstacle_layer/scan/expected_update_rate=0.5",
         "local_costmap/obstacle_layer/scan/expected_update_rate=0.5",
@@ -159,13 +159,13 @@ def test_silent_sensors() -> None:
     office.run(handle)
     assert (handle.status, handle.text) == (S.ABORTED, status_messages.STALE_SENSORS)
     assert handle.result.error_name == "SENSOR_DATA_STALE"
-    # half a second of grace, then controller_patience
+    # half a second until stale, then controller_patience
     assert handle.result.ended_at == pytest.approx(3.0 + 0.5 + 3.0, abs=0.45)
     assert office.stands()
 
 
 def bent(scan: LaserScan, kind: str) -> LaserScan:
-    """A scan as a broken driver would have it."""
+    """A scan of a faulty driver."""
     if kind == "all NaN":
         return replace(scan, ranges=np.full_like(scan.ranges, np.nan))
     if kind == "all inf":
@@ -174,7 +174,7 @@ def bent(scan: LaserScan, kind: str) -> LaserScan:
 
 
 @pytest.mark.parametrize("kind", ["all NaN", "all inf", "late", "too late", "from the future"])
-def test_scans_that_are_wrong(kind: str) -> None:
+def test_invalid_scans(kind: str) -> None:
     office = Office(
         "global_costmap/obstacle_layer/scan/expected_update_rate=0.5",
         "local_costmap/obstacle_layer/scan/expected_update_rate=0.5",
@@ -191,14 +191,14 @@ def test_scans_that_are_wrong(kind: str) -> None:
         assert (handle.status, handle.result.error_name) == (S.SUCCEEDED, "NONE")
     assert office.stands()
     assert not office.robot.collisions
-    # and then none at all: whatever the stamps were, the silence is noticed
-    silent = office.move_base.send_goal(FAR)
+    # then no scans at all: they time out, whatever their stamps were
+    stale = office.move_base.send_goal(FAR)
     office.run_to(office.robot.time + 1.0)
     began = office.robot.time
     office.robot.scans = lambda: ()  # type: ignore[method-assign]
-    office.run(silent)
-    assert (silent.status, silent.result.error_name) == (S.ABORTED, "SENSOR_DATA_STALE")
-    assert silent.result.ended_at <= began + 0.5 + 3.0 + 0.5
+    office.run(stale)
+    assert (stale.status, stale.result.error_name) == (S.ABORTED, "SENSOR_DATA_STALE")
+    assert stale.result.ended_at <= began + 0.5 + 3.0 + 0.5
     office.robot.scans = scans  # type: ignore[method-assign]
     assert office.run(office.move_base.send_goal(NEAR)).status is S.SUCCEEDED
 
@@ -226,7 +226,7 @@ def test_a_goal_relative_to_the_robot() -> None:
     assert office.robot.pose.distance_to(Pose2D(1.8, 7.45)) < 0.2
 
 
-def test_a_frame_that_vanishes_and_comes_back() -> None:
+def test_a_frame_that_disappears_and_returns() -> None:
     office = Office()
     handle = office.move_base.send_goal(FAR)
     office.run_to(2.0)
@@ -285,7 +285,7 @@ def test_make_plan_and_clear_costmaps() -> None:
     assert office.robot.pose == START
 
 
-def test_the_same_run_twice_to_the_bit() -> None:
+def test_two_runs_are_identical() -> None:
     def run() -> list[tuple[float, str, str, str]]:
         office = Office()
         office.run(office.move_base.send_goal(Pose2D(2.4, 11.6, 1.5708)))

@@ -1,4 +1,4 @@
-"""Planner plugins and parameters changed while the goal manager runs."""
+"""Changes of planners and parameters at run time."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def driving(**how: Any) -> tuple[Bench, Any]:
 
 
 @pytest.mark.parametrize("which", ["global", "local", "both"])
-def test_new_planners_take_over_the_goal_at_hand(which: str) -> None:
+def test_new_planners_take_over_the_active_goal(which: str) -> None:
     bench, handle = driving()
     assert bench.robot.twist.vx > 0.0
     old = (bench.planner, bench.driver)
@@ -50,7 +50,7 @@ def test_new_planners_take_over_the_goal_at_hand(which: str) -> None:
     for planner in new.values():
         assert planner.calls
     assert move_base.recovery_context.local_planner is move_base.local_planner
-    assert [e.data["event"] for e in bench.ears.of("state")].count(NavEvent.PLANNERS_CHANGED.name) == 1
+    assert [e.data["event"] for e in bench.listener.of("state")].count(NavEvent.PLANNERS_CHANGED.name) == 1
 
 
 def test_a_planner_that_works_saves_a_goal_that_recovers() -> None:
@@ -66,7 +66,7 @@ def test_a_planner_that_works_saves_a_goal_that_recovers() -> None:
     assert handle.status is GoalStatus.SUCCEEDED
 
 
-def test_patience_is_new_for_a_new_planner() -> None:
+def test_a_new_planner_restarts_patience() -> None:
     bench = Bench(planner=StraightPlanner(occupied))
     handle = bench.move_base.send_goal(GOAL)
     bench.run_to(4.0)
@@ -78,14 +78,14 @@ def test_patience_is_new_for_a_new_planner() -> None:
 
 
 class Picky(Waiting):
-    """Refuses local planners of its kind."""
+    """Rejects local planners marked as unfit."""
 
     def check(self, context: RecoveryContext) -> None:
         if getattr(context.local_planner, "unfit", False):
             raise ParameterError("not with this planner")
 
 
-def test_the_old_ones_stay_when_anything_is_wrong() -> None:
+def test_an_error_changes_nothing() -> None:
     bench, handle = driving(recoveries=[Picky()])
     move_base = bench.move_base
     before = (move_base.state, move_base.plan, move_base.global_planner, move_base.local_planner, move_base.params)
@@ -102,7 +102,7 @@ def test_the_old_ones_stay_when_anything_is_wrong() -> None:
     assert handle.status is GoalStatus.SUCCEEDED
 
 
-def test_frequencies_change_at_once() -> None:
+def test_frequencies_change_immediately() -> None:
     bench, handle = driving()
     params = bench.move_base.params.model_copy(update={"controller_frequency": 10.0, "planner_frequency": 4.0})
     commands, plans = len(bench.robot.commands), len(bench.planner.calls)  # type: ignore[attr-defined]
@@ -119,7 +119,7 @@ def test_frequencies_change_at_once() -> None:
     assert len(bench.planner.calls) <= plans + 1  # type: ignore[attr-defined]
 
 
-def test_patience_changes_at_once() -> None:
+def test_patience_changes_immediately() -> None:
     bench = Bench(planner=StraightPlanner(occupied))
     handle = bench.move_base.send_goal(GOAL)
     bench.run_to(1.0)
@@ -129,7 +129,7 @@ def test_patience_changes_at_once() -> None:
 
 
 @pytest.mark.parametrize("on", [True, False])
-def test_costmaps_are_shut_down_and_woken(on: bool) -> None:
+def test_costmaps_stop_and_start(on: bool) -> None:
     bench = Bench(shutdown_costmaps=not on)
     bench.run_to(2.0)
     count = len(bench.local_costmap.updates)
@@ -140,7 +140,7 @@ def test_costmaps_are_shut_down_and_woken(on: bool) -> None:
     assert (len(bench.local_costmap.updates) > count) != on
 
 
-def test_without_a_goal_nothing_moves() -> None:
+def test_without_a_goal_the_robot_stands_still() -> None:
     bench = Bench()
     bench.run_to(1.0)
     bench.move_base.reconfigure(global_planner=StraightPlanner(), local_planner=TurnAndGo())
@@ -192,7 +192,7 @@ LIVE = (
 )
 
 
-def test_costmaps_take_other_parameters_while_driving_and_are_as_if_built_with_them() -> None:
+def test_costmaps_reconfigured_while_driving_equal_new_ones() -> None:
     move_base, robot = office()
     handle = move_base.send_goal(Pose2D(8.0, 7.4, 0.0))
     drive(move_base, robot, 3.0)
@@ -202,7 +202,7 @@ def test_costmaps_take_other_parameters_while_driving_and_are_as_if_built_with_t
     drive(move_base, robot, 3.05)
     fresh, still = office(*LIVE)
     drive(fresh, still, 0.05)
-    # the walls of the map far from what the robot saw: the same costs as of a costmap built with these parameters
+    # walls of the map far from the observations: the costs of a costmap built with these parameters
     ours, theirs = move_base.global_costmap.master.data, fresh.global_costmap.master.data
     far = np.s_[: ours.shape[0] // 3, ours.shape[1] // 2 :]
     assert np.array_equal(ours[far], theirs[far])
@@ -213,7 +213,7 @@ def test_costmaps_take_other_parameters_while_driving_and_are_as_if_built_with_t
     assert [layer.name for layer in move_base.global_costmap.layers] == static
     layer = move_base.global_costmap.layers[1]
     assert layer.buffers[0].params.obstacle_range == 1.0  # type: ignore[attr-defined]
-    # and it goes on, at the new cadence
+    # and it continues at the new frequency
     times: list[float] = []
     while not handle.is_done:
         robot.advance_to(move_base.next_due(robot.time))
@@ -236,7 +236,7 @@ def test_another_footprint_while_driving() -> None:
     inscribed = (move_base.global_costmap.master.data == 253).sum()
     fresh, still = office(*bigger)
     drive(fresh, still, 0.05)
-    # but for what the robot has seen on the way
+    # except for the observations while driving
     assert inscribed == pytest.approx((fresh.global_costmap.master.data == 253).sum(), rel=0.05)
 
 
@@ -251,7 +251,7 @@ def test_another_footprint_while_driving() -> None:
         ("global_costmap/obstacle_layer/scan/topic=other", "global_costmap/obstacle_layer/sources cannot be changed"),
     ],
 )
-def test_what_a_running_costmap_cannot_take_changes_nothing(override: str, message: str) -> None:
+def test_a_fixed_costmap_parameter_changes_nothing(override: str, message: str) -> None:
     move_base, robot = office()
     drive(move_base, robot, 0.1)
     before = move_base.global_costmap.params, move_base.params, move_base.global_costmap.master.data.copy()

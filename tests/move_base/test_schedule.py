@@ -5,20 +5,20 @@ import math
 from navstack.move_base.schedule import Schedule
 
 
-def test_it_never_drifts() -> None:
+def test_no_drift() -> None:
     schedule = Schedule(20.0, 0.1)
     for k in range(100_000):
         assert schedule.due == 0.1 + k / 20.0
         schedule.advance(schedule.due)
 
 
-def test_zero_is_never() -> None:
+def test_frequency_zero_is_never_due() -> None:
     schedule = Schedule(0.0)
     assert schedule.due == schedule.period == math.inf
     assert not schedule.is_due(1e300)
 
 
-def test_who_is_late_by_less_than_a_period_catches_up() -> None:
+def test_less_than_one_period_late_catches_up() -> None:
     schedule = Schedule(5.0)
     schedule.advance(0.0)
     assert schedule.due == 0.2
@@ -28,19 +28,19 @@ def test_who_is_late_by_less_than_a_period_catches_up() -> None:
     assert schedule.due == 0.6
 
 
-def test_who_is_late_by_more_starts_afresh() -> None:
+def test_more_than_one_period_late_restarts() -> None:
     schedule = Schedule(5.0)
     schedule.advance(0.0)
     schedule.advance(1.0)
     assert schedule.due == 1.2
 
 
-def test_what_took_long_ends_now() -> None:
+def test_resume_after_a_long_call() -> None:
     schedule = Schedule(5.0)
     schedule.advance(0.0)
     schedule.resume(0.1)
     assert schedule.due == 0.2
-    schedule.resume(0.3)  # late, by less than a period: at once, and the next one in time
+    schedule.resume(0.3)  # less than one period late: due now, the next one on time
     assert schedule.due == 0.2
     assert schedule.is_due(0.3)
     schedule.resume(6.25)
@@ -49,7 +49,7 @@ def test_what_took_long_ends_now() -> None:
     assert schedule.due == 6.45
 
 
-def test_times_that_are_added_up_count_as_the_same() -> None:
+def test_accumulated_rounding_does_not_delay() -> None:
     schedule = Schedule(10.0)
     now = 0.0
     for _ in range(1000):

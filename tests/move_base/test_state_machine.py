@@ -11,9 +11,9 @@ from navstack.move_base.state_machine import TABLE, step
 from navstack.move_base.states import Action, NavEvent, NavState, Outcome
 from navstack.move_base.transition_table import ROWS
 
-# event: (to, recovery index, outcome) per mode; "=" stays, "-" cannot be.
+# event: (to, recovery index, outcome) per mode; "=" self-transition, "-" illegal.
 # index: . keep, 0 reset, + next, p/c/o reset when the trigger is PLANNING_R/CONTROLLING_R/OSCILLATION_R
-TABLE_AS_MEANT = """
+EXPECTED_TABLE = """
 event                IDLE                  PLANNING             CONTROLLING          CLEARING
 GOAL_ACCEPTED        PLANNING/.            -                    -                    -
 GOAL_REPLACED        -                     PLANNING/0           PLANNING/0           PLANNING/0
@@ -42,7 +42,7 @@ PLANNERS_CHANGED     IDLE/.                PLANNING/0/P         PLANNING/0/P    
 DRIVER_FAILED        -                     IDLE/0/DRIVER_FAILED IDLE/0/DRIVER_FAILED IDLE/0/DRIVER_FAILED
 SHUTDOWN             IDLE/.                IDLE/0/KILLED        IDLE/0/KILLED        IDLE/0/KILLED
 """
-_, *LINES = TABLE_AS_MEANT.strip().split("\n")
+_, *LINES = EXPECTED_TABLE.strip().split("\n")
 MEANT = {
     (mode, NavEvent[line.split()[0]]): cell for line in LINES for mode, cell in zip(Mode, line.split()[1:], strict=True)
 }
@@ -54,7 +54,7 @@ BY_TRIGGER = {
 }
 
 
-def test_the_table_here_is_whole() -> None:
+def test_the_table_here_is_complete() -> None:
     assert len(MEANT) == len(Mode) * len(NavEvent)
 
 
@@ -87,25 +87,25 @@ def test_every_entry(mode: Mode, event: NavEvent, trigger: Trigger) -> None:
         assert state.trigger is trigger
 
 
-def test_every_row_is_reached_by_some_state() -> None:
+def test_every_row_is_reachable() -> None:
     assert {id(row) for row in TABLE.values()} == {id(row) for row in ROWS}
 
 
-def test_whoever_ends_a_goal_stops_the_robot_and_the_planner() -> None:
+def test_rows_that_end_a_goal_stop_robot_and_planner() -> None:
     for row in ROWS:
         if row.outcome is not None and row.mode is not Mode.IDLE:
             assert row.to is Mode.IDLE
             assert {Action.STOP, Action.STOP_PLANNER, Action.DROP_RECOVERY} <= set(row.actions), row
 
 
-def test_whatever_leaves_controlling_stops_the_robot_but_a_new_goal() -> None:
+def test_rows_that_leave_controlling_stop_the_robot_except_for_a_new_goal() -> None:
     for row in ROWS:
         if row.mode is Mode.CONTROLLING and row.to is not Mode.CONTROLLING:
             replaced = row.event in (NavEvent.GOAL_REPLACED, NavEvent.FRAME_CHANGED)
             assert (Action.STOP in row.actions) != replaced, row
 
 
-def test_outcomes_carry_the_texts_of_cpp() -> None:
+def test_outcomes_have_the_texts_of_cpp() -> None:
     assert {o.name: o.value for o in Outcome} == {
         "REACHED": "Goal reached.",
         "CANCELED": "",
@@ -122,7 +122,7 @@ def test_outcomes_carry_the_texts_of_cpp() -> None:
     }
 
 
-def test_the_table_prints() -> None:
+def test_the_table_as_markdown() -> None:
     lines = table_markdown().split("\n")
     assert len(lines) == 2 + len(ROWS)
     assert all(line.count("|") == 8 for line in lines)

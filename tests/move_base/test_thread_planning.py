@@ -1,4 +1,4 @@
-"""A slow planner in its own thread: control goes on. Nothing here sleeps: threads meet at events."""
+"""A slow planner in its own thread, without sleeps: the threads synchronize by events."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from .world import Bench, StraightPlanner, occupied
 
 GOAL = Pose2D(4.0, 0.0, 0.0)
 PATIENCE_S = 10.0
-"""Of the tests with the threads, in real time; nothing comes near it."""
+"""Timeout (s) of the tests with threads, in real time; far above the durations."""
 
 
 class SlowPlanner(StraightPlanner):
-    """Plans when it is let."""
+    """Plans when the test releases it."""
 
     def __init__(self, **how: object) -> None:
         self.asked = threading.Semaphore(0)
@@ -39,7 +39,7 @@ class SlowPlanner(StraightPlanner):
 
 
 class Live:
-    """A bench whose planner has a thread."""
+    """A bench with a planner in a thread."""
 
     def __init__(self, planner: SlowPlanner | None = None, **params: float) -> None:
         self.answered = threading.Semaphore(0)
@@ -48,12 +48,12 @@ class Live:
         self.bench = Bench(planner=self.planner, planning=self.planning, **params)
 
     def answer(self) -> None:
-        """Lets the planner have one plan and waits until it is there."""
+        """Release the planner for one plan and wait for it."""
         self.planner.let.release()
         assert self.answered.acquire(timeout=PATIENCE_S)
 
     def asked(self) -> None:
-        """Waits until the planner is at work."""
+        """Wait until the planner works."""
         assert self.planner.asked.acquire(timeout=PATIENCE_S)
 
 
@@ -66,16 +66,16 @@ def live() -> Generator[Live]:
     assert live.planning.close(PATIENCE_S)
 
 
-def test_control_goes_on_while_the_planner_thinks(live: Live) -> None:
+def test_control_continues_while_the_planner_works(live: Live) -> None:
     bench = live.bench
     handle = bench.move_base.send_goal(GOAL)
     bench.run_to(0.4)
     live.asked()
     assert bench.move_base.state is Mode.PLANNING
     live.answer()
-    assert bench.move_base.next_due(0.4) == 0.4  # whoever waits need not wait longer
+    assert bench.move_base.next_due(0.4) == 0.4  # the answer ends the wait
     bench.run_to(1.2)
-    live.asked()  # replanning at 1 Hz, and it hangs
+    live.asked()  # replanning at 1 Hz; the planner hangs
     assert bench.move_base.state is Mode.CONTROLLING
     commands = len(bench.robot.commands)
     bench.run_to(3.2)
@@ -85,7 +85,7 @@ def test_control_goes_on_while_the_planner_thinks(live: Live) -> None:
     live.answer()
     bench.run_to(3.6)
     assert len(live.planner.calls) == 2
-    assert len(bench.ears.of("plan")) == 2
+    assert len(bench.listener.of("plan")) == 2
     for _ in range(20):
         live.planner.let.release()
     bench.run(handle)
@@ -94,14 +94,14 @@ def test_control_goes_on_while_the_planner_thinks(live: Live) -> None:
     assert len(live.planner.threads) == 1
 
 
-def test_patience_ends_with_a_planner_that_does_not_answer(live: Live) -> None:
+def test_patience_ends_without_an_answer(live: Live) -> None:
     handle = live.bench.run(live.bench.move_base.send_goal(GOAL))
     assert handle.status is GoalStatus.ABORTED
     assert (handle.result.error_code, handle.result.error_name) == (207, "TIMEOUT")
     assert handle.result.ended_at == pytest.approx(5.2, abs=0.3)
 
 
-def test_a_plan_for_a_goal_that_is_no_more_is_dropped(live: Live) -> None:
+def test_a_plan_for_a_former_goal_is_discarded(live: Live) -> None:
     bench = live.bench
     first = bench.move_base.send_goal(GOAL)
     bench.run_to(0.4)
@@ -109,7 +109,7 @@ def test_a_plan_for_a_goal_that_is_no_more_is_dropped(live: Live) -> None:
     second = bench.move_base.send_goal(Pose2D(1.0, 1.0))
     bench.run_to(1.0)
     assert first.status is GoalStatus.PREEMPTED
-    # one planner, one call at a time: the second request waits for the first to end
+    # one call at a time: the second request waits for the first
     assert not live.planner.asked.acquire(blocking=False)
     live.planner.let.release()
     live.asked()
@@ -117,13 +117,13 @@ def test_a_plan_for_a_goal_that_is_no_more_is_dropped(live: Live) -> None:
     bench.run_to(1.4)
     assert bench.move_base.plan is not None
     assert bench.move_base.plan.goal == Pose2D(1.0, 1.0)
-    assert len(bench.ears.of("plan")) == 1
+    assert len(bench.listener.of("plan")) == 1
     for _ in range(20):
         live.planner.let.release()
     assert bench.run(second).status is GoalStatus.SUCCEEDED
 
 
-def test_it_plans_on_the_costmap_as_it_was(live: Live) -> None:
+def test_it_plans_on_a_copy_of_the_costmap(live: Live) -> None:
     bench = live.bench
     bench.move_base.send_goal(GOAL)
     bench.run_to(0.0)
@@ -133,7 +133,7 @@ def test_it_plans_on_the_costmap_as_it_was(live: Live) -> None:
     assert live.planner.looked_at == [0]
 
 
-def test_failures_come_back_as_failures() -> None:
+def test_failures_are_returned() -> None:
     def leave(n: int) -> None:
         if n:
             raise SystemExit
@@ -146,7 +146,7 @@ def test_failures_come_back_as_failures() -> None:
         live.asked()
         live.answer()
     live.bench.run_to(live.bench.robot.time + 0.2)
-    names = [e.data["name"] for e in live.bench.ears.of("plan_failed")]
+    names = [e.data["name"] for e in live.bench.listener.of("plan_failed")]
     assert names == ["GOAL_OCCUPIED", "INTERNAL"]
     assert not handle.is_done
     for _ in range(20):
@@ -154,7 +154,7 @@ def test_failures_come_back_as_failures() -> None:
     assert live.planning.close(PATIENCE_S)
 
 
-def test_make_plan_waits_for_its_turn(live: Live) -> None:
+def test_make_plan_is_busy_while_the_planner_works(live: Live) -> None:
     bench = live.bench
     handle = bench.move_base.send_goal(GOAL)
     bench.run_to(0.2)
@@ -166,7 +166,7 @@ def test_make_plan_waits_for_its_turn(live: Live) -> None:
         bench.move_base.make_plan(GOAL)
 
 
-def test_a_new_planner_need_not_wait_for_one_that_hangs(live: Live) -> None:
+def test_a_new_planner_does_not_wait_for_one_that_hangs(live: Live) -> None:
     bench = live.bench
     handle = bench.move_base.send_goal(GOAL)
     bench.run_to(0.2)
@@ -182,7 +182,7 @@ def test_a_new_planner_need_not_wait_for_one_that_hangs(live: Live) -> None:
 
 
 class HangingPlanner(StraightPlanner):
-    """Never returns, the first `HangingPlanner.times` times that any of its kind is asked."""
+    """Never returns from the first `HangingPlanner.times` requests to any instance."""
 
     times = 0
     made = 0
@@ -204,7 +204,7 @@ class HangingPlanner(StraightPlanner):
 
 
 class Hung:
-    """A bench whose planner hangs so many times before it plans."""
+    """A bench with a planner that hangs several times before it plans."""
 
     def __init__(self, times: int) -> None:
         HangingPlanner.times, HangingPlanner.made = times, 0
@@ -215,7 +215,7 @@ class Hung:
         self.bench = Bench(planner=HangingPlanner(), planning=self.planning)
 
     def run(self, handle: GoalHandle, hangs: int) -> GoalHandle:
-        """Until the goal ends; waits for the planner's thread wherever it has a plan to make."""
+        """Run until the goal ends; wait for the planner's thread while it works."""
         bench = self.bench
         hung = 0
         while not handle.is_done:
@@ -237,13 +237,13 @@ def hung(request: pytest.FixtureRequest) -> Generator[Hung]:
 
 
 @pytest.mark.parametrize("hung", [1], indirect=True)
-def test_a_planner_that_hangs_is_replaced_for_the_goals_to_come(hung: Hung) -> None:
+def test_a_planner_that_hangs_is_replaced(hung: Hung) -> None:
     bench = hung.bench
     first = bench.move_base.send_goal(GOAL)
     bench.run_to(0.2)
     assert HangingPlanner.at_work.acquire(timeout=PATIENCE_S)
     bench.run(first)
-    # patience, not the hang, ends this one
+    # the patience ends this goal, not the hang
     assert (first.status, first.result.error_name) == (GoalStatus.ABORTED, "TIMEOUT")
     assert first.result.ended_at < 6.0
     with pytest.raises(BusyError):
@@ -258,7 +258,7 @@ def test_a_planner_that_hangs_is_replaced_for_the_goals_to_come(hung: Hung) -> N
 
 
 @pytest.mark.parametrize("hung", [MAX_HUNG], indirect=True)
-def test_a_planner_that_hangs_again_and_again_is_abandoned(hung: Hung) -> None:
+def test_a_planner_that_hangs_repeatedly_is_abandoned(hung: Hung) -> None:
     bench = hung.bench
     bench.move_base.reconfigure(MoveBaseParams(**(bench.move_base.params.model_dump() | {"planner_patience": 100.0})))
     goal = bench.move_base.send_goal(GOAL)
@@ -268,14 +268,16 @@ def test_a_planner_that_hangs_again_and_again_is_abandoned(hung: Hung) -> None:
         while hung.planning.hung == n:
             bench.tick()
     assert not goal.is_done
-    told = [e.text for e in bench.ears.of("plan_failed")]
-    assert told[0] == "the global planner has worked on one plan for more than 8 s: its thread was abandoned"
-    assert told[-1] == f"the global planner hung {MAX_HUNG} times, for more than 8 s each: configure another planner"
-    # every request is answered at once now, and the goal ends
+    messages = [e.text for e in bench.listener.of("plan_failed")]
+    assert messages[0] == "the global planner has worked on one plan for more than 8 s: its thread was abandoned"
+    assert (
+        messages[-1] == f"the global planner hung {MAX_HUNG} times, for more than 8 s each: configure another planner"
+    )
+    # every request is now answered at once, and the goal ends
     bench.run(goal)
     assert (goal.status, goal.result.error_name) == (GoalStatus.ABORTED, "TIMEOUT")
     assert HangingPlanner.made == MAX_HUNG
-    # a new planner is asked again
+    # a new planner receives requests again
     bench.move_base.reconfigure(global_planner=HangingPlanner())
     assert hung.run(bench.move_base.send_goal(Pose2D(1.0, 0.0)), 0).status is GoalStatus.SUCCEEDED
     assert hung.planning.hung == 0

@@ -1,4 +1,4 @@
-"""A deterministic little world for tests: a kinematic robot on empty costmaps, planners that do what they are told."""
+"""A small deterministic world for tests: a kinematic robot, empty costmaps and scripted plugins."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ from navstack.interfaces import (
 from navstack.move_base import GoalHandle, MoveBase, MoveBaseParams, Planning
 
 NOTHING = object()
-"""What a planner that is told so returns as None."""
+"""Result of `behave` for a plugin that returns None."""
 LIMITS = VelocityLimits(0.5, 0.0, 0.0, 0.0, 0.5, 0.1, 1.0, 0.4, 2.5, 0.0, 3.2, 0.1)
 
 
@@ -69,7 +69,7 @@ class KinematicRobot:
             self.frames.set("odom", "base_link", Transform2D(*self.odom_pose), self.time)
 
     def advance_to(self, time: float) -> None:
-        """Drives on."""
+        """Drive until `time` (s)."""
         while self.time < time - 1e-9:
             dt = min(self.STEP, time - self.time)
             x, y, yaw = self.odom_pose
@@ -98,7 +98,7 @@ class KinematicRobot:
 
 
 class EmptyLayer(Layer):
-    """A layer that counts how often it is reset."""
+    """A layer without costs that records its resets."""
 
     Params = ParamModel
 
@@ -127,7 +127,7 @@ class EmptyLayer(Layer):
 
 
 class EmptyCostmap:
-    """A costmap server over a grid of 10 m x 10 m, free."""
+    """A free costmap of 10 m x 10 m."""
 
     def __init__(self, name: str, frame: str, robot: KinematicRobot) -> None:
         self.name = name
@@ -170,7 +170,7 @@ class EmptyCostmap:
 
 
 class StraightPlanner(GlobalPlanner):
-    """A straight line, unless told otherwise by `behave(call number)`."""
+    """Plans a straight line; `behave(call number)` may return or raise something else."""
 
     Params = ParamModel
 
@@ -190,9 +190,9 @@ class StraightPlanner(GlobalPlanner):
     ) -> Any:
         del footprint, keep_potential
         self.calls.append(goal)
-        told = self.behave(len(self.calls) - 1)
-        if told is not None:
-            return None if told is NOTHING else told
+        scripted = self.behave(len(self.calls) - 1)
+        if scripted is not None:
+            return None if scripted is NOTHING else scripted
         n = max(2, int(start.distance_to(goal) / 0.05) + 1)
         f = np.linspace(0.0, 1.0, n)
         heading = math.atan2(goal.y - start.y, goal.x - start.x)
@@ -212,7 +212,7 @@ def no_control(n: int) -> None:
 
 
 class TurnAndGo(LocalPlanner):
-    """Turns towards the goal, drives, turns to the goal's heading; unless told otherwise by `behave(call number)`."""
+    """Turns towards the goal, drives, and turns to its heading; `behave(call number)` may return or raise something else."""
 
     Params = ParamModel
 
@@ -257,9 +257,9 @@ class TurnAndGo(LocalPlanner):
 
     def compute_command(self, inputs: ControlInput) -> Any:
         self.calls += 1
-        told = self.behave(self.calls - 1)
-        if told is not None:
-            return None if told is NOTHING else told
+        scripted = self.behave(self.calls - 1)
+        if scripted is not None:
+            return None if scripted is NOTHING else scripted
         distance, bearing, turn = self._offset(inputs)
         if distance > 0.1:
             speed = min(0.5, 2.0 * distance) if abs(bearing) < 0.5 else 0.0
@@ -272,7 +272,7 @@ class TurnAndGo(LocalPlanner):
 
 
 class Waiting(RecoveryBehavior):
-    """A recovery that turns for `lasts` seconds (0: one step), unless told otherwise by `behave(step number)`."""
+    """Turns for `lasts` seconds (0: one step); `behave(step number)` may return or raise something else."""
 
     Params = ParamModel
 
@@ -301,17 +301,17 @@ class Waiting(RecoveryBehavior):
     def step(self, state: RobotState, now: float) -> Any:
         del state
         self.steps += 1
-        told = self.behave(self.steps - 1)
-        if told is not None:
-            return told
+        scripted = self.behave(self.steps - 1)
+        if scripted is not None:
+            return scripted
         if now - self.started[-1] >= self.lasts - 1e-6:
             return RecoveryStep(RecoveryStatus.DONE, text=f"{self.name} done")
         return RecoveryStep(RecoveryStatus.RUNNING, Twist2D(0.0, 0.0, 0.5))
 
 
 @dataclass
-class Ears:
-    """Listens."""
+class EventStore:
+    """Stores the events."""
 
     events: list[Event] = field(default_factory=list)
 
@@ -323,7 +323,7 @@ class Ears:
 
 
 class Bench:
-    """Everything put together; `turtlebot` cadences unless told otherwise."""
+    """A goal manager in the small world, by default with the frequencies of the turtlebot."""
 
     def __init__(
         self,
@@ -351,7 +351,7 @@ class Bench:
         self.local_costmap = EmptyCostmap("local_costmap", "odom", self.robot)
         self.planner = planner or StraightPlanner()
         self.driver = driver or TurnAndGo()
-        self.ears = Ears()
+        self.listener = EventStore()
         self.move_base = MoveBase(
             MoveBaseParams(**(defaults | params)),
             robot=self.robot,
@@ -360,7 +360,7 @@ class Bench:
             global_planner=self.planner,
             local_planner=self.driver,
             recoveries=recoveries,
-            listeners=[self.ears],
+            listeners=[self.listener],
             planning=planning,
             global_update_frequency=1.0,
             local_update_frequency=5.0,
@@ -368,22 +368,22 @@ class Bench:
         )
 
     def tick(self) -> float:
-        """One tick at the time it is due."""
+        """Execute the next tick when it is due."""
         before = self.robot.time
         self.robot.advance_to(self.move_base.next_due(before))
         self.move_base.tick(self.robot.time)
         self.stuck = self.stuck + 1 if self.robot.time == before else 0
-        assert self.stuck < 50, "time stands still"
+        assert self.stuck < 50, "the time does not advance"
         return self.robot.time
 
     def run_to(self, time: float) -> None:
-        """Every tick due up to `time` (s)."""
+        """Execute every tick that is due up to `time` (s)."""
         while self.move_base.next_due(self.robot.time) <= time + 1e-9:
             self.tick()
         self.robot.advance_to(time)
 
     def run(self, handle: GoalHandle, limit: float = 200.0) -> GoalHandle:
-        """Until the goal ends."""
+        """Run until the goal ends."""
         end = self.robot.time + limit
         while not handle.is_done:
             self.tick()

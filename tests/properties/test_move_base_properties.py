@@ -153,7 +153,7 @@ def test_whatever_fails_when_the_goal_ends_and_the_robot_stands(
         assert bench.move_base.recovery is None
         gaps = [(b[0] - a[0], a[1]) for a, b in zip(bench.robot.commands, bench.robot.commands[1:], strict=False)]
         assert all(gap <= 0.4 + 1e-6 for gap, twist in gaps if twist != Twist2D())
-        return handle.result, [(e.time, e.kind, e.text) for e in bench.ears.events]
+        return handle.result, [(e.time, e.kind, e.text) for e in bench.listener.events]
 
     # twice the same, to the bit
     assert run() == run()

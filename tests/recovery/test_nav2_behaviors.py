@@ -1,4 +1,4 @@
-"""back_up, drive_on_heading, spin and wait: how far, how long, and what stops them."""
+"""back_up, drive_on_heading, spin and wait: distance, duration and collisions."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ START = Pose2D(0.5, -0.5, 1.0)
 
 
 class Stage:
-    """A behaviour on an empty floor, with walls where they are put."""
+    """A behavior on an empty costmap with optional obstacles."""
 
     def __init__(self, cls: type[RecoveryBehavior], start: Pose2D = START, **params: Any) -> None:
         self.robot = KinematicRobot(start)
@@ -28,7 +28,7 @@ class Stage:
         self.recovery = cls("it", cls.Params(**params))
 
     def wall(self, along: float, start: Pose2D = START, side: float = 0.0) -> None:
-        """A lethal cell `along` metres in front of (behind: negative) the start."""
+        """Add a lethal cell `along` metres in front of the start, behind it if negative."""
         x = start.x + along * math.cos(start.yaw) - side * math.sin(start.yaw)
         y = start.y + along * math.sin(start.yaw) + side * math.cos(start.yaw)
         cell = self.local.master.geometry.world_to_cell(x, y)
@@ -36,48 +36,48 @@ class Stage:
         self.local.master.data[cell[1], cell[0]] = LETHAL
 
     def run(self) -> list[Twist2D]:
-        """Until it is done, or raises."""
+        """Run until the behavior is done or raises."""
         self.recovery.start(self.context, self.robot.time)
         frequency = self.recovery.frequency or 10.0
-        said: list[Twist2D] = []
+        commands: list[Twist2D] = []
         for k in range(1, 2000):
             step = self.recovery.step(RobotState(self.robot.odom_pose, self.robot.twist), self.robot.time)
-            said.append(step.twist)
+            commands.append(step.twist)
             self.robot.command(step.twist)
             if step.status is RecoveryStatus.DONE:
-                return said
+                return commands
             self.robot.advance_to(k / frequency)
         raise AssertionError("it does not end")
 
     @property
     def came(self) -> float:
-        """m along the heading of the start."""
+        """Distance along the heading of the start (m)."""
         pose = self.robot.odom_pose
         return (pose.x - START.x) * math.cos(START.yaw) + (pose.y - START.y) * math.sin(START.yaw)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_back_up_reverses_whatever_the_signs(sign: float) -> None:
+def test_back_up_ignores_the_signs(sign: float) -> None:
     stage = Stage(BackUp, backup_dist=sign * 0.4, backup_speed=sign * 0.1)
-    said = stage.run()
-    assert stage.came == pytest.approx(-0.4, abs=0.005)  # half of what a command drives
-    assert said[0] == Twist2D(-0.1, 0.0, 0.0)
-    assert said[-1] == Twist2D()
+    commands = stage.run()
+    assert stage.came == pytest.approx(-0.4, abs=0.005)  # half the distance of one command
+    assert commands[0] == Twist2D(-0.1, 0.0, 0.0)
+    assert commands[-1] == Twist2D()
 
 
 @pytest.mark.parametrize("distance", [0.37, -0.37])
-def test_drive_on_heading_goes_where_the_sign_says(distance: float) -> None:
+def test_drive_on_heading_follows_the_sign(distance: float) -> None:
     stage = Stage(DriveOnHeading, dist_to_travel=distance, speed=math.copysign(0.1, distance))
     stage.run()
     assert stage.came == pytest.approx(distance, abs=0.005)
 
 
-def test_it_keeps_the_local_planners_speed_limit() -> None:
+def test_the_local_planners_speed_limit_applies() -> None:
     stage = Stage(DriveOnHeading, dist_to_travel=1.0, speed=9.0)
     assert max(t.vx for t in stage.run()) == TurnAndGo().limits.max_vel_trans
 
 
-def test_a_wall_stops_it_before_it_is_touched() -> None:
+def test_it_stops_before_a_wall() -> None:
     radius = 0.19  # padded
     for cls, params, code in (
         (BackUp, {"backup_dist": 2.0, "backup_speed": 0.2}, 714),
@@ -89,12 +89,12 @@ def test_a_wall_stops_it_before_it_is_touched() -> None:
             stage.run()
         assert (failed.value.code, failed.value.name) == (code, "COLLISION_AHEAD")
         look_ahead = 0.2 * (1.0 if cls is DriveOnHeading else 2.0)
-        # it saw the cell (0.05 m) one command (0.02 m) before its outline would have been there in look-ahead time
+        # the cell (0.05 m) is detected one command (0.02 m) before the footprint reaches it within the look-ahead time
         assert abs(stage.came) == pytest.approx(1.0 - radius - look_ahead, abs=0.07)
         assert failed.value.data["driven_m"] == pytest.approx(abs(stage.came))
 
 
-def test_a_small_thing_under_the_robots_middle_counts_too() -> None:
+def test_an_obstacle_inside_the_footprint_counts() -> None:
     stage = Stage(DriveOnHeading, dist_to_travel=0.3, speed=0.1)
     stage.wall(0.0)
     with pytest.raises(CollisionAheadError):
@@ -117,7 +117,7 @@ def test_collision_checks_can_be_switched_off() -> None:
         (Spin, {"spin_dist": 6.0, "time_allowance": 2.0}, 701),
     ],
 )
-def test_time_allowance_ends_it(cls: type[RecoveryBehavior], params: dict[str, float], code: int) -> None:
+def test_time_allowance(cls: type[RecoveryBehavior], params: dict[str, float], code: int) -> None:
     stage = Stage(cls, **params)
     with pytest.raises(NavError) as failed:
         stage.run()
@@ -125,7 +125,7 @@ def test_time_allowance_ends_it(cls: type[RecoveryBehavior], params: dict[str, f
     assert stage.robot.time == pytest.approx(2.1)
 
 
-def test_distance_and_speed_that_disagree_are_refused_before_the_first_goal() -> None:
+def test_opposite_signs_are_rejected_before_the_first_goal() -> None:
     wrong = DriveOnHeading("ahead", DriveOnHeading.Params(dist_to_travel=1.0, speed=-0.1))
     with pytest.raises(ParameterError, match="opposite directions") as failed:
         Bench(recoveries=[wrong])
@@ -136,12 +136,12 @@ def test_distance_and_speed_that_disagree_are_refused_before_the_first_goal() ->
 def test_spin_turns_by_its_angle(angle: float) -> None:
     stage = Stage(Spin, spin_dist=angle, time_allowance=20.0)
     stage.run()
-    # min_rotational_vel for half a period, and nothing where it ends by that
+    # min_rotational_vel for half a period
     assert math.remainder(stage.robot.odom_pose.yaw - START.yaw - angle, 2.0 * math.pi) == pytest.approx(0.0, abs=0.021)
     assert stage.came == 0.0
 
 
-def test_spin_looks_where_it_turns() -> None:
+def test_spin_checks_the_turn_ahead() -> None:
     from navstack.core import Footprint
 
     def long_robot(angle: float) -> Stage:
@@ -158,7 +158,7 @@ def test_spin_looks_where_it_turns() -> None:
     assert right.robot.odom_pose.yaw == pytest.approx(START.yaw - 1.57, abs=0.021)
 
 
-def test_wait_stands_for_its_time() -> None:
+def test_wait_lasts_its_duration() -> None:
     stage = Stage(Wait, wait_duration=3.0)
     assert set(stage.run()) == {Twist2D()}
     assert stage.robot.time == pytest.approx(3.0)

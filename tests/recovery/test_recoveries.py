@@ -54,7 +54,7 @@ def clear(scene: Scene, **params: Any) -> str:
     return step.text
 
 
-def test_every_layer_fed_by_sensors_is_cleared_outside_the_square() -> None:
+def test_layers_with_sensor_data_are_cleared_outside_the_square() -> None:
     scene = Scene()
     text = clear(scene)
     assert text == "Clearing both costmaps outside a square (3.00m) large centered on the robot."
@@ -96,12 +96,12 @@ def test_layers_by_name_clearable_or_not() -> None:
     assert set(scene.resets()) == {"global_costmap/static_layer", "global_costmap/obstacle_layer"}
 
 
-def test_a_name_that_matches_no_layer_is_an_error_that_says_what_there_is() -> None:
+def test_an_unknown_layer_name_is_an_error() -> None:
     scene = Scene()
     recovery = ClearCostmapRecovery("reset", ClearCostmapRecoveryParams(layer_names=["obstacles"]))
-    with pytest.raises(ParameterError, match=r'reset/layer_names.*"obstacles".*static_layer, obstacle_layer') as told:
+    with pytest.raises(ParameterError, match=r'reset/layer_names.*"obstacles".*static_layer, obstacle_layer') as caught:
         recovery.check(scene.context)
-    assert told.value.data["layer"] == "obstacles"
+    assert caught.value.data["layer"] == "obstacles"
     with pytest.raises(ParameterError):
         recovery.start(scene.context, 0.0)
 
@@ -113,7 +113,7 @@ def test_force_updating() -> None:
     assert not scene.global_costmap.updates
 
 
-def test_words_that_are_none() -> None:
+def test_unknown_affected_maps() -> None:
     for bad in ({"affected_maps": "all"}, {"reset_distance": -1.0}, {"layer_names": "obstacles"}, {"reset": 1.0}):
         with pytest.raises(ValidationError):
             ClearCostmapRecoveryParams.model_validate(bad)
@@ -124,7 +124,7 @@ def test_words_that_are_none() -> None:
 
 
 def turn(scene: Scene, recovery: RotateRecovery, limit: float = 60.0) -> tuple[list[Twist2D], list[str]]:
-    """Steps it to its end on the robot; the commands and the texts."""
+    """Run the behavior to its end; return the commands and the texts."""
     recovery.start(scene.context, scene.robot.time)
     commands: list[Twist2D] = []
     texts: list[str] = []
@@ -147,7 +147,7 @@ def rotate(**params: Any) -> RotateRecovery:
 
 
 @pytest.mark.parametrize("yaw", [-3.1, 0.0, 0.3, math.pi])
-def test_a_whole_turn_counter_clockwise_then_a_stop(yaw: float) -> None:
+def test_a_full_turn_counter_clockwise_then_a_stop(yaw: float) -> None:
     scene = Scene(Pose2D(0.0, 0.0, yaw))
     commands, texts = turn(scene, rotate())
     assert texts[0] == "Rotate recovery behavior started."
@@ -160,7 +160,7 @@ def test_a_whole_turn_counter_clockwise_then_a_stop(yaw: float) -> None:
     assert abs(normalize_angle(scene.robot.odom_pose.yaw - yaw)) <= 0.1
 
 
-def test_it_brakes_as_the_deceleration_allows() -> None:
+def test_it_decelerates_at_the_limit() -> None:
     scene = Scene(limits=LIMITS._replace(acc_lim_theta=0.5, max_vel_theta=0.9, min_vel_theta=0.2))
     commands, _ = turn(scene, rotate(frequency=50.0))
     turned = 0.0
@@ -171,14 +171,14 @@ def test_it_brakes_as_the_deceleration_allows() -> None:
     assert commands[-1].wz < 0.4
 
 
-def test_limits_are_those_of_the_local_planner_in_use_and_its_own() -> None:
+def test_limits_of_the_local_planner_and_its_own() -> None:
     slow = Scene(limits=LIMITS._replace(max_vel_theta=0.5, min_vel_theta=0.1))
     assert max(c.wz for c in turn(slow, rotate())[0]) == 0.5
     fast = Scene(limits=LIMITS._replace(max_vel_theta=5.0))
     assert max(c.wz for c in turn(fast, rotate())[0]) == 1.0
     faster = Scene(limits=LIMITS._replace(max_vel_theta=5.0))
     assert max(c.wz for c in turn(faster, rotate(max_rotational_vel=3.0))[0]) == 3.0
-    # a minimum above the maximum is not obeyed
+    # a minimum above the maximum is ignored
     odd = Scene(limits=LIMITS._replace(max_vel_theta=0.3, min_vel_theta=0.4))
     assert {c.wz for c in turn(odd, rotate())[0]} == {0.3}
 
@@ -197,16 +197,16 @@ def test_a_square_robot_beside_a_wall_does_not_turn() -> None:
     del iy
     recovery = rotate()
     recovery.start(scene.context, 0.0)
-    with pytest.raises(CollisionAheadError, match="potential collision") as told:
+    with pytest.raises(CollisionAheadError, match="potential collision") as caught:
         recovery.step(scene.state, 0.0)
-    assert told.value.data["cost"] == 254
-    # the corner meets the wall's cell (from 0.35 m on) after acos(0.35 / 0.424) - (-45 degrees)
+    assert caught.value.data["cost"] == 254
+    # the corner hits the wall's cell (from 0.35 m) after acos(0.35 / 0.424) - (-45 degrees)
     expected = math.pi / 4.0 - math.acos(0.35 / math.hypot(0.3, 0.3))
-    assert told.value.data["collision_after_rad"] == pytest.approx(expected, abs=0.03)
-    assert told.value.code == 703
+    assert caught.value.data["collision_after_rad"] == pytest.approx(expected, abs=0.03)
+    assert caught.value.code == 703
 
 
-def test_an_obstacle_that_appears_on_the_way_stops_it() -> None:
+def test_a_new_obstacle_stops_it() -> None:
     scene = Scene(Pose2D(0.0, 0.0, 0.0))
     recovery = rotate()
     recovery.start(scene.context, 0.0)
@@ -237,7 +237,7 @@ def test_unknown_cells_and_the_edge_stop_it() -> None:
 # --- move_slow_and_clear ------------------------------------------------------------------------------------------------
 
 
-def test_it_clears_slows_down_and_lets_go_after_a_while() -> None:
+def test_it_clears_lowers_the_limits_and_restores_them() -> None:
     scene = Scene()
     recovery = MoveSlowAndClear("creep", MoveSlowAndClearParams())
     recovery.start(scene.context, 0.0)
@@ -260,7 +260,7 @@ def test_it_clears_slows_down_and_lets_go_after_a_while() -> None:
     assert len(scene.planner.limited) == 2
 
 
-def test_the_names_of_parameters_that_no_longer_exist_have_no_effect() -> None:
+def test_former_parameter_names_have_no_effect() -> None:
     assert set(MoveSlowAndClearParams.NO_EFFECT) == {
         "max_trans_param_name",
         "max_rot_param_name",
