@@ -173,7 +173,7 @@ def local_costmap_moves(context: CheckContext) -> Iterator[Issue]:
             "the local costmap does not follow the robot (rolling_window = false) and has no static map, so the robot drives "
             "out of it; set rolling_window: true"
         )
-        yield Issue("warning", "window-stands", ("/local_costmap/rolling_window",), message, "true")
+        yield Issue("warning", "fixed-window", ("/local_costmap/rolling_window",), message, "true")
 
 
 def local_costmap_sees(context: CheckContext) -> Iterator[Issue]:

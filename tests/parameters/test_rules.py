@@ -88,7 +88,7 @@ def test_weights_that_are_large_on_both_scales_do_not_suggest_indigo() -> None:
         ("marks-beyond-clearing", {"local_costmap__obstacle_layer": {**SCAN, "obstacle_range": 4.0}}, ("4", "3")),
         ("drops-every-point", {"local_costmap__obstacle_layer": {**SCAN, "max_obstacle_height": 0.1,
                                "scan": {**SCAN["scan"], "min_obstacle_height": 0.2}}}, ("0.2", "0.1")),
-        ("window-stands", {"local_costmap__rolling_window": False}, ("rolling_window",)),
+        ("fixed-window", {"local_costmap__rolling_window": False}, ("rolling_window",)),
         ("blind", {"local_costmap__plugins": [INFLATION]}, ("sensor",)),
         ("footprint-beside-center", {"footprint": [[0.5, 0.1], [1.0, 0.1], [1.0, 0.5]]}, ("(0, 0)",)),
         ("base-frames-differ", {"local_costmap__robot_base_frame": "base_footprint"}, ("base_link", "base_footprint")),

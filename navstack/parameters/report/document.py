@@ -53,7 +53,7 @@ def parameters_of(configuration: Configuration) -> list[Parameter]:
 
 
 def same_parameters(a: Configuration, b: Configuration) -> bool:
-    """Return True if all effective values are equal, wherever they were written."""
+    """Return True if all effective values are equal; their origins may differ."""
 
     def values(c: Configuration) -> tuple[Any, ...]:
         planners = (c.global_planner, c.local_planner)
@@ -91,6 +91,8 @@ def _left_to_layers(costmap: CostmapConfiguration) -> dict[str, str]:
 
 
 class _Walk:
+    """Lists the parameters of models with their origins."""
+
     def __init__(self, origins: Mapping[str, Location]) -> None:
         self.origins = origins
 

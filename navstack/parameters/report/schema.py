@@ -86,8 +86,8 @@ def _as_written(schema: Schema, model: type[ParamModel], children: Mapping[str, 
         del properties[name]
     for old, new in model.RENAMED.items():
         if new in properties:
-            today = {k: v for k, v in properties[new].items() if k not in ("title", "default")}
-            properties[old] = {**today, "deprecated": True, "description": f"former name of {new}"}
+            current = {k: v for k, v in properties[new].items() if k not in ("title", "default")}
+            properties[old] = {**current, "deprecated": True, "description": f"former name of {new}"}
     for name, why in model.NO_EFFECT.items():
         properties.setdefault(name, {"deprecated": True, "description": f"no effect: {why}"})
     for one in properties.values():
