@@ -11,13 +11,21 @@ from navstack.record.archive import dump_json
 
 
 def render_log(meta: dict[str, Any], events: list[dict[str, Any]]) -> str:
-    """Returns the scenario as YAML, a line per event (time in s, kind, text) and a line per goal result. No wall-clock times."""
+    """Returns the scenario as YAML, a line per event (time in s, kind, text) and a line per goal result. No wall-clock times.
+
+    The first event of each exception in a plugin has the traceback below it.
+    """
     lines = [f"# navstack run, format {meta['version']}", "# scenario:", *_scenario(meta["scenario"])]
+    tracebacks: set[str] = set()
     # repeated events (of a planner that runs five times per second) take one line with a count
     for event, count, until in _group_repeats(events):
         again = f" (repeated {count - 1} times until {until:.3f} s)" if count > 1 else ""
         line = f"{event['time']:10.3f}  {_one_line(event['kind']):<14}  {_one_line(event['text'])}{again}"
         lines.append(line.rstrip())
+        trace = event.get("data", {}).get("traceback")
+        if isinstance(trace, str) and trace not in tracebacks:
+            tracebacks.add(trace)
+            lines += [f"{'':28}{_one_line(line)}".rstrip() for line in trace.splitlines()]
     lines += [f"# goal {i} {dump_json(result)}" for i, result in enumerate(meta["results"])]
     return "\n".join(lines) + "\n"
 

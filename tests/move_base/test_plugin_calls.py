@@ -13,6 +13,7 @@ from navstack.core import Costmap, GridGeometry, Pose2D, RobotState, Twist2D
 from navstack.core.errors import InternalError, NavError, NoValidPathError, RecoveryError
 from navstack.interfaces import Plan, RecoveryContext
 from navstack.move_base import GoalStatus, plugin_calls
+from navstack.record.log import render_log
 from tests.move_base.world import Bench, StraightPlanner, TurnAndGo, Waiting
 
 HERE = "tests/move_base/test_plugin_calls.py"
@@ -123,6 +124,15 @@ def test_a_recovery_that_raises_in_follow_up() -> None:
     (event,) = bench.listener.of("warning")
     assert event.text == f"slow raised KeyError: 'limit' ({HERE}:{line_of(BrokenFollowUp.follow_up)})"
     assert "Traceback" in event.data["traceback"]
+
+
+def test_the_log_of_a_run_has_each_traceback_once() -> None:
+    bench = Bench(planner=StraightPlanner(lambda n: broken(0)))
+    bench.run(bench.move_base.send_goal(GOAL))
+    events = [{"time": e.time, "kind": e.kind, "text": e.text, "data": e.data} for e in bench.listener.events]
+    text = render_log({"version": 1, "scenario": {}, "results": []}, events)
+    assert text.count("Traceback (most recent call last):") == 1
+    assert f'    File "{HERE}", line {line_of(broken)}, in broken\n' in text
 
 
 def test_the_robot_and_the_costmaps() -> None:
