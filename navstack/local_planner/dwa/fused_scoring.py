@@ -35,6 +35,7 @@ from navstack.local_planner.scoring import ScoreTable
 
 CYCLE = np.dtype(
     [
+        ("weights", "f8", (CRITICS,)),  # first: numba takes a record that begins as another one for that one
         *((name, OBSTACLE_SETTINGS[name]) for name in OBSTACLE_SETTINGS.names or ()),
         ("nx", "i8"),
         ("ny", "i8"),
@@ -46,7 +47,6 @@ CYCLE = np.dtype(
         ("sign_x", "i8"),
         ("sign_y", "i8"),
         ("sign_theta", "i8"),
-        ("weights", "f8", (CRITICS,)),
     ]
 )
 """Settings of one cycle, a superset of GRID and OBSTACLE_SETTINGS."""
@@ -167,6 +167,7 @@ class FusedScorer:
             self._twirling.scale,
         )
         self._cycle[0] = (
+            weights,
             g.origin_x,
             g.origin_y,
             g.resolution,
@@ -181,7 +182,6 @@ class FusedScorer:
             self._goal_front.params.forward_point_distance,
             self._alignment.params.forward_point_distance,
             *self._oscillation.allowed_signs,
-            weights,
         )
         return self._cycle, np.array(weights)
 
