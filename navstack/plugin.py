@@ -41,6 +41,7 @@ from navstack.core.errors import (
     StartOccupiedError,
 )
 from navstack.core.jit import kernel
+from navstack.core.parameter_checks import CheckContext, Issue, LayerTraits
 from navstack.core.parameters import ParamModel, param
 from navstack.interfaces import (
     CellExplanation,
@@ -75,6 +76,7 @@ __all__ = [
     "UNKNOWN",
     "Bounds",
     "CellExplanation",
+    "CheckContext",
     "ControlError",
     "ControlInput",
     "Costmap",
@@ -86,9 +88,11 @@ __all__ = [
     "GoalOccupiedError",
     "GridGeometry",
     "InvalidPathError",
+    "Issue",
     "LaserScan",
     "Layer",
     "LayerContext",
+    "LayerTraits",
     "LocalPlan",
     "LocalPlanner",
     "NavError",
