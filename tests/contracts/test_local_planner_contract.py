@@ -281,14 +281,6 @@ def test_stops_at_the_goal(name: str, heading: float) -> None:
     assert planner.compute_command(inputs_at(pose, velocity)).command == Twist2D()
 
 
-def test_goal_is_not_reached_far_away(name: str) -> None:
-    planner = make(name)
-    goal = Pose2D(1.0, 0.0, 0.0)
-    assert not planner.goal_reached(inputs_at(Pose2D(0.0, 0.0)))
-    planner.set_plan(straight(Pose2D(0.0, 0.0), goal), goal)
-    assert not planner.goal_reached(inputs_at(Pose2D(0.0, 0.0)))
-
-
 def test_the_command_has_its_table(name: str) -> None:
     """The table of samples shows how the command was selected."""
     planner = make(name)
@@ -389,17 +381,6 @@ def test_a_pose_off_the_map(name: str) -> None:
     assert caught.value.code in (103, 106)
 
 
-@pytest.mark.parametrize("bad", [math.nan, math.inf])
-def test_a_state_that_is_not_finite(name: str, bad: float) -> None:
-    planner = make(name)
-    goal = Pose2D(1.0, 0.0)
-    planner.set_plan(straight(Pose2D(0.0, 0.0), goal), goal)
-    costmap = window_around(Pose2D(0.0, 0.0))
-    for state in (RobotState(Pose2D(0.0, bad)), RobotState(Pose2D(0.0, 0.0), Twist2D(0.0, 0.0, bad))):
-        with pytest.raises(ControlError, match="finite"):
-            planner.compute_command(ControlInput(state, costmap, FOOTPRINT))
-
-
 def test_plan_in_another_frame(name: str) -> None:
     """A rotated and translated frame of the plan does not change the command."""
     goal = Pose2D(1.0, 0.4, 0.3)
@@ -419,27 +400,6 @@ def test_plan_in_another_frame(name: str) -> None:
     assert there.goal_reached(at_goal)
 
 
-def test_speed_limits_can_be_lowered_and_restored(name: str) -> None:
-    planner = make(name)
-    before = planner.limits
-    goal = Pose2D(1.8, 0.0, 0.0)
-    planner.set_limits(max_vel_trans=0.2, max_vel_theta=0.3)
-    assert planner.limits.max_vel_trans == 0.2 and planner.limits.max_vel_theta == 0.3
-    planner.set_plan(straight(Pose2D(0.0, 0.0), goal), goal)
-    pose, velocity = Pose2D(0.0, 0.0, 0.4), Twist2D(0.5, 0.0, 0.0)
-    fastest = 0.0
-    for i in range(15):
-        plan = planner.compute_command(inputs_at(pose, velocity))
-        velocity = plan.command
-        pose = driven(pose, velocity, 0.2)
-        if i > 2:
-            fastest = max(fastest, velocity.speed)
-            assert abs(velocity.wz) <= 0.3 + SLACK
-    assert 0.0 < fastest <= 0.2 + 1e-4
-    planner.set_limits()
-    assert planner.limits == before
-
-
 def test_cycles_are_reproducible(name: str) -> None:
     """Two planners give identical commands and tables in the same run."""
     tables: list[list[bytes]] = []
@@ -455,20 +415,6 @@ def test_cycles_are_reproducible(name: str) -> None:
             pose = driven(pose, velocity, 0.2)
         tables.append(seen)
     assert tables[0] == tables[1]
-
-
-def test_reaches_the_goal_with_a_replan_every_cycle(name: str) -> None:
-    """As with a high planner_frequency."""
-    planner = make(name)
-    goal = Pose2D(1.0, 0.3, -0.6)
-    pose, velocity = Pose2D(0.0, 0.0, 0.0), Twist2D()
-    for _ in range(150):
-        planner.set_plan(straight(pose, goal), goal)
-        if planner.goal_reached(inputs_at(pose, velocity)):
-            return
-        velocity = planner.compute_command(inputs_at(pose, velocity)).command
-        pose = driven(pose, velocity, 0.2)
-    raise AssertionError(f"not reached: {pose}")
 
 
 def test_failures_are_nav_errors_with_a_json_form(name: str) -> None:
