@@ -75,17 +75,24 @@ class Transform2D(NamedTuple):
         return out
 
     def inverse(self) -> Transform2D:
-        """Return the transform from A to B."""
-        c, s = math.cos(self.yaw), math.sin(self.yaw)
-        return Transform2D(-(c * self.x + s * self.y), s * self.x - c * self.y, normalize_angle(-self.yaw))
+        """Return the transform from A to B, rounded as in tf2 (`BufferCore::lookupTransform`)."""
+        x, y, yaw = self
+        w, z = math.cos(0.5 * yaw), -math.sin(0.5 * yaw)
+        a, b = z * y - w * x, -(w * y) - z * x
+        return Transform2D(a * w - b * z, b * w + a * z, normalize_angle(-yaw))
 
     def __matmul__(self, other: Transform2D) -> Transform2D:
-        """Compose transforms: `A<-B @ B<-C = A<-C`."""
+        """Compose transforms: `A<-B @ B<-C = A<-C`.
+
+        The translation is rotated by a quaternion, with the operations in the order of tf2's `quatRotate`, so that the result
+        equals that of `BufferCore::lookupTransform` to the last bit: one unit there can decide whether a ray that is cut at
+        the border ends inside the map.
+        """
         x, y, yaw = self
-        c, s = math.cos(yaw), math.sin(yaw)
-        return Transform2D(
-            x + c * other[0] - s * other[1], y + s * other[0] + c * other[1], normalize_angle(yaw + other[2])
-        )
+        right, up, turn = other
+        w, z = math.cos(0.5 * yaw), math.sin(0.5 * yaw)
+        a, b = w * right - z * up, w * up + z * right
+        return Transform2D((a * w - b * z) + x, (b * w + a * z) + y, normalize_angle(yaw + turn))
 
     def is_identity(self) -> bool:
         """Return True for the identity."""

@@ -106,3 +106,33 @@ def test_footprint_at_a_pose() -> None:
     )
     assert footprint.contains_center
     assert not Footprint(np.array([[1.0, 0.0], [2.0, 0.0], [1.5, 1.0]])).contains_center
+
+
+def tf2_rotate(q: list[float], v: list[float]) -> list[float]:
+    """tf2's quatRotate: q * v * q.inverse(), with the operations in the order of tf2/LinearMath/Quaternion.h."""
+    x, y, z, w = q
+    a, b, c, d = (
+        w * v[0] + y * v[2] - z * v[1],
+        w * v[1] + z * v[0] - x * v[2],
+        w * v[2] + x * v[1] - y * v[0],
+        -x * v[0] - y * v[1] - z * v[2],
+    )
+    x, y, z = -x, -y, -z
+    return [
+        d * x + a * w + b * z - c * y,
+        d * y + b * w + c * x - a * z,
+        d * z + c * w + a * y - b * x,
+    ]
+
+
+def test_transforms_are_composed_as_in_tf2_to_the_last_bit() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(2000):
+        x, y, yaw, right, up, turn = (rng.uniform(-1.0, 1.0, 6) * (30.0, 30.0, math.pi, 3.0, 3.0, math.pi)).tolist()
+        q = [0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)]
+        composed = Transform2D(x, y, yaw) @ Transform2D(right, up, turn)
+        moved = tf2_rotate(q, [right, up, 0.0])
+        assert (composed.x, composed.y) == (moved[0] + x, moved[1] + y)
+        inverse = Transform2D(x, y, yaw).inverse()
+        back = tf2_rotate([0.0, 0.0, -q[2], q[3]], [-x, -y, 0.0])
+        assert (inverse.x, inverse.y) == (back[0], back[1])

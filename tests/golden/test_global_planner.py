@@ -75,8 +75,16 @@ def params_of(query: NDArray[np.float64], expander: str, calculator: str, traceb
     )
 
 
-def pose_at(fractional: NDArray[np.float64], yaw: float = 0.0) -> Pose2D:
-    return Pose2D((float(fractional[0]) + 0.5) * 0.1, (float(fractional[1]) + 0.5) * 0.1, yaw)
+def ends(query: NDArray[np.float64]) -> tuple[Pose2D, Pose2D]:
+    """Start and goal in the world. With old_navfn_behavior C++ uses their cells only: here the centres of these cells."""
+    cells = query[4:8] if query[8] else query[0:4]
+    sx, sy, gx, gy = ((cells + 0.5) * 0.1).tolist()
+    return Pose2D(sx, sy), Pose2D(gx, gy)
+
+
+def to_cells(points: NDArray[np.float64], old_navfn_behavior: bool) -> NDArray[np.float64]:
+    """Points (n, 2) of a plan in the cells of C++'s paths: with old_navfn_behavior a cell's corner has whole numbers."""
+    return points / 0.1 - (0.0 if old_navfn_behavior else 0.5)
 
 
 def path_cost(cells: NDArray[Any], steps: NDArray[np.float32], costs: NDArray[np.uint8]) -> float:
@@ -101,7 +109,7 @@ def test_every_combination(case: Case, combination: tuple[str, str, str], golden
     params = params_of(query, *combination)
     planner = GlobalPlannerROS(params)
     reachable = np.asarray(data["summary"])[..., 0].any()
-    start, goal = pose_at(query[0:2]), pose_at(query[2:4])
+    start, goal = ends(query)
     if not reachable:
         with pytest.raises(NoValidPathError):
             planner.make_plan(costmap, start, goal)
@@ -117,13 +125,16 @@ def test_every_combination(case: Case, combination: tuple[str, str, str], golden
     rule = global_planner_costs(
         params.lethal_cost, params.neutral_cost, params.cost_factor, params.allow_unknown, params.use_quadratic
     )
-    cells = plan.path.poses[:, :2] / 0.1 - 0.5
+    cells = to_cells(plan.path.poses[:, :2], params.old_navfn_behavior)
     assert np.hypot(*np.diff(cells, axis=0).T).max() < 2.0
     expected_path = data[f"{expander}_{calculator}_{traceback}_path"]
     if len(expected_path):
         ours = path_cost(cells, rule.steps, costmap.data)
         # C++ paths run from goal to start; both ends are connected to the same two points
-        theirs = np.vstack([query[0:2], expected_path[::-1], query[2:4]])
+        first, last = (to_cells(np.array([end[:2]]), params.old_navfn_behavior) for end in (start, goal))
+        if params.old_navfn_behavior:
+            first = expected_path[-1:]  # the start itself is not a point of the plan
+        theirs = np.vstack([first, expected_path[::-1], last])
         assert ours <= path_cost(theirs, rule.steps, costmap.data) * (1.0 + COST_TOLERANCE)
 
 
@@ -156,6 +167,9 @@ def test_plans_in_the_world(file: Path, key: str, golden_dir: Path) -> None:
     assert poses[0, :2] == pytest.approx(expected[0, :2], abs=0.15)
     # headings: at the points that both have
     near = cKDTree(poses[:, :2]).query(expected[:, :2])
+    if params.old_navfn_behavior:
+        # both count from cells' corners: the same points, up to the float32 of C++
+        assert near[0].max() < 1e-5
     same = near[0] < 1e-3
     turned = np.abs((poses[near[1][same], 2] - expected[same, 2] + np.pi) % (2.0 * np.pi) - np.pi)
     if same.sum() > 10:

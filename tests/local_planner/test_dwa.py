@@ -98,11 +98,35 @@ def test_scoring_scale_of_both_distros(distro: str, factor: float, obstacle: flo
 def test_window_stays_within_limits_and_acceleration() -> None:
     limits = planner_on().limits
     window = velocity_window(Twist2D(0.3, 0.0, 4.9), limits, 0.2)
-    np.testing.assert_allclose(window, [[0.1, 0.5], [0.0, 0.0], [4.5, 5.0]])
+    # C++ holds the velocity as float32, and computes in double
+    x, turn = float(np.float32(0.3)), float(np.float32(4.9))
+    assert window.tolist() == [[x - 0.2, 0.5], [0.0, 0.0], [turn - 2.0 * 0.2, 5.0]]
     # a robot that measures a small sideways speed is not commanded to strafe
     assert velocity_window(Twist2D(0.0, 0.001, 0.0), limits, 0.2)[1].tolist() == [0.0, 0.0]
     # a robot above its limit gets the limit
     assert velocity_window(Twist2D(2.0, 0.0, 0.0), limits, 0.2)[0].tolist() == [0.5, 0.5]
+
+
+def test_acceleration_limits_are_float32_as_in_cpp() -> None:
+    """LocalPlannerLimits::getAccLimits returns a Vector3f: 3.2 rad/s² is 3.2000000477."""
+    limits = planner_on(acc_lim_theta=3.2).limits
+    assert limits.acc_lim_theta == float(np.float32(3.2)) != 3.2
+    assert velocity_window(Twist2D(), limits, 0.2)[2].tolist() == [
+        -limits.acc_lim_theta * 0.2,
+        limits.acc_lim_theta * 0.2,
+    ]
+    assert turning_twist(1.0, 0.0, limits, 0.2, 0.0).wz == limits.acc_lim_theta * 0.2
+
+
+def test_oscillation_distance_is_float32_as_in_cpp() -> None:
+    """From 1.5 to 1.55 m is more than 0.05 m in double and less in float32."""
+    start, end = 1.5, 1.55
+    assert (end - start) > 0.05 and float(np.float32(end) - np.float32(start)) < 0.05
+    critic = OscillationCritic("oscillation", OscillationParams(oscillation_reset_dist=0.05))
+    critic.debrief(Twist2D(0.0, 0.0, 0.5), Pose2D(start, 0.0))
+    critic.debrief(Twist2D(0.0, 0.0, -0.5), Pose2D(start, 0.0))
+    critic.debrief(Twist2D(0.0, 0.0, -0.5), Pose2D(end, 0.0))
+    assert critic.allowed_signs[2] == -1
 
 
 def test_the_last_simulated_pose_is_not_scored() -> None:

@@ -72,9 +72,11 @@ class OscillationCritic(Critic):
         if changed:
             self._since = pose
         if any(self.allowed_signs):
-            turned = abs(pose.yaw - self._since.yaw)
+            # poses and their difference are float32 in C++, the rest is double
+            along, across, turned = (np.array(pose, np.float32) - np.array(self._since, np.float32)).tolist()
             p = self.params
-            if pose.distance_to(self._since) > p.oscillation_reset_dist or turned > p.oscillation_reset_angle:
+            farthest = p.oscillation_reset_dist * p.oscillation_reset_dist
+            if along * along + across * across > farthest or abs(turned) > p.oscillation_reset_angle:
                 self.reset()
 
     def state(self) -> dict[str, Any]:

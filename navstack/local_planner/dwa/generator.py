@@ -148,9 +148,10 @@ class DWAGenerator(TrajectoryGenerator):
 def velocity_window(velocity: Twist2D, limits: VelocityLimits, horizon: float) -> NDArray[np.float64]:
     """(3, 2) lowest and highest vx, vy, wz within the limits that are reachable within `horizon` (s).
 
-    A robot outside its limits gets the nearest limit alone.
+    A robot outside its limits gets the nearest limit alone. The velocity is rounded to float32, as DWAPlanner::findBestPath
+    stores it.
     """
-    vx, vy, wz = velocity
+    vx, vy, wz = np.array(velocity, np.float32).tolist()
     return np.array(
         (
             _reachable(vx, limits.min_vel_x, limits.max_vel_x, limits.acc_lim_x * horizon),

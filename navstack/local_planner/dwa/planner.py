@@ -97,9 +97,10 @@ class DWAPlanner(SamplingPlanner):
             min_vel_trans=p.min_vel_trans if max_vel_trans is None else min(p.min_vel_trans, trans),
             max_vel_theta=theta,
             min_vel_theta=p.min_vel_theta if max_vel_theta is None else min(p.min_vel_theta, theta),
-            acc_lim_x=p.acc_lim_x,
-            acc_lim_y=p.acc_lim_y,
-            acc_lim_theta=p.acc_lim_theta,
+            # LocalPlannerLimits::getAccLimits returns a Vector3f
+            acc_lim_x=float(np.float32(p.acc_lim_x)),
+            acc_lim_y=float(np.float32(p.acc_lim_y)),
+            acc_lim_theta=float(np.float32(p.acc_lim_theta)),
             yaw_goal_tolerance=p.yaw_goal_tolerance,
         )
 
