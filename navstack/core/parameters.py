@@ -22,6 +22,8 @@ class ParamModel(BaseModel):
     - `NO_EFFECT`: a name that ROS reads, or read once, without any effect -> reason. Accepted, with a note.
     - `SEARCHED`: fields looked up in the enclosing namespaces if absent (ROS searchParam).
     - `FROM_PARENT`: fields that the enclosing namespace overrides (costmap_2d copyParentParameters).
+    - `CLAMPED`: fields that ROS clamps to their range (dynamic_reconfigure, or its code). Such a value is clamped here too, with
+      a warning; a value outside of any other range is an error.
     - `FROM_NAVSTACK`: fields taken from the `navstack:` section, which ROS does not read (`ros_distro`).
     - `CHILD_FIELD` with `child_models`: namespaces below this one whose names depend on values (observation sources).
     """
@@ -33,6 +35,7 @@ class ParamModel(BaseModel):
     SEARCHED: ClassVar[frozenset[str]] = frozenset()
     FROM_PARENT: ClassVar[frozenset[str]] = frozenset()
     FROM_NAVSTACK: ClassVar[frozenset[str]] = frozenset()
+    CLAMPED: ClassVar[frozenset[str]] = frozenset()
     CHILD_FIELD: ClassVar[str | None] = None
 
     @classmethod

@@ -47,6 +47,7 @@ class InflationLayerParams(ParamModel):
     )
     inflate_unknown: bool = param(False, "inflate unknown cells too")
 
+    CLAMPED: ClassVar[frozenset[str]] = frozenset({"cost_scaling_factor", "inflation_radius"})
     FROM_PARENT: ClassVar[frozenset[str]] = frozenset({"cost_scaling_factor", "inflation_radius"})
 
     def check(self, context: CheckContext) -> Iterator[Issue]:

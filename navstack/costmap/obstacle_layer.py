@@ -44,6 +44,7 @@ class ObstacleLayerParams(ParamModel):
     sources: dict[str, ObservationSourceParams] = param({}, "parameters of the sources, by name")
 
     CHILD_FIELD: ClassVar[str | None] = "sources"
+    CLAMPED: ClassVar[frozenset[str]] = frozenset({"max_obstacle_height"})
     FROM_PARENT: ClassVar[frozenset[str]] = frozenset(
         {"max_obstacle_height", "raytrace_range", "obstacle_range", "track_unknown_space"}
     )

@@ -46,6 +46,7 @@ class StaticLayerParams(ParamModel):
         True, "free, lethal and unknown costs only; otherwise costs in proportion to the map values"
     )
 
+    CLAMPED: ClassVar[frozenset[str]] = frozenset({"lethal_cost_threshold"})
     FROM_PARENT: ClassVar[frozenset[str]] = frozenset(
         {"map_topic", "unknown_cost_value", "lethal_cost_threshold", "track_unknown_space"}
     )

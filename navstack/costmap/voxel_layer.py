@@ -37,6 +37,9 @@ class VoxelLayerParams(ObstacleLayerParams):
     mark_threshold: int = param(0, "most marked voxels of a free column", ge=0, le=LEVELS)
     publish_voxel_map: bool = param(False, "publish the voxels")
 
+    CLAMPED: ClassVar[frozenset[str]] = frozenset(
+        {"max_obstacle_height", "origin_z", "z_resolution", "z_voxels", "unknown_threshold", "mark_threshold"}
+    )
     FROM_PARENT: ClassVar[frozenset[str]] = frozenset(
         {"origin_z", "z_resolution", "z_voxels", "mark_threshold", "unknown_threshold", "publish_voxel_map"}
     )

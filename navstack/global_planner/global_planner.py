@@ -30,6 +30,9 @@ class GlobalPlannerParams(SearchParams):
         "publish_scale": "scales the potential that ROS publishes; here the plan contains it unscaled",
     }
 
+    CLAMPED: ClassVar[frozenset[str]] = frozenset(
+        {"lethal_cost", "neutral_cost", "cost_factor", "orientation_mode", "orientation_window_size"}
+    )
     old_navfn_behavior: bool = param(False, "start, goal and path points on cell corners, as in navfn")
     use_quadratic: bool = param(
         True, "potential of a plane wave over two neighbours, instead of from the lowest neighbour"

@@ -8,12 +8,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Literal, NamedTuple, Union, get_args, get_origin
 
 from pydantic import ValidationError
+from pydantic.fields import FieldInfo
 
 from navstack.core.parameters import ParamModel
 from navstack.parameters.findings import Finding, Location, Severity, finding
-from navstack.parameters.model_fields import is_frame, is_model
+from navstack.parameters.model_fields import bounds_of, is_frame, is_model
 from navstack.parameters.tree import Space
-from navstack.parameters.value_messages import expected, message_for, rule_for, show, steps_of
+from navstack.parameters.value_messages import clamped_message, expected, message_for, rule_for, show, steps_of
 from navstack.parameters.yaml_nodes import DictNode, ListNode, Node, ScalarNode, plain
 
 Strictness = Literal["error", "warning"]
@@ -97,7 +98,20 @@ class Validator:
             value = value.lstrip("/")
         if isinstance(value, float) and math.isnan(value) and isinstance(node, ScalarNode):
             self.add_finding(strictness, "wrong-type", node.at, path, f"{name} is not a number (nan); {expected(info)}")
+        if self.of_ros and name in model.CLAMPED and isinstance(value, (int, float)) and not isinstance(value, bool):
+            return self._clamped(info, name, value, node, path)
         return value
+
+    def _clamped(self, info: FieldInfo, name: str, value: float, node: Node, path: str) -> float:
+        """The value as ROS uses it: dynamic_reconfigure clamps it to the range."""
+        bounds = bounds_of(info)
+        limit = min(max(value, bounds.get("ge", -math.inf)), bounds.get("le", math.inf))
+        if limit == value or not math.isfinite(value):
+            return value
+        limit = int(limit) if info.annotation is int else float(limit)
+        message = clamped_message(name, info, value, limit)
+        self.add_finding("warning", "clamped", node.at, path, message, show(limit))
+        return limit
 
     def _coerce(self, annotation: Any, node: Node, path: str, strictness: Strictness) -> Any:
         """Convert a node to the types that strict models accept: tuples for tuples, whole floats to ints."""

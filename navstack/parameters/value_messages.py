@@ -12,12 +12,12 @@ from navstack.parameters.model_fields import bounds_of, unit_of
 from navstack.parameters.yaml_nodes import DictNode, ListNode, Node, ScalarNode, plain
 
 _LIMITS = {
-    "greater_than_equal": ("ge", "at least", True),
-    "greater_than": ("gt", "greater than", False),
-    "less_than_equal": ("le", "at most", True),
-    "less_than": ("lt", "less than", False),
+    "greater_than_equal": ("ge", "at least"),
+    "greater_than": ("gt", "greater than"),
+    "less_than_equal": ("le", "at most"),
+    "less_than": ("lt", "less than"),
 }
-"""Error type of pydantic -> bound, text, whether ROS clamps to it."""
+"""Error type of pydantic -> bound, text."""
 _ENTRY_KINDS = {"float_type": "a number", "int_type": "an integer", "string_type": "text", "list_type": "a list"}
 
 
@@ -88,7 +88,7 @@ def message_for(
     kind = _kind_of(error)
     value = plain(node) if node is not None else error.get("input")
     if kind in _LIMITS:
-        return _range_message(kind, error["ctx"], name, info, value, of_ros)
+        return _range_message(kind, error["ctx"], name, info, value)
     if kind == "missing":
         return f"{name} is required; add `{name}: ...`"
     if kind == "value_error":
@@ -140,13 +140,18 @@ def _is_numeric(text: str) -> bool:
     return True
 
 
-def _range_message(
-    kind: str, ctx: Mapping[str, Any], name: str, info: FieldInfo | None, value: Any, of_ros: bool
-) -> str:
-    word, _, clamps = _LIMITS[kind]
-    limit = ctx[word]
-    bounds = bounds_of(info) if info is not None else {word: limit}
-    allowed = " and ".join(f"{text} {show(float(bounds[w]))}" for w, text, _ in _LIMITS.values() if w in bounds)
-    unit = f" {unit_of(info)}".rstrip()
-    ros = f" (ROS silently uses {show(float(limit))})" if clamps and of_ros else ""
-    return f"{name} = {show(value)} is out of range{ros}; it must be {allowed}{unit}"
+def clamped_message(name: str, info: FieldInfo, value: float, used: float) -> str:
+    """Return the message for a value that is clamped, as ROS does silently."""
+    allowed = _allowed(bounds_of(info), info)
+    return f"{name} = {show(value)} is out of range, so {show(used)} is used, as in ROS; it must be {allowed}"
+
+
+def _range_message(kind: str, ctx: Mapping[str, Any], name: str, info: FieldInfo | None, value: Any) -> str:
+    word = _LIMITS[kind][0]
+    allowed = _allowed(bounds_of(info) if info is not None else {word: ctx[word]}, info)
+    return f"{name} = {show(value)} is out of range; it must be {allowed}"
+
+
+def _allowed(bounds: Mapping[str, float], info: FieldInfo | None) -> str:
+    texts = [f"{text} {show(float(bounds[word]))}" for word, text in _LIMITS.values() if word in bounds]
+    return f"{' and '.join(texts)} {unit_of(info)}".rstrip()

@@ -221,7 +221,7 @@ def test_planners_that_are_not_in_use_are_checked_with_warnings() -> None:
     about = {(f.severity, f.rule, f.key) for f in findings if f.key.startswith("GlobalPlanner")}
     assert about == {
         ("warning", "wrong-type", "GlobalPlanner/cost_factor"),
-        ("warning", "out-of-range", "GlobalPlanner/lethal_cost"),
+        ("warning", "clamped", "GlobalPlanner/lethal_cost"),
     }
 
 
@@ -234,6 +234,53 @@ def test_an_empty_namespace_causes_no_finding() -> None:
     assert keys_of(check(robot(NavfnROS=None, GlobalPlanner=None))) == keys_of(check(robot()))
 
 
+# --- values that ROS clamps -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("key", "written", "used"),
+    [
+        ("DWAPlannerROS__min_rot_vel", -0.4, 0.0),  # the former name of min_vel_theta
+        ("DWAPlannerROS__min_vel_theta", -0.4, 0.0),
+        ("DWAPlannerROS__acc_lim_x", 30.0, 20.0),
+        ("DWAPlannerROS__vx_samples", 0, 1),
+        ("TrajectoryPlannerROS__path_distance_bias", 32, 5.0),
+        ("TrajectoryPlannerROS__min_vel_theta", 0.3, 0.0),
+        ("GlobalPlanner__cost_factor", 0, 0.01),
+        ("local_costmap__obstacle_layer__origin_z", -0.5, 0.0),
+        ("local_costmap__obstacle_layer__z_voxels", 20, 16),
+        ("local_costmap__inflation_layer__inflation_radius", -1, 0.0),
+        ("global_costmap__transform_tolerance", 20, 10.0),
+        ("planner_frequency", -1, 0.0),
+        ("planner_patience", -5, 0.0),
+    ],
+)
+def test_a_value_that_ros_clamps_loads_clamped_with_a_warning(key: str, written: float, used: float) -> None:
+    planners = {
+        "TrajectoryPlannerROS": {"base_local_planner": "base_local_planner/TrajectoryPlannerROS"},
+        "GlobalPlanner": {"base_global_planner": "global_planner/GlobalPlanner"},
+    }
+    made = robot(**{key: written})
+    made |= planners.get(key.partition("__")[0], {})
+    voxel = {"name": "obstacle_layer", "type": "costmap_2d::VoxelLayer"}
+    made["local_costmap"]["plugins"] = [voxel, {"name": "inflation_layer", "type": "costmap_2d::InflationLayer"}]
+    loaded = load_configuration([made])
+    path = key.replace("__", "/")
+    [found] = [f for f in loaded.findings if f.rule == "clamped"]
+    assert (found.severity, found.key, found.suggestion) == ("warning", path, f"{used:g}")
+    assert f"{written:g} is out of range, so {used:g} is used, as in ROS" in found.message
+    namespace, _, name = path.rpartition("/")
+    of: dict[str, Any] = {"": loaded.move_base, "global_costmap": loaded.global_costmap.params}
+    of |= {p.namespace: p.params for p in (loaded.local_planner, loaded.global_planner, *loaded.local_costmap.layers)}
+    assert getattr(of[namespace], "min_vel_theta" if name == "min_rot_vel" else name) == used
+
+
+def test_move_base_uses_values_over_its_sliders_as_written() -> None:
+    loaded = load_configuration([robot(planner_patience=600.0, oscillation_timeout=120.0)])
+    assert (loaded.move_base.planner_patience, loaded.move_base.oscillation_timeout) == (600.0, 120.0)
+    assert not [f for f in loaded.findings if f.rule == "clamped"]
+
+
 # --- what stops -------------------------------------------------------------------------------------------------------
 
 
@@ -242,7 +289,7 @@ def test_an_empty_namespace_causes_no_finding() -> None:
     [
         ({"controller_frequency": "fast"}, "wrong-type", "controller_frequency", ("fast", "number")),
         ({"DWAPlannerROS__max_vel_x": [1]}, "wrong-type", "DWAPlannerROS/max_vel_x", ("list",)),
-        ({"DWAPlannerROS__acc_lim_x": 30.0}, "out-of-range", "DWAPlannerROS/acc_lim_x", ("20", "ROS")),
+        ({"DWAPlannerROS__xy_goal_tolerance": -1}, "out-of-range", "DWAPlannerROS/xy_goal_tolerance", ("at least 0",)),
         ({"global_costmap__robot_radius": -0.2}, "out-of-range", "global_costmap/robot_radius", ("-0.2", "at least 0")),
         ({"global_costmap__robot_radius": 0.0}, "footprint", "global_costmap/robot_radius", ("0", "positive")),
         ({"local_costmap__footprint": [[0, 0], [1, 1]]}, "footprint", "local_costmap/footprint", ("three points",)),
@@ -318,14 +365,14 @@ def test_errors(more: dict[str, Any], rule: str, key: str, words: tuple[str, ...
 def test_the_error_lists_every_reason_with_its_location(tmp_path: Path) -> None:
     path = tmp_path / "move_base_params.yaml"
     path.write_text(
-        f"base_local_planner: {DWA}\ncontroller_frequency: fast\nDWAPlannerROS:\n  acc_lim_x: -1.0\n  sim_tme: 1\n"
+        f"base_local_planner: {DWA}\ncontroller_frequency: fast\nDWAPlannerROS:\n  xy_goal_tolerance: -1.0\n  sim_tme: 1\n"
     )
     with pytest.raises(ParameterError) as caught:
         load_configuration([str(path)])
     lines = caught.value.message.splitlines()
     assert lines[0] == "the parameters cannot be used (2 errors):"
     assert lines[1].startswith(f"{path}:2:23: controller_frequency")
-    assert lines[2].startswith(f"{path}:4:14: acc_lim_x")
+    assert lines[2].startswith(f"{path}:4:22: xy_goal_tolerance")
     findings = json.loads(json.dumps(caught.value.as_dict()))["findings"]
     assert {"severity", "rule", "file", "line", "column", "key", "message", "suggestion"} == findings[0].keys()
     # warnings are listed as well

@@ -64,7 +64,19 @@ EXCEPTIONS = {
 }
 
 OTHER_RANGES = {
-    ("5", "combination_method"): "ROS clamps 99 (nothing) to 2, which is nothing as well; both are taken here"
+    ("5", "combination_method"): "ROS clamps 99 (nothing) to 2, which is nothing as well; both are taken here",
+} | {
+    ("1", name): "move_base clamps only in a reconfiguration; until then it uses values over the slider as written"
+    for name in (
+        "planner_frequency",
+        "controller_frequency",
+        "planner_patience",
+        "controller_patience",
+        "max_planning_retries",
+        "oscillation_timeout",
+        "oscillation_distance",
+        "conservative_reset_dist",
+    )
 }
 
 

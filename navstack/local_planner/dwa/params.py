@@ -45,6 +45,28 @@ class DWAParams(ParamModel):
     }
     SEARCHED: ClassVar[frozenset[str]] = frozenset({"controller_frequency", "latch_xy_goal_tolerance"})
     FROM_NAVSTACK: ClassVar[frozenset[str]] = frozenset({"ros_distro"})
+    CLAMPED: ClassVar[frozenset[str]] = frozenset(
+        {
+            "max_vel_trans",
+            "min_vel_trans",
+            "max_vel_theta",
+            "min_vel_theta",
+            "acc_lim_x",
+            "acc_lim_y",
+            "acc_lim_theta",
+            "path_distance_bias",
+            "goal_distance_bias",
+            "occdist_scale",
+            "twirling_scale",
+            "oscillation_reset_dist",
+            "oscillation_reset_angle",
+            "scaling_speed",
+            "max_scaling_factor",
+            "vx_samples",
+            "vy_samples",
+            "vth_samples",
+        }
+    )
     CHILD_FIELD: ClassVar[str | None] = "critic_params"
 
     max_vel_trans: float = param(0.55, "highest translational speed", unit="m/s", ge=0.0)

@@ -41,6 +41,32 @@ class TrajectoryPlannerParams(ParamModel):
     SEARCHED: ClassVar[frozenset[str]] = frozenset({"controller_frequency"})
     FROM_NAVSTACK: ClassVar[frozenset[str]] = frozenset({"ros_distro"})
 
+    CLAMPED: ClassVar[frozenset[str]] = frozenset(
+        {
+            "acc_lim_x",
+            "acc_lim_y",
+            "acc_lim_theta",
+            "max_vel_x",
+            "min_vel_x",
+            "max_vel_theta",
+            "min_vel_theta",
+            "min_in_place_vel_theta",
+            "sim_time",
+            "sim_granularity",
+            "angular_sim_granularity",
+            "vx_samples",
+            "vtheta_samples",
+            "path_distance_bias",
+            "goal_distance_bias",
+            "occdist_scale",
+            "heading_lookahead",
+            "oscillation_reset_dist",
+            "escape_reset_dist",
+            "escape_reset_theta",
+            "escape_vel",
+            "heading_scoring_timestep",
+        }
+    )
     acc_lim_x: float = param(2.5, "acceleration along x", unit="m/s²", ge=0.0, le=20.0)
     acc_lim_y: float = param(2.5, "acceleration along y", unit="m/s²", ge=0.0, le=20.0)
     acc_lim_theta: float = param(3.2, "turning acceleration", unit="rad/s²", ge=0.0, le=20.0)

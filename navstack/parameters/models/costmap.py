@@ -39,6 +39,9 @@ class CostmapParams(ParamModel):
     )
     footprint_padding: float = param(0.01, "padding of the footprint along each axis", unit="m")
 
+    CLAMPED: ClassVar[frozenset[str]] = frozenset(
+        {"transform_tolerance", "update_frequency", "publish_frequency", "width", "height", "resolution"}
+    )
     SEARCHED: ClassVar[frozenset[str]] = frozenset({"footprint", "robot_radius"})
     NO_EFFECT: ClassVar[Mapping[str, str]] = {
         "static_map": "ignored because plugins is set; list a static layer instead",

@@ -26,6 +26,17 @@ class MoveBaseParams(ParamModel):
         "restore_defaults": "a button of dynamic_reconfigure, not a parameter",
     }
 
+    # lower values have the effect of the lowest one; move_base uses values over the sliders until the first reconfiguration
+    CLAMPED: ClassVar[frozenset[str]] = frozenset(
+        {
+            "planner_frequency",
+            "planner_patience",
+            "controller_patience",
+            "max_planning_retries",
+            "oscillation_timeout",
+            "oscillation_distance",
+        }
+    )
     base_global_planner: str = param("navfn/NavfnROS", "global planner plugin")
     base_local_planner: str = param("base_local_planner/TrajectoryPlannerROS", "local planner plugin")
     recovery_behaviors: list[PluginSpec] | None = param(
@@ -34,40 +45,36 @@ class MoveBaseParams(ParamModel):
         ros_differs="an invalid list is an error; ROS uses the built-in list",
     )
     planner_frequency: float = param(
-        0.0, "frequency of replanning while driving; 0 = only when needed", unit="Hz", ge=0.0, le=100.0
+        0.0, "frequency of replanning while driving; 0 = only when needed", unit="Hz", ge=0.0
     )
     controller_frequency: float = param(
         20.0,
         "frequency of control cycles",
         unit="Hz",
         gt=0.0,
-        le=100.0,
+        le=1000.0,
         ros_differs="0 is an error; ROS divides by 0",
     )
-    planner_patience: float = param(
-        5.0, "maximum time without a valid plan before a recovery", unit="s", ge=0.0, le=100.0
-    )
+    planner_patience: float = param(5.0, "maximum time without a valid plan before a recovery", unit="s", ge=0.0)
     controller_patience: float = param(
         15.0,
         "maximum time without a valid command or current sensor data before a recovery or abort",
         unit="s",
         ge=0.0,
-        le=100.0,
         ros_differs="in ROS, the first dynamic_reconfigure call changes the default from 15.0 to 5.0; ROS waits for sensor data "
         "without limit",
     )
     max_planning_retries: int = param(
-        -1, "consecutive planning failures before a recovery; -1 = only planner_patience applies", ge=-1, le=1000
+        -1, "consecutive planning failures before a recovery; -1 = only planner_patience applies", ge=-1
     )
     oscillation_timeout: float = param(
-        0.0, "maximum time without progress before a recovery; 0 = no limit", unit="s", ge=0.0, le=60.0
+        0.0, "maximum time without progress before a recovery; 0 = no limit", unit="s", ge=0.0
     )
     oscillation_distance: float = param(
         0.5,
         "distance that counts as progress",
         unit="m",
         ge=0.0,
-        le=10.0,
         ros_differs="rotation in place also counts as progress, up to one full turn",
     )
     conservative_reset_dist: float = param(
@@ -75,7 +82,6 @@ class MoveBaseParams(ParamModel):
         "side of the square that the built-in conservative_reset keeps",
         unit="m",
         ge=0.0,
-        le=50.0,
     )
     recovery_behavior_enabled: bool = param(True, "run recovery behaviors")
     clearing_rotation_allowed: bool = param(True, "the built-in recoveries include rotation in place")
