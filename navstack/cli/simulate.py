@@ -131,6 +131,9 @@ def _print_reasons(out: Console, result: RunResult, limit_s: float) -> None:
         if not goal.succeeded:
             text = f"{goal.text} " if goal.text else ""
             out.print(f"goal {goal.goal.x:g}, {goal.goal.y:g}: {escape(text + reason_of(goal, limit_s))}")
+    for warning in result.warnings:
+        often = f" ({warning.count} times)" if warning.count > 1 else ""
+        out.print(f"[yellow]warning[/] at {warning.time:.1f} s{often}: {escape(warning.text)}")
     for condition in result.conditions:
         mark = "[green]met[/]" if condition.holds else "[bold red]not met[/]"
         out.print(f"condition {condition.condition} {mark}: {escape(condition.text)}")

@@ -20,7 +20,7 @@ from navstack.core import (
     SensorData,
     Window,
 )
-from navstack.core.errors import InputError, InternalError
+from navstack.core.errors import InputError, InternalError, NavError
 from navstack.core.frames import clean_frame
 from navstack.costmap._window_kernels import fill_window
 from navstack.costmap.provenance import explain_cell
@@ -86,6 +86,7 @@ class LayeredCostmap:
             )
             self._layers.append(spec.cls(spec.params, context))
         self._listeners = [x for x in self._layers if type(x).observe is not Layer.observe]
+        self._reporters = [x for x in self._layers if type(x).problems is not Layer.problems]
         self._limiters = [x for x in self._layers if type(x).speed_limit is not Layer.speed_limit]
         geometry = self._initial_geometry()
         self.master = Costmap(geometry, frame=self.frame)
@@ -163,6 +164,10 @@ class LayeredCostmap:
     def is_current(self, now: float) -> bool:
         """Return False if a sensor of a layer has timed out at `now` (s)."""
         return all(layer.is_current(now) for layer in self._layers)
+
+    def problems(self) -> Sequence[NavError]:
+        """Return why sensors that send data are not used, one error per sensor; empty without a problem."""
+        return [problem for layer in self._reporters for problem in layer.problems()]
 
     def explain(self, ix: int, iy: int) -> CellProvenance:
         """Explain which layer and observation source set the cost of a cell, and when; see `explain_cell`.

@@ -83,12 +83,16 @@ class ObservationBuffer:
         """Stamp (s) of the newest message received."""
         self.dropped = 0
         """Number of messages dropped because their transform did not arrive in time."""
+        self.problem: FrameError | None = None
+        """Why none of the waiting messages could be used in the last update; None if one was used."""
         self._frames = frames
         self._tolerance_s = tolerance_s
         self._is_scan = params.data_type == "LaserScan"
         self._keep_one = params.observation_persistence == 0.0
         self._pending: deque[LaserScan | PointCloud] = deque()
         self._timeout = SensorTimeout()
+        self._error: FrameError | None = None
+        """Error of the last transform."""
         self._directions: NDArray[np.float64] | None = None
         self._directions_key = (0, 0.0, 0.0)
         self._project_scan = project_scan.compiled()
@@ -133,7 +137,6 @@ class ObservationBuffer:
             self._pending.popleft()
             self.dropped += 1
         self._pending.append(data)
-        self._timeout.received(data.stamp)
         if self.last_stamp is None or data.stamp > self.last_stamp:
             self.last_stamp = data.stamp
         return True
@@ -168,6 +171,7 @@ class ObservationBuffer:
                         fresh.append(observation)
                         self.observations.insert(0, observation)
                 self._pending = waiting
+            self.problem = None if fresh or not self._pending else self._problem()
         if not self._keep_one and self.last_stamp is not None and self.observations:
             oldest = self.last_stamp - self.params.observation_persistence
             # as in ROS, the age counts from the newest message, not from the present
@@ -175,20 +179,43 @@ class ObservationBuffer:
         return fresh
 
     def is_current(self, now: float) -> bool:
-        """Return False if no message was received within expected_update_rate (s)."""
-        return self._timeout.is_within(self.params.expected_update_rate, now)
+        """Return False if no message with a known transform was received within expected_update_rate (s).
+
+        As in costmap_2d, a message that cannot be transformed does not count. Messages that wait for the next update do.
+        """
+        allowed = self.params.expected_update_rate
+        if allowed > 0.0:
+            for data in reversed(self._pending):
+                if self._transforms(data) is not None:
+                    self._timeout.received(data.stamp)
+                    break
+        return self._timeout.is_within(allowed, now)
 
     def restart(self) -> None:
         """Restart the sensor's timeout (after a reset)."""
         self._timeout.restart()
 
-    def _observation(self, data: LaserScan | PointCloud) -> Observation | None:
+    def _transforms(self, data: LaserScan | PointCloud) -> tuple[Transform2D, Transform2D] | None:
+        """Return the poses of the message's frame and of the sensor's origin; None, and the error in `_error`, if unknown."""
         try:
             at = self._frames.lookup(self.frame, data.frame, data.stamp, self._tolerance_s)
             sensor = self.params.sensor_frame
             origin = self._frames.lookup(self.frame, sensor, data.stamp, self._tolerance_s) if sensor else at
-        except FrameError:
+        except FrameError as exc:
+            self._error = exc
             return None
+        return at, origin
+
+    def _problem(self) -> FrameError:
+        """Return the error of messages none of which can be transformed."""
+        return untransformed(self.topic, self._pending[-1].frame, self.frame, self._error, self._frames)
+
+    def _observation(self, data: LaserScan | PointCloud) -> Observation | None:
+        transforms = self._transforms(data)
+        if transforms is None:
+            return None
+        at, origin = transforms
+        self._timeout.received(data.stamp)
         if isinstance(data, LaserScan):
             points, count = self._scan_points(data, at)
             height = data.height
@@ -244,6 +271,20 @@ class ObservationBuffer:
             cloud.points, at.x, at.y, at.yaw, params.min_obstacle_height, params.max_obstacle_height, out
         )
         return out, count
+
+
+def untransformed(topic: str, source: str, target: str, cause: FrameError | None, frames: FrameTree) -> FrameError:
+    """Return the error of a sensor whose messages in the frame `source` cannot be transformed to the costmap's frame."""
+    known = frames.frames()
+    reason = cause.message if cause is not None else f'no transform from "{source}" to "{target}"'
+    if cause is None or "known frames" not in reason:
+        reason += f"; known frames: {', '.join(known) or 'none'}"
+    return FrameError(
+        f'messages of "{topic}" are ignored, because their frame "{source}" cannot be transformed to "{target}": {reason}. '
+        f"Obstacles that only this sensor sees are unknown; publish the transform, or correct the messages' frame or stamps",
+        **{**(cause.data if cause is not None else {}), "topic": topic, "source": source, "target": target},
+        known_frames=known,
+    )
 
 
 def _check_ranges(ranges: NDArray[np.float32], topic: str) -> None:

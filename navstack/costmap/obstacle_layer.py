@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import LETHAL, UNKNOWN, Bounds, Costmap, Footprint, GridGeometry, Pose2D, SensorData, Window
+from navstack.core.errors import NavError
 from navstack.core.parameter_checks import CheckContext, Issue, LayerTraits, SensorSource
 from navstack.core.parameters import ParamModel, param
 from navstack.costmap._polygon_kernels import fill_convex, place_footprint
@@ -269,6 +270,10 @@ class ObstacleLayer(Layer):
     def is_current(self, now: float) -> bool:
         """Return False if a source has not received a message within its expected_update_rate."""
         return all(buffer.is_current(now) for buffer in self.buffers)
+
+    def problems(self) -> Sequence[NavError]:
+        """Return one error per source whose messages cannot be transformed."""
+        return [buffer.problem for buffer in self.buffers if buffer.problem is not None]
 
     @property
     def clearable(self) -> bool:

@@ -7,21 +7,36 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import LETHAL, UNKNOWN, Bounds, Costmap, GridGeometry, Pose2D, RangeReading, SensorData, Window
-from navstack.core.errors import FrameError, InputError
+from navstack.core import (
+    LETHAL,
+    UNKNOWN,
+    Bounds,
+    Costmap,
+    GridGeometry,
+    Pose2D,
+    RangeReading,
+    SensorData,
+    Transform2D,
+    Window,
+)
+from navstack.core.errors import FrameError, InputError, NavError
 from navstack.core.parameters import ParamModel, param
 from navstack.costmap._window_kernels import combine_max
+from navstack.costmap.observation_buffer import untransformed
 from navstack.costmap.regions import clear_region, shift_cells, window_shift
 from navstack.costmap.sensor_timeout import SensorTimeout
 from navstack.interfaces import CellExplanation, Layer, LayerContext
 from navstack.plugins import LAYERS
 
 PENDING = 50
+TOLERANCE_S = 0.3
+"""Time tolerance of a reading's transform (s)."""
 UNDECIDED = 127
 """Cost of a cell with an occupancy probability of one half."""
 
@@ -60,6 +75,7 @@ class RangeSensorLayer(Layer):
         self.geometry = GridGeometry(1, 1, 1.0)
         self._pending: deque[RangeReading] = deque(maxlen=PENDING)
         self._timeout = SensorTimeout()
+        self._problems: dict[str, FrameError] = {}
         self._extra = Bounds()
 
     def match_size(self, geometry: GridGeometry) -> None:
@@ -83,7 +99,6 @@ class RangeSensorLayer(Layer):
                 topic=data.topic,
             )
         self._pending.append(data)
-        self._timeout.received(data.stamp)
         return True
 
     def update_bounds(self, robot: Pose2D, now: float, bounds: Bounds) -> Bounds:
@@ -95,9 +110,17 @@ class RangeSensorLayer(Layer):
         waiting: list[RangeReading] = []
         for reading in self._pending:
             try:
-                bounds = bounds.union(self._apply(reading))
-            except FrameError:
+                at = self._lookup(reading)
+            except FrameError as exc:
                 waiting.append(reading)
+                frames = self.context.frames
+                self._problems[reading.topic] = untransformed(
+                    reading.topic, reading.frame, self.context.frame, exc, frames
+                )
+                continue
+            self._timeout.received(reading.stamp)
+            self._problems.pop(reading.topic, None)
+            bounds = bounds.union(self._apply(reading, at))
         self._pending.clear()
         self._pending.extend(waiting)
         return bounds
@@ -118,8 +141,21 @@ class RangeSensorLayer(Layer):
         return cleared
 
     def is_current(self, now: float) -> bool:
-        """Return False if no reading was received within no_readings_timeout."""
-        return self._timeout.is_within(self.params.no_readings_timeout, now)
+        """Return False if no reading with a known transform was received within no_readings_timeout."""
+        allowed = self.params.no_readings_timeout
+        if allowed > 0.0:
+            for reading in reversed(self._pending):
+                try:
+                    self._lookup(reading)
+                except FrameError:
+                    continue  # `problems` reports it after the next update
+                self._timeout.received(reading.stamp)
+                break
+        return self._timeout.is_within(allowed, now)
+
+    def problems(self) -> Sequence[NavError]:
+        """Return one error per topic whose readings cannot be transformed."""
+        return tuple(self._problems.values())
 
     @property
     def clearable(self) -> bool:
@@ -141,8 +177,12 @@ class RangeSensorLayer(Layer):
         view[part < self.params.clear_threshold * LETHAL] = 0
         return out
 
-    def _apply(self, reading: RangeReading) -> Bounds:
-        """Apply Bayes' rule to the cells of one cone; return its bounds (m)."""
+    def _lookup(self, reading: RangeReading) -> Transform2D:
+        """Return the pose of the sensor in the costmap's frame. Raises FrameError."""
+        return self.context.frames.lookup(self.context.frame, reading.frame, reading.stamp, TOLERANCE_S)
+
+    def _apply(self, reading: RangeReading, at: Transform2D) -> Bounds:
+        """Apply Bayes' rule to the cells of one cone, seen by a sensor at `at`; return its bounds (m)."""
         distance, clears_all = reading.range_m, False
         fixed = reading.min_range == reading.max_range
         kind = self.params.input_sensor_type
@@ -159,7 +199,6 @@ class RangeSensorLayer(Layer):
             distance, clears_all = reading.max_range, True
         elif distance < reading.min_range:
             return Bounds()
-        at = self.context.frames.lookup(self.context.frame, reading.frame, reading.stamp, 0.3)
         g = self.geometry
         half = 0.5 * reading.field_of_view
         reach = distance + 2.0 * g.resolution

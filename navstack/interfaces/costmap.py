@@ -18,6 +18,7 @@ from navstack.core import (
     SensorData,
     Window,
 )
+from navstack.core.errors import NavError
 from navstack.core.parameter_checks import LayerTraits
 from navstack.core.parameters import ParamModel
 from navstack.interfaces.cell_explanation import CellExplanation, CellProvenance
@@ -100,6 +101,10 @@ class Layer(ABC):
         del now
         return True
 
+    def problems(self) -> Sequence[NavError]:
+        """Return why sensors that send data are not used, one error per sensor; the goal manager warns about them."""
+        return ()
+
     def explain(self, ix: int, iy: int, master: Costmap) -> CellExplanation | None:
         """Explain this layer's cost of a cell of `master`; None without an explanation. Computed on request only."""
         del ix, iy, master
@@ -156,6 +161,10 @@ class CostmapServer(Protocol):
 
     def is_current(self, now: float) -> bool:
         """Return False if a sensor of a layer has timed out at `now` (s)."""
+        ...
+
+    def problems(self) -> Sequence[NavError]:
+        """Return why sensors that send data are not used, one error per sensor; empty without a problem."""
         ...
 
     def reset(self) -> int:

@@ -10,11 +10,13 @@ from navstack.core.errors import NavError
 from navstack.interfaces import ControlInput, CostmapServer, Plan
 from navstack.move_base.navigation import Navigation
 from navstack.move_base.plugin_calls import call, lookup_transform, robot_pose, robot_state
-from navstack.move_base.schedule import Schedule
+from navstack.move_base.schedule import EPSILON_S, Schedule
 from navstack.move_base.tick_result import TickResult
 
 DEFAULT_UPDATE_FREQUENCY: Final = 5.0
 """Hz; the default of costmap_2d, for costmap servers without the parameter update_frequency."""
+REPEAT_S: Final = 10.0
+"""Time between two warnings about the same sensor (s)."""
 
 
 class CostmapUpdater:
@@ -33,6 +35,8 @@ class CostmapUpdater:
         """Error of the local costmap's last update."""
         self.global_error: NavError | None = None
         """Error of the global costmap's last update."""
+        self._warned: dict[tuple[object, ...], float] = {}
+        """Times of the last warning (s) by costmap, topic and frame."""
         self._robot = navigation.robot
         self._global_costmap = navigation.global_costmap
         self._local_costmap = navigation.local_costmap
@@ -119,11 +123,22 @@ class CostmapUpdater:
     ) -> tuple[Window | None, NavError | None]:
         """Return the window of the updated cells and the error; publishes the first of several errors in a row."""
         try:
-            return call(costmap, costmap.update, now), None
+            window = call(costmap, costmap.update, now)
+            for problem in call(costmap, costmap.problems):
+                self._warn_of_sensor(costmap, problem, now)
+            return window, None
         except NavError as exc:
             if before is None:
                 self._events.warn(now, f"{costmap.name} could not be updated: {exc.message}", exc)
             return None, exc
+
+    def _warn_of_sensor(self, costmap: CostmapServer, problem: NavError, now: float) -> None:
+        """Warn at once that a sensor is not used, then every `REPEAT_S`."""
+        key = (costmap.name, problem.data.get("topic"), problem.data.get("source"))
+        last = self._warned.get(key)
+        if last is None or now - last >= REPEAT_S - EPSILON_S:
+            self._warned[key] = now
+            self._events.warn(now, f"{costmap.name}: {problem.message}", problem)
 
 
 def _update_frequency(costmap: CostmapServer, frequency: float | None) -> float:

@@ -44,10 +44,13 @@ class StaleSensorCheck:
         return True
 
     def _timeout(self, goal: ActiveGoal) -> NavError:
-        name = self._navigation.local_costmap.name
+        costmap = self._navigation.local_costmap
+        problems = plugin_calls.call(costmap, costmap.problems)
+        reasons = "; ".join(problem.message for problem in problems) or "check the sensor and its topic"
         return StaleSensorsError(
-            f"a sensor of {name} has been stale (no data within its expected_update_rate) for controller_patience "
-            f"({self._navigation.params.controller_patience:g} s); check the sensor and its topic",
-            costmap=name,
+            f"a sensor of {costmap.name} has been stale (no usable data within its expected_update_rate) for "
+            f"controller_patience ({self._navigation.params.controller_patience:g} s); {reasons}",
+            costmap=costmap.name,
             since=goal.stale_since,
+            problems=[problem.as_dict() for problem in problems],
         )

@@ -11,6 +11,7 @@ from navstack.record import RunRecorder
 from navstack.record.metrics import RunMetrics
 from navstack.record.timings import Timings
 from navstack.scenario.success import ConditionResult
+from navstack.scenario.warnings import RunWarning
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +69,8 @@ class RunResult:
     timings: Timings | None = None
     min_clearance_m: float = math.inf
     """Minimum distance between the unpadded footprint and an obstacle, measured at the control cycles."""
+    warnings: tuple[RunWarning, ...] = ()
+    """Warnings about sensors, transforms and odometry."""
 
     @property
     def succeeded(self) -> bool:
@@ -93,4 +96,5 @@ class RunResult:
             "real_time_factor": self.real_time_factor,
             "collisions": self.collisions,
             "seed": self.seed,
+            "warnings": [warning.as_dict() for warning in self.warnings],
         }

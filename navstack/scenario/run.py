@@ -18,6 +18,7 @@ from navstack.scenario.measurements import RunMeasurements
 from navstack.scenario.outcome import GoalOutcome, RunResult
 from navstack.scenario.scenario import Scenario
 from navstack.scenario.success import SuccessConditions
+from navstack.scenario.warnings import WarningCollector
 from navstack.sim import SimulatedRobot
 
 WARM_UP_S = 1.0
@@ -51,7 +52,10 @@ class Run:
         self.robot = simulated_robot(configuration, scenario.world(), scenario.start, seed=scenario.seed)
         self._measurements = RunMeasurements(self.robot)
         self.recorder = self._new_recorder() if record else None
-        listening = [self.recorder, *listeners] if self.recorder is not None else list(listeners)
+        self._warnings = WarningCollector()
+        listening = [self._warnings, *listeners]
+        if self.recorder is not None:
+            listening.insert(0, self.recorder)
         self.move_base = build_move_base(configuration, self.robot, static_map=scenario.map, listeners=listening)
         self.timings: Timings | None = None
         if timings:
@@ -126,6 +130,7 @@ class Run:
             conditions=self.scenario.success.evaluate(states, metrics, len(self.scenario.goals)),
             timings=self.timings,
             min_clearance_m=self._measurements.min_clearance(),
+            warnings=self._warnings.warnings(),
         )
 
     def metrics(self) -> RunMetrics:

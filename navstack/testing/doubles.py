@@ -22,6 +22,7 @@ from navstack.core import (
     Window,
     normalize_angle,
 )
+from navstack.core.errors import NavError
 from navstack.interfaces import ControlInput, Layer, LocalPlan, LocalPlanner, VelocityLimits
 
 FOOTPRINT = Footprint.from_radius(0.18)
@@ -127,6 +128,10 @@ class EmptyCostmap:
         """Always."""
         del now
         return True
+
+    def problems(self) -> Sequence[NavError]:
+        """None."""
+        return ()
 
     def reset(self) -> int:
         """Nothing to clear."""

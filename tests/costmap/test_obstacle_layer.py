@@ -162,10 +162,12 @@ def test_rotated_robot() -> None:
 
 
 def test_stale_source() -> None:
-    costmap = rolling(obstacle({"scan": scan_source(expected_update_rate=0.5), "bump": cloud_source(topic="bumper")}))
+    sources = {"scan": scan_source(expected_update_rate=0.5), "bump": cloud_source(topic="bumper")}
+    costmap = rolling(obstacle(sources))
     assert costmap.is_current(0.0)
     assert costmap.is_current(0.5)
     assert not costmap.is_current(0.6)
+    costmap.frames.set("odom", "base_link", Transform2D(), 0.6)
     costmap.observe(scan([1.0], stamp=0.6))
     assert costmap.is_current(1.05)
     assert not costmap.is_current(1.2)

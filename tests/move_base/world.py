@@ -25,7 +25,7 @@ from navstack.core import (
     angle_between,
     normalize_angle,
 )
-from navstack.core.errors import GoalOccupiedError, NoValidControlError
+from navstack.core.errors import GoalOccupiedError, NavError, NoValidControlError
 from navstack.core.parameters import ParamModel
 from navstack.interfaces import (
     ControlInput,
@@ -155,6 +155,9 @@ class EmptyCostmap:
 
     def is_current(self, now: float) -> bool:
         return not self.stale(now)
+
+    def problems(self) -> Sequence[NavError]:
+        return ()
 
     def reset(self) -> int:
         return sum(layer.reset() for layer in self.layers)
