@@ -231,3 +231,17 @@ def test_goal_that_never_became_active() -> None:
     assert not len(report.times)
     assert math.isfinite(report.ended)
     assert report.timeline[-1].text.startswith('RECALLED: "This goal was canceled because another goal was recieved')
+
+
+def test_an_expired_time_limit_is_not_called_a_cancel() -> None:
+    far = replace(scenario(), goals=(Pose2D(0.0, 1.5, 1.5),), time_limit_s=2.0)
+    (report,) = explain_goals(driven(far))
+    assert (report.status, report.expired_limit_s) == ("PREEMPTED", 2.0)
+    assert report.summary.endswith("from the goal: time limit of 2 s exceeded")
+    assert "cancel" not in report.summary
+    assert [line.text for line in of(report, "cancel")] == ["the time limit of 2 s expired: the run ends the goal"]
+    assert report.timeline[-1].text == "PREEMPTED The time limit of 2 s was exceeded."
+    assert report.as_dict()["expired_limit_s"] == 2.0
+    (cancelled,) = explain_goals(driven(replace(far, time_limit_s=60.0), cancel_at=1.0))
+    assert cancelled.expired_limit_s is None
+    assert cancelled.summary.endswith(": cancelled")

@@ -93,7 +93,9 @@ def _title(reports: tuple[GoalReport, ...]) -> str:
         return f"{reached} of {len(reports)} goals reached"
     report = reports[0]
     title = f"goal {report.number}: {report.status} after {report.duration:.1f} s"
-    if report.error_code:
+    if report.expired_limit_s is not None:
+        title += f", time limit of {report.expired_limit_s:g} s exceeded"
+    elif report.error_code:
         title += f", {report.error_name} ({report.error_code})"
     if report.recoveries:
         many = len(report.recoveries)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from navstack.core import Event
 from navstack.core.errors import InputError, RecordError
 from navstack.explain.goal import curves, history
 from navstack.explain.goal.report import TERMINAL, GoalReport
@@ -30,6 +31,14 @@ def explain_goal(record: Record, number: int) -> GoalReport:
         known = "only goal 1" if len(reports) == 1 else f"goals 1 to {len(reports)}"
         raise InputError(f"--goal {number}: this run has {known}", argument="--goal", value=number)
     return reports[number - 1]
+
+
+def _expired_limit(record: Record, last: Event, duration: float) -> float | None:
+    """The time limit of the run's goals (s) if a goal that was cancelled after `duration` (s) had exceeded it."""
+    limit = record.scenario.get("time_limit_s")
+    if last.data.get("error_name") != "CANCELED" or not isinstance(limit, (int, float)) or duration < limit:
+        return None
+    return float(limit)
 
 
 def _report(record: Record, number: int, goal_id: str) -> GoalReport:
@@ -65,6 +74,7 @@ def _report(record: Record, number: int, goal_id: str) -> GoalReport:
         distance=curves.distance_to(record.poses[rows], pose),
         remaining=curves.remaining_length(record, times, rows, {e.time for e in plans}),
         velocity=record.velocities[rows],
+        expired_limit_s=_expired_limit(record, last, ended - statuses[0].time),
     )
     poses = record.poses[rows]
     return replace(report, timeline=timeline_of(record, report, events, poses), summary=summary_of(report, poses))

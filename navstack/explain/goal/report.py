@@ -111,6 +111,8 @@ class GoalReport:
     """(n,) remaining length of the current plan (m); NaN without a plan."""
     velocity: NDArray[np.float64]
     """(n, 3) vx, vy (m/s), wz (rad/s) from odometry."""
+    expired_limit_s: float | None = None
+    """Time limit of the run's goals (s) if the run cancelled the goal because it had expired; None otherwise."""
 
     @property
     def duration(self) -> float:
@@ -140,6 +142,7 @@ class GoalReport:
             "error_code": self.error_code,
             "error_name": self.error_name,
             "message": self.message,
+            "expired_limit_s": self.expired_limit_s,
             "summary": self.summary,
             "states": [{"state": s.state, "begin": s.begin, "end": s.end} for s in self.spans],
             "seconds": {s: self.seconds(s) for s in dict.fromkeys(span.state for span in self.spans)},

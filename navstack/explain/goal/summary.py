@@ -36,7 +36,9 @@ def _failure(report: GoalReport, driven: float) -> str:
     text = f"{report.status} after {report.duration:.1f} s and {driven:.2f} m"
     if len(report.distance) and math.isfinite(report.distance[-1]):
         text += f", {report.distance[-1]:.2f} m from the goal"
-    if report.error_name == "CANCELED":
+    if report.expired_limit_s is not None:
+        text += f": time limit of {report.expired_limit_s:g} s exceeded"
+    elif report.error_name == "CANCELED":
         text += ": cancelled"
     elif report.error_name == "REPLACED":
         text += ": replaced by another goal"

@@ -40,7 +40,7 @@ def timeline_of(
 ) -> tuple[TimelineEntry, ...]:
     """All lines by time; `poses` (n, 3) are those of the goal's control cycles."""
     lines = [_sent(record, report)]
-    lines += _cancels(events)
+    lines += _cancels(report, events)
     lines += plan_lines(events)
     lines += failure_lines(record, events)
     lines += [_recovery(record, recovery) for recovery in report.recoveries]
@@ -70,9 +70,11 @@ def _sent(record: Record, report: GoalReport) -> TimelineEntry:
     return TimelineEntry(report.sent, report.sent, "goal", text)
 
 
-def _cancels(events: Iterable[Event]) -> list[TimelineEntry]:
+def _cancels(report: GoalReport, events: Iterable[Event]) -> list[TimelineEntry]:
     requests = [e for e in events if e.kind == "status" and e.data["status"] in ("PREEMPTING", "RECALLING")]
-    return [TimelineEntry(e.time, e.time, "cancel", "cancel requested") for e in requests]
+    limit = report.expired_limit_s
+    text = "cancel requested" if limit is None else f"the time limit of {limit:g} s expired: the run ends the goal"
+    return [TimelineEntry(e.time, e.time, "cancel", text) for e in requests]
 
 
 def _recovery(record: Record, recovery: RecoveryRun) -> TimelineEntry:
@@ -146,6 +148,8 @@ def _end(report: GoalReport) -> TimelineEntry:
     text = report.status + (f': "{report.text}"' if report.text else "")
     if report.error_code and report.error_name not in ("CANCELED", "REPLACED"):
         text += f" Error {report.error_name} ({report.error_code}): {report.message}"
+    elif report.expired_limit_s is not None:
+        text += f" The time limit of {report.expired_limit_s:g} s was exceeded."
     elif report.message:
         text += f" {report.message}"
     return TimelineEntry(report.ended, report.ended, "end", text)
