@@ -21,6 +21,17 @@ FOREIGN_PLANNERS = {
 }
 """Namespaces of move_base's planners -> their packages."""
 
+FOREIGN_LOCAL_PLANNERS = frozenset(FOREIGN_PLANNERS) - {
+    "SBPLLatticePlanner",
+    "CarrotPlanner",
+    "GlobalPlanner",
+    "NavfnROS",
+    "GridBased",
+    "DWAPlannerROS",
+    "TrajectoryPlannerROS",
+}
+"""Namespaces of local planners that navstack lacks."""
+
 FOREIGN_PARAMETERS = {
     "teb_local_planner": frozenset(
         {

@@ -12,6 +12,7 @@ from navstack.parameters.catalogue import catalogue_of
 from navstack.parameters.configuration_types import Configuration, CostmapConfiguration, NavstackParams
 from navstack.parameters.findings import Finding, Location, finding, in_order
 from navstack.parameters.footprint import footprint_of
+from navstack.parameters.foreign import FOREIGN_LOCAL_PLANNERS
 from navstack.parameters.models.costmap import CostmapParams
 from navstack.parameters.models.move_base import MoveBaseParams, builtin_recoveries
 from navstack.parameters.namespaces import planner_namespaces, planner_space
@@ -21,6 +22,7 @@ from navstack.parameters.rules import check_rules
 from navstack.parameters.sources import Source, read_sources
 from navstack.parameters.tree import COSTMAPS, Space
 from navstack.parameters.unused import unused_parameters
+from navstack.parameters.value_messages import show
 from navstack.parameters.yaml_nodes import ScalarNode
 from navstack.plugins import (
     CRITICS,
@@ -45,6 +47,8 @@ class Loader:
         self.files = read.files
         self.complete = not any(f.severity == "error" for f in read.findings)
         """False if a source could not be read: rules about missing parameters would mislead."""
+        self.not_in_use: list[Space] = []
+        """Namespaces of planners that are not selected."""
         self.distro = distro
         self.binder = Binder(self.findings)
         self.plugins = PluginLists(self.binder, self.findings, allow_missing=allow_missing)
@@ -65,7 +69,7 @@ class Loader:
         for name in COSTMAPS:
             self._prepare_costmap(name)
         parts: dict[str, Any] = {name: self._costmap(name) for name in COSTMAPS}
-        listed = self.plugins.read(self.root, "recovery_behaviors", RECOVERY_BEHAVIORS)
+        listed = self.plugins.read_recoveries(self.root)
         move_base: Any = self.binder.bind(
             MoveBaseParams, self.root, fixed=fixed_list(self.root, "recovery_behaviors", listed)
         )
@@ -80,7 +84,9 @@ class Loader:
             configuration = Configuration(**parts, findings=(), tree=self.root, origins=self.binder.origins)
             if self.complete:
                 self.findings += check_rules(configuration)
-        self.findings += unused_parameters(self.root, self.binder, catalogue_of(self.binder))
+        sections = tuple(f"{space.path}/" for space in self.not_in_use)
+        unused = unused_parameters(self.root, self.binder, catalogue_of(self.binder))
+        self.findings += [f for f in unused if f.severity != "info" or not f.key.startswith(sections)]
         return configuration
 
     # --- parts --------------------------------------------------------------------------------------------------------
@@ -102,7 +108,10 @@ class Loader:
         if self.root.children.get(name) is not space:
             space.at = Location(self.files[0] if self.files else "")
             self.root.children[name] = space
+        before = len(self.findings)
         convert_pre_hydro(space, self.findings)
+        if not self.complete:  # the list may be in the source that could not be read
+            del self.findings[before:]
 
     def _costmap(self, name: str) -> CostmapConfiguration | None:
         space = self.root.ensure(name, self.root.at)
@@ -115,6 +124,9 @@ class Loader:
         reported = {f.key for f in self.findings[before:] if f.rule == "footprint"}
         self.findings[:] = [f for f in self.findings if f.rule == "footprint" or f.key not in reported]
         layers = self._layers(space, listed)
+        if listed is None:  # without the list it is unknown what the layers read
+            for leaf in space.leaves():
+                leaf.used = True
         if params is None or footprint is None or layers is None:
             return None
         return CostmapConfiguration(params, footprint.padded, footprint.true, layers)
@@ -142,6 +154,8 @@ class Loader:
         written = leaf.value if leaf is not None else MoveBaseParams.model_fields[key].default
         if not isinstance(written, str):
             return None  # its type is reported with move_base's other parameters
+        if leaf is None and self.complete:
+            self._report_default(registry, key, written)
         if leaf is None and written not in registry:
             known = ", ".join(entry.ros_name for entry in registry)
             message = (
@@ -168,14 +182,40 @@ class Loader:
         """The file in which a missing parameter of move_base is expected."""
         return next((f for f in self.files if "move_base" in f), self.files[0] if self.files else "")
 
+    def _report_default(self, registry: Registry[Any], key: str, default: str) -> None:
+        """Report that a planner is not selected; a warning if the parameters of another one are written."""
+        sections = [(entry.ros_name, name) for entry in registry for name in planner_namespaces(entry)]
+        if registry is LOCAL_PLANNERS:
+            sections += [("", name) for name in sorted(FOREIGN_LOCAL_PLANNERS)]
+        others = [(ros, space) for ros, name in sections if (space := self.root.space(name)) and space.children]
+        if any(space.name in planner_namespaces(registry.get(default)) for _, space in others if default in registry):
+            others = []
+        message = f'{key} is not set, so the default of ROS, "{default}", is in use'
+        if not others:
+            self.findings.append(finding("info", "default-planner", Location(self._move_base_file()), key, message))
+            return
+        ros, space = others[0]
+        fix = f"set {key}: {ros}" if ros else f"set {key} to the planner that is meant"
+        message += f", with its own defaults; the parameters of {space.name} have no effect; {fix}"
+        self.findings.append(finding("warning", "default-planner", space.at, space.path, message, ros or None))
+
     def _check_unselected_planners(self) -> None:
-        """Check the namespaces of planners that are written but not selected: wrong values are warnings."""
-        for registry in (GLOBAL_PLANNERS, LOCAL_PLANNERS):
+        """Report each planner that is written but not selected, with its wrong values as warnings."""
+        for registry, key in ((GLOBAL_PLANNERS, "base_global_planner"), (LOCAL_PLANNERS, "base_local_planner")):
             for entry in registry:
                 for name in planner_namespaces(entry):
                     space = self.root.space(name)
-                    if space is not None and not space.used:
-                        self.binder.bind(entry.cls.Params, space, strictness="warning")
+                    if space is None or space.used:
+                        continue
+                    before = len(self.findings)
+                    self.binder.bind(entry.cls.Params, space, strictness="warning")
+                    # notes on how a value is used would be wrong
+                    self.findings[before:] = [f for f in self.findings[before:] if f.severity != "info"]
+                    self.not_in_use.append(space)
+                    selected = self.root.leaf(key)
+                    if selected is not None and space.children:
+                        message = f"{name} has no effect: {key} selects {show(selected.value)}"
+                        self.findings.append(finding("info", "not-in-use", space.at, space.path, message))
 
     # --- recoveries ---------------------------------------------------------------------------------------------------
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple, TypeVar
 
 from navstack.core.errors import UnknownPluginError
@@ -13,9 +14,11 @@ from navstack.parameters.foreign import FOREIGN_PLANNERS
 from navstack.parameters.spelling import nearest
 from navstack.parameters.tree import Leaf, Space
 from navstack.parameters.yaml_nodes import DictNode, ListNode, Node, ScalarNode
-from navstack.plugins import REGISTRIES, PluginEntry, Registry, normalize
+from navstack.plugins import RECOVERY_BEHAVIORS, REGISTRIES, PluginEntry, Registry, normalize
 
 T = TypeVar("T")
+
+BUILT_IN = "until then the built-in recovery behaviors are used, as in ROS"
 
 
 class ListedPlugin(NamedTuple):
@@ -131,6 +134,24 @@ class PluginLists:
             return None
         self.binder.origins[child.path] = node.at
         return self._without_missing(registry, plugins, space, child) if self.allow_missing else plugins
+
+    def read_recoveries(self, root: Space) -> list[ListedPlugin] | None:
+        """Return the entries of `recovery_behaviors`; a list that cannot be read counts as not written, as in ROS."""
+        before = len(self.findings)
+        listed = self.read(root, "recovery_behaviors", RECOVERY_BEHAVIORS)
+        if listed is not None:
+            return listed
+        self.findings[before:] = [
+            replace(f, severity="warning", message=f"{f.message}; {BUILT_IN}") if f.rule == "plugin-list" else f
+            for f in self.findings[before:]
+        ]
+        leaf = root.leaf("recovery_behaviors")
+        for item in leaf.node.items if leaf is not None and isinstance(leaf.node, ListNode) else ():
+            name = item.items.get("name") if isinstance(item, DictNode) else None
+            if name is not None and isinstance(name[1], ScalarNode):
+                mark_used(root, str(name[1].value))
+        del root.children["recovery_behaviors"]
+        return []
 
     def _entries(self, node: ListNode, key: str, leaf: Leaf) -> list[ListedPlugin] | None:
         plugins: list[ListedPlugin] = []

@@ -98,7 +98,14 @@ class Validator:
             value = value.lstrip("/")
         if isinstance(value, float) and math.isnan(value) and isinstance(node, ScalarNode):
             self.add_finding(strictness, "wrong-type", node.at, path, f"{name} is not a number (nan); {expected(info)}")
-        if self.of_ros and name in model.CLAMPED and isinstance(value, (int, float)) and not isinstance(value, bool):
+        in_use = strictness == "error"
+        if (
+            in_use
+            and self.of_ros
+            and name in model.CLAMPED
+            and isinstance(value, (int, float))
+            and not isinstance(value, bool)
+        ):
             return self._clamped(info, name, value, node, path)
         return value
 

@@ -217,12 +217,59 @@ def test_a_value_read_in_one_costmap_is_not_reported_in_the_other(tmp_path: Path
 
 
 def test_planners_that_are_not_in_use_are_checked_with_warnings() -> None:
-    findings = check(robot(GlobalPlanner={"cost_factor": "x", "lethal_cost": 300, "use_dijkstra": True}))
+    findings = check(
+        robot(
+            base_global_planner="navfn/NavfnROS",
+            GlobalPlanner={"cost_factor": "x", "lethal_cost": 300, "use_dijkstra": True},
+        )
+    )
     about = {(f.severity, f.rule, f.key) for f in findings if f.key.startswith("GlobalPlanner")}
     assert about == {
         ("warning", "wrong-type", "GlobalPlanner/cost_factor"),
-        ("warning", "clamped", "GlobalPlanner/lethal_cost"),
+        ("warning", "out-of-range", "GlobalPlanner/lethal_cost"),
+        ("info", "not-in-use", "GlobalPlanner"),
     }
+
+
+def test_the_section_of_a_planner_that_the_default_replaces_is_one_warning() -> None:
+    made = robot(DWAPlannerROS={"max_trans_vel": 0.7, "stop_time_buffer": 0.2, "max_vel_x": 0.7})
+    del made["base_local_planner"]
+    findings = [f for f in check(made) if f.key.startswith("DWAPlannerROS") or f.key == "base_local_planner"]
+    [found] = findings
+    assert (found.severity, found.rule, found.key) == ("warning", "default-planner", "DWAPlannerROS")
+    assert (
+        "base_local_planner/TrajectoryPlannerROS" in found.message and "DWAPlannerROS have no effect" in found.message
+    )
+    assert found.suggestion == "dwa_local_planner/DWAPlannerROS"
+    assert load_configuration([made]).local_planner.name == "trajectory_rollout"
+    # no other section: worth a note
+    notes = {f.key: f.severity for f in check(robot()) if f.rule == "default-planner"}
+    assert notes == {"base_global_planner": "info"}
+    teb = robot(TebLocalPlannerROS={"max_vel_x": 0.4})
+    del teb["base_local_planner"]
+    assert ("default-planner", "TebLocalPlannerROS") in keys_of(check(teb), "warning")
+
+
+@pytest.mark.parametrize(
+    "written",
+    [
+        [{"name": "a", "type": "clear_costmap_recovery/ClearCostmapRecovery"}, {"name": "b"}],
+        [{"type": "clear_costmap_recovery/ClearCostmapRecovery"}],
+        ["a"],
+        [{"name": 1, "type": "a"}],
+        "a",
+        None,
+        [{"name": "a", "type": "clear_costmap_recovery/ClearCostmapRecovery"}] * 2,
+    ],
+)
+def test_a_recovery_list_that_ros_rejects_falls_back_to_the_built_in_one(written: Any) -> None:
+    more = {e["name"]: {"reset_distance": 1.0} for e in (written if len(written or "") == 2 else [])}
+    loaded = load_configuration([robot(recovery_behaviors=written, **more)])
+    names = ["conservative_reset", "rotate_recovery", "aggressive_reset", "rotate_recovery"]
+    assert [r.name for r in loaded.recoveries] == names
+    [found] = [f for f in loaded.findings if f.severity == "warning"]
+    assert (found.rule, found.key) == ("plugin-list", "recovery_behaviors")
+    assert "the built-in recovery behaviors are used, as in ROS" in found.message
 
 
 def test_planners_of_other_packages_are_noted_once() -> None:
@@ -332,8 +379,6 @@ def test_move_base_uses_values_over_its_sliders_as_written() -> None:
             "r/layer_names",
             ('"obstacles"', "obstacle_layer", "remove layer_names"),
         ),
-        ({"recovery_behaviors": "none"}, "plugin-list", "recovery_behaviors", ("none", "not a list")),
-        ({"recovery_behaviors": [{"name": 1, "type": "a"}]}, "plugin-list", "recovery_behaviors", ("not text",)),
         ({"DWAPlannerROS__critics": "path"}, "plugin-list", "DWAPlannerROS/critics", ("not a list",)),
         ({"navstack__ros_distro": "kinetic"}, "wrong-value", "navstack/ros_distro", ("kinetic", "noetic", "indigo")),
         ({"local_costmap__inflation_layer": 3}, "wrong-type", "local_costmap/inflation_layer", ("namespace",)),

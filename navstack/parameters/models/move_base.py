@@ -42,7 +42,7 @@ class MoveBaseParams(ParamModel):
     recovery_behaviors: list[PluginSpec] | None = param(
         None,
         "recovery behaviors in the order in which they run; if not set, the built-in list",
-        ros_differs="an invalid list is an error; ROS uses the built-in list",
+        ros_differs="an unknown type is an error; ROS uses the built-in list",
     )
     planner_frequency: float = param(
         0.0, "frequency of replanning while driving; 0 = only when needed", unit="Hz", ge=0.0
