@@ -13,13 +13,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from navstack.core import GridGeometry, OccupancyGrid
+from navstack.core.bounded_reading import NotRegularFileError, TooLargeError, open_regular, read_bytes, short_repr
 from navstack.core.data_files import data_folder
 from navstack.core.errors import MapError
 from navstack.core.files import atomic_write, ensure_directory, write_text
+from navstack.parameters.yaml_reader import DictNode, parse_value, plain
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -32,6 +33,13 @@ MAX_CELLS: Final = 80_000_000
 MAX_BYTES: Final = 100_000
 """Largest YAML file."""
 
+_FORMATS: Final = ("PPM", "PNG", "BMP", "JPEG", "GIF", "TIFF", "TGA", "PCX", "XPM", "WEBP")
+"""Formats that SDL_image, which map_server uses, reads as well. Pillow starts programs for some of the others (EPS)."""
+
+_NO_SCALE: Final = (
+    "floating-point pixels, and the file does not say which values are black and white (map_server does not read it "
+    "either); save it with 8 bits per pixel, 0 for occupied and 255 for free"
+)
 _PLACES: Final = ".places.yaml"
 _EXAMPLES: Final = {
     "image": "image: map.pgm",
@@ -69,7 +77,8 @@ class _Yaml:
         number = _as_float(self.value(key))
         if number is None or not math.isfinite(number):
             raise self.error(
-                key, f'"{key}" must be a number, not {self.values[key]!r}; write for example "{_EXAMPLES[key]}"'
+                key,
+                f'"{key}" must be a number, not {short_repr(self.values[key])}; write for example "{_EXAMPLES[key]}"',
             )
         return number
 
@@ -121,7 +130,9 @@ def _load(path: str | Path, *, lowest: float, highest: float) -> OccupancyGrid:
         )
     mode = str(document.values.get("mode", "trinary")).lower()
     if mode not in MODES:
-        raise document.error("mode", f'"mode" must be one of {", ".join(MODES)}, not "{document.values["mode"]}"')
+        raise document.error(
+            "mode", f'"mode" must be one of {", ".join(MODES)}, not {short_repr(document.values["mode"])}'
+        )
     channels, alpha = _read_image(document, with_alpha=mode == "trinary")
     data = _occupancy(channels, alpha, mode=mode, negate=negate, occupied=occupied, free=free, span=(lowest, highest))
     ny, nx = data.shape
@@ -182,14 +193,9 @@ def _read_yaml(path: Path) -> _Yaml:
             file=str(path),
         )
     try:
-        with path.open("rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
-        if len(data) > MAX_BYTES:
-            raise MapError(
-                f"{path} is larger than {MAX_BYTES // 1000} kB; pass the YAML file of a map",
-                file=str(path),
-            )
-        text = data.decode("utf-8-sig")
+        text = read_bytes(path, MAX_BYTES).decode("utf-8-sig")
+    except (TooLargeError, NotRegularFileError) as exc:
+        raise MapError(f"{path} {exc.strerror}; pass the YAML file of a map", file=str(path)) from None
     except FileNotFoundError:
         close = sorted(p.name for p in path.parent.glob("*.yaml"))[:5] if path.parent.is_dir() else []
         hint = f"; the folder contains {', '.join(close)}" if close else "; check the path"
@@ -204,24 +210,25 @@ def _read_yaml(path: Path) -> _Yaml:
         raise MapError(f"{path} is not a text file; pass the YAML file of the map", file=str(path)) from None
     except OSError as exc:
         raise MapError(f"cannot read the map {path}: {exc.strerror or exc}", file=str(path)) from exc
-    try:
-        node = yaml.compose(text, Loader=yaml.SafeLoader)
-        values: Any = yaml.safe_load(text)
-    except (yaml.YAMLError, ValueError, RecursionError) as exc:
-        mark = getattr(exc, "problem_mark", None)
-        reason = getattr(exc, "problem", None) or (str(exc).splitlines() or ["not readable"])[0]
-        raise error(
-            f"invalid YAML: {reason}; compare it with a file of map_server", mark.line + 1 if mark else 1
-        ) from None
-    if node is None or values is None:
+    root, findings = parse_value(text, str(path))
+    wrong = next((f for f in findings if f.severity == "error"), None)
+    if wrong is not None:
+        reason = wrong.message.removeprefix("invalid YAML: ")
+        raise error(f"invalid YAML: {reason}; compare it with a file of map_server", wrong.location.line)
+    # yaml-cpp, which map_server uses, takes the first value, most other readers the last
+    twice = next((f for f in findings if f.rule == "duplicated" and f.severity == "warning"), None)
+    if twice is not None:
+        problem = f"{twice.message.partition(', and the second')[0]}, to different values; remove one of them"
+        raise error(problem, twice.location.line)
+    values: Any = None if root is None else plain(root)
+    if root is None or values is None:
         raise error("the file is empty; the YAML file of a map has the keys " + ", ".join(_REQUIRED))
-    if not isinstance(node, yaml.MappingNode) or not isinstance(values, dict):
+    if not isinstance(root, DictNode):
         raise error(
             f"the YAML file of a map must be a mapping with the keys {', '.join(_REQUIRED)}, not a {type(values).__name__}",
-            node.start_mark.line + 1,
+            root.at.line,
         )
-    lines = {str(k.value): k.start_mark.line + 1 for k, _ in node.value if isinstance(k, yaml.ScalarNode)}
-    return _Yaml(path, {str(k): v for k, v in values.items()}, lines)
+    return _Yaml(path, values, {key: at.line for key, (at, _) in root.items.items()})
 
 
 def _as_float(value: Any) -> float | None:
@@ -242,7 +249,7 @@ def _origin(document: _Yaml) -> tuple[float, float, float]:
     if len(numbers) != 3 or len(finite) != 3:
         raise document.error(
             "origin",
-            f'"origin" must be three numbers [x, y, yaw] (m, m, rad), not {value!r}; write for example [0.0, 0.0, 0.0]',
+            f'"origin" must be three numbers [x, y, yaw] (m, m, rad), not {short_repr(value)}; write for example [0.0, 0.0, 0.0]',
         )
     return finite[0], finite[1], finite[2]
 
@@ -251,7 +258,7 @@ def _negate(document: _Yaml) -> bool:
     value = document.value("negate")
     if isinstance(value, bool) or value in (0, 1):
         return bool(value)
-    raise document.error("negate", f'"negate" must be 0 or 1, not {value!r}')
+    raise document.error("negate", f'"negate" must be 0 or 1, not {short_repr(value)}')
 
 
 # --- image ------------------------------------------------------------------------------------------------------------
@@ -263,16 +270,19 @@ def _read_image(document: _Yaml, *, with_alpha: bool) -> tuple[NDArray[np.uint8]
 
     name = document.value("image")
     if not isinstance(name, str) or not name.strip():
-        raise document.error("image", f'"image" must be a file name, not {name!r}; write for example "image: map.pgm"')
+        raise document.error(
+            "image", f'"image" must be a file name, not {short_repr(name)}; write for example "image: map.pgm"'
+        )
     path = document.path.parent / name  # an absolute name stays absolute
     too_large = document.error("image", f"the image {path} is larger than {MAX_CELLS:,} cells; crop or resample it")
     try:
-        with warnings.catch_warnings():
+        with open_regular(path) as opened, warnings.catch_warnings():
             warnings.simplefilter("error", Image.DecompressionBombWarning)
-            image = Image.open(path)
-        with image:
+            image = Image.open(opened, formats=_FORMATS)
             if image.width * image.height > MAX_CELLS:
                 raise too_large
+            if image.mode == "F":
+                raise document.error("image", f"the image {path} has {_NO_SCALE}")
             channels, alpha = _channels(image)
     except FileNotFoundError:
         beside = document.path.parent / Path(name).name
@@ -285,6 +295,8 @@ def _read_image(document: _Yaml, *, with_alpha: bool) -> tuple[NDArray[np.uint8]
         raise too_large from None
     except UnidentifiedImageError:
         raise document.error("image", f"{path} is not a readable image (pgm, png, bmp); save it again") from None
+    except NotRegularFileError as exc:
+        raise document.error("image", f"the image {path} {exc.strerror}; name an image file") from None
     except MapError:
         raise
     # pillow's decoders raise many kinds of exceptions for broken files
@@ -297,9 +309,11 @@ def _read_image(document: _Yaml, *, with_alpha: bool) -> tuple[NDArray[np.uint8]
 
 
 def _channels(image: Image) -> tuple[NDArray[np.uint8], NDArray[np.uint8] | None]:
-    if image.mode.startswith("I") or image.mode == "F":  # 16 bits or more, values 0 .. 65535
-        raw = np.asarray(image).astype(np.float64)
-        return np.clip(raw / 257.0, 0.0, 255.0).astype(np.uint8)[:, :, None], None
+    if image.mode.startswith("I"):  # 16 bits or more, values 0 .. 65535
+        raw = np.asarray(image)
+        if raw.size and (int(raw.min()) < 0 or int(raw.max()) > 65535):
+            raise ValueError(f"its pixels range from {raw.min()} to {raw.max()}, not within 0 .. 65535")
+        return (raw // 257).astype(np.uint8)[:, :, None], None
     # ROS differs: for an image with a palette, SDL returns the palette indices to map_server; here the colours are used
     if image.mode in ("P", "PA", "LA", "La", "RGBa"):
         image = image.convert("RGBA" if image.mode != "P" or "transparency" in image.info else "RGB")

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TypeVar
 
+from navstack.core.bounded_reading import read_bytes
 from navstack.core.errors import InputError
 
 T = TypeVar("T")
+
+MAX_BYTES = 50_000_000
+"""Largest table."""
 
 
 def read_csv(
@@ -22,14 +27,14 @@ def read_csv(
     """
     needed = ", ".join(columns)
     try:
-        with file.open(encoding="utf-8", newline="") as lines:
-            table = csv.DictReader(lines, delimiter=delimiter)
-            missing = [c for c in columns if c not in (table.fieldnames or ())]
-            if missing:
-                raise InputError(
-                    f"{file}:1: column {missing[0]} is missing; the table needs {needed}", file=str(file), line=1
-                )
-            return _rows(file, table, columns, convert)
+        lines = io.StringIO(read_bytes(file, MAX_BYTES).decode("utf-8"), newline="")
+        table = csv.DictReader(lines, delimiter=delimiter)
+        missing = [c for c in columns if c not in (table.fieldnames or ())]
+        if missing:
+            raise InputError(
+                f"{file}:1: column {missing[0]} is missing; the table needs {needed}", file=str(file), line=1
+            )
+        return _rows(file, table, columns, convert)
     except OSError as exc:
         raise InputError(f"cannot read {file}: {exc.strerror or exc}", file=str(file)) from exc
     except (UnicodeDecodeError, csv.Error) as exc:

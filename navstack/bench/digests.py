@@ -7,14 +7,18 @@ import json
 from collections.abc import Sequence
 from dataclasses import astuple
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from navstack.core import OccupancyGrid
+from navstack.core.bounded_reading import read_bytes
 from navstack.core.errors import InputError
 from navstack.core.files import exists
 from navstack.parameters.configuration import Configuration
 from navstack.parameters.sources import short_name, split_namespace
 from navstack.scenario import Scenario
+
+MAX_BYTES: Final = 500_000_000
+"""Largest input of a benchmark."""
 
 
 def _digest(*parts: bytes) -> str:
@@ -25,7 +29,7 @@ def _digest(*parts: bytes) -> str:
 def digest_of_file(file: Path) -> str:
     """Digest of the file's content. Raises InputError."""
     try:
-        return _digest(file.read_bytes())
+        return _digest(read_bytes(file, MAX_BYTES))
     except OSError as exc:
         raise InputError(f"cannot read {file}: {exc.strerror or exc}", file=str(file)) from exc
 

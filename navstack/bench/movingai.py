@@ -20,10 +20,13 @@ from numpy.typing import NDArray
 from navstack.bench.csv_reader import read_csv
 from navstack.bench.map_pairs import reset_planner
 from navstack.core import FREE, LETHAL, Costmap, GridGeometry, Pose2D
+from navstack.core.bounded_reading import read_bytes
 from navstack.core.errors import InputError, PlanningError
 from navstack.interfaces import GlobalPlanner
 from navstack.plugins import GLOBAL_PLANNERS
 
+MAX_MAP_BYTES: Final = 100_000_000
+"""Largest file of a map; the maps of the benchmark have up to 4 MB."""
 PASSABLE: Final = b".GS"
 TOLERANCE: Final = 0.006
 """Rounding of the published optima: a length within this tolerance is optimal."""
@@ -76,7 +79,7 @@ def map_file(folder: Path, name: str) -> Path:
 def read_map(file: Path) -> NDArray[np.bool_]:
     """(height, width) passable cells, row 0 = the top. Raises InputError for an invalid file."""
     try:
-        head, _, body = file.read_bytes().replace(b"\r", b"").partition(b"\nmap\n")
+        head, _, body = read_bytes(file, MAX_MAP_BYTES).replace(b"\r", b"").partition(b"\nmap\n")
         size = dict(line.split() for line in head.decode("ascii").splitlines())
         height, width = int(size["height"]), int(size["width"])
         rows = body.split(b"\n")[:height]

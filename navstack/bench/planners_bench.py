@@ -13,9 +13,11 @@ import numpy as np
 from navstack.bench.digests import digest_of_configuration, digest_of_map, short_names
 from navstack.bench.map_pairs import costmap_of, reachable_pairs, run_pairs
 from navstack.bench.table import Column, Table, mean_of
+from navstack.core.bounded_reading import read_bytes
 from navstack.core.errors import InputError, MapError
 from navstack.core.files import exists, is_dir
 from navstack.jobs import Job, JobResult
+from navstack.map_io import MAX_BYTES as MAP_YAML_BYTES
 from navstack.map_io import load_map
 from navstack.parameters.configuration import Configuration, choose_global_planner, load_configuration
 
@@ -141,7 +143,10 @@ def _is_map(file: Path) -> bool:
     """True for a YAML file with a key `image`, valid or not."""
     if file.suffix not in (".yaml", ".yml") or not file.is_file():
         return False
-    text = file.read_text(encoding="utf-8", errors="replace")
+    try:
+        text = read_bytes(file, MAP_YAML_BYTES).decode("utf-8", "replace")
+    except OSError:
+        return False
     return any(line.partition(":")[0].rstrip() == "image" for line in text.splitlines())
 
 

@@ -20,10 +20,12 @@ from typing import Any, Final
 from navstack.bench.calibration import CALIBRATION_RUNS, calibration_ms
 from navstack.bench.stage_times import stage_times
 from navstack.bench.table import Column, Table
+from navstack.core.bounded_reading import read_bytes
 from navstack.core.errors import InputError
 from navstack.jobs import Job, JobResult
 from navstack.scenario import Scenario, run_scenario
 
+MAX_REFERENCE_BYTES: Final = 1_000_000
 WHOLE_RUN, STAGES_OF_RUN = "whole run", "stages of a run"
 _CALLS_PER_REPEAT: Final = 15
 _WARM_UP_CALLS: Final = 5
@@ -115,7 +117,7 @@ def speed_jobs() -> list[Job]:
 def read_reference(file: Path) -> dict[str, Any]:
     """Reference times: `{"calibration_ms": .., "cases": {name: {"ms": ..}}}`. Raises InputError."""
     try:
-        document: Any = json.loads(file.read_text(encoding="utf-8"))
+        document: Any = json.loads(read_bytes(file, MAX_REFERENCE_BYTES))
         calibration = float(document["calibration_ms"])
         cases = {str(name): float(case["ms"]) for name, case in document["cases"].items()}
         if not (calibration > 0.0 and all(ms > 0.0 for ms in cases.values())):

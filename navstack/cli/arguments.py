@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from navstack.core.bounded_reading import open_regular
 from navstack.core.errors import InputError, MapError
 
 if TYPE_CHECKING:
@@ -162,7 +163,7 @@ def scenario_file(name: str) -> Path | None:
 def _has_map_key(path: Path) -> bool:
     """True for a file with a key of map_server's YAML at the beginning of a line; the file need not be valid YAML."""
     try:
-        with path.open("rb") as stream:
+        with open_regular(path) as stream:
             return _MAP_KEY.search(stream.read(_SEARCHED_BYTES)) is not None
     except OSError:
         return True  # the map reader reports why the file is unreadable

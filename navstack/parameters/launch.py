@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from navstack.core.bounded_reading import read_bytes
 from navstack.parameters.findings import Finding, Location, Severity, finding
 from navstack.parameters.launch_substitution import find_file, launch_argument, param_value, substitute
 from navstack.parameters.launch_xml import Element, RejectedLaunchFileError, read_launch_xml
@@ -315,7 +316,12 @@ class LaunchReader:
             self.findings += read.findings
             self.files.append(shown)
             return read.root
-        content = path.read_bytes()[: MAX_BYTES + 1].decode("utf-8-sig", "replace")
+        try:
+            content = read_bytes(path, MAX_BYTES).decode("utf-8-sig", "replace")
+        except OSError as exc:
+            message = f"{shown} cannot be read: {exc.strerror or exc}"
+            self.add_finding("error", "cannot-read", Location(shown), message)
+            return None
         self.files.append(shown)
         return self._yaml(self._substitute(content, element, scope), shown)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 from xml.parsers import expat
 
-from navstack.core.files import exists
+from navstack.core.bounded_reading import NotRegularFileError, TooLargeError, read_bytes
 from navstack.parameters.findings import Location
 from navstack.parameters.yaml_reader import MAX_BYTES
 
@@ -41,17 +41,17 @@ class _RejectedXmlError(Exception):
 
 def read_launch_xml(path: Path, shown: str) -> Element:
     """Return the `<launch>` element of a file; raise RejectedLaunchFileError. `shown` is its name in messages."""
-    if exists(path) and not path.is_file():
-        raise RejectedLaunchFileError("cannot-read", Location(shown), f"{shown} is not a file; name a launch file")
     try:
-        with path.open("rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
-    except OSError as exc:
-        message = f"{shown} cannot be read: {exc.strerror or exc}"
+        data = read_bytes(path, MAX_BYTES)
+    except TooLargeError as exc:
+        message = f"{shown} {exc.strerror}, too large for a launch file"
+        raise RejectedLaunchFileError("too-large", Location(shown), message) from exc
+    except NotRegularFileError as exc:
+        message = f"{shown} {exc.strerror}; name a launch file"
         raise RejectedLaunchFileError("cannot-read", Location(shown), message) from exc
-    if len(data) > MAX_BYTES:
-        message = f"{shown} is larger than 1 MB, too large for a launch file"
-        raise RejectedLaunchFileError("too-large", Location(shown), message)
+    except (OSError, ValueError) as exc:
+        message = f"{shown} cannot be read: {getattr(exc, 'strerror', None) or exc}"
+        raise RejectedLaunchFileError("cannot-read", Location(shown), message) from exc
     top = _parse(data, shown)
     if top.tag != "launch":
         message = f"the root of the file is <{top.tag}>, not <launch>; name a launch file"

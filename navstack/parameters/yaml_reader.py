@@ -13,7 +13,7 @@ from typing import Any
 import yaml
 from yaml.reader import ReaderError
 
-from navstack.core.files import exists
+from navstack.core.bounded_reading import NotRegularFileError, TooLargeError, read_bytes
 from navstack.parameters.findings import Finding, Location, finding
 from navstack.parameters.yaml_builder import NodeBuilder, RejectedYamlError
 from navstack.parameters.yaml_nodes import DictNode, ListNode, Node, ScalarNode, plain, relocate, shortened
@@ -50,17 +50,14 @@ class YamlFile:
 def read_yaml(path: Path, shown: str | None = None) -> YamlFile:
     """Read a parameter file; every problem becomes a finding. `shown` is its name in messages."""
     name = shown or str(path)
-    # a pipe or a device has no end
-    if exists(path) and not path.is_file():
-        return _unread(name, "cannot-read", "is not a file; name a YAML file")
     try:
-        # one byte over the limit detects a file that is too large without reading it all
-        with path.open("rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
-    except OSError as exc:
-        return _unread(name, "cannot-read", f"cannot be read: {exc.strerror or exc}")
-    if len(data) > MAX_BYTES:
-        return _unread(name, "too-large", f"is larger than {MAX_BYTES // 1_000_000} MB, too large for a parameter file")
+        data = read_bytes(path, MAX_BYTES)
+    except TooLargeError as exc:
+        return _unread(name, "too-large", f"{exc.strerror}, too large for a parameter file")
+    except NotRegularFileError as exc:
+        return _unread(name, "cannot-read", f"{exc.strerror}; name a YAML file")
+    except (OSError, ValueError) as exc:
+        return _unread(name, "cannot-read", f"cannot be read: {getattr(exc, 'strerror', None) or exc}")
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as exc:

@@ -4,16 +4,30 @@ from __future__ import annotations
 
 import io
 import json
+import math
+import os
 import zipfile
+from collections.abc import Iterator
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from navstack.core.bounded_reading import CappedFile, NotRegularFileError, short_repr, shortened, size_text
 from navstack.core.errors import RecordError
 from navstack.record.format import EVENTS, FORMAT, META, RUN_FILE, VERSION
-from navstack.record.validation import check
+from navstack.record.validation import check, check_event
+
+MAX_BYTES: Final = 600_000_000
+"""Largest sum of the members of a record that is read; NAVSTACK_MAX_RECORD_MB replaces it."""
+
+MAX_JSON_BYTES: Final = 32_000_000
+"""Largest `meta.json` and `events.jsonl`: an object takes up to twenty times the memory of its text."""
+
+LIMIT_VARIABLE: Final = "NAVSTACK_MAX_RECORD_MB"
+_PIECE: Final = 1_000_000
+_MAX_HEADER: Final = 20_000
 
 
 def dump_json(value: Any) -> str:
@@ -65,37 +79,100 @@ def locate(path: Path) -> Path:
 
 
 def read(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]], dict[str, NDArray[Any]]]:
-    """Reads and checks meta, events and arrays of the record in the file `path`. Raises RecordError."""
+    """Reads and checks meta, events and arrays of the record in the file `path`.
+
+    Reads no more than the file may expand to: MAX_BYTES, or NAVSTACK_MAX_RECORD_MB. Raises RecordError.
+    """
     try:
-        with zipfile.ZipFile(path) as archive:
-            names = archive.namelist()
-            if META not in names:
+        with CappedFile(path) as file, zipfile.ZipFile(file) as archive:
+            infos = {info.filename: info for info in archive.infolist()}
+            if META not in infos:
                 raise RecordError(
                     f"{path} is not a recorded run (no {META} in it); give the {RUN_FILE} of a run",
                     path=str(path),
                 )
-            meta = json.loads(archive.read(META))
+            _check_sizes(path, archive)
+            meta = json.loads(_member(archive, infos[META]))
             _check_version(path, meta)
-            events = [json.loads(line) for line in archive.read(EVENTS).splitlines()]
-            arrays: dict[str, NDArray[Any]] = {}
-            for name in names:
-                if name.endswith(".npy"):
-                    member = io.BytesIO(archive.read(name))  # reading the whole member verifies its checksum
-                    arrays[name[:-4]] = np.lib.format.read_array(member, allow_pickle=False)
-                    if member.read(1):
-                        raise ValueError(f"{name} has data after its last cell")
+            events = list(_events(archive, infos[EVENTS]))
+            arrays = {name[:-4]: _array(archive, info) for name, info in infos.items() if name.endswith(".npy")}
         check(meta, events, arrays)
     except RecordError:
         raise
     except PermissionError as exc:
         raise RecordError(f"cannot read {path}: permission denied", path=str(path)) from exc
+    except NotRegularFileError as exc:
+        raise RecordError(f"{path} {exc.strerror}; give the {RUN_FILE} of a run", path=str(path)) from exc
     except Exception as exc:
         # any error of zipfile, zlib, json, numpy or the checks: the file is not a valid record
-        reason = " ".join(str(exc).split()) or type(exc).__name__
+        reason = shortened(" ".join(str(exc).split()), 200) or type(exc).__name__
         raise RecordError(
             f"{path} is truncated, damaged or not a recorded run ({reason}); record the run again", path=str(path)
         ) from exc
     return meta, events, arrays
+
+
+def _check_sizes(path: Path, archive: zipfile.ZipFile) -> None:
+    """Raises RecordError for a record that expands beyond the limit, ValueError for a member that no record has."""
+    for info in archive.infolist():
+        if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            raise ValueError(f"{info.filename} is compressed in a way that navstack does not use")
+        if info.filename in (META, EVENTS) and info.file_size > MAX_JSON_BYTES:
+            raise ValueError(f"{info.filename} is larger than {size_text(MAX_JSON_BYTES)}")
+    limit = _limit()
+    total = sum(info.file_size for info in archive.infolist())
+    if total > limit:
+        raise RecordError(
+            f"{path} expands to {size_text(total)}, more than {size_text(limit)}; if you trust the file, set the environment "
+            f"variable {LIMIT_VARIABLE} to {total // 1_000_000 + 1}",
+            path=str(path),
+            expanded_bytes=total,
+        )
+
+
+def _limit() -> int:
+    text = os.environ.get(LIMIT_VARIABLE, "")
+    return int(text) * 1_000_000 if text.isdecimal() and len(text) <= 9 else MAX_BYTES
+
+
+def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> bytearray:
+    """Reads a whole member, piece by piece: a member never expands beyond its stated size. Verifies its checksum."""
+    content = bytearray(info.file_size)
+    view, at = memoryview(content), 0
+    with archive.open(info) as stream:
+        while at < len(content):
+            piece = stream.read(min(_PIECE, len(content) - at))
+            if not piece:
+                raise ValueError(f"{info.filename} is shorter than stated")
+            view[at : at + len(piece)] = piece
+            at += len(piece)
+        if stream.read(1):
+            raise ValueError(f"{info.filename} is longer than stated")
+    return content
+
+
+def _events(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> Iterator[dict[str, Any]]:
+    """Yields the events, each checked before the next is read."""
+    for line in _member(archive, info).splitlines():
+        event = json.loads(line)
+        check_event(event)
+        yield event
+
+
+def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]:
+    """Reads an array whose header agrees with the size of its member."""
+    content = _member(archive, info)
+    header = io.BytesIO(content[:_MAX_HEADER])
+    if np.lib.format.read_magic(header) != (1, 0):
+        raise ValueError(f"{info.filename} is not an array of version 1")
+    shape, fortran, dtype = np.lib.format.read_array_header_1_0(header)
+    first = header.tell()
+    if dtype.hasobject:
+        raise ValueError(f"{info.filename} contains Python objects")
+    stated = math.prod(shape) * dtype.itemsize
+    if stated != len(content) - first:
+        raise ValueError(f"{info.filename} has {len(content) - first} bytes instead of {stated}")
+    return np.frombuffer(content, dtype, math.prod(shape), first).reshape(shape, order="F" if fortran else "C")
 
 
 def _check_version(path: Path, meta: Any) -> None:
@@ -103,10 +180,10 @@ def _check_version(path: Path, meta: Any) -> None:
         raise RecordError(f"{path} is not a recorded run of navstack; give the {RUN_FILE} of a run", path=str(path))
     version = meta.get("version")
     if not isinstance(version, int) or isinstance(version, bool) or version < 1:
-        raise RecordError(f"{path} has no valid format version: {version!r}", path=str(path))
+        raise RecordError(f"{path} has no valid format version: {short_repr(version)}", path=str(path))
     if version > VERSION:
         raise RecordError(
-            f"{path} has format version {version}, but this navstack reads versions up to {VERSION}; update navstack",
+            f"{path} has format version {short_repr(version)}, but this navstack reads versions up to {VERSION}; update navstack",
             path=str(path),
             version=version,
         )

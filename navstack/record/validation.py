@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from navstack.core.bounded_reading import short_repr
 from navstack.record.format import ARRAYS, COSTMAP_TABLE, META, TABLES, VERSION
 
 
@@ -52,9 +53,24 @@ def check(meta: dict[str, Any], events: list[dict[str, Any]], arrays: dict[str, 
         if cells.dtype != np.int8 or cells.ndim != 2:
             raise ValueError(f"map has the type {cells.dtype} and {cells.ndim} dimensions")
     for event in events:
-        if not (isinstance(event["data"], dict) and isinstance(event["kind"], str) and isinstance(event["text"], str)):
-            raise ValueError("an event has fields of a wrong type")
-        float(event["time"])
+        check_event(event)
+
+
+def check_event(event: Any) -> None:
+    """Raises ValueError or KeyError unless the event has the fields of the format."""
+    if not isinstance(event, dict):
+        raise ValueError("an event is not an object")
+    if not (isinstance(event["data"], dict) and isinstance(event["kind"], str) and isinstance(event["text"], str)):
+        raise ValueError("an event has fields of a wrong type")
+    if not _is_finite(event["time"]):
+        raise ValueError("an event has no time")
+
+
+def _is_finite(value: Any) -> bool:
+    """True for a number, finite and within the range of a float."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return False
+    return -_MAX_NUMBER <= value <= _MAX_NUMBER  # false for NaN
 
 
 def _check_solids(arrays: dict[str, NDArray[Any]]) -> None:
@@ -87,8 +103,19 @@ def _check_meta(meta: dict[str, Any]) -> None:
         check_type(f"frames.{key}", meta["frames"][key], str)
     if meta["map"] is not None:
         for key in ("resolution", "origin_x", "origin_y", "origin_yaw"):
-            check_type(f"map.{key}", meta["map"][key], int, float)
+            if not _is_finite(meta["map"][key]):
+                raise ValueError(f"map.{key} in {META} is {short_repr(meta['map'][key])}, not a finite number")
+        if meta["map"]["resolution"] <= 0:
+            raise ValueError(f"map.resolution in {META} is not positive")
         check_type("map.frame", meta["map"]["frame"], str)
+    corners = meta["footprint"]
+    if not 3 <= len(corners) <= MAX_CORNERS or not all(
+        isinstance(corner, list) and len(corner) == 2 and all(map(_is_finite, corner)) for corner in corners
+    ):
+        raise ValueError(f"footprint in {META} is not a list of 3 to {MAX_CORNERS} corners [x, y]")
+    for key in ("critics", "costmaps", "scan_sources"):
+        if len(meta[key]) > MAX_NAMES:
+            raise ValueError(f"{key} in {META} lists {len(meta[key])} names, more than {MAX_NAMES}")
     for result in meta["results"]:
         check_type("results", result, dict)
     for name in meta["critics"]:
@@ -103,6 +130,9 @@ def _check_meta(meta: dict[str, Any]) -> None:
         check_type("scan_sources", frame, str)
 
 
+MAX_CORNERS: Final = 10_000
+MAX_NAMES: Final = 1_000
+_MAX_NUMBER: Final = 1e300
 _META_TYPES: Final[dict[str, Any]] = {
     "frames": dict,
     "map": (dict, type(None)),

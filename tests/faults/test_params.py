@@ -63,7 +63,7 @@ def test_a_file_without_permission(name: str, tmp_path: Path, monkeypatch: pytes
     def refuse(*_: object) -> None:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(Path, "open", refuse)
+    monkeypatch.setattr("navstack.core.bounded_reading.os.open", refuse)
     (found,) = check_parameters([str(path)])
     assert found.rule == "cannot-read"
     assert "Permission denied" in found.message

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import GridGeometry, OccupancyGrid, Pose2D
+from navstack.core.bounded_reading import open_regular
 from navstack.core.errors import InputError
 from navstack.core.files import is_file
 from navstack.scenario.file.spec import ScenarioSpec
@@ -121,7 +122,7 @@ def load_worlds(file: Path) -> list[BarnWorld]:
         raise InputError(f"{file} does not exist; give the folder that contains BARN's worlds.npz", file=str(file))
     try:
         # numpy would leave a file open that it recognizes as no archive
-        with file.open("rb") as opened, np.load(opened) as data:
+        with open_regular(file) as opened, np.load(opened) as data:
             numbers, lengths = data["world"].tolist(), data["optimal_length_m"].tolist()
             centres, radius = data["cyl_xy"] - ORIGIN, float(data["cyl_radius"])
             slices = list(pairwise(data["cyl_offset"].tolist()))

@@ -1,0 +1,284 @@
+"""Hostile files: pipes and devices, files that expand beyond memory, forged values. One short message each, little memory."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import os
+import tracemalloc
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from navstack.bench.csv_reader import read_csv
+from navstack.bench.digests import digest_of_file
+from navstack.bench.movingai import read_map
+from navstack.bench.speed_bench import read_reference
+from navstack.core.bounded_reading import (
+    CappedFile,
+    NotRegularFileError,
+    TooLargeError,
+    open_regular,
+    read_bytes,
+    short_repr,
+)
+from navstack.core.errors import InputError, MapError, NavError, RecordError
+from navstack.map_io import load_map
+from navstack.parameters.configuration import check_parameters
+from navstack.places import load_places
+from navstack.record import Record
+from navstack.record import archive as record_archive
+from navstack.scenario import read_scenario
+from navstack.scenario.suites.barn_worlds import load_worlds
+from tests.record import synthetic
+
+MAP = (
+    "image: map.png\nresolution: 0.05\norigin: [0.0, 0.0, 0.0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    Image.fromarray(np.zeros((4, 4), np.uint8)).save(tmp_path / "map.png")
+    return tmp_path
+
+
+def map_file(folder: Path, text: str) -> Path:
+    path = folder / "map.yaml"
+    path.write_text(text)
+    return path
+
+
+def message_of(load: Callable[[Path], object], path: Path, error: type[NavError] = InputError) -> str:
+    with pytest.raises(error) as caught:
+        load(path)
+    assert len(caught.value.message) < 1000
+    return caught.value.message
+
+
+# --- files that are not regular -----------------------------------------------------------------------------------------
+
+READERS: dict[str, tuple[str, Callable[[Path], object]]] = {
+    "map": (".yaml", load_map),
+    "places": (".yaml", load_places),
+    "scenario": (".yaml", read_scenario),
+    "record": (".npz", Record.load),
+    "worlds": (".npz", load_worlds),
+    "movingai map": (".map", read_map),
+    "digest": (".tsv", digest_of_file),
+    "reference": (".json", read_reference),
+    "table": (".csv", lambda path: read_csv(path, ("a",), dict)),
+}
+
+
+@pytest.mark.parametrize("reader", READERS)
+def test_a_pipe_is_not_read(reader: str, tmp_path: Path) -> None:
+    suffix, load = READERS[reader]
+    path = tmp_path / f"pipe{suffix}"
+    os.mkfifo(path)
+    message = message_of(load, path)
+    assert "pipe" in message or "does not exist" in message  # load_worlds asks for a regular file first
+
+
+@pytest.mark.parametrize("reader", READERS)
+def test_a_device_is_not_read(reader: str, tmp_path: Path) -> None:
+    suffix, load = READERS[reader]
+    path = tmp_path / f"device{suffix}"
+    path.symlink_to("/dev/zero")
+    message_of(load, path)
+
+
+@pytest.mark.parametrize("suffix", [".yaml", ".launch"])
+def test_parameters_from_a_pipe(suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"costmap_common_params{suffix}"
+    os.mkfifo(path)
+    errors = [f for f in check_parameters([str(path)]) if f.severity == "error"]
+    assert any("named pipe" in f.message for f in errors)
+
+
+def test_the_image_of_a_map_is_a_pipe_or_a_device(folder: Path) -> None:
+    os.mkfifo(folder / "pipe.png")
+    assert "named pipe" in message_of(load_map, map_file(folder, MAP.replace("map.png", "pipe.png")), MapError)
+    assert "character device" in message_of(load_map, map_file(folder, MAP.replace("map.png", "/dev/zero")), MapError)
+
+
+def test_open_regular(tmp_path: Path) -> None:
+    path = tmp_path / "a"
+    path.write_bytes(b"12345")
+    assert read_bytes(path, 5) == b"12345"
+    with pytest.raises(TooLargeError, match="larger than 4 bytes"):
+        read_bytes(path, 4)
+    with pytest.raises(IsADirectoryError):
+        open_regular(tmp_path)
+    with pytest.raises(FileNotFoundError):
+        open_regular(tmp_path / "b")
+    with pytest.raises(NotRegularFileError, match="character device"):
+        open_regular(Path("/dev/null"))
+    with CappedFile(path) as capped:
+        assert capped.read(3) == b"123"
+        assert capped.read() == b"45"
+    with path.open("wb") as sparse:
+        sparse.truncate(9_000_000)
+    with CappedFile(path) as capped:
+        for size in (-1, None, 10**9):
+            capped.seek(0)
+            with pytest.raises(ValueError, match="8 MB"):
+                capped.read(size)
+
+
+# --- maps ---------------------------------------------------------------------------------------------------------------
+
+
+def alias_bomb(levels: int = 9, width: int = 10) -> str:
+    lines = ["a0: &a0 [" + ", ".join(["1"] * width) + "]"]
+    lines += [f"a{i}: &a{i} [" + ", ".join([f"*a{i - 1}"] * width) + "]" for i in range(1, levels)]
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize("key", ["image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh", "mode"])
+def test_an_alias_bomb_in_a_map(key: str, folder: Path) -> None:
+    lines = [line for line in f"{MAP}mode: trinary\n".splitlines() if not line.startswith(f"{key}:")]
+    path = map_file(folder, alias_bomb() + "\n".join(lines) + f"\n{key}: *a8\n")
+    tracemalloc.start()
+    try:
+        assert "alias" in message_of(load_map, path, MapError)
+        assert tracemalloc.get_traced_memory()[1] < 20_000_000
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("value", ["[" * 40 + "]" * 40, "[" + "1, " * 5000 + "1]", f"'{'x' * 50_000}'", "9" * 5000])
+def test_a_large_value_is_shortened_in_the_message(value: str, folder: Path) -> None:
+    for key in ("resolution", "origin", "negate", "mode"):
+        lines = [line for line in MAP.splitlines() if not line.startswith(f"{key}:")]
+        message_of(load_map, map_file(folder, "\n".join([*lines, f"{key}: {value}"])), MapError)
+
+
+def test_a_key_set_twice_in_a_map(folder: Path) -> None:
+    message = message_of(load_map, map_file(folder, f"{MAP}resolution: 0.1\n"), MapError)
+    assert message.startswith(f"{folder / 'map.yaml'}:7: resolution is set twice (first on line 2)")
+    assert "remove one of them" in message
+    assert load_map(map_file(folder, f"{MAP}resolution: 0.05\n")).geometry.resolution == 0.05
+
+
+@pytest.mark.parametrize(("suffix", "scale"), [("tif", 1.0), ("tif", 255.0), ("tiff", 65535.0)])
+def test_an_image_of_floats_has_no_scale(suffix: str, scale: float, folder: Path) -> None:
+    pixels = np.full((4, 4), scale, np.float32)
+    Image.fromarray(pixels).save(folder / f"map.{suffix}")
+    message = message_of(load_map, map_file(folder, MAP.replace("map.png", f"map.{suffix}")), MapError)
+    assert "floating-point" in message
+    assert "8 bits per pixel" in message
+
+
+def test_an_image_of_32_bits_beyond_the_range(folder: Path) -> None:
+    Image.fromarray(np.full((4, 4), 2**20, np.int32)).save(folder / "map.tif")
+    path = map_file(folder, MAP.replace("map.png", "map.tif"))
+    assert "not within 0 .. 65535" in message_of(load_map, path, MapError)
+
+
+def test_postscript_is_not_run(folder: Path) -> None:
+    (folder / "map.png").write_bytes(b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n%%EndComments\nshowpage\n")
+    assert "not a readable image" in message_of(load_map, map_file(folder, MAP), MapError)
+
+
+def test_short_repr() -> None:
+    nested: list[object] = [[[[[1]]]]]
+    for value in (10**5000, list(range(10**6)), {i: i for i in range(100)}, "x" * 10**6, nested):
+        assert len(short_repr(value)) <= 100
+
+
+# --- records ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return synthetic.record_run(3.0, scans=True).save(tmp_path_factory.mktemp("run"))["record"]
+
+
+def members(path: Path) -> dict[str, bytes]:
+    with zipfile.ZipFile(path) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+def forged(good: Path, out: Path, **changed: bytes) -> Path:
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in {**members(good), **changed}.items():
+            archive.writestr(name, content)
+    return out
+
+
+def test_a_record_that_expands_beyond_the_limit(good: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "run.npz"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for name, content in members(good).items():
+            archive.writestr(name, content)
+        with archive.open("bomb.npy", "w") as bomb:
+            for _ in range(30):
+                bomb.write(bytes(1_000_000))
+    monkeypatch.setattr(record_archive, "MAX_BYTES", 20_000_000)
+    tracemalloc.start()
+    try:
+        message = message_of(Record.load, path, RecordError)
+        assert tracemalloc.get_traced_memory()[1] < 12_000_000
+    finally:
+        tracemalloc.stop()
+    assert "more than 20 MB" in message
+    assert "NAVSTACK_MAX_RECORD_MB" in message
+    path = forged(good, tmp_path / "small.npz", **{"extra.npy": members(good)["map.npy"]})
+    monkeypatch.setattr(record_archive, "MAX_BYTES", 1000)
+    monkeypatch.setenv("NAVSTACK_MAX_RECORD_MB", "50")
+    assert Record.load(path).duration > 0.0
+
+
+def npy(shape: tuple[int, ...], descr: str, content: bytes) -> bytes:
+    header = io.BytesIO()
+    np.lib.format.write_array_header_1_0(header, {"descr": descr, "fortran_order": False, "shape": shape})
+    return header.getvalue() + content
+
+
+@pytest.mark.parametrize("shape", [(10**12,), (2**62, 8), (-1,), (10**9, 10**9, 10**9)])
+def test_an_array_that_states_a_wrong_size(good: Path, tmp_path: Path, shape: tuple[int, ...]) -> None:
+    changed = {"scan_ranges.npy": npy(shape, "<f4", bytes(64))}
+    tracemalloc.start()
+    try:
+        message_of(Record.load, forged(good, tmp_path / "run.npz", **changed), RecordError)
+        assert tracemalloc.get_traced_memory()[1] < 50_000_000
+    finally:
+        tracemalloc.stop()
+
+
+def test_other_compressions_and_large_texts_are_rejected(good: Path, tmp_path: Path) -> None:
+    path = tmp_path / "run.npz"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_BZIP2) as archive:
+        for name, content in members(good).items():
+            archive.writestr(name, content)
+    assert "compressed" in message_of(Record.load, path, RecordError)
+    path = forged(good, tmp_path / "text.npz", **{"events.jsonl": b" " * 33_000_000})
+    assert "larger than 32 MB" in message_of(Record.load, path, RecordError)
+
+
+FORGED: dict[str, Any] = {
+    "footprint of many corners": {"footprint": [[0.0, 0.0]] * 20_000},
+    "footprint without end": {"footprint": [[0.0, math.inf], [1.0, 0.0], [0.0, 1.0]]},
+    "resolution beyond floats": {"map": {"resolution": 10**400}},
+    "resolution zero": {"map": {"resolution": 0.0}},
+    "origin not a number": {"map": {"origin_x": math.nan}},
+    "yaw a boolean": {"map": {"origin_yaw": True}},
+    "critics": {"critics": ["x"] * 100_000},
+    "version": {"version": 10**400},
+}
+
+
+@pytest.mark.parametrize("name", FORGED)
+def test_a_forged_description(name: str, good: Path, tmp_path: Path) -> None:
+    meta = json.loads(members(good)["meta.json"])
+    for key, value in FORGED[name].items():
+        meta[key] = {**meta[key], **value} if isinstance(value, dict) else value
+    changed = {"meta.json": json.dumps(meta).encode()}
+    message_of(Record.load, forged(good, tmp_path / "run.npz", **changed), RecordError)
