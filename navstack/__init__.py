@@ -48,7 +48,7 @@ _WHERE = {
     "navstack.map_io": ("load_map", "map_names", "map_path", "save_map"),
     "navstack.places": ("load_places",),
     "navstack.move_base": ("GoalHandle", "GoalStatus", "MoveBase"),
-    "navstack.bringup": ("build_costmap", "build_move_base", "plan_on_map", "simulated_robot"),
+    "navstack.bringup": ("build_costmap", "build_move_base", "plan", "plan_on_map", "simulated_robot"),
     "navstack.plugins": ("CRITICS", "GLOBAL_PLANNERS", "LAYERS", "LOCAL_PLANNERS", "RECOVERY_BEHAVIORS"),
     "navstack.record": ("Record",),
     "navstack.scenario": ("RunResult", "Scenario", "run_scenario"),
@@ -57,7 +57,7 @@ _WHERE = {
 _MODULE_OF = {name: module for module, names in _WHERE.items() for name in names}
 
 if TYPE_CHECKING:
-    from navstack.bringup import build_costmap, build_move_base, plan_on_map, simulated_robot
+    from navstack.bringup import build_costmap, build_move_base, plan, plan_on_map, simulated_robot
     from navstack.core import (
         Costmap,
         Event,
@@ -126,6 +126,7 @@ __all__ = [
     "load_places",
     "map_names",
     "map_path",
+    "plan",
     "plan_on_map",
     "run_scenario",
     "save_map",

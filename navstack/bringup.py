@@ -5,9 +5,25 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, Literal
 
-from navstack.core import Footprint, FrameTree, Listener, OccupancyGrid, Pose2D, Transform2D
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from navstack.core import (
+    FREE,
+    INSCRIBED,
+    LETHAL,
+    Costmap,
+    Footprint,
+    FrameTree,
+    Listener,
+    OccupancyGrid,
+    Pose2D,
+    Transform2D,
+)
 from navstack.core.errors import InputError, PlanningError, StartOccupiedError, StartOutsideMapError
+from navstack.core.occupancy import Values, is_number
 from navstack.core.poses import require_pose
 from navstack.costmap import LayeredCostmap
 from navstack.costmap.reconfigure import apply_reconfigure, check_reconfigure
@@ -16,6 +32,7 @@ from navstack.map_io import load_mask
 from navstack.move_base import MoveBase, plugin_calls
 from navstack.move_base.occupied_cell import add_layer
 from navstack.parameters.configuration import Configuration, CostmapConfiguration, PluginChoice
+from navstack.plugins import GLOBAL_PLANNERS
 from navstack.sim import Shape, SimulatedRobot, World
 
 
@@ -239,3 +256,62 @@ def plan_on_map(
     except PlanningError as error:
         raise add_layer(costmap, error) from None
     return PlannedPath(plan, costmap, choice.name)
+
+
+def plan(
+    array: ArrayLike,
+    resolution: float,
+    start: Pose2D | tuple[float, ...],
+    goal: Pose2D | tuple[float, ...],
+    *,
+    planner: str = "navfn",
+    values: Values | None = None,
+    unknown: Literal["occupied", "free"] = "occupied",
+    robot_radius: float = 0.0,
+    origin: tuple[float, float] = (0.0, 0.0),
+) -> Plan:
+    """Plan once on an array (ny, nx), without files and parameters. Row 0 has the smallest y.
+
+    `resolution` is the size of a cell (m), `origin` the lower left corner of the array (x, y; m). A bool array is True where
+    occupied; `values` names the meaning of other arrays, see `OccupancyGrid.from_array`. Unknown cells count as occupied unless
+    `unknown` is "free". `start` and `goal` are (x, y) or (x, y, yaw) in metres and radians. No centre of a cell on the path is
+    within `robot_radius` (m) of an occupied cell's centre; with 0, the robot is a point. `planner` is any registered name;
+    its parameters are the defaults. Use `plan_on_map` for the costs of a robot's own parameters.
+
+    Raises InputError, UnknownPluginError, and a PlanningError with code and data if there is no plan.
+    """
+    ends = _pose("start", start), _pose("goal", goal)
+    if unknown not in ("occupied", "free"):
+        raise InputError(f'unknown={unknown!r} is neither "occupied" nor "free"', argument="unknown")
+    if not (is_number(robot_radius) and math.isfinite(robot_radius) and robot_radius >= 0.0):
+        raise InputError(f"robot_radius must be a length of 0 m or more, not {robot_radius!r}", argument="robot_radius")
+    entry = GLOBAL_PLANNERS.get(planner)
+    grid = OccupancyGrid.from_array(array, resolution, origin=origin, values=values)
+    if grid.geometry.world_to_cell(ends[0].x, ends[0].y) is None:
+        raise _start_outside(grid, ends[0])
+    lethal = (grid.data == 100) | ((grid.data == -1) & (unknown == "occupied"))
+    costmap = Costmap(grid.geometry, _costs(lethal, robot_radius / grid.geometry.resolution))
+    return plugin_calls.make_plan(entry.cls(entry.cls.Params()), costmap, *ends, None)
+
+
+def _pose(name: str, value: Any) -> Pose2D:
+    """Return a finite pose; a tuple is (x, y) or (x, y, yaw)."""
+    try:
+        if not isinstance(value, Pose2D):
+            x, y, *yaw = (float(v) for v in value)
+            value = Pose2D(x, y, *yaw)
+    except (TypeError, ValueError):
+        raise InputError(f"the {name} {value!r} is not (x, y) or (x, y, yaw) in metres and radians") from None
+    _require_finite(name, value)
+    return value
+
+
+def _costs(lethal: NDArray[np.bool_], radius_cells: float) -> NDArray[np.uint8]:
+    """Return (ny, nx) costs: lethal, inscribed where a lethal cell's centre is within the radius, and free."""
+    costs = np.where(lethal, np.uint8(LETHAL), np.uint8(FREE))
+    if radius_cells >= 1.0 and lethal.any():
+        from scipy.ndimage import distance_transform_edt  # slow import, not needed for a point
+
+        distance = np.asarray(distance_transform_edt(~lethal))
+        costs[(distance <= radius_cells + 1e-9) & ~lethal] = INSCRIBED
+    return costs

@@ -136,7 +136,7 @@ def _load(path: str | Path, *, lowest: float, highest: float) -> OccupancyGrid:
     channels, alpha = _read_image(document, with_alpha=mode == "trinary")
     data = _occupancy(channels, alpha, mode=mode, negate=negate, occupied=occupied, free=free, span=(lowest, highest))
     ny, nx = data.shape
-    return OccupancyGrid(data, GridGeometry(nx, ny, resolution, x, y), yaw, "map")
+    return OccupancyGrid(data, GridGeometry(nx, ny, resolution, x, y), yaw, "map", raw=mode == "raw")
 
 
 def save_map(grid: OccupancyGrid, path: str | Path) -> tuple[Path, Path]:

@@ -153,7 +153,7 @@ def test_saved_maps_load_unchanged(
     tmp_path_factory: pytest.TempPathFactory, values: list[int], resolution: float, x: float, yaw: float
 ) -> None:
     geometry = GridGeometry(1, len(values), resolution, x, -x)
-    grid = OccupancyGrid(np.array(values, np.int8)[:, None], geometry, yaw)
+    grid = OccupancyGrid(np.array(values, np.int8)[:, None], geometry, yaw, raw=True)
     again = load_map(save_map(grid, tmp_path_factory.mktemp("map") / "map.yaml")[0])
     assert again.data.tolist() == grid.data.tolist()
     assert (again.geometry, again.origin_yaw) == (geometry, yaw)

@@ -6,7 +6,8 @@ from navstack.core.events import Event, Listener
 from navstack.core.footprint import Footprint
 from navstack.core.frames import FrameTree
 from navstack.core.geometry import Pose2D, Transform2D, Twist2D
-from navstack.core.grid import Bounds, Costmap, GridGeometry, OccupancyGrid, Window
+from navstack.core.grid import Bounds, Costmap, GridGeometry, Window
+from navstack.core.occupancy import OccupancyGrid
 from navstack.core.path import Path
 from navstack.core.sensing import (
     DeferredScan,

@@ -1,4 +1,4 @@
-"""Grid geometry (world <-> cell), occupancy grids and costmaps.
+"""Grid geometry (world <-> cell) and costmaps.
 
 Arrays are `[iy, ix]`, row 0 = smallest y. `ix = floor((x - origin_x) / resolution)`; the centre of cell i is at
 `origin + (i + 0.5) * resolution` (costmap_2d/src/costmap_2d.cpp).
@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from navstack.core.errors import InputError
 
 
 class Bounds(NamedTuple):
@@ -76,9 +78,11 @@ class GridGeometry:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.resolution) and self.resolution > 0.0):
-            raise ValueError(f"resolution must be a positive number of metres per cell, not {self.resolution}")
+            raise InputError(f"resolution must be a positive number of metres per cell, not {self.resolution}")
+        if not (math.isfinite(self.origin_x) and math.isfinite(self.origin_y)):
+            raise InputError(f"the origin of a grid must be finite, not ({self.origin_x}, {self.origin_y})")
         if self.nx < 1 or self.ny < 1:
-            raise ValueError(f"a grid must have at least one cell in each direction, not {self.nx} x {self.ny}")
+            raise InputError(f"a grid must have at least one cell in each direction, not {self.nx} x {self.ny}")
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -147,30 +151,24 @@ class GridGeometry:
         return GridGeometry(self.nx, self.ny, self.resolution, origin_x, origin_y)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class OccupancyGrid:
-    """A map as published by map_server: `data` (ny, nx) int8, 0 free .. 100 occupied, -1 unknown, in `frame`.
-
-    `origin_yaw` (rad) rotates the grid about its lower left corner. costmap_2d ignores it; navstack's static layer applies it.
-    """
-
-    data: NDArray[np.int8]
-    geometry: GridGeometry
-    origin_yaw: float = 0.0
-    frame: str = "map"
-
-
 class Costmap:
     """Costs `data` (ny, nx) uint8 with `geometry` in `frame`. The array is writable; the geometry may be replaced."""
 
     __slots__ = ("data", "frame", "geometry")
 
     def __init__(self, geometry: GridGeometry, data: NDArray[np.uint8] | None = None, frame: str = "map") -> None:
+        given: Any = geometry  # callers without a type checker pass anything
+        if not isinstance(given, GridGeometry):
+            raise InputError(
+                f"the geometry of a costmap must be a GridGeometry, not {given!r}; pass GridGeometry(nx, ny, resolution)"
+            )
         if data is None:
             data = np.zeros(geometry.shape, np.uint8)
-        if data.shape != geometry.shape or data.dtype != np.uint8:
-            raise ValueError(
-                f"costs must be uint8 of shape {geometry.shape} (ny, nx), not {data.dtype} of shape {data.shape}"
+        given = data
+        if getattr(given, "shape", None) != geometry.shape or given.dtype != np.uint8:
+            raise InputError(
+                f"costs must be uint8 of shape {geometry.shape} (ny, nx), not {getattr(given, 'dtype', type(given).__name__)} "
+                f"of shape {np.shape(given)}"
             )
         self.geometry = geometry
         self.data = data

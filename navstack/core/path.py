@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from navstack.core.errors import InputError
 from navstack.core.geometry import Pose2D, Transform2D
 
 
@@ -19,7 +20,7 @@ class Path:
 
     def __post_init__(self) -> None:
         if self.poses.ndim != 2 or self.poses.shape[1] != 3:
-            raise ValueError(f"the poses of a path must be an array of shape (n, 3), not {self.poses.shape}")
+            raise InputError(f"the poses of a path must be an array of shape (n, 3), not {self.poses.shape}")
 
     def __len__(self) -> int:
         return len(self.poses)

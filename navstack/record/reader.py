@@ -88,7 +88,7 @@ class Record:
             m = meta["map"]
             ny, nx = arrays["map"].shape
             geometry = GridGeometry(nx, ny, float(m["resolution"]), float(m["origin_x"]), float(m["origin_y"]))
-            self.map = OccupancyGrid(arrays["map"], geometry, float(m["origin_yaw"]), str(m["frame"]))
+            self.map = OccupancyGrid(arrays["map"], geometry, float(m["origin_yaw"]), str(m["frame"]), raw=True)
         self.events: tuple[Event, ...] = tuple(Event(float(e["time"]), e["kind"], e["text"], e["data"]) for e in events)
 
     @classmethod

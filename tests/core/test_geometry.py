@@ -53,12 +53,12 @@ def test_window_of_bounds_includes_both_corners_and_is_clipped() -> None:
 
 @pytest.mark.parametrize("resolution", [0.0, -1.0, math.nan, math.inf])
 def test_resolution_must_be_positive(resolution: float) -> None:
-    with pytest.raises(ValueError, match="resolution"):
+    with pytest.raises(InputError, match="resolution"):
         GridGeometry(1, 1, resolution)
 
 
 def test_costmap_rejects_the_wrong_array() -> None:
-    with pytest.raises(ValueError, match="uint8"):
+    with pytest.raises(InputError, match="uint8"):
         Costmap(GridGeometry(3, 2, 1.0), np.zeros((3, 2), np.uint8))
 
 
@@ -66,7 +66,7 @@ def test_path_length_and_shape() -> None:
     path = Path(np.array([[0.0, 0, 0], [3, 4, 0], [3, 5, 0]]))
     assert path.length == 6.0
     assert path[1] == Pose2D(3, 4, 0)
-    with pytest.raises(ValueError, match="shape"):
+    with pytest.raises(InputError, match="shape"):
         Path(np.zeros((3, 2)))
 
 

@@ -22,7 +22,7 @@ def costmap_of(case: dict[str, np.ndarray], *, inflate: bool = True) -> LayeredC
     resolution, radius, factor, unknown, _, _, _, trinary, track, threshold, _ = case["params"].tolist()
     occupancy = np.ascontiguousarray(case["occupancy"])
     ny, nx = occupancy.shape
-    grid = OccupancyGrid(occupancy, GridGeometry(nx, ny, resolution))
+    grid = OccupancyGrid(occupancy, GridGeometry(nx, ny, resolution), raw=True)
     layers = [
         LayerSpec(
             "static_layer",
