@@ -5,10 +5,12 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from navstack.core.files import is_file
 from navstack.parameters.findings import Location, finding
+from navstack.parameters.foreign import FOREIGN_PLANNERS
 from navstack.parameters.source_tree import Sources
 from navstack.parameters.tree import COSTMAPS, descend, overlay, parts_of, put
-from navstack.parameters.yaml_reader import DictNode, read_yaml
+from navstack.parameters.yaml_reader import MAX_BYTES, DictNode, read_yaml
 
 NODE_NAMES = ("move_base", "move_base_node")
 """Usual names of the move_base node: a dump of the parameter server has its parameters below one of them."""
@@ -37,6 +39,10 @@ _ROLES: dict[str, tuple[str, ...]] = {
 }
 _AFFIX = re.compile(r"(?:^|_)(?:params?|config|parameters?|ros)(?=_|$)")
 _CHOOSE = "name the files one by one instead of the folder, with only one of these"
+
+_NEEDED = ("base_local_planner", "base_global_planner", "footprint", "robot_radius", "recovery_behaviors")
+"""Parameters that a folder must not lose."""
+_MOVE_BASE = re.compile(rb"""<node\b[^>]*\btype\s*=\s*["']move_base["']""")
 
 _Files = list[tuple[Path, str]]
 """Files and their names in messages."""
@@ -133,8 +139,7 @@ def load_folder(out: Sources, folder: Path, shown: str, namespace: str) -> None:
         name = f"{shown}/{path.name}"
         role = role_of(path.name)
         if role is None:
-            message = "the file is not loaded because its name has no role for move_base; name the file to load it"
-            out.add_finding("info", "not-loaded", Location(name), message)
+            _report_left_out(out, path, name, shown)
         else:
             roles.setdefault(role, []).append((path, name))
     _add_inner_folder(out, roles, below, shown)
@@ -145,6 +150,32 @@ def load_folder(out: Sources, folder: Path, shown: str, namespace: str) -> None:
     for role in _ROLES:
         if role in roles:
             _load_role(out, role, roles[role], shown, namespace)
+
+
+def _report_left_out(out: Sources, path: Path, name: str, shown: str) -> None:
+    """Report a file without a role: a warning if it holds what move_base needs."""
+    keys = read_yaml(path, name).root.items
+    held = next((key for key in keys if key in _NEEDED or key in FOREIGN_PLANNERS), None)
+    if held is None:
+        message = "the file is not loaded because its name has no role for move_base; name the file to load it"
+        out.add_finding("info", "not-loaded", Location(name), message)
+        return
+    message = (
+        f"the file is not loaded because its name has no role for move_base, but it sets {held}; name it as well: "
+        f"{shown} {name}"
+    )
+    out.add_finding("warning", "not-loaded", Location(name, keys[held][0].line, keys[held][0].column), message)
+
+
+def launch_files(folder: Path) -> list[Path]:
+    """Return the launch files of a folder and of the folders in it that start a move_base node themselves."""
+    found: list[Path] = []
+    try:
+        for place in (folder, *sorted(p for p in folder.iterdir() if p.is_dir() and not p.name.startswith("."))):
+            found += sorted(p for p in place.iterdir() if p.suffix in (".launch", ".xml") and is_file(p))
+        return [p for p in found if _MOVE_BASE.search(p.read_bytes()[:MAX_BYTES])]
+    except OSError:
+        return []
 
 
 def _yaml_files(folder: Path) -> list[Path]:
@@ -158,6 +189,8 @@ def _add_inner_folder(out: Sources, roles: dict[str, _Files], below: list[Path],
             message = "the folder is not loaded; name it to load it"
             out.add_finding("info", "not-loaded", Location(f"{shown}/{folder.name}"), message)
         return
+    if any(p.resolve() in out.named for p in below):
+        return  # the one that is meant is named as well
     if len(below) > 1:
         choices = " or ".join(f"{shown}/{p.name}" for p in below)
         also = f" in addition to {shown}" if roles else ""

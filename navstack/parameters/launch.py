@@ -14,7 +14,7 @@ from pathlib import Path
 
 from navstack.core.bounded_reading import read_bytes
 from navstack.parameters.findings import Finding, Location, Severity, finding
-from navstack.parameters.launch_substitution import find_file, launch_argument, param_value, substitute
+from navstack.parameters.launch_substitution import find_file, is_expression, launch_argument, param_value, substitute
 from navstack.parameters.launch_xml import Element, RejectedLaunchFileError, read_launch_xml
 from navstack.parameters.tree import Space, descend, overlay, parts_of, put
 from navstack.parameters.yaml_reader import MAX_BYTES, DictNode, Node, ScalarNode, parse_value, read_yaml, relocate
@@ -168,9 +168,10 @@ class LaunchReader:
 
     def _substitute(self, text: str, element: Element, scope: _Scope) -> str:
         try:
-            return substitute(text, scope.arguments, scope.path.parent)
+            return substitute(text, scope.arguments, scope.path.parent.absolute())
         except ValueError as exc:
-            self.add_finding("error", "launch", self._at(element, scope), str(exc))
+            message = _expression_message(text, element) if is_expression(text) else str(exc)
+            self.add_finding("error", "launch", self._at(element, scope), message)
             raise _SkipElement from exc
 
     def _namespace(self, element: Element, scope: _Scope) -> tuple[str, ...]:
@@ -329,6 +330,19 @@ class LaunchReader:
         node, findings = parse_value(text, shown)
         self.findings += findings
         return node
+
+
+def _expression_message(text: str, element: Element) -> str:
+    """What to do about a Python expression in an attribute of an element."""
+    name = element.attributes.get("name", "")
+    if element.tag == "arg" and "default" in element.attributes:
+        what, fix = f"the default of the argument {name}", f"add {name}:=VALUE after the launch file"
+    elif element.tag == "rosparam":
+        what = "the file of <rosparam>"
+        fix = "write its path, or name the file after the launch file as FILE@NAMESPACE"
+    else:
+        what, fix = f"a value of <{element.tag}>", "write its value"
+    return f"{what} is a Python expression, {text.strip()}, which is not evaluated; {fix}"
 
 
 def _shown_name(scope: _Scope, path: Path) -> str:

@@ -22,11 +22,18 @@ def launch_argument(text: str) -> tuple[str, str] | None:
     return (found[1], found[2]) if found else None
 
 
+def is_expression(text: str) -> bool:
+    """Return True for `$(eval ..)`: a Python expression, which may contain parentheses."""
+    return re.match(r"\s*\$\(\s*eval\b", text) is not None
+
+
 def substitute(text: str, arguments: Mapping[str, str], folder: Path) -> str:
     """Replace the substitutions of a text except `$(find ..)`; raise ValueError for one that cannot be replaced.
 
     `folder` is that of the launch file.
     """
+    if is_expression(text):
+        raise ValueError(f"{text.strip()} is a Python expression, which is not evaluated; write its value")
 
     def value(found: re.Match[str]) -> str:
         command, rest = found[1], found[2].split()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from navstack.parameters.findings import Finding, Location, Severity, finding
 from navstack.parameters.tree import Space
@@ -16,6 +17,8 @@ class Sources:
     findings: list[Finding] = field(default_factory=list[Finding])
     files: list[str] = field(default_factory=list[str])
     """Files read, as shown in messages, in order."""
+    named: set[Path] = field(default_factory=set[Path])
+    """Absolute paths of the files and folders that the user named."""
     arguments: dict[str, str] = field(default_factory=dict[str, str])
     """Arguments for launch files: the sources of the form `name:=value`."""
 

@@ -10,10 +10,10 @@ from typing import Any
 from navstack.core.data_files import data_folder
 from navstack.core.files import exists
 from navstack.parameters.findings import Location, finding
-from navstack.parameters.folders import load_file, load_folder, load_root
+from navstack.parameters.folders import launch_files, load_file, load_folder, load_root
 from navstack.parameters.launch import LaunchReader, launch_argument
 from navstack.parameters.source_tree import Sources
-from navstack.parameters.tree import descend, overlay, parts_of, put
+from navstack.parameters.tree import Space, descend, overlay, parts_of, put
 from navstack.parameters.yaml_reader import DictNode, ListNode, Node, ScalarNode, parse_value, relocate
 
 Source = str | Path | Mapping[str, Any] | DictNode
@@ -46,6 +46,7 @@ def read_sources(sources: Iterable[Source], overrides: Sequence[str] = ()) -> So
     if not named:
         message = f"no parameters are named; name a folder, files or {_sets()}"
         out.add_finding("error", "no-source", Location("--params"), message)
+    out.named = {Path(str(s).partition("@")[0]).absolute().resolve() for s in named if isinstance(s, (str, Path))}
     for source in named:
         if isinstance(source, Mapping):
             node = _to_node(source, Location("(a Python mapping)"))
@@ -94,7 +95,9 @@ def _read_named(out: Sources, text: str) -> None:
             out.add_finding("info", "packaged-set", Location(path_text), message)
         load_folder(out, packaged_folder(path_text), path_text, namespace)
     elif exists(path) and path.is_dir():
-        load_folder(out, path, path_text.rstrip("/") or "/", namespace)
+        shown = path_text.rstrip("/") or "/"
+        if not _read_through_launch(out, path, shown, namespace):
+            load_folder(out, path, shown, namespace)
     elif exists(path) and path.suffix in (".launch", ".xml"):
         space = LaunchReader(out.findings, out.files).read(path, path_text, out.arguments)
         if space is not None:
@@ -106,6 +109,36 @@ def _read_named(out: Sources, text: str) -> None:
         hint = f'did you mean "{close[0]}"?' if close else f"name a folder, a YAML file or {_sets()}"
         message = f'"{path_text}" is not a file, folder or packaged set; {hint}'
         out.add_finding("error", "no-source", Location(path_text), message, close[0] if close else None)
+
+
+def _read_through_launch(out: Sources, folder: Path, shown: str, namespace: str) -> bool:
+    """Load a folder that cannot be loaded by its files' names through its only launch file that can; False if it need not."""
+    launches = launch_files(folder)
+    if not launches or namespace:
+        return False
+    trial = Sources(named=out.named)
+    load_folder(trial, folder, shown, namespace)
+    if not any(f.severity == "error" for f in trial.findings):
+        return False
+    good: list[tuple[str, Space, LaunchReader]] = []
+    for path in launches:
+        name = f"{shown}/{path.relative_to(folder)}"
+        reader = LaunchReader([], [])
+        space = reader.read(path, name, out.arguments)
+        if space is not None and not any(f.severity == "error" for f in reader.findings):
+            good.append((name, space, reader))
+    if len(good) != 1:
+        if len(good) > 1:
+            names = " or ".join(name for name, _, _ in good)
+            message = f"several launch files of the folder start move_base; name the one that is meant: {names}"
+            out.add_finding("error", "ambiguous", Location(shown), message)
+        return len(good) > 1
+    name, space, reader = good[0]
+    out.add_finding("info", "through-launch", Location(shown), f"the folder is loaded through its launch file {name}")
+    out.findings += reader.findings
+    out.files += reader.files
+    overlay(out.root, space.as_node(), out.findings)
+    return True
 
 
 def _override(out: Sources, text: str, number: int) -> None:

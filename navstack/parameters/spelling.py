@@ -6,6 +6,9 @@ import difflib
 import re
 from collections.abc import Iterable
 
+_WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z0-9]+")
+MIN_WORD = 3
+"""Shorter words are abbreviations: x for y."""
 _SEPARATORS = re.compile(r"[_\-. ]")
 
 
@@ -23,5 +26,13 @@ def nearest(name: str, known: Iterable[str], cutoff: float = 0.75) -> str | None
     for n in names:
         if len(words) > 1 and sorted(n.lower().split("_")) == words:
             return n
-    close = difflib.get_close_matches(name.lower(), list(by_lower), n=1, cutoff=cutoff)
-    return by_lower[close[0]] if close else None
+    close = difflib.get_close_matches(name.lower(), list(by_lower), n=3, cutoff=cutoff)
+    return next((by_lower[c] for c in close if _is_near(name, by_lower[c])), None)
+
+
+def _is_near(name: str, known: str) -> bool:
+    """False if a whole word differs: NeoLocalPlanner is another planner than PalLocalPlanner, not a misspelt one."""
+    words, others = ([w.lower() for w in _WORDS.findall(text)] for text in (name, known))
+    if len(words) != len(others):
+        return True
+    return all(len(w) < MIN_WORD or difflib.SequenceMatcher(None, w, o).ratio() > 0.0 for w, o in zip(words, others))

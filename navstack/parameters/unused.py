@@ -68,8 +68,11 @@ class _UnusedCheck:
                     self._leaf(space, child, models)
             elif child.used or _contains_used(child):
                 self._visit(child)
-            elif not all(_source(leaf) in self.read for leaf in child.leaves()):
-                self._unknown_namespace(space, child)
+            else:
+                leaves = list(child.leaves())
+                # a layer of a file for both costmaps that the other one uses: its misspelt names are reported there
+                if leaves and not any(_source(leaf) in self.read for leaf in leaves):
+                    self._unknown_namespace(space, child)
 
     # --- parameters ---------------------------------------------------------------------------------------------------
 

@@ -108,8 +108,7 @@ def test_the_published_turtlebot(data_dir: Path) -> None:
     assert {
         "map_type",
         "static_map",
-        "planner_window_x",
-        "planner_costmap_publish_frequency",
+        "planner_window_x",  # of NavfnROS
         "stop_time_buffer",
     } <= silent
 
@@ -270,6 +269,21 @@ def test_a_recovery_list_that_ros_rejects_falls_back_to_the_built_in_one(written
     [found] = [f for f in loaded.findings if f.severity == "warning"]
     assert (found.rule, found.key) == ("plugin-list", "recovery_behaviors")
     assert "the built-in recovery behaviors are used, as in ROS" in found.message
+
+
+def test_suggestions_are_for_near_misses_only() -> None:
+    with pytest.raises(ParameterError) as caught:
+        load_configuration([robot(base_local_planner="neo_local_planner/NeoLocalPlanner", NeoLocalPlanner={"a": 1})])
+    assert "did you mean" not in caught.value.message
+    assert not [f for f in check(robot(NeoLocalPlanner={"a": 1})) if "PalLocalPlanner" in f.message]
+    assert any(f.suggestion == "DWAPlannerROS" for f in check(robot(DWAPlanerROS={"max_vel_x": 0.4})))
+
+
+def test_a_layer_that_the_other_costmap_uses_is_not_to_be_removed(tmp_path: Path) -> None:
+    common = tmp_path / "costmap_common_params.yaml"
+    common.write_text("static_layer: {enabled: true, enabeld: true}\n")
+    findings = [f for f in check(str(common), robot()) if f.key.endswith(("static_layer", "enabeld"))]
+    assert [(f.rule, f.suggestion) for f in findings] == [("unknown", "enabled")]
 
 
 def test_planners_of_other_packages_are_noted_once() -> None:

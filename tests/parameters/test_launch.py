@@ -126,7 +126,10 @@ def test_remappings_and_several_nodes_are_reported(tmp_path: Path) -> None:
         (NODE.format('<rosparam file="$(find nowhere)/x.yaml"/>'), "not found"),
         (NODE.format('<param name="a"/>'), "value"),
         (NODE.format('<param name="a" type="int" value="x"/>'), "type int"),
-        (NODE.format('<param name="a" value="$(eval 1+1)"/>'), "not supported"),
+        (
+            NODE.format('<param name="a" value="$(eval 1+1)"/>'),
+            "a Python expression, $(eval 1+1), which is not evaluated",
+        ),
         (NODE.format('<param name="a" value="$(env NOT_SET_ANYWHERE)"/>'), "not set"),
         (NODE.format('<param name="a" value="1" if="maybe"/>'), "neither true nor false"),
         (NODE.format("<rosparam>[1, 2]</rosparam>"), "param="),
@@ -174,3 +177,67 @@ def test_a_published_launch_file_and_its_folder_agree(data_dir: Path) -> None:
         for key in ("global_frame", "robot_base_frame"):
             assert by_launch[costmap].pop(key) == by_folder[costmap].pop(key).strip("/")
     assert by_launch == by_folder
+
+
+def test_dirname_of_a_launch_file_given_by_a_relative_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    launch(tmp_path / "robot" / "launch", NODE.format('<rosparam file="$(dirname)/../a.yaml"/>'))
+    (tmp_path / "robot" / "a.yaml").write_text("x: 3\n")
+    monkeypatch.chdir(tmp_path)
+    assert tree("robot/launch/robot.launch") == {"x": 3}
+
+
+def test_an_expression_is_named_with_what_to_pass(tmp_path: Path) -> None:
+    expression = "$(eval find('my_robot') + '/param/' + arg('model') + '.yaml')"
+    (tmp_path / "a.yaml").write_text("x: 3\n")
+    path = launch(
+        tmp_path, f'<arg name="file" default="{expression}"/>' + NODE.format('<rosparam file="$(arg file)"/>')
+    )
+    first, *_ = errors(path)
+    assert first == (
+        f"the default of the argument file is a Python expression, {expression}, which is not evaluated; add file:=VALUE after "
+        "the launch file"
+    )
+    assert tree(path, "file:=a.yaml") == {"x": 3}
+    [only] = errors(launch(tmp_path, NODE.format(f'<rosparam file="{expression}"/>'), "b.launch"))
+    assert "Python expression" in only and "FILE@NAMESPACE" in only
+
+
+def test_a_folder_that_only_its_launch_file_can_load(tmp_path: Path) -> None:
+    folder = tmp_path / "robot"
+    for name in ("local_costmap_a", "local_costmap_b"):  # ambiguous by name
+        (folder / "param").mkdir(parents=True, exist_ok=True)
+        (folder / "param" / f"{name}.yaml").write_text(f"local_costmap: {{global_frame: {name}}}\n")
+    launch(folder / "launch", NODE.format('<rosparam file="$(dirname)/../param/local_costmap_b.yaml"/>'))
+    launch(folder / "launch", '<node pkg="amcl" type="amcl" name="amcl"/>', "amcl.launch")
+    assert tree(str(folder)) == {"local_costmap": {"global_frame": "local_costmap_b"}}
+    # several: the advice can be followed
+    launch(
+        folder / "launch", NODE.format('<rosparam file="$(dirname)/../param/local_costmap_a.yaml"/>'), "other.launch"
+    )
+    [message] = errors(str(folder))
+    named = message.rpartition(": ")[2].split(" or ")
+    assert [tree(name)["local_costmap"]["global_frame"] for name in named] == ["local_costmap_a", "local_costmap_b"]
+
+
+def test_a_file_without_a_role_that_holds_what_move_base_needs_is_a_warning(tmp_path: Path) -> None:
+    (tmp_path / "move_base_params.yaml").write_text("planner_frequency: 1.0\n")
+    (tmp_path / "my_robot.yaml").write_text("a: 1\nfootprint: [[0.1, 0.1], [-0.1, 0.1], [0, -0.1]]\n")
+    (tmp_path / "camera.yaml").write_text("a: 1\n")
+    left = {Path(f.file).name: f for f in read_sources([str(tmp_path)]).findings if f.rule == "not-loaded"}
+    assert {name: f.severity for name, f in left.items()} == {"my_robot.yaml": "warning", "camera.yaml": "info"}
+    found = left["my_robot.yaml"]
+    assert found.line == 2 and "sets footprint" in found.message
+    assert "footprint" in tree(*found.message.rpartition(": ")[2].split())
+
+
+def test_naming_the_folder_that_is_meant_works(tmp_path: Path) -> None:
+    folder = tmp_path / "robot"
+    for name in ("map_nav", "odom_nav"):
+        for costmap in ("local_costmap", "global_costmap"):
+            (folder / name).mkdir(parents=True, exist_ok=True)
+            (folder / name / f"{costmap}_params.yaml").write_text(f"{costmap}: {{global_frame: {name}}}\n")
+    (folder / "move_base_params.yaml").write_text("planner_frequency: 1.0\n")
+    [message] = errors(str(folder))
+    for name in message.rpartition(": ")[2].split(" or "):
+        made = tree(str(folder), name)
+        assert made["planner_frequency"] == 1.0 and made["local_costmap"] == {"global_frame": Path(name).name}
