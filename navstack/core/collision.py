@@ -1,7 +1,7 @@
 """Collision check: the cost under the robot's footprint at a pose or along a turn in place.
 
-The edges are those of base_local_planner's CostmapModel::footprintCost. ROS differs: there, only the edges are checked, so that
-a robot may stand on an obstacle smaller than itself.
+The edges are those of base_local_planner's CostmapModel::footprintCost. ROS differs: there, only the edges are checked, and as
+lines of cells from corner to corner, which miss cells that the footprint overlaps. Here every overlapped cell counts.
 """
 
 from __future__ import annotations

@@ -13,6 +13,9 @@ from navstack.core.line_kernels import line_next, line_start
 OUTSIDE = 256
 """Cost of a footprint with a corner outside the grid."""
 
+BORDER = 1e-9
+"""Cells: a polygon that reaches less far into a cell only touches it."""
+
 
 @kernel
 def middle_offsets(nx, out):
@@ -33,32 +36,40 @@ def middle_offsets(nx, out):
 
 
 @kernel
-def footprint_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, middles, cells):
-    """Return the highest cost on the edges of a footprint at a pose; OUTSIDE if a corner is outside the grid.
+def place_footprint(costs, origin_x, origin_y, resolution, corners, x, y, yaw, placed):
+    """Write the corners of a footprint at a pose to `placed` (2, n), in cells of the grid; return False if one is outside it.
 
-    `corners` (2, n): x and y of the corners in the robot's frame (m). `middles` (25,) as `middle_offsets` returns it; `cells`
-    (2, n) int32 is scratch. Each edge is a line of cells from the cell of one corner to that of the next one.
+    `corners` (2, n): x and y of the corners in the robot's frame (m).
     """
     ny, nx = costs.shape
-    flat = costs.ravel()
     c, s = math.cos(yaw), math.sin(yaw)
-    number = corners.shape[1]
     outside = 0
-    for j in range(np.uint64(number)):
+    for j in range(np.uint64(corners.shape[1])):
         vx, vy = corners[0, j], corners[1, j]
         fx = ((x + (vx * c - vy * s)) - origin_x) / resolution
         fy = ((y + (vx * s + vy * c)) - origin_y) / resolution
         inside = (fx >= 0.0) & (fy >= 0.0) & (fx < nx) & (fy < ny)
         outside += not inside
-        cells[0, j] = np.int32(fx if inside else 0.0)
-        cells[1, j] = np.int32(fy if inside else 0.0)
-    if outside > 0:
-        return np.int64(OUTSIDE)
+        placed[0, j] = fx if inside else 0.0
+        placed[1, j] = fy if inside else 0.0
+    return outside == 0
+
+
+@kernel
+def edge_cost(costs, placed, middles):
+    """Return the highest cost on the edges of a footprint inside the grid. `placed`: see `place_footprint`.
+
+    `middles` (25,) as `middle_offsets` returns it. Each edge is a line of cells from the cell of one corner to that of the
+    next one (Bresenham): it can miss cells that the footprint overlaps, see `overlapped_cost`.
+    """
+    nx = costs.shape[1]
+    flat = costs.ravel()
+    number = placed.shape[1]
     highest = np.uint8(0)
-    x0, y0 = np.int64(cells[0, number - 1]), np.int64(cells[1, number - 1])
+    x0, y0 = np.int64(placed[0, number - 1]), np.int64(placed[1, number - 1])
     # starts with the closing edge: the order does not change the highest cost
     for j in range(number):
-        x1, y1 = np.int64(cells[0, j]), np.int64(cells[1, j])
+        x1, y1 = np.int64(placed[0, j]), np.int64(placed[1, j])
         dx, dy = x1 - x0, y1 - y0
         cell = y0 * nx + x0
         highest = max(highest, flat[cell])
@@ -75,37 +86,85 @@ def footprint_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, mi
 
 
 @kernel
-def interior_cost(costs, corners, highest):
-    """Return the highest cost of the cells whose centre is inside a polygon (even-odd rule), at least `highest`.
+def overlaps_cell(placed, ix, iy):
+    """Return True if the polygon `placed` (2, n), in cells, and the cell have more in common than their borders."""
+    left, right = ix + BORDER, ix + 1.0 - BORDER
+    low, high = iy + BORDER, iy + 1.0 - BORDER
+    n = placed.shape[1]
+    level, centre = iy + 0.5, ix + 0.5
+    inside = False
+    px, py = placed[0, n - 1], placed[1, n - 1]
+    for i in range(n):
+        qx, qy = placed[0, i], placed[1, i]
+        # clip the edge to the rows, then to the columns of the cell
+        if min(py, qy) < high and max(py, qy) > low and min(px, qx) < right and max(px, qx) > left:
+            begin, end = 0.0, 1.0
+            dx, dy = qx - px, qy - py
+            if dy != 0.0:
+                a, b = (low - py) / dy, (high - py) / dy
+                begin, end = max(begin, min(a, b)), min(end, max(a, b))
+            if dx != 0.0:
+                a, b = (left - px) / dx, (right - px) / dx
+                begin, end = max(begin, min(a, b)), min(end, max(a, b))
+            if begin < end:
+                return True
+        # no edge in the cell: it is inside if an odd number of edges cross its row to the left of its centre
+        if (py > level) != (qy > level) and centre > px + (level - py) / (qy - py) * (qx - px):
+            inside = not inside
+        px, py = qx, qy
+    return inside
 
-    `corners` (2, n): the polygon in cells, inside the grid.
+
+@kernel
+def overlapped_cost(costs, placed, highest):
+    """Return the highest cost of the cells that a polygon overlaps, enclosed ones included; at least `highest`.
+
+    `placed` (2, n): the corners in cells, inside the grid (see `place_footprint`). Exact for every simple polygon: a cell counts
+    if it and the polygon have more than borders in common.
     """
-    n = corners.shape[1]
-    low_x, high_x = int(corners[0].min()), int(corners[0].max())
-    for iy in range(int(corners[1].min()), int(corners[1].max()) + 1):
-        level = iy + 0.5
-        for ix in range(low_x, high_x + 1):
-            if int(costs[iy, ix]) <= highest:
-                continue
-            # inside if an odd number of edges cross the row of the cell to the left of its centre
-            centre = ix + 0.5
-            inside = False
-            px, py = corners[0, n - 1], corners[1, n - 1]
-            for i in range(n):
-                qx, qy = corners[0, i], corners[1, i]
-                if (py > level) != (qy > level) and centre > px + (level - py) / (qy - py) * (qx - px):
-                    inside = not inside
-                px, py = qx, qy
-            if inside:
-                highest = int(costs[iy, ix])
+    for iy in range(np.int64(placed[1].min()), np.int64(placed[1].max()) + 1):
+        for ix in range(np.int64(placed[0].min()), np.int64(placed[0].max()) + 1):
+            if np.int64(costs[iy, ix]) > highest and overlaps_cell(placed, ix, iy):
+                highest = np.int64(costs[iy, ix])
     return highest
+
+
+@kernel
+def overlaps_lethal(costs, placed):
+    """Return True if a polygon overlaps a lethal cell. Arguments as of `overlapped_cost`."""
+    nx = costs.shape[1]
+    flat = costs.ravel()
+    left, right, low, high = placed[0, 0], placed[0, 0], placed[1, 0], placed[1, 0]
+    for j in range(1, placed.shape[1]):
+        left, right = min(left, placed[0, j]), max(right, placed[0, j])
+        low, high = min(low, placed[1, j]), max(high, placed[1, j])
+    x0 = np.int64(left)
+    number = np.uint64(np.int64(right) - x0 + 1)
+    for iy in range(np.int64(low), np.int64(high) + 1):
+        base = np.uint64(iy * nx + x0)
+        for i in range(number):
+            if flat[base + i] == 254 and overlaps_cell(placed, x0 + np.int64(i), iy):
+                return True
+    return False
+
+
+@kernel
+def collision_cost(costs, placed, middles, near):
+    """Return `edge_cost`, or 254 if the footprint overlaps a lethal cell elsewhere (checked if an obstacle is `near`).
+
+    Unknown cells count on the edges only: the floor under a robot can be unknown.
+    """
+    cost = edge_cost(costs, placed, middles)
+    if near and cost < 254 and overlaps_lethal(costs, placed):
+        return np.int64(254)
+    return cost
 
 
 @kernel
 def pose_cost(costs, origin_x, origin_y, resolution, vertices, x, y, yaw, interior):
     """Return the highest cost under the footprint `vertices` (n, 2) at a pose; OUTSIDE if a part of it is outside the grid.
 
-    The edges count and, with `interior`, the cells whose centre is inside.
+    The edges count (as in C++) and, with `interior`, every cell that the footprint overlaps.
     """
     ny, nx = costs.shape
     cx, cy = (x - origin_x) / resolution, (y - origin_y) / resolution
@@ -114,17 +173,14 @@ def pose_cost(costs, origin_x, origin_y, resolution, vertices, x, y, yaw, interi
     corners = vertices.T.copy()
     middles = np.empty(25, np.int64)
     middle_offsets(nx, middles)
-    highest = footprint_cost(
-        costs, origin_x, origin_y, resolution, corners, x, y, yaw, middles, np.empty(corners.shape, np.int32)
-    )
-    if highest == OUTSIDE or not interior:
+    placed = np.empty(corners.shape)
+    if not place_footprint(costs, origin_x, origin_y, resolution, corners, x, y, yaw, placed):
+        return OUTSIDE
+    highest = edge_cost(costs, placed, middles)
+    if not interior:
         return highest
-    c, s = math.cos(yaw), math.sin(yaw)
-    for j in range(corners.shape[1]):
-        vx, vy = corners[0, j], corners[1, j]
-        corners[0, j] = ((x + (vx * c - vy * s)) - origin_x) / resolution
-        corners[1, j] = ((y + (vx * s + vy * c)) - origin_y) / resolution
-    return interior_cost(costs, corners, max(highest, int(costs[int(cy), int(cx)])))
+    highest = max(highest, np.int64(costs[int(cy), int(cx)]))
+    return overlapped_cost(costs, placed, highest)
 
 
 @kernel

@@ -184,7 +184,7 @@ def test_obstacle_scores_sum_or_maximum() -> None:
 
 @pytest.mark.parametrize("dot", [LETHAL, 255, 252])
 def test_a_high_cost_under_the_centre_hides_no_collision(dot: int) -> None:
-    """A high-cost cell inside the footprint does not hide a later collision of its edges."""
+    """A high-cost cell inside the footprint does not hide a later collision of its edges; a lethal one is a collision."""
     costmap = empty_map()
     x, y, resolution = 0.01, 0.01, costmap.geometry.resolution
     cell = costmap.geometry.world_to_cell(x, y)
@@ -198,9 +198,9 @@ def test_a_high_cost_under_the_centre_hides_no_collision(dot: int) -> None:
     critic = ObstacleCritic("obstacle", ObstacleParams())
     limits = planner_on().limits
     critic.prepare(ScoringContext(at(Pose2D(x, y)).state, costmap, FOOTPRINT, LINE, Pose2D(1.0, 0.0), limits))
-    assert critic.score(rollouts).tolist() == [-6.0, dot]
+    assert critic.score(rollouts).tolist() == [-6.0, -6.0 if dot == LETHAL else dot]
     # the edge reaches the cell behind the robot one step before the wall
-    assert critic.first_collision.tolist() == [4 if dot >= LETHAL else 5, -1]
+    assert critic.first_collision.tolist() == ([0, 0] if dot == LETHAL else [4 if dot > LETHAL else 5, -1])
 
 
 def test_local_goal_in_an_inscribed_cell_moves_back_along_the_plan() -> None:
@@ -458,3 +458,19 @@ def test_accepts_read_only_and_sliced_costmaps() -> None:
     inputs = [at(Pose2D(0.0, 0.0, 0.1), Twist2D(0.3, 0.0, 0.0), c) for c in (sliced, fixed)]
     a, b = (planner_on().compute_command(i) for i in inputs)
     np.testing.assert_array_equal(a.totals, b.totals)
+
+
+def test_an_obstacle_between_the_cells_of_the_edges_is_a_collision_with_its_cell() -> None:
+    """The lethal cell under the footprint but on no line from corner to corner: rejected, and named by the report."""
+    costmap = empty_map()
+    box = Footprint(np.array([[0.3, 0.2], [-0.3, 0.2], [-0.3, -0.2], [0.3, -0.2]]), 0.01)
+    pose = Pose2D(0.01, 0.01, 0.0)
+    cell = costmap.geometry.world_to_cell(0.12, 0.08)
+    assert cell is not None
+    costmap.data[cell[1], cell[0]] = LETHAL
+    poses = np.tile(np.array(pose), (1, 3, 1))
+    rollouts = Rollouts(np.zeros((1, 3)), poses, np.full(1, 3, np.int64))
+    critic = ObstacleCritic("obstacle", ObstacleParams())
+    critic.prepare(ScoringContext(at(pose).state, costmap, box, LINE, Pose2D(1.0, 0.0), planner_on().limits))
+    assert critic.score(rollouts).tolist() == [-6.0]
+    assert critic.explain(0).cell == cell

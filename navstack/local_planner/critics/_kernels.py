@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from navstack.core.footprint_kernels import footprint_cost, middle_offsets
+from navstack.core.footprint_kernels import collision_cost, middle_offsets, place_footprint
 from navstack.core.jit import kernel
 
 # codes of the critics
@@ -102,6 +102,9 @@ def obstacle_scores(
 ):
     """ObstacleCostFunction: per rollout the highest (or summed) cost of max(footprint, centre); IN_COLLISION if it collides.
 
+    It collides if an edge runs through a lethal or unknown cell, or if the footprint overlaps a lethal cell anywhere.
+    ROS differs: only the cells of its edges are checked.
+
     `settings_` (1,): see `OBSTACLE_SETTINGS`. `cells` (K, T): flat cell of each point, -1 off the map; `boxes` (K + 1, 4):
     see `point_cells`. `first_collision` (K,): index of the first point in collision, -1 without. `bounds` (3, ny, nx) is
     scratch: the footprint is rasterized only where the upper bound of its cost can change the result.
@@ -113,7 +116,7 @@ def obstacle_scores(
     flat = costs.ravel()
     number = len(vertices)
     corners = np.empty((2, number))
-    scratch = np.empty((2, number), np.int32)
+    placed = np.empty((2, number))
     middles = np.empty(25, np.int64)
     middle_offsets(costs.shape[1], middles)
     around = np.empty(poses.shape[1], np.uint8)
@@ -140,7 +143,9 @@ def obstacle_scores(
         done = -1
         if not sum_scores and cells[k, first] >= 0:
             x, y, yaw = poses[k, first, 0], poses[k, first, 1], poses[k, first, 2]
-            cost = footprint_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, middles, scratch)
+            cost = np.int64(256)
+            if place_footprint(costs, origin_x, origin_y, resolution, corners, x, y, yaw, placed):
+                cost = collision_cost(costs, placed, middles, most >= 254)
             if cost < 254:  # the loop below finds a collision in order: an earlier point may collide, too
                 highest = max(cost, np.int64(flat[cells[k, first]]))
                 done = first
@@ -150,7 +155,8 @@ def obstacle_scores(
             cost = np.int64(256)
             if cells[k, i] >= 0:
                 x, y, yaw = poses[k, i, 0], poses[k, i, 1], poses[k, i, 2]
-                cost = footprint_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, middles, scratch)
+                if place_footprint(costs, origin_x, origin_y, resolution, corners, x, y, yaw, placed):
+                    cost = collision_cost(costs, placed, middles, around[i] >= 254)
             if cost >= 254:
                 first_collision[k] = i
                 break

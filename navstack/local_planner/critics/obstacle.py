@@ -8,7 +8,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Costmap, Footprint, Pose2D, describe_cost
+from navstack.core import LETHAL, Costmap, Footprint, Pose2D, describe_cost
+from navstack.core.footprint_kernels import overlaps_cell
 from navstack.core.parameters import ParamModel, param
 from navstack.interfaces import Critic, RejectionDetail, Rollouts, ScoringContext
 from navstack.local_planner.critics._kernels import obstacle_scores
@@ -45,7 +46,7 @@ class ObstacleParams(ParamModel):
 
 @CRITICS.register("obstacle", aliases=("base_local_planner/ObstacleCostFunction",))
 class ObstacleCritic(Critic):
-    """Highest cost along the footprint's edges and under its centre at any point; rejects a footprint in collision."""
+    """Highest cost along the footprint's edges and under its centre; rejects footprints that overlap lethal cells."""
 
     Params: ClassVar[type[ParamModel]] = ObstacleParams
     CODES: ClassVar[dict[int, str]] = {-6: "footprint on a lethal or unknown cell, or off the map"}
@@ -172,7 +173,8 @@ class ObstacleCritic(Critic):
 def first_lethal_cell(
     costmap: Costmap, footprint: Footprint, pose: Pose2D, scale: float
 ) -> tuple[int, int, int] | None:
-    """(ix, iy, cost) of the first cell of at least 254 along the footprint's edges; None if it only leaves the map.
+    """(ix, iy, cost) of the first cell of at least 254 along the footprint's edges, else of the first lethal cell that it
+    overlaps; None if it only leaves the map.
 
     The edges are rasterized as in the obstacle kernel: from vertex to vertex (Bresenham), the longer axis leading.
     """
@@ -190,4 +192,11 @@ def first_lethal_cell(
             iy = y0 + (side if along_x else m) * step_y
             if 0 <= ix < g.nx and 0 <= iy < g.ny and costmap.data[iy, ix] >= 254:
                 return ix, iy, int(costmap.data[iy, ix])
+    placed = ((corners - (g.origin_x, g.origin_y)) / g.resolution).T.copy()
+    low, high = np.maximum(placed.min(axis=1), 0).astype(int), placed.max(axis=1).astype(int)
+    for iy, ix in (
+        np.argwhere(costmap.data[low[1] : high[1] + 1, low[0] : high[0] + 1] == LETHAL) + low[::-1]
+    ).tolist():
+        if overlaps_cell(placed, ix, iy):
+            return ix, iy, LETHAL
     return None

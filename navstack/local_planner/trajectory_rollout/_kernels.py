@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from navstack.core.footprint_kernels import footprint_cost, middle_offsets
+from navstack.core.footprint_kernels import edge_cost, middle_offsets, overlaps_lethal, place_footprint
 from navstack.core.jit import kernel
 from navstack.core.line_kernels import line_next, line_start
 
@@ -126,7 +126,10 @@ def clear_footprint(costs, origin_x, origin_y, resolution, vertices, pose, lows,
 
 @kernel
 def perimeter_cost(costs, origin_x, origin_y, resolution, vertices, x, y, yaw, scale):
-    """Highest cost along the edges of the footprint `vertices` (n, 2), scaled by `scale`; ON_LETHAL, ON_UNKNOWN or OFF_MAP."""
+    """Highest cost along the edges of the footprint `vertices` (n, 2), scaled by `scale`; ON_LETHAL, ON_UNKNOWN or OFF_MAP.
+
+    ON_LETHAL also if the footprint overlaps a lethal cell elsewhere. ROS differs: only the cells of its edges are checked.
+    """
     number = len(vertices)
     corners = np.empty((2, number))
     for j in range(number):
@@ -134,10 +137,11 @@ def perimeter_cost(costs, origin_x, origin_y, resolution, vertices, x, y, yaw, s
         corners[1, j] = scale * vertices[j, 1]
     middles = np.empty(25, np.int64)
     middle_offsets(costs.shape[1], middles)
-    cells = np.empty((2, number), np.int32)
-    highest = footprint_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, middles, cells)
+    placed = np.empty((2, number))
+    inside = place_footprint(costs, origin_x, origin_y, resolution, corners, x, y, yaw, placed)
+    highest = edge_cost(costs, placed, middles) if inside else 256
     if highest < 254:
-        return highest
+        return ON_LETHAL if overlaps_lethal(costs, placed) else highest
     return collision_reason(costs, origin_x, origin_y, resolution, corners, x, y, yaw)
 
 
