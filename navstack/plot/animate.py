@@ -14,7 +14,7 @@ from navstack.core.files import atomic_write, ensure_directory
 from navstack.plot import canvas
 from navstack.plot.encoders import find_ffmpeg, write_gif, write_mp4
 from navstack.plot.film import Film
-from navstack.plot.run import headline
+from navstack.plot.run import circumstances
 from navstack.record import Record
 
 
@@ -44,7 +44,7 @@ def animate_run(
     ffmpeg = find_ffmpeg(out) if out.suffix.lower() == ".mp4" else None
     ensure_directory(out.parent)
     with canvas.style():
-        film = Film(record, title or headline(record), dpi)
+        film = Film(record, title or circumstances(record) or "run", dpi)
         times = _frame_times(record, fps, speed)
         with atomic_write(out) as partial:
             if ffmpeg is None:

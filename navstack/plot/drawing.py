@@ -149,6 +149,16 @@ def draw_footprint(axes: Any, footprint: Footprint, pose: Pose2D, *, zorder: flo
     return polygon
 
 
+def draw_rings(axes: Any, points: NDArray[np.float64], color: str, **options: Any) -> Any:
+    """Draws diamonds (n, 2+) that leave visible what they surround: the robot, or the text of a mark."""
+    from matplotlib.patheffects import withStroke
+
+    style: dict[str, Any] = {"ms": 15, "mfc": "none", "mec": color, "mew": 2.4, "ls": "none", "zorder": 9} | options
+    return axes.plot(
+        points[:, 0], points[:, 1], "D", path_effects=[withStroke(linewidth=4.0, foreground="white")], **style
+    )
+
+
 def draw_heading(axes: Any, pose: Pose2D, color: str, points_per_m: float) -> None:
     """Draws a small disc with an arrow for the heading."""
     _arrow(axes, pose, pose.yaw, color, 4.5 / points_per_m, 6.0)

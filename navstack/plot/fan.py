@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from navstack.core import Bounds, Costmap, Footprint, Pose2D
 from navstack.plot import areas, canvas, colors, drawing, legend
 from navstack.plot.fan_shapes import Shapes, draw_arrow_head, trajectory_shapes
+from navstack.plot.picture import Picture
 from navstack.plot.scale_bar import CostScale, draw_scale_bar
 
 # critics differ by dashes as well as by colour
@@ -67,26 +67,32 @@ class Fan:
 def plot_fan(
     fan: Fan,
     costmap: Costmap,
-    path: str | os.PathLike[str],
+    path: str | os.PathLike[str] | None = None,
     *,
+    ax: Any = None,
     robot: Pose2D,
     footprint: Footprint | None = None,
     plan: NDArray[np.float64] | None = None,
     title: str = "",
     subtitle: str = "",
     dpi: float = 130.0,
-) -> Path:
+) -> Any:
     """Draws trajectories to a .png, .svg or .pdf: legal ones coloured by cost, the others by the critic that rejected them.
 
-    `plan` (n, 2+) is the local plan, in the frame of the costmap. Raises OutputError. Returns the file.
+    `plan` (n, 2+) is the local plan, in the frame of the costmap. Draws into the axes `ax`, or a new figure. Raises
+    OutputError. Returns the file; without a path the axes.
     """
-    out = Path(path)
-    canvas.check_format(out)
+    canvas.check_target(path, ax)
     radius = footprint.circumscribed_radius if footprint is not None else _RADIUS_WITHOUT_FOOTPRINT_M
     scale = CostScale.of(fan.totals[fan.legal])
     with canvas.style():
-        picture = canvas.Picture(
-            _area(fan, robot, radius, costmap), title=title, subtitle=subtitle, width_in=10.0, legend_in=3.0
+        picture = Picture(
+            _area(fan, robot, radius, costmap),
+            title=title,
+            subtitle=subtitle,
+            width_in=10.0,
+            ax=ax,
+            managed=path is None,
         )
         axes = picture.axes
         drawing.draw_grid(axes, costmap.data, colors.COSTS, costmap.geometry, area=picture.area)
@@ -98,19 +104,25 @@ def plot_fan(
         drawing.draw_heading(axes, robot, colors.BLUE, picture.points_per_m)
         window = costmap.geometry.window_of(picture.area)
         bands, texts = legend.cost_legend(costmap.data[window.slices])
-        box = picture.legend([h for h, _ in entries] + bands, [text for _, text in entries] + texts)
-        if len(fan.legal):
+        box = picture.legend(
+            [h for h, _ in entries] + bands,
+            [text for _, text in entries] + texts,
+            extra_in=0.55 if len(fan.legal) else 0.0,
+        )
+        if len(fan.legal) and ax is None:
             draw_scale_bar(picture, box, scale)
-        return canvas.save(picture.figure, out, dpi)
+        return picture.finish(path, dpi)
 
 
 Entries = list[tuple[Any, str]]
 
 
 def _area(fan: Fan, robot: Pose2D, radius: float, costmap: Costmap) -> Bounds:
-    points = [np.array([[robot.x - 2 * radius, robot.y - 2 * radius], [robot.x + 2 * radius, robot.y + 2 * radius]])]
+    points = [np.array([[robot.x - radius, robot.y - radius], [robot.x + radius, robot.y + radius]])]
     points += [fan.poses[k, : fan.counts[k], :2] for k in fan.drawn.tolist()]
-    area = areas.shaped(areas.area_of(points).grown(0.5), widest=1.6, tallest=1.1, least=2.0)
+    area = areas.area_of(points)
+    margin = 0.08 * max(area.max_x - area.min_x, area.max_y - area.min_y) + 0.3 * radius
+    area = areas.shaped(area.grown(margin), widest=1.9, tallest=1.1, least=2.0 * radius)
     whole = areas.area_of_grid(costmap.geometry)
     size = area.max_x - area.min_x, area.max_y - area.min_y
     if size[0] >= whole.max_x - whole.min_x or size[1] >= whole.max_y - whole.min_y:

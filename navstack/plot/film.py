@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Pose2D, Transform2D
-from navstack.plot import canvas, colors, drawing, legend
+from navstack.plot import colors, drawing, legend
 from navstack.plot.film_layers import CostmapLayer, Stamp
 from navstack.plot.obstacles import draw_obstacles, obstacle_patches, obstacles_moved
+from navstack.plot.picture import Picture
 from navstack.plot.run import area_of_run, draw_ends, draw_map, incidents
 from navstack.record import Record
 
@@ -25,7 +26,7 @@ class Film:
 
     def __init__(self, record: Record, title: str, dpi: float) -> None:
         self._record = record
-        self._picture = canvas.Picture(area_of_run(record), title=title, subtitle=" ")
+        self._picture = Picture(area_of_run(record), title=title, subtitle=" ")
         self._picture.figure.set_dpi(dpi)
         axes: Any = self._picture.axes
         draw_map(axes, record, self._picture.area)
@@ -57,7 +58,9 @@ class Film:
         bands, texts = legend.cost_legend(None) if self._layers else legend.occupancy_legend()
         if any(layer.name == "local" for layer in self._layers):
             entries = [*entries, (legend.frame_handle(), "local costmap")]
-        self._picture.legend([h for h, _ in entries] + bands, [label for _, label in entries] + texts)
+        box = self._picture.legend([h for h, _ in entries] + bands, [label for _, label in entries] + texts)
+        for handle in box.legend_handles:
+            handle.set_animated(False)  # handles inherit it from the artists, and would not be part of the background
 
     def frame(self, t: float) -> NDArray[np.uint8]:
         """Returns the pixels of the run at time `t` (s)."""
@@ -100,7 +103,7 @@ class _RobotArtists:
         empty = np.empty((0, 2))
         self._plan = drawing.draw_line(axes, empty, colors.PLAN, width=1.8, zorder=4, **options)
         self._driven = drawing.draw_line(axes, empty, colors.DRIVEN, width=2.2, casing=True, zorder=5, **options)
-        self._local = drawing.draw_line(axes, empty, colors.GREEN, width=2.2, zorder=5.5, **options)
+        self._local = drawing.draw_line(axes, empty, colors.GREEN, width=4.0, casing=True, zorder=5.5, **options)
         self._footprint = drawing.draw_footprint(axes, record.footprint, Pose2D(0.0, 0.0), zorder=6)
         self._footprint.set(animated=True, facecolor=colors.FOOTPRINT, linewidth=1.4)
         self._heading = drawing.draw_line(axes, empty, colors.BLACK, width=1.6, zorder=6.1, **options)
@@ -143,7 +146,7 @@ class _IncidentArtists:
         self._times = np.array([event.time for event in incidents(record)])
         self._points = np.array([record.pose_at(t)[:2] for t in self._times]).reshape(-1, 2)
         options: dict[str, Any] = {"animated": True, "ls": "none"}
-        (recoveries,) = axes.plot([], [], "D", ms=8, color=colors.RECOVERY, mec="white", mew=1.2, **options)
+        (recoveries,) = drawing.draw_rings(axes, np.empty((0, 2)), colors.RECOVERY, animated=True)
         (collisions,) = axes.plot([], [], "X", ms=11, color=colors.COLLISION, mec="black", mew=1.1, **options)
         self.markers = (recoveries, collisions)
 

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from navstack.core import FREE, Bounds, Costmap, Transform2D
-from navstack.plot import canvas, colors, drawing
+from navstack.plot import colors, drawing
+from navstack.plot.picture import Picture
 from navstack.record import Record
 
 
@@ -47,7 +48,7 @@ class CostmapLayer:
         self._border: Any = None
         self._drawn: Any = None
 
-    def draw(self, t: float, picture: canvas.Picture) -> None:
+    def draw(self, t: float, picture: Picture) -> None:
         """Draws the costmap at time `t` (s); nothing before its first update."""
         wanted = int(np.searchsorted(self._times, t, side="right"))
         if wanted < self._next:

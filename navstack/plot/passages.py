@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 
 from navstack.core import Bounds, Costmap
 from navstack.plot import areas, canvas, colors, drawing, legend
+from navstack.plot.picture import Picture
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,22 +49,23 @@ _ROOMY = 28.0
 def plot_passages(
     costmap: Costmap,
     bars: Sequence[Bar],
-    path: str | os.PathLike[str],
+    path: str | os.PathLike[str] | None = None,
     *,
+    ax: Any = None,
     title: str,
     subtitle: str = "",
     area: Bounds | None = None,
     dpi: float = 170.0,
-) -> Path:
+) -> Any:
     """Draws the costmap to a .png, .svg or .pdf with a bar across every passage, cut to the known part or to `area` (m).
 
-    Raises OutputError. Returns the file.
+    Draws into the axes `ax`, or a new figure. Raises OutputError.
+    Returns the file; without a path the axes.
     """
-    out = Path(path)
-    canvas.check_format(out)
+    canvas.check_target(path, ax)
     shown = areas.shaped(_area(costmap, bars) if area is None else area, least=3.0)
     with canvas.style():
-        picture = canvas.Picture(shown, title=title, subtitle=subtitle, width_in=11.0, legend_in=1.75)
+        picture = Picture(shown, title=title, subtitle=subtitle, width_in=11.0, ax=ax, managed=path is None)
         axes = picture.axes
         drawing.draw_grid(axes, costmap.data, colors.COSTS, costmap.geometry, area=picture.area)
         handles: list[Any] = []
@@ -78,7 +79,7 @@ def plot_passages(
         _number(axes, bars, picture.points_per_m, scale)
         bands, texts = legend.cost_legend(costmap.data[costmap.geometry.window_of(picture.area).slices])
         picture.legend(handles + bands, labels + texts)
-        return canvas.save(picture.figure, out, dpi)
+        return picture.finish(path, dpi)
 
 
 def _area(costmap: Costmap, bars: Sequence[Bar]) -> Bounds:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,18 +13,19 @@ from numpy.typing import NDArray
 from navstack.core import Bounds, Costmap, Footprint, Pose2D
 from navstack.interfaces import Plan
 from navstack.plot import areas, canvas, colors, drawing, legend
+from navstack.plot.picture import Picture, round_length
 
 _UNREACHED = 1e9
 """Potentials from here on mark cells that the planner did not reach."""
-_STYLES = ("-", (0, (5, 1.6)), (0, (2, 1.2)), (0, (6, 1.4, 1.2, 1.4)))
 Entries = list[tuple[Any, str]]
 
 
 def plot_plan(
     costmap: Costmap,
     plans: Plan | Mapping[str, Plan],
-    path: str | os.PathLike[str],
+    path: str | os.PathLike[str] | None = None,
     *,
+    ax: Any = None,
     start: Pose2D,
     goal: Pose2D,
     footprint: Footprint | None = None,
@@ -32,21 +33,22 @@ def plot_plan(
     subtitle: str | None = None,
     potential: bool = True,
     dpi: float = 130.0,
-) -> Path:
+) -> Any:
     """Draws one plan, or several by name, to a .png, .svg or .pdf. All poses are in the frame of the costmap.
 
-    Contours show the potential of the first plan that has one, unless `potential` is False. Raises OutputError. Returns
-    the file.
+    Contours show the potential of the first plan that has one, unless `potential` is False. Draws into the axes
+    `ax`, or a new figure. Raises OutputError. Returns the file; without a path the axes.
     """
-    out = Path(path)
-    canvas.check_format(out)
+    canvas.check_target(path, ax)
     named = {"plan": plans} if isinstance(plans, Plan) else dict(plans)
     g = costmap.geometry
     with canvas.style():
-        picture = canvas.Picture(
+        picture = Picture(
             _area(costmap, named, start, goal),
             title=title or _title(named),
             subtitle=_single_plan_text(named) if subtitle is None else subtitle,
+            ax=ax,
+            managed=path is None,
         )
         axes = picture.axes
         drawing.draw_grid(axes, costmap.data, colors.COSTS, g, area=picture.area)
@@ -57,7 +59,7 @@ def plot_plan(
         entries += _draw_moved_goal(axes, named)
         bands, texts = legend.cost_legend(costmap.data[g.window_of(picture.area).slices])
         picture.legend([h for h, _ in entries] + bands, [text for _, text in entries] + texts)
-        return canvas.save(picture.figure, out, dpi)
+        return picture.finish(path, dpi)
 
 
 def _area(costmap: Costmap, plans: Mapping[str, Plan], start: Pose2D, goal: Pose2D) -> Bounds:
@@ -76,9 +78,8 @@ def _draw_plans(axes: Any, plans: Mapping[str, Plan]) -> Entries:
             axes,
             plan.path.poses,
             colors.PLANS[i % len(colors.PLANS)],
-            width=2.4,
-            casing=True,
-            linestyle=_STYLES[(i // len(colors.PLANS) + i) % len(_STYLES)] if len(plans) > 1 else "-",
+            width=2.4 + 1.6 * (len(plans) - 1 - i),  # the first plan is the widest: plans that coincide are stripes
+            casing=i == 0,
             zorder=4 + 0.1 * i,
         )
         label = name if len(plans) == 1 else f"{name}\n{plan.path.length:.2f} m, cost {_cost(plan)}"
@@ -86,7 +87,7 @@ def _draw_plans(axes: Any, plans: Mapping[str, Plan]) -> Entries:
     return entries
 
 
-def _draw_ends(picture: canvas.Picture, start: Pose2D, goal: Pose2D, footprint: Footprint | None) -> Entries:
+def _draw_ends(picture: Picture, start: Pose2D, goal: Pose2D, footprint: Footprint | None) -> Entries:
     if footprint is not None:
         for pose in (start, goal):
             drawing.draw_footprint(picture.axes, footprint, pose)
@@ -137,17 +138,26 @@ def _draw_potential(axes: Any, plans: Mapping[str, Plan], costmap: Costmap, area
     if min(field.shape) < 2 or not reached.any() or np.ptp(field[reached]) <= 0.0:
         return []
     x, y = _sample_points(costmap, area, every)
-    axes.contour(
+    levels = _levels(field[reached])
+    lines = axes.contour(
         x,
         y,
         np.ma.masked_array(field, ~reached),
-        levels=np.linspace(field[reached].min(), field[reached].max(), 26)[1:-1],
+        levels=levels,
         colors=colors.SKY,
         linewidths=0.7,
         alpha=0.6,
         zorder=2,
     )
-    return [(Line2D([], [], color=colors.SKY, lw=0.9), "potential")]
+    axes.clabel(lines, levels[::4], fontsize=6, fmt="%g", colors=colors.INK)
+    return [(Line2D([], [], color=colors.SKY, lw=0.9), f"equal potential, in steps of {levels[1] - levels[0]:g}")]
+
+
+def _levels(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """At most 40 multiples of a step of 1, 2 or 5 times a power of ten, between the smallest and the largest value."""
+    low, high = float(values.min()), float(values.max())
+    step = round_length((high - low) / 16.0)
+    return np.asarray(low - low % step + step * np.arange(1, math.ceil((high - low) / step) + 1), np.float64)
 
 
 def _sample_points(costmap: Costmap, area: Bounds, every: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -13,33 +13,44 @@ from numpy.typing import NDArray
 from navstack.core import Bounds, Event, Transform2D
 from navstack.plot import areas, canvas, colors, drawing, legend
 from navstack.plot.obstacles import draw_obstacles
+from navstack.plot.picture import Picture
 from navstack.record import Record
+
+MOST_REPLANS = 40
+"""Number of replans that a picture shows; more of them, evenly distributed, hide the map."""
+_COMMON_NAMES = ("param", "params", "config", "cfg", "launch", "yaml", "navigation", "move_base", "map", "maps")
 
 
 def plot_run(
     record: Record,
-    path: str | os.PathLike[str],
+    path: str | os.PathLike[str] | None = None,
     *,
+    ax: Any = None,
     costmap: str | None = "global",
     footprints: bool = True,
     replans: bool = True,
     title: str | None = None,
     area: Bounds | None = None,
     dpi: float = 130.0,
-) -> Path:
+) -> Any:
     """Draws a run to a .png, .svg or .pdf, cut to the area of the run or to `area` (m, global frame).
 
-    `costmap` names the costmap whose last state is the background; None draws the map alone. Raises OutputError. Returns
-    the file.
+    `costmap` names the costmap whose last state is the background; None draws the map alone. Draws into the axes `ax`, or a
+    new figure. Raises OutputError. Returns the file; without a path the axes.
     """
-    out = Path(path)
-    canvas.check_format(out)
+    canvas.check_target(path, ax)
     shown = area or area_of_run(record)
     with canvas.style():
-        picture = canvas.Picture(shown, title=title or headline(record), subtitle=circumstances(record))
+        picture = Picture(
+            shown,
+            title=title or headline(record),
+            subtitle=circumstances(record),
+            ax=ax,
+            managed=path is None,
+        )
         bands, texts = draw_ground(picture.axes, record, picture.area, costmap)
         entries: list[tuple[Any, str]] = []
-        _draw_plans(picture.axes, record, entries, replans=replans)
+        draw_plans(picture.axes, record, entries, replans=replans)
         if len(record.times):
             line = drawing.draw_line(picture.axes, record.poses, colors.DRIVEN, width=2.2, casing=True, zorder=5)
             entries.insert(0, (line, "driven path"))
@@ -47,9 +58,9 @@ def plot_run(
             _draw_footprints(picture.axes, record, entries)
         entries += draw_obstacles(picture.axes, record)
         entries += draw_ends(picture.axes, record, picture.points_per_m)
-        _draw_incidents(picture.axes, record, entries, picture.points_per_m)
+        _draw_incidents(picture.axes, record, entries)
         picture.legend([handle for handle, _ in entries] + bands, [label for _, label in entries] + texts)
-        return canvas.save(picture.figure, out, dpi)
+        return picture.finish(path, dpi)
 
 
 # --- words ------------------------------------------------------------------------------------------------------------
@@ -84,9 +95,17 @@ def circumstances(record: Record) -> str:
         values = value if isinstance(value, list) else [value]
         if value in (None, "", []) or not all(isinstance(v, (str, int, float)) for v in values):
             continue
-        text = ", ".join(Path(str(v)).name.removesuffix(".yaml") for v in values[:3])
+        text = ", ".join(_telling_name(str(v)) for v in values[:3])
         parts.append(f"{key.removeprefix('ros_')} {text}{', ..' if len(values) > 3 else ''}")
     return "   ".join(parts)
+
+
+def _telling_name(value: str) -> str:
+    """The name of a file or folder; with its folder if the name is one that most robots use, such as `param`."""
+    path = Path(value)
+    name = path.name.removesuffix(".yaml")
+    parent = path.parent.name
+    return f"{parent}/{name}" if parent and name in _COMMON_NAMES else name
 
 
 # --- parts shared with the animation -----------------------------------------------------------------------------------
@@ -166,10 +185,11 @@ def incidents(record: Record) -> list[Event]:
 # --- parts of this picture --------------------------------------------------------------------------------------------
 
 
-def _draw_plans(axes: Any, record: Record, entries: list[tuple[Any, str]], *, replans: bool) -> None:
+def draw_plans(axes: Any, record: Record, entries: list[tuple[Any, str]], *, replans: bool) -> None:
+    """Draws the first plan to each goal, and the replans; adds their entries for the legend."""
     seen: set[int] = set()
     first: Any = None
-    later: Any = None
+    later: list[NDArray[np.float64]] = []
     for plan in record.plans:
         poses = _global_poses(record, plan.poses, plan.frame, plan.t)
         if plan.goal not in seen:
@@ -178,11 +198,21 @@ def _draw_plans(axes: Any, record: Record, entries: list[tuple[Any, str]], *, re
                 axes, poses, colors.PLAN, width=1.4, linestyle=(0, (4, 1.8)), dash_capstyle="butt", zorder=5.2
             )
         elif replans:
-            later = drawing.draw_line(axes, poses, colors.PLAN, width=0.7, alpha=0.4, zorder=3.5)
+            later.append(poses)
     if first is not None:
         entries.append((first, "first plan to each goal" if len(seen) > 1 else "first plan"))
-    if later is not None:
-        entries.append((later, "replans"))
+    if later:
+        entries.append((_draw_replans(axes, later), f"replans ({len(later)})"))
+
+
+def _draw_replans(axes: Any, plans: Sequence[NDArray[np.float64]]) -> Any:
+    """Draws at most MOST_REPLANS of the plans, the fainter the more there are. Returns a legible handle."""
+    from matplotlib.lines import Line2D
+
+    shown = [plans[i] for i in np.unique(np.linspace(0, len(plans) - 1, min(len(plans), MOST_REPLANS)).astype(int))]
+    for poses in shown:
+        drawing.draw_line(axes, poses, colors.PLAN, width=0.7, alpha=max(0.12, 0.5 / len(shown) ** 0.5), zorder=3.5)
+    return Line2D([], [], color=colors.PLAN, lw=1.2, alpha=0.6)
 
 
 def _draw_footprints(axes: Any, record: Record, entries: list[tuple[Any, str]]) -> None:
@@ -199,11 +229,11 @@ def _draw_footprints(axes: Any, record: Record, entries: list[tuple[Any, str]]) 
     entries.append((handle, "footprint"))
 
 
-def _draw_incidents(axes: Any, record: Record, entries: list[tuple[Any, str]], points_per_m: float) -> None:
+def _draw_incidents(axes: Any, record: Record, entries: list[tuple[Any, str]]) -> None:
     recoveries = incidents(record)
     if recoveries and len(record.times):
-        at = _beside_marks(_positions(record, [event.time for event in recoveries]), record, points_per_m)
-        (marks,) = axes.plot(*at.T, "D", ms=7, color=colors.RECOVERY, mec="white", mew=1.2, ls="none", zorder=9)
+        at = _positions(record, [event.time for event in recoveries])
+        (marks,) = drawing.draw_rings(axes, at, colors.RECOVERY)
         entries.append((marks, f"recovery ({len(recoveries)})" if len(recoveries) > 1 else "recovery"))
     collisions = record.collisions
     if len(collisions):
@@ -211,16 +241,6 @@ def _draw_incidents(axes: Any, record: Record, entries: list[tuple[Any, str]], p
             *collisions[:, :2].T, "X", ms=11, color=colors.COLLISION, mec="black", mew=1.1, ls="none", zorder=9.5
         )
         entries.append((marks, f"collision ({len(collisions)})" if len(collisions) > 1 else "collision"))
-
-
-def _beside_marks(points: NDArray[np.float64], record: Record, points_per_m: float) -> NDArray[np.float64]:
-    """The points; those on the disc of the start or a goal are moved up and left."""
-    discs = np.concatenate((record.poses[:1, :2], record.goals[:, :2]))
-    aside = points.copy()
-    for i, point in enumerate(points):
-        if (np.hypot(*(discs - point).T) * points_per_m < drawing.MARK_PT).any():
-            aside[i] += np.array([-1.3, 1.3]) * drawing.MARK_PT / points_per_m
-    return aside
 
 
 def _positions(record: Record, times: Sequence[float]) -> NDArray[np.float64]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import html
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +20,8 @@ _STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }
 h1 { font-size: 1.6rem; } h2 { font-size: 1.2rem; margin-top: 2.2rem; }
 table { border-collapse: collapse; font-size: 0.9rem; } td, th { padding: 0.2rem 0.8rem 0.2rem 0; text-align: left; }
+table { display: block; max-width: 100%; overflow-x: auto; } p, li, code, td { overflow-wrap: anywhere; }
+td.n { white-space: nowrap; }
 th { border-bottom: 1px solid #888; } td.n, th.n { text-align: right; } tr:nth-child(even) td { background: #f6f6f6; }
 .verdict { font-size: 1.1rem; border-left: 4px solid #0072B2; padding: 0.4rem 0 0.4rem 1rem; }
 .nothing { border-color: #E69F00; } .dim { color: #666; } code { font-size: 0.9em; }
@@ -83,13 +86,14 @@ def tuning_page(
 
 
 def _e(text: object) -> str:
-    return html.escape(str(text))
+    """The text for HTML; `names` in backticks become code."""
+    return re.sub(r"`([^`]+)`", r"<code>\1</code>", html.escape(str(text)))
 
 
 def _head(header: ReportHeader) -> Iterator[str]:
     yield "<!DOCTYPE html>"
-    yield '<html lang="en"><head><meta charset="utf-8">'
-    yield f"<title>{_e(header.title)}</title><style>{_STYLE}</style></head><body>"
+    yield '<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
+    yield f"<title>{html.escape(header.title)}</title><style>{_STYLE}</style></head><body>"
     yield f"<h1>{_e(header.title)}</h1>"
 
 
@@ -100,7 +104,7 @@ def _origin(header: ReportHeader) -> Iterator[str]:
 
 def _image(path: Path, alt: str) -> str:
     data = base64.b64encode(path.read_bytes()).decode("ascii")
-    return f'<img alt="{_e(alt)}" src="data:image/png;base64,{data}">'
+    return f'<img alt="{html.escape(alt)}" src="data:image/png;base64,{data}">'
 
 
 def _chart(charts: Mapping[str, Path], name: str, alt: str) -> Iterator[str]:

@@ -23,10 +23,11 @@ from navstack.core import (
     Transform2D,
     Twist2D,
 )
-from navstack.core.errors import OutputError
+from navstack.core.errors import InputError, OutputError
 from navstack.interfaces import Plan
 from navstack.plot import canvas, colors, plot_costmap, plot_plan, plot_run
 from navstack.plot.compare import plot_pairs
+from navstack.plot.picture import Picture, round_length
 from navstack.plot.run import area_of_run, circumstances, headline, incidents
 from navstack.record import Record, RunRecorder
 from tests.record import synthetic
@@ -203,7 +204,7 @@ def test_thin_walls_are_visible_on_a_large_map(tmp_path):
 @pytest.mark.parametrize("far", [Bounds(9.1, 9.1, 11.1, 11.1), Bounds(-3.0e3, -4.00002e6, -2.98e3, -4.0e6)])
 def test_long_tick_labels_fit_the_figure(far):
     with canvas.style():
-        picture = canvas.Picture(far, title="t")
+        picture = Picture(far, title="t")
         renderer = picture.canvas.get_renderer()
         picture.canvas.draw()
         written = [label.get_text() for label in picture.axes.get_yticklabels()]
@@ -299,7 +300,11 @@ def test_empty_plans(costmap, tmp_path):
 
 def test_a_costmap_shows_its_bands(costmap, tmp_path):
     image = pixels(plot_costmap(costmap, tmp_path / "c.png", robot=START, footprint=Footprint.from_radius(0.3)))
-    for rgb in (colors.FREE_RGB, colors.LOW_RGB, colors.INSCRIBED_RGB, colors.LETHAL_RGB, colors.UNKNOWN_RGB):
+    values, numbers = np.unique(costmap.data, return_counts=True)
+    inflated = values[(values > 0) & (values < 253)]
+    most = inflated[np.argmax(numbers[(values > 0) & (values < 253)])]
+    low = tuple(colors.cost_colors()[most].tolist())
+    for rgb in (colors.FREE_RGB, low, colors.INSCRIBED_RGB, colors.LETHAL_RGB, colors.UNKNOWN_RGB):
         assert count(image, colors.hex_of(rgb), 6) > 500
     assert count(image, colors.BLUE) > 100
 
@@ -426,3 +431,135 @@ def test_pairs_with_names_of_any_length(name, tmp_path, monkeypatch):
         box = axis.label.get_window_extent()
         assert box.x0 >= 0.0 and box.y0 >= 0.0
         assert box.x1 <= figure.bbox.x1 and box.y1 <= figure.bbox.y1
+
+
+# --- layout -----------------------------------------------------------------------------------------------------------
+
+
+def drawn_axes(record, **options):
+    import matplotlib.pyplot as plt
+
+    axes = plot_run(record, **options)
+    plt.close("all")
+    return axes
+
+
+def test_the_axes_of_a_wide_picture_take_its_width(record):
+    box = drawn_axes(record).get_position()
+    assert box.width > 0.88
+
+
+def test_the_legend_lies_inside_the_figure_and_below_the_axes(record):
+    axes = drawn_axes(record)
+    (legend,) = axes.figure.legends
+    axes.figure.canvas.draw()
+    box, around = legend.get_window_extent(), axes.get_tightbbox()
+    assert box.x0 >= 0.0 and box.y0 >= 0.0 and box.x1 <= axes.figure.bbox.x1
+    assert box.y1 < around.y0
+
+
+@pytest.mark.parametrize(("longest", "length"), [(4.0, 2.0), (5.0, 5.0), (0.99, 0.5), (0.2, 0.2), (19.0, 10.0)])
+def test_round_lengths(longest, length):
+    assert round_length(longest) == pytest.approx(length)
+
+
+def test_a_bar_shows_the_scale(record):
+    axes = drawn_axes(record)
+    text = next(t for t in axes.texts if t.get_text().strip().endswith(" m"))
+    line = next(one for one in axes.lines if one.get_zorder() == 12)
+    assert np.ptp(line.get_xdata()) == pytest.approx(float(text.get_text().split()[0]))
+
+
+def test_functions_draw_into_axes_of_the_caller(record, costmap):
+    from matplotlib.figure import Figure
+
+    a, b, c = Figure().subplots(1, 3)
+    assert plot_run(record, ax=a) is a
+    assert plot_plan(costmap, a_plan(), start=START, goal=GOAL, ax=b) is b
+    assert plot_costmap(costmap, ax=c) is c
+    assert all(axes.images for axes in (a, b, c))
+
+
+def test_a_file_and_axes_at_once(record, tmp_path):
+    from matplotlib.figure import Figure
+
+    with pytest.raises(InputError, match="ax="):
+        plot_run(record, tmp_path / "run.png", ax=Figure().subplots())
+
+
+def test_many_replans_are_faint_and_few(record):
+    points = [(0.0, 0.0), (6.0, 0.0)]
+    run = a_run(points, [(6.0, 0.0, 0.0)])
+    from navstack.plot.run import MOST_REPLANS, draw_plans
+
+    recorder = RunRecorder(map=None, footprint=Footprint.from_radius(0.2), scenario={})
+    recorder.goal(0.0, Pose2D(6.0, 0.0, 0.0))
+    for i in range(300):
+        recorder.plan(float(i), run.plans[0].poses, "map")
+    from matplotlib.figure import Figure
+
+    axes = Figure().subplots()
+    entries = []
+    draw_plans(axes, recorder.record(), entries, replans=True)
+    faint = [line for line in axes.lines if line.get_alpha() is not None]
+    assert len(faint) == MOST_REPLANS
+    assert max(line.get_alpha() for line in faint) < 0.2
+    assert entries[-1][1] == "replans (299)"
+
+
+def test_a_recovery_surrounds_the_robot_where_it_began(record):
+    axes = drawn_axes(record)
+    (event,) = incidents(record)
+    rings = next(line for line in axes.lines if line.get_marker() == "D")
+    assert np.allclose(np.ravel(rings.get_data()), record.pose_at(event.time)[:2])
+
+
+def test_generic_names_of_parameters_have_their_folder():
+    run = a_run([(0, 0), (1, 1)], scenario={"params": "/robots/husky/param"})
+    assert circumstances(run) == "params husky/param"
+
+
+def test_plans_that_coincide_are_all_visible(costmap, tmp_path):
+    plans = {f"planner {i}": a_plan() for i in range(4)}
+    image = pixels(plot_plan(costmap, plans, tmp_path / "plans.png", start=START, goal=GOAL))
+    on_the_map = image[: int(0.75 * len(image))]
+    for color in colors.PLANS[:4]:
+        assert count(on_the_map, color) > 500
+
+
+def test_a_costmap_shows_plan_scan_goal_and_trajectory(costmap):
+    from matplotlib.figure import Figure
+
+    line = np.array([[2.0, 2.0, 0.0], [5.0, 3.0, 0.0]])
+    axes = plot_costmap(costmap, plan=line, trajectory=line, goal=GOAL, scan=line, ax=Figure().subplots())
+    shown = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert {"plan", "chosen trajectory", "scan", "goal"} <= set(shown)
+
+
+def test_the_title_of_a_film_does_not_tell_the_end(record, tmp_path, monkeypatch):
+    from navstack.plot import animate, animate_run
+
+    titles = []
+
+    class Stop(Exception):
+        pass
+
+    def film(record, title, dpi):
+        titles.append(title)
+        raise Stop
+
+    monkeypatch.setattr(animate, "Film", film)
+    with pytest.raises(Stop):
+        animate_run(record, tmp_path / "run.gif")
+    assert titles == [circumstances(record)]
+
+
+def test_text_in_backticks_is_code_in_reports():
+    from navstack.tune.report_html import ReportHeader, sensitivity_page
+
+    picture = ROOT / "docs" / "images" / "states.png"
+    page = "\n".join(sensitivity_page([], ReportHeader("a <b>", "p", "", "with `vx_samples`"), picture))
+    assert "with <code>vx_samples</code>" in page
+    assert "a &lt;b&gt;" in page
+    assert "`" not in page.replace("base64", "")
+    assert "overflow-x: auto" in page and 'name="viewport"' in page
