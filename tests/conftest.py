@@ -51,6 +51,11 @@ def golden_files(pattern: str) -> list[Path]:
     return sorted(_golden().glob(pattern))
 
 
+def golden_ros1_files(pattern: str) -> list[Path]:
+    """Golden cases of ROS 1's localization and trajectory rollout by name pattern; empty if the folder is absent."""
+    return sorted(_folder("NAVSTACK_GOLDEN_ROS1", SHARED / "golden_ros1").glob(pattern))
+
+
 def data_files(pattern: str) -> list[Path]:
     """Foreign data by name pattern, for parametrize; empty if the folder is absent."""
     return sorted(_folder("NAVSTACK_DATA", SHARED / "data").glob(pattern))

@@ -12,9 +12,11 @@ from pydantic import ValidationError
 
 from navstack.core import LETHAL, Costmap, Footprint, GridGeometry, Path, Pose2D, RobotState, Twist2D
 from navstack.core.errors import NoValidControlError
-from navstack.interfaces import ControlInput
+from navstack.interfaces import ControlInput, ScoringContext
 from navstack.local_planner import TrajectoryPlanner, TrajectoryPlannerParams
-from navstack.local_planner.trajectory_rollout._kernels import clear_footprint, heading_errors
+from navstack.local_planner.trajectory_rollout._kernels import heading_errors
+from navstack.local_planner.trajectory_rollout.critics import PathDistanceCritic
+from navstack.local_planner.trajectory_rollout.escape import OscillationFlags
 from navstack.local_planner.trajectory_rollout.params import y_speeds
 
 FOOTPRINT = Footprint.from_radius(0.18)
@@ -166,15 +168,44 @@ def test_simple_attractor_drives_straight_to_the_end() -> None:
 
 
 def test_cells_under_the_robot_are_passable() -> None:
+    """Robot in a solid block, plan through its centre: distances to the plan exist under the footprint only."""
     costs = np.full((40, 40), LETHAL, np.uint8)
-    lows, highs = np.empty(40, np.int64), np.empty(40, np.int64)
-    clear_footprint(costs, -1.0, -1.0, 0.05, FOOTPRINT.vertices, np.array([0.0, 0.0, 0.3]), lows, highs)
-    free = np.argwhere(costs < 253)
-    assert (costs[18:22, 18:22] == 252).all()
-    assert 3.14 * 3.6**2 * 0.8 < len(free) < 3.14 * 4.6**2 * 1.2
-    off = np.full((40, 40), LETHAL, np.uint8)
-    clear_footprint(off, -1.0, -1.0, 0.05, FOOTPRINT.vertices, np.array([0.95, 0.0, 0.0]), lows, highs)
-    assert (off == LETHAL).all()
+    costmap = Costmap(GridGeometry(40, 40, 0.05, -1.0, -1.0), costs, "odom")
+    planner = planner_on()
+    critic = next(c for c in planner.critics if isinstance(c, PathDistanceCritic))
+    plan = np.array([[0.01, 0.01, 0.0]])
+
+    def passable(pose: Pose2D) -> NDArray[np.bool_]:
+        context = ScoringContext(RobotState(pose), costmap, FOOTPRINT, plan, Pose2D(*plan[0]), planner.limits)
+        return critic.build(context).values() < costs.size
+
+    free = passable(Pose2D(0.0, 0.0, 0.3))
+    assert free[18:22, 18:22].all() and 3.14 * 3.6**2 * 0.8 < free.sum() < 3.14 * 4.6**2 * 1.2
+    assert passable(Pose2D(0.95, 0.0, 0.0)).sum() == 1  # off the map: the plan's own cell only
+    assert (costs == LETHAL).all()
+
+
+def test_unknown_cells_under_the_robot_are_no_part_of_the_plan() -> None:
+    """As in C++: MapGrid::setTargetCells looks at the costmap, not at the footprint."""
+    costs = np.zeros((40, 40), np.uint8)
+    costs[:, 18:22] = 255
+    costmap = Costmap(GridGeometry(40, 40, 0.05, -1.0, -1.0), costs, "odom")
+    planner = planner_on()
+    critic = next(c for c in planner.critics if isinstance(c, PathDistanceCritic))
+    plan = np.column_stack((np.linspace(-0.02, 0.6, 20), np.zeros((20, 2))))
+    context = ScoringContext(RobotState(Pose2D(0.0, 0.0)), costmap, FOOTPRINT, plan, Pose2D(*plan[-1]), planner.limits)
+    values = critic.build(context).values()
+    assert values[20, 22] == 0.0 and values[20, 21] == 1.0
+
+
+def test_strafing_excludes_the_direction_before_the_last() -> None:
+    """TrajectoryPlanner::createTrajectories: sideways, a reversal excludes the first direction; a repetition does not."""
+    flags, pose = OscillationFlags(), Pose2D(0.0, 0.0)
+    flags.update(np.array([0.0, 0.3, 0.0]), pose)
+    flags.update(np.array([0.0, 0.3, 0.0]), pose)
+    assert flags.strafe.allows(0.3) and flags.strafe.allows(-0.3)
+    flags.update(np.array([0.0, -0.3, 0.0]), pose)
+    assert not flags.strafe.allows(0.3) and flags.strafe.allows(-0.3)
 
 
 def test_reached_after_a_command_at_position_and_heading() -> None:

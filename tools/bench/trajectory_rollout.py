@@ -3,7 +3,7 @@
     python tools/bench/trajectory_rollout.py [--worlds 49 157] [--distro indigo] [--without full_turns check longer]
 
 Without `full_turns`, the robot turns in place as long as that scores best; without `check`, it backs up into obstacles; without
-`longer`, every escape ends after escape_reset_dist. Without all three, the planner equals the C++ original. By default, each is
+`longer`, every escape ends after escape_reset_dist. By default, each is
 removed on its own, then all together, in the worlds in which the C++ stack failed (folder `data`, see `reference.py`).
 """
 
@@ -13,56 +13,25 @@ import argparse
 import csv
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from unittest.mock import patch
 
 from reference import data_folder
 
 from navstack.bench.barn import barn_configuration, load_worlds, run_world
-from navstack.core import Pose2D
-from navstack.interfaces import Rollouts, ScoringContext
 from navstack.local_planner.trajectory_rollout import planner as trajectory_rollout
-from navstack.local_planner.trajectory_rollout.escape import Escape, FullTurnDetector
+from navstack.local_planner.trajectory_rollout.escape import Additions
 
 DATA = data_folder("data")
 MEASURES = ("full_turns", "check", "longer")
 CASES: tuple[tuple[str, ...], ...] = ((), ("full_turns",), ("check",), ("longer",), MEASURES)
 
 
-def never_complete(self: FullTurnDetector, pose: Pose2D, *, moved: bool) -> bool:
-    """Full turns are never detected."""
-    del self, pose, moved
-    return False
-
-
-def all_points(context: ScoringContext, rollouts: Rollouts, distance: float) -> int:
-    """Backing up is always allowed."""
-    del context, distance
-    return int(rollouts.counts[-1])
-
-
-def always_short(self: Escape, pose: Pose2D) -> None:
-    """Every escape is treated as the first one."""
-    self.reset()
-    _begin(self, pose)
-
-
-_begin = Escape.begin
-
-
 @contextmanager
 def without(removed: tuple[str, ...]) -> Iterator[None]:
-    """Disables some of MEASURES."""
-    with (
-        patch.object(
-            FullTurnDetector, "complete", never_complete if "full_turns" in removed else FullTurnDetector.complete
-        ),
-        patch.object(
-            trajectory_rollout,
-            "free_backup_points",
-            all_points if "check" in removed else trajectory_rollout.free_backup_points,
-        ),
-        patch.object(Escape, "begin", always_short if "longer" in removed else Escape.begin),
-    ):
+    """Switches some of MEASURES off in every planner that is made."""
+    kept = partial(Additions, **dict.fromkeys(removed, False))
+    with patch.object(trajectory_rollout, "Additions", kept):
         yield
 
 

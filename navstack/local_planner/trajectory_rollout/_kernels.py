@@ -10,11 +10,13 @@ import numpy as np
 from navstack.core.footprint_kernels import edge_cost, middle_offsets, overlaps_lethal, place_footprint
 from navstack.core.jit import kernel
 from navstack.core.line_kernels import line_next, line_start
+from navstack.local_planner._map_grid_kernels import BLOCKED, FREE_UNREACHED, STATE_SIZE
 
 # results of `perimeter_cost`
 ON_LETHAL = -1
 ON_UNKNOWN = -2
 OFF_MAP = -3
+HALF_PI = 0.5 * math.pi
 
 
 @kernel
@@ -23,6 +25,7 @@ def simulate_accelerating(samples, pose, velocity, acceleration, sim_time, count
 
     `counts` (K,): points per rollout.
     """
+    c, s, at = math.cos(pose[2]), math.sin(pose[2]), pose[2]
     for k in range(len(samples)):
         x, y, yaw = pose[0], pose[1], pose[2]
         vx, vy, vw = velocity[0], velocity[1], velocity[2]
@@ -37,9 +40,15 @@ def simulate_accelerating(samples, pose, velocity, acceleration, sim_time, count
             vx = approach(vx, samples[k, 0], acceleration[0] * dt)
             vy = approach(vy, samples[k, 1], acceleration[1] * dt)
             vw = approach(vw, samples[k, 2], acceleration[2] * dt)
-            c, s = math.cos(yaw), math.sin(yaw)
-            x += (vx * c - vy * s) * dt
-            y += (vx * s + vy * c) * dt
+            if yaw != at:
+                c, s, at = math.cos(yaw), math.sin(yaw), yaw
+            if vy == 0.0:
+                x += (vx * c) * dt
+                y += (vx * s) * dt
+            else:
+                left = HALF_PI + yaw
+                x += (vx * c + vy * math.cos(left)) * dt
+                y += (vx * s + vy * math.sin(left)) * dt
             yaw += vw * dt
 
 
@@ -90,38 +99,64 @@ def heading_errors(costs, origin_x, origin_y, resolution, plan, poses, alive, ou
 
 
 @kernel
-def clear_footprint(costs, origin_x, origin_y, resolution, vertices, pose, lows, highs):
-    """Make the cells under the footprint at `pose` passable (at most 252): the robot already covers them.
+def open_footprint(grid, storage, vertices, pose, lows, highs):
+    """Make blocked cells under the footprint at `pose` passable in a started wavefront: the robot already covers them.
 
-    Does nothing if a vertex is off the map. `lows`, `highs` (nx,) int64 are scratch.
+    As FootprintHelper::getFootprintCells: the cells on the edges and between them; if a vertex is off the map, only the edges
+    before it. `grid`, `storage`: see `start_wavefront`. `lows`, `highs` (nx,) int64 are scratch.
     """
-    ny, nx = costs.shape
+    nx, ny = grid[0].nx, grid[0].ny
+    origin_x, origin_y, resolution = grid[0].origin_x, grid[0].origin_y, grid[0].resolution
+    width = nx + 2
+    distances = storage[STATE_SIZE : STATE_SIZE + (ny + 2) * width]
     c, s = math.cos(pose[2]), math.sin(pose[2])
     lows[:] = ny
     highs[:] = -1
     number = len(vertices)
-    for pass_ in range(2):
-        x0, y0 = 0, 0
-        for i in range(number + 1):
-            j = 0 if i == number else i
-            fx = (pose[0] + vertices[j, 0] * c - vertices[j, 1] * s - origin_x) / resolution
-            fy = (pose[1] + vertices[j, 0] * s + vertices[j, 1] * c - origin_y) / resolution
-            if not (fx >= 0.0 and fy >= 0.0 and fx < nx and fy < ny):
-                return
-            x1, y1 = int(fx), int(fy)
-            if i > 0 and pass_ == 1:
-                line = line_start(x0, y0, x1, y1, nx)
-                cell, error = y0 * nx + x0, line[0] // 2
-                for _ in range(line[0] + 1):
-                    iy = cell // nx
-                    ix = cell - iy * nx
-                    lows[ix] = min(lows[ix], iy)
-                    highs[ix] = max(highs[ix], iy)
-                    cell, error = line_next(cell, error, line)
-            x0, y0 = x1, y1
-    for ix in range(nx):
-        for iy in range(lows[ix], highs[ix] + 1):
-            costs[iy, ix] = min(costs[iy, ix], np.uint8(252))
+    x0, y0 = 0, 0
+    filled = True
+    for i in range(number + 1):
+        j = 0 if i == number else i
+        fx = ((pose[0] + (vertices[j, 0] * c - vertices[j, 1] * s)) - origin_x) / resolution
+        fy = ((pose[1] + (vertices[j, 0] * s + vertices[j, 1] * c)) - origin_y) / resolution
+        if not (fx >= 0.0 and fy >= 0.0 and fx < nx and fy < ny):
+            filled = False
+            break
+        x1, y1 = int(fx), int(fy)
+        if i > 0:
+            line = line_start(x0, y0, x1, y1, nx)
+            cell, error = y0 * nx + x0, line[0] // 2
+            for _ in range(line[0] + 1):
+                iy = cell // nx
+                ix = cell - iy * nx
+                lows[ix] = min(lows[ix], iy)
+                highs[ix] = max(highs[ix], iy)
+                open_cell(distances, (iy + 1) * width + ix + 1)
+                cell, error = line_next(cell, error, line)
+        x0, y0 = x1, y1
+    if filled:
+        for ix in range(nx):
+            for iy in range(lows[ix], highs[ix] + 1):
+                open_cell(distances, (iy + 1) * width + ix + 1)
+
+
+@kernel
+def open_cell(distances, cell):
+    """Make a blocked cell passable."""
+    if distances[cell] == BLOCKED:
+        distances[cell] = FREE_UNREACHED
+
+
+@kernel
+def sum_in_order(costs, scales, order, rejected_by, totals):
+    """Write the totals of the legal rows, added up in the order of the columns `order`: C++'s rounding decides between equals."""
+    for k in range(len(totals)):
+        if rejected_by[k] == -1:
+            total = 0.0
+            for column in order:
+                if scales[column] != 0.0:
+                    total += costs[k, column] * scales[column]
+            totals[k] = total
 
 
 @kernel

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import sys
 from typing import ClassVar
 
 import numpy as np
@@ -14,12 +14,12 @@ from navstack.local_planner.critics.goal import GoalCritic, GoalParams
 from navstack.local_planner.critics.obstacle import ObstacleCritic, ObstacleParams
 from navstack.local_planner.map_grid import MapGrid
 from navstack.local_planner.rollouts import single_points
-from navstack.local_planner.trajectory_rollout._kernels import clear_footprint, heading_errors
+from navstack.local_planner.trajectory_rollout._kernels import heading_errors, open_footprint
 
 HEADING_SCALE = 0.3
 """Weight of the heading error with heading_scoring: a constant in C++."""
-NOT_VISIBLE = 1e300
-"""Heading error if no pose of the plan is visible; C++ adds the largest double."""
+NOT_VISIBLE = sys.float_info.max
+"""Heading error if no pose of the plan is visible, as in C++."""
 
 
 class PathDistanceCritic(MapGridCritic):
@@ -39,21 +39,13 @@ class PathDistanceCritic(MapGridCritic):
 
     def build(self, context: ScoringContext) -> MapGrid:
         """Distances to the plan."""
-        costmap = context.costmap.copy()
-        g = costmap.geometry
-        if self._scratch.shape[1] != g.nx:
-            self._scratch = np.empty((2, g.nx), np.int64)
-        clear_footprint(
-            costmap.data,
-            g.origin_x,
-            g.origin_y,
-            g.resolution,
-            context.footprint.vertices,
-            np.array(context.state.pose),
-            self._scratch[0],
-            self._scratch[1],
-        )
-        return self._builder.build(costmap, context.plan, context.state.pose, last_only=False)
+        nx = context.costmap.geometry.nx
+        if self._scratch.shape[1] != nx:
+            self._scratch = np.empty((2, nx), np.int64)
+        built = self._builder.build(context.costmap, context.plan, context.state.pose, last_only=False)
+        pose = np.array(context.state.pose)
+        open_footprint(built.grid, built.storage, context.footprint.vertices, pose, self._scratch[0], self._scratch[1])
+        return built
 
 
 class GoalDistanceCritic(GoalCritic):
@@ -63,10 +55,16 @@ class GoalDistanceCritic(GoalCritic):
         super().__init__("goal", GoalParams())
         self._bias = bias
         self._per_metre = per_metre
+        self.step_back = True
 
     def weight(self, context: ScoringContext) -> float:
         """The bias, per cell or per metre."""
         return self._bias * (context.costmap.geometry.resolution if self._per_metre else 1.0)
+
+    def build(self, context: ScoringContext) -> MapGrid:
+        """Distances to the local goal; see `GoalCritic`."""
+        pose = context.state.pose
+        return self._builder.build(context.costmap, context.plan, pose, last_only=True, step_back=self.step_back)
 
 
 class SimpleAttractorCritic(Critic):
@@ -159,10 +157,21 @@ class SinglePointCritic(Critic):
         steps = int(rollouts.counts.max(initial=0))
         if steps == 0:
             return np.zeros(len(rollouts.counts))
-        point = math.ceil(self._seconds / (self._sim_time / steps) - 1e-9)
-        if point >= steps:
+        point = self.point(steps)
+        if point < 0:
             return np.zeros(len(rollouts.counts))
         return self._inner.score(single_points(rollouts, point))
+
+    def point(self, steps: int) -> int:
+        """The last of `steps` points whose time is in the period from `seconds` on, -1 if none is; rounded as in C++."""
+        period, time, point = self._sim_time / steps, 0.0, -1
+        for i in range(steps):
+            if time >= self._seconds + period:
+                break
+            if time >= self._seconds:
+                point = i
+            time += period
+        return point
 
     def explain(self, row: int) -> RejectionDetail:
         """Rejection by the inner critic."""

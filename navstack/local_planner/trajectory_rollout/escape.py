@@ -7,6 +7,7 @@ their effect in docs/parity/trajectory_rollout.md.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,17 +20,39 @@ FOOTPRINT_SCALES = tuple(round(1.0 - 0.05 * i, 2) for i in range(6))
 """Scales of the footprint, one of which must be free at the current pose for an escape; padding accounts for the rest."""
 
 
-class AxisFlags:
-    """Flags of one axis: a sign that was selected twice excludes the other sign."""
+@dataclass(slots=True)
+class Additions:
+    """ROS differs: the rules that C++ does not have; without all of them, the planner selects as C++ does."""
 
-    def __init__(self) -> None:
+    full_turns: bool = True
+    """After a full turn in place, turns in place are not considered until the robot has moved."""
+    check: bool = True
+    """Back up only where the path backward is free."""
+    longer: bool = True
+    """Each escape from the same place leads farther than the one before."""
+    unreachable: bool = True
+    """Back up even if the local goal cannot be reached in the costmap; C++ stops."""
+    nearer_goal: bool = True
+    """A local goal in an obstacle is moved back along the plan; in C++ every sample is rejected."""
+
+    @classmethod
+    def none(cls) -> Additions:
+        """As C++."""
+        return cls(full_turns=False, check=False, longer=False, unreachable=False, nearer_goal=False)
+
+
+class AxisFlags:
+    """Flags of one axis: a sign that was selected twice (`reversal`: after the other one) excludes the other sign."""
+
+    def __init__(self, *, reversal: bool) -> None:
+        self._reversal = reversal
         self._selected = [False, False]
         self._only = [False, False]
 
     def update(self, speed: float) -> None:
         """Record that `speed`, not 0, was selected."""
         side = 0 if speed > 0.0 else 1
-        self._only[side] = self._only[side] or self._selected[side]
+        self._only[side] = self._only[side] or self._selected[1 - side if self._reversal else side]
         self._selected[side] = True
 
     def allows(self, speed: float) -> bool:
@@ -42,11 +65,14 @@ class AxisFlags:
 
 
 class OscillationFlags:
-    """Flags for turns in place and strafing: a direction selected twice is the only one allowed until the robot has moved."""
+    """Flags for turns in place and strafing, until the robot has moved.
+
+    A turn in place that was selected twice excludes the other direction; strafing excludes the direction before the last.
+    """
 
     def __init__(self) -> None:
-        self.turn = AxisFlags()
-        self.strafe = AxisFlags()
+        self.turn = AxisFlags(reversal=False)
+        self.strafe = AxisFlags(reversal=True)
         self._since = Pose2D(0.0, 0.0)
 
     def update(self, sample: NDArray[np.float64], pose: Pose2D) -> None:
@@ -119,6 +145,7 @@ class Escape:
 
     def __init__(self, distance: float, angle: float, farthest: float) -> None:
         """An escape ends after `distance` (m), when repeated at most `farthest`, or after a turn of `angle` (rad)."""
+        self.longer = True
         self._shortest = distance
         self._angle = angle
         self._farthest = max(farthest, distance)
@@ -136,7 +163,8 @@ class Escape:
         if self._start is not None:
             return
         repeated = self._last_start is not None and pose.distance_to(self._last_start) <= self._farthest
-        self._distance = min(2.0 * self._distance, self._farthest) if repeated else self._shortest
+        grows = repeated and self.longer
+        self._distance = min(2.0 * self._distance, self._farthest) if grows else self._shortest
         self._start = self._last_start = pose
 
     def stop(self) -> None:

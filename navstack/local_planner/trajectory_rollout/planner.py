@@ -22,6 +22,7 @@ from navstack.local_planner.goal_checker import SimpleGoalChecker
 from navstack.local_planner.rollouts import compute_cells, single_points
 from navstack.local_planner.sampling_planner import SamplingPlanner, control_period
 from navstack.local_planner.scoring import ScoreTable, score
+from navstack.local_planner.trajectory_rollout._kernels import sum_in_order
 from navstack.local_planner.trajectory_rollout.critics import (
     GoalDistanceCritic,
     HeadingCritic,
@@ -31,6 +32,7 @@ from navstack.local_planner.trajectory_rollout.critics import (
     UnscaledObstacleCritic,
 )
 from navstack.local_planner.trajectory_rollout.escape import (
+    Additions,
     Escape,
     FullTurnDetector,
     OscillationFlags,
@@ -73,13 +75,18 @@ class TrajectoryPlanner(SamplingPlanner):
         path = PathDistanceCritic(p.path_distance_bias, per_metre)
         self._goal_distance = GoalDistanceCritic(p.goal_distance_bias, per_metre)
         critics: list[Critic] = [obstacle]
+        order = (1, 2, 0)  # C++ adds path, goal, obstacle
         if p.simple_attractor:
             critics.append(SimpleAttractorCritic(p.goal_distance_bias))
+            order = (1, 0)
         elif p.heading_scoring:
             inner = (path, self._goal_distance, HeadingCritic())
             critics += [SinglePointCritic(critic, p.heading_scoring_timestep, p.sim_time) for critic in inner]
+            order = (0, 1, 3, 2)
         else:
             critics += [path, self._goal_distance]
+        self._order = np.array(order)
+        self._attractor = p.simple_attractor
         checker = SimpleGoalChecker(
             p.xy_goal_tolerance, p.yaw_goal_tolerance, STOPPED, STOPPED, latch=p.latch_xy_goal_tolerance
         )
@@ -92,6 +99,8 @@ class TrajectoryPlanner(SamplingPlanner):
         self.generator: TrajectoryRolloutGenerator
         generator = TrajectoryRolloutGenerator(p, control_period(p.controller_frequency))
         super().__init__(p, critics, obstacle, checker, generator)
+        self.additions = Additions()
+        """Rules beyond C++: see docs/parity/trajectory_rollout.md."""
 
     # --- limits -----------------------------------------------------------------------------------------------------
 
@@ -156,6 +165,16 @@ class TrajectoryPlanner(SamplingPlanner):
             f"goal is selected{until}"
         )
 
+    @property
+    def oscillation_flags(self) -> OscillationFlags:
+        """Directions that are forbidden until the robot has moved."""
+        return self._flags
+
+    @property
+    def escaping(self) -> bool:
+        """True while only turns in place and backing up are considered."""
+        return self._escape.active
+
     # --- the command ------------------------------------------------------------------------------------------------
 
     def search(
@@ -168,7 +187,12 @@ class TrajectoryPlanner(SamplingPlanner):
     ) -> LocalPlan:
         """Select a sample for following `plan` (n, 3), all in the costmap's frame (TrajectoryPlanner::createTrajectories)."""
         p, limits, generator = self.params, self._limits, self.generator
+        state = rounded(state)
+        self._goal_distance.step_back = self.additions.nearer_goal
+        self._escape.longer = self.additions.longer
         context = self.context(state, costmap, footprint, plan, goal)
+        if self._attractor:  # turns in place are compared on this grid all the same
+            self._goal_distance.prepare(context)
         bottom, top, right, left = generator.ranges(state, plan, limits)
         turns = generator.turns(right, left)
         forward = np.empty((0, 3)) if self._escape.active else generator.forward(bottom, top, turns, limits)
@@ -176,7 +200,8 @@ class TrajectoryPlanner(SamplingPlanner):
 
         best, nearest = _lowest_legal(candidates.table, len(forward)), math.inf
         moved = self._flags.moved(state.pose, p.oscillation_reset_dist)
-        if best < 0 or not self._full_turn.complete(state.pose, moved=moved):
+        circled = self._full_turn.complete(state.pose, moved=moved) and self.additions.full_turns
+        if best < 0 or not circled:
             step = (left - right) / (len(turns) - 1) if len(turns) > 1 else math.inf
             best, nearest = self._turn_in_place(best, len(forward), turns, step, candidates)
         if best < 0 and p.holonomic_robot and self._y_vels:
@@ -197,7 +222,9 @@ class TrajectoryPlanner(SamplingPlanner):
 
     def _scored(self, context: ScoringContext, samples: NDArray[np.float64]) -> _Candidates:
         rollouts = self.generator.simulate(samples, context.state, self._limits)
-        return _Candidates(samples, rollouts, score(self.critics, context, rollouts))
+        table = score(self.critics, context, rollouts)
+        sum_in_order(table.costs, table.scales, self._order, table.rejected_by, table.totals)
+        return _Candidates(samples, rollouts, table)
 
     def _distances_ahead(self, rollouts: Rollouts, first: int) -> NDArray[np.float64]:
         """Goal distance (cells) heading_lookahead ahead of the end of each rollout from `first` on; negative off the map."""
@@ -205,8 +232,8 @@ class TrajectoryPlanner(SamplingPlanner):
         ends = single_points(part, part.counts - 1)
         k = len(ends.counts)
         grid = self._goal_distance.grid
-        if grid is None or self._goal_distance.context is None:  # simple_attractor uses no grid
-            return np.zeros(k)
+        if grid is None or self._goal_distance.context is None:
+            raise RuntimeError("prepare was not called")
         cells = compute_cells(ends, self._goal_distance.context.costmap.geometry)
         return grid.at_nose(ends, cells, self.params.heading_lookahead, np.empty(k))
 
@@ -253,7 +280,9 @@ class TrajectoryPlanner(SamplingPlanner):
         speed = max(p.escape_vel, self._limits.min_vel_x)
         candidates = self._scored(context, np.vstack((candidates.samples, [(speed, 0.0, 0.0)])))
         last, rollouts = len(candidates.samples) - 1, candidates.rollouts
-        if candidates.legal(last):
+        if not self.additions.unreachable and self._without_goal(last, candidates):
+            return candidates, -1
+        if candidates.legal(last) or not self.additions.check:
             points = int(rollouts.counts[last])
         else:
             points = free_backup_points(context, rollouts, p.escape_reset_dist)
@@ -264,12 +293,39 @@ class TrajectoryPlanner(SamplingPlanner):
         self._escape.begin(context.state.pose)
         return candidates, last
 
+    def _without_goal(self, row: int, candidates: _Candidates) -> bool:
+        """True if C++ rejects a rollout because a point before its first collision has no way to the plan or the goal."""
+        if self.critics[0].name != "obstacle":
+            raise RuntimeError("the first critic must be the obstacle critic")
+        hit = candidates.table.rejected_by[row] == 0
+        points = int(self._collision_check.first_collision[row]) if hit else int(candidates.rollouts.counts[row])
+        if points == 0:
+            return False
+        rollouts, whole = candidates.rollouts, int(candidates.rollouts.counts[row])
+        for critic in self.critics:
+            if critic.name not in ("path", "goal"):
+                continue
+            single = isinstance(critic, SinglePointCritic)
+            if single and not 0 <= critic.point(whole) < points:
+                continue
+            counts = np.zeros_like(rollouts.counts)
+            counts[row] = whole if single else points
+            if critic.score(Rollouts(rollouts.commands, rollouts.poses, counts))[row] < 0.0:
+                return True
+        return False
+
     def _record(self, sample: NDArray[np.float64], pose: Pose2D) -> None:
         """Keep a direction other than forward until the robot has moved."""
         if sample[0] <= 0.0:
             if sample[2] != 0.0:
                 self._full_turn.begin(pose)
             self._flags.update(sample, pose)
+
+
+def rounded(state: RobotState) -> RobotState:
+    """Pose and velocity as float32, in which TrajectoryPlanner::findBestPath holds them."""
+    x, y, yaw, vx, vy, wz = np.array((*state.pose, *state.velocity), np.float32).tolist()
+    return state._replace(pose=Pose2D(x, y, yaw), velocity=Twist2D(vx, vy, wz))
 
 
 def _lowest_legal(table: ScoreTable, number: int) -> int:

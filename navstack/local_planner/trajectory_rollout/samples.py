@@ -17,6 +17,13 @@ STRAFE = 0.1
 """Speed (m/s) forward and to either side of the two strafing samples of a holonomic robot."""
 
 
+def accumulated(first: float, last: float, number: int) -> NDArray[np.float64]:
+    """`number` values from `first` to about `last`, each the one before plus the step: rounded as the loop of C++."""
+    values = np.full(number, (last - first) / max(number - 1, 1))
+    values[0] = first
+    return np.cumsum(values)  # adds from left to right
+
+
 class TrajectoryRolloutGenerator(TrajectoryGenerator):
     """Samples forward speeds, each straight and with turns, then turns in place."""
 
@@ -49,8 +56,7 @@ class TrajectoryRolloutGenerator(TrajectoryGenerator):
 
     def turns(self, right: float, left: float) -> NDArray[np.float64]:
         """(vtheta_samples,) turning speeds, from right to left."""
-        number = self._params.vtheta_samples
-        return np.linspace(right, left, number) if number > 1 else np.array([right])
+        return accumulated(right, left, self._params.vtheta_samples)
 
     def forward(
         self, bottom: float, top: float, turns: NDArray[np.float64], limits: VelocityLimits
@@ -58,7 +64,7 @@ class TrajectoryRolloutGenerator(TrajectoryGenerator):
         """(n, 3) each forward speed straight, then with every turn but the last; for a holonomic robot two that strafe."""
         p = self._params
         samples = np.zeros((p.vx_samples, len(turns), 3))
-        samples[:, :, 0] = np.linspace(bottom, top, p.vx_samples)[:, None]
+        samples[:, :, 0] = accumulated(bottom, top, p.vx_samples)[:, None]
         samples[:, 1:, 2] = turns[:-1]
         samples = samples.reshape(-1, 3)
         strafe = min(STRAFE, limits.max_vel_x)
@@ -80,7 +86,7 @@ class TrajectoryRolloutGenerator(TrajectoryGenerator):
             counts = np.full(len(samples), int(p.sim_time / p.sim_granularity + 0.5), np.int64)
         else:
             steps = np.maximum(
-                np.hypot(samples[:, 0], samples[:, 1]) * (p.sim_time / p.sim_granularity),
+                np.hypot(samples[:, 0], samples[:, 1]) * p.sim_time / p.sim_granularity,
                 np.abs(samples[:, 2]) / p.angular_sim_granularity,
             )
             counts = (steps + 0.5).astype(np.int64)
