@@ -85,7 +85,8 @@ def clear_voxel_rays(costs, columns, points, count, grid, sx, sy, sz, reach, rea
             t = min(t, (end_x - sx) / a)
         if wy > end_y:
             t = min(t, (end_y - sy) / b)
-        wx, wy, wz = sx + a * t, sy + b * t, sz + c * t
+        # ROS differs: there, rounding puts some clipped rays just below the origin, and they are lost
+        wx, wy, wz = max(sx + a * t, origin_x), max(sy + b * t, origin_y), max(sz + c * t, origin_z)
         if not (wx >= origin_x and wy >= origin_y and wz >= origin_z):
             continue
         x1, y1 = (wx - origin_x) / resolution, (wy - origin_y) / resolution
