@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from navstack.core import RobotState, Window
+from navstack.core import RobotState, Transform2D, Window
 from navstack.core.errors import NavError
 from navstack.interfaces import ControlInput, CostmapServer, Plan
 from navstack.move_base.navigation import Navigation
-from navstack.move_base.plugin_calls import call, lookup_transform, robot_pose, robot_state
+from navstack.move_base.odometry_check import SETTLE_S, OdometryCheck
+from navstack.move_base.plugin_calls import call, lookup_transform, robot_pose, robot_state, transform_tolerance
 from navstack.move_base.schedule import EPSILON_S, Schedule
 from navstack.move_base.tick_result import TickResult
 
@@ -37,6 +38,11 @@ class CostmapUpdater:
         """Error of the global costmap's last update."""
         self._warned: dict[tuple[object, ...], float] = {}
         """Times of the last warning (s) by costmap, topic and frame."""
+        self._navigation = navigation
+        self._odometry = OdometryCheck()
+        self._state: RobotState | None = None
+        """The robot's state at `_state_at` (s)."""
+        self._state_at = -math.inf
         self._robot = navigation.robot
         self._global_costmap = navigation.global_costmap
         self._local_costmap = navigation.local_costmap
@@ -69,6 +75,7 @@ class CostmapUpdater:
 
     def retry_failed(self, now: float) -> None:
         """Make costmaps whose last update failed due at `now` (s): an earlier failure must not end a new goal."""
+        self._odometry.forget()
         if self.global_error is not None:
             self._global_update.restart(now)
         if self.local_error is not None:
@@ -76,6 +83,7 @@ class CostmapUpdater:
 
     def observe(self, now: float, tick: TickResult) -> None:
         """Pass new sensor data of the robot to both costmaps."""
+        self._state = None
         robot = self._robot
         try:
             scans = tuple(call(robot, robot.scans))
@@ -102,20 +110,45 @@ class CostmapUpdater:
             tick.local_window, self.local_error = self._update(self._local_costmap, now, self.local_error)
 
     def local_state(self, now: float) -> RobotState:
-        """Return the robot's pose in the local costmap's frame at `now` (s), and its velocity. Raises NavError."""
+        """Return the robot's pose in the local costmap's frame at `now` (s), and its velocity.
+
+        Raises NavError if the pose is not known at that time, OdometryError if the odometry is impossible.
+        """
+        if self._state is not None and self._state_at == now:
+            return self._state
+        self._state = None
         costmap = self._local_costmap
         pose = robot_pose(costmap, now)
         state = robot_state(self._robot)
-        return RobotState(pose, state.velocity, state.stamp, costmap.frame)
+        if state.frame == costmap.frame:
+            # commands rest on the pose of the transform
+            state = state._replace(pose=pose)
+        navigation = self._navigation
+        # a single jump must not end the goal
+        settle_s = min(SETTLE_S, 0.5 * navigation.params.controller_patience)
+        self._odometry.check(state, navigation.local_planner, now, settle_s)
+        self._state, self._state_at = RobotState(pose, state.velocity, state.stamp, costmap.frame), now
+        return self._state
+
+    def plan_transform(self, plan: Plan, now: float) -> Transform2D | None:
+        """Return the transform from the plan's frame to the local costmap's at `now` (s); None if the frames are equal.
+
+        Raises FrameError if it is older than transform_tolerance (the larger one of the two costmaps).
+        ROS differs: C++ uses the newest transform, however old it is.
+        """
+        source, target = plan.path.frame, self._local_costmap.frame
+        if source == target:
+            return None
+        tolerance = max(transform_tolerance(self._local_costmap), transform_tolerance(self._global_costmap))
+        return lookup_transform(self._robot, target, source, now, tolerance)
 
     def control_input(self, plan: Plan, now: float) -> ControlInput:
         """Return the local planner's input for `plan` at `now` (s). Raises NavError."""
         costmap = self._local_costmap
         state = self.local_state(now)
-        frame = plan.path.frame
-        if frame == state.frame:
+        transform = self.plan_transform(plan, now)
+        if transform is None:
             return ControlInput(state, costmap.master, costmap.footprint)
-        transform = lookup_transform(self._robot, state.frame, frame)
         return ControlInput(state, costmap.master, costmap.footprint, transform)
 
     def _update(

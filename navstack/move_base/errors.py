@@ -61,6 +61,13 @@ class StaleSensorsError(NavError):
     name = "SENSOR_DATA_STALE"
 
 
+class OdometryError(NavError):
+    """The odometry is impossible: a velocity far beyond the robot's limits, or a pose that jumps."""
+
+    code = 9022
+    name = "IMPOSSIBLE_ODOMETRY"
+
+
 class RecoveryTimeoutError(NavError):
     """A recovery behavior did not end within its time limit."""
 

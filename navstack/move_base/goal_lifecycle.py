@@ -104,10 +104,14 @@ class GoalLifecycle:
 
 
 def locate_goal(navigation: Navigation, goal: ActiveGoal, now: float) -> Pose2D:
-    """Transform the goal into the global costmap's frame. Raises NavError if the transform is not known."""
+    """Transform the goal into the global costmap's frame.
+
+    Raises NavError if the transform is not known, or older than the costmap's transform_tolerance.
+    """
     sent = goal.handle.goal
     target = navigation.global_costmap.frame
-    transform = plugin_calls.lookup_transform(navigation.robot, target, sent.frame)
+    tolerance = plugin_calls.transform_tolerance(navigation.global_costmap)
+    transform = plugin_calls.lookup_transform(navigation.robot, target, sent.frame, now, tolerance)
     pose = goal.pose = transform.apply(sent.pose)
     if sent.frame != target:
         text = f'the goal is at ({pose.x:.3f}, {pose.y:.3f}) in "{target}"'

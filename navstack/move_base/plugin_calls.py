@@ -35,6 +35,9 @@ from navstack.interfaces import (
 T = TypeVar("T")
 Ts = TypeVarTuple("Ts")
 
+DEFAULT_TOLERANCE_S: Final = 0.3
+"""Default of transform_tolerance of a costmap."""
+
 _LIBRARIES: Final = frozenset(
     {*sys.stdlib_module_names, "numpy", "numba", "scipy", "shapely", "pydantic", "pydantic_core"}
 )
@@ -260,10 +263,18 @@ def robot_state(robot: Robot) -> RobotState:
     return state
 
 
-def lookup_transform(robot: Robot, target: str, source: str) -> Transform2D:
-    """Return the latest transform from the frame `source` to the frame `target`. Raises NavError."""
+def transform_tolerance(costmap: CostmapServer) -> float:
+    """Return the largest age (s) of a transform that a costmap accepts; the default for a server without the parameter."""
+    return float(getattr(getattr(costmap, "params", None), "transform_tolerance", DEFAULT_TOLERANCE_S))
+
+
+def lookup_transform(robot: Robot, target: str, source: str, now: float, tolerance_s: float) -> Transform2D:
+    """Return the transform from the frame `source` to the frame `target` at `now` (s), at most `tolerance_s` old.
+
+    Raises NavError.
+    """
     try:
-        return robot.frames.lookup(target, source)
+        return robot.frames.lookup(target, source, now, tolerance_s)
     except NavError:
         raise
     except Exception as exc:

@@ -267,6 +267,7 @@ MEANT: dict[str, set[str]] = {
     "state": {"INTERNAL"},
     "command": {"INTERNAL"},
     "odometry stops": {"TF_ERROR"},
+    "odometry jumps": {"IMPOSSIBLE_ODOMETRY"},  # with a controller_patience of 0
     "map vanishes": {"TF_ERROR"},
     "base vanishes": {"TF_ERROR"},
     "NaN velocity": {"INTERNAL"},
