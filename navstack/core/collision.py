@@ -38,6 +38,28 @@ def footprint_cost(costmap: Costmap, footprint: Footprint, pose: Pose2D, *, inte
     return _known(int(cost))
 
 
+def overlaps_obstacle(costmap: Costmap, footprint: Footprint, pose: Pose2D) -> bool:
+    """Return True if the footprint at `pose` (costmap's frame) overlaps a lethal cell.
+
+    Unknown cells do not count, nor does a footprint that is partly outside the grid.
+    """
+    if not pose.is_finite():
+        return False
+    g = costmap.geometry
+    return bool(
+        kernels.lethal_under(
+            costmap.data,
+            float(g.origin_x),
+            float(g.origin_y),
+            float(g.resolution),
+            footprint.vertices,
+            float(pose.x),
+            float(pose.y),
+            float(pose.yaw),
+        )
+    )
+
+
 def turn_cost(
     costmap: Costmap,
     footprint: Footprint,

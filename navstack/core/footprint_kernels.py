@@ -184,6 +184,15 @@ def pose_cost(costs, origin_x, origin_y, resolution, vertices, x, y, yaw, interi
 
 
 @kernel
+def lethal_under(costs, origin_x, origin_y, resolution, vertices, x, y, yaw):
+    """Return True if the footprint `vertices` (n, 2) at a pose is inside the grid and overlaps a lethal cell."""
+    corners = vertices.T.copy()
+    placed = np.empty(corners.shape)
+    inside = place_footprint(costs, origin_x, origin_y, resolution, corners, x, y, yaw, placed)
+    return inside and overlaps_lethal(costs, placed)
+
+
+@kernel
 def turn_cost(costs, origin_x, origin_y, resolution, vertices, x, y, yaw, arc, step, limit, interior):
     """Return the highest `pose_cost` of a turn in place by `arc` (rad), checked every `step` (rad), and the angle turned.
 

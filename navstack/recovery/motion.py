@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from navstack.core import angle_between, describe_cost
+import math
+
+from navstack.core import Pose2D, angle_between, describe_cost
+from navstack.core.collision import overlaps_obstacle
 from navstack.core.costs import LETHAL
 from navstack.core.parameters import ParamModel, param
+from navstack.interfaces import RecoveryContext
 
 
 class MotionParams(ParamModel):
@@ -41,3 +45,24 @@ def blocks(cost: int | None) -> bool:
 def describe_obstacle(cost: int | None) -> str:
     """Return the obstacle behind such a cost, for messages."""
     return "the edge of the costmap" if cost is None else f"cost {describe_cost(cost)}"
+
+
+def known_obstacle_after(
+    context: RecoveryContext, now: float, distance: float, arc: float, *, step: float
+) -> float | None:
+    """Return how far (m, or rad for a turn) the footprint can move before it overlaps an obstacle of the global costmap.
+
+    The motion is straight by `distance` (m) or a turn by `arc` (rad), backwards or clockwise if negative, checked every `step`.
+    None if it is free. Obstacles that the sensors do not see now, such as walls of the map behind the robot, count here; unknown
+    cells and the space beyond the map do not. Raises FrameError without the robot's pose in the global costmap's frame.
+    """
+    costmap = context.global_costmap
+    pose = costmap.robot_pose(now)
+    size = max(abs(distance), abs(arc))
+    for k in range(math.ceil(size / step - 1e-9) + 1):
+        share = min(k * step / size, 1.0) if size > 0.0 else 0.0
+        along = share * distance
+        x, y = pose.x + along * math.cos(pose.yaw), pose.y + along * math.sin(pose.yaw)
+        if overlaps_obstacle(costmap.master, costmap.footprint, Pose2D(x, y, pose.yaw + share * arc)):
+            return share * size
+    return None

@@ -10,12 +10,13 @@ import math
 
 from navstack.core import Pose2D, RobotState, Twist2D
 from navstack.core.collision import turn_cost
+from navstack.core.costs import LETHAL
 from navstack.core.errors import CollisionAheadError
 from navstack.core.parameters import param
 from navstack.interfaces import RecoveryBehavior, RecoveryContext, RecoveryStatus, RecoveryStep
 from navstack.plugins import RECOVERY_BEHAVIORS
 from navstack.recovery.errors import SpinTimeoutError
-from navstack.recovery.motion import MotionParams, TurnProgress, blocks, describe_obstacle
+from navstack.recovery.motion import MotionParams, TurnProgress, blocks, describe_obstacle, known_obstacle_after
 
 
 class SpinParams(MotionParams):
@@ -78,6 +79,9 @@ class Spin(RecoveryBehavior):
         speed = min(max(math.sqrt(2.0 * p.rotational_acc_lim * left), slowest), fastest, left * p.cycle_frequency)
         if not p.disable_collision_checks:
             self._check_turn(context, state.pose, sign * min(left, fastest * p.simulate_ahead_time), data)
+            self._check_known(
+                context, now, sign * (left if first else min(left, fastest * p.simulate_ahead_time)), data
+            )
         text = f"{self.name}: turning {math.degrees(p.spin_dist):.0f} degrees" if first else ""
         return RecoveryStep(RecoveryStatus.RUNNING, Twist2D(0.0, 0.0, sign * speed), text, data)
 
@@ -92,5 +96,20 @@ class Spin(RecoveryBehavior):
                 f"{describe_obstacle(cost)} after another {math.degrees(abs(after)):.0f} degrees",
                 cost=cost,
                 collision_after_rad=abs(after),
+                **data,
+            )
+
+    def _check_known(self, context: RecoveryContext, now: float, angle: float, data: dict[str, float]) -> None:
+        """Raise CollisionAheadError if the turn by `angle` (rad) hits an obstacle of the global costmap."""
+        after = known_obstacle_after(context, now, 0.0, angle, step=0.017)
+        if after is not None:
+            costmap = context.global_costmap
+            raise CollisionAheadError(
+                f"{self.name} stopped after {math.degrees(data['turned_rad']):.0f} of "
+                f"{math.degrees(self.params.spin_dist):.0f} degrees: the footprint hits an obstacle of the {costmap.name} "
+                f"after another {math.degrees(after):.0f} degrees",
+                cost=LETHAL,
+                collision_after_rad=after,
+                costmap=costmap.name,
                 **data,
             )

@@ -11,9 +11,10 @@ from typing import Any
 
 from navstack.core import Costmap, Footprint, Pose2D, RobotState, Twist2D
 from navstack.core.collision import footprint_cost
+from navstack.core.costs import LETHAL
 from navstack.core.errors import CollisionAheadError, RecoveryError
 from navstack.interfaces import RecoveryBehavior, RecoveryContext, RecoveryStatus, RecoveryStep
-from navstack.recovery.motion import blocks, describe_obstacle
+from navstack.recovery.motion import blocks, describe_obstacle, known_obstacle_after
 
 
 def clear_distance(costmap: Costmap, footprint: Footprint, pose: Pose2D, distance: float) -> tuple[float, int | None]:
@@ -89,6 +90,7 @@ class StraightRecovery(RecoveryBehavior):
             )
         if not self.params.disable_collision_checks:
             self._check_path(context, motion, state.pose, data)
+            self._check_known(context, motion, now, data)
         text = f"{self.name}: driving {motion.distance:.2f} m at {motion.speed:g} m/s" if first else ""
         speed = math.copysign(motion.speed, motion.distance)
         return RecoveryStep(RecoveryStatus.RUNNING, Twist2D(speed, 0.0, 0.0), text, data)
@@ -107,5 +109,28 @@ class StraightRecovery(RecoveryBehavior):
                 f"{describe_obstacle(cost)} after another {clear:.2f} m",
                 cost=cost,
                 collision_after_m=clear,
+                **data,
+            )
+
+    def _check_known(
+        self, context: RecoveryContext, motion: StraightMotion, now: float, data: dict[str, float]
+    ) -> None:
+        """Raise the motion's collision error for obstacles of the global costmap: on the whole way before the first command,
+        later within the time ahead.
+        """
+        left = abs(motion.distance) - data["driven_m"]
+        first = data["driven_m"] == 0.0
+        ahead = left if first else min(left, motion.speed * self.params.simulate_ahead_time)
+        costmap = context.global_costmap
+        signed = math.copysign(ahead, motion.distance)
+        clear = known_obstacle_after(context, now, signed, 0.0, step=0.5 * costmap.master.geometry.resolution)
+        if clear is not None:
+            done = "did not start" if first else f"stopped after {data['driven_m']:.2f} m"
+            raise motion.collision(
+                f"{self.name} {done}: the footprint hits an "
+                f"obstacle of the {costmap.name} after {clear:.2f} of the {left:.2f} m to drive",
+                cost=LETHAL,
+                collision_after_m=clear,
+                costmap=costmap.name,
                 **data,
             )

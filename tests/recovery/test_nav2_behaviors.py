@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
 import pytest
 
-from navstack.core import Pose2D, RobotState, Twist2D
+from navstack.core import Footprint, Pose2D, RobotState, Twist2D
 from navstack.core.costs import LETHAL
 from navstack.core.errors import CollisionAheadError, NavError, ParameterError
 from navstack.interfaces import RecoveryBehavior, RecoveryContext, RecoveryStatus
@@ -179,3 +180,52 @@ def test_cancelled_at_any_cycle_it_stops_within_one(cls: type[RecoveryBehavior])
         if handle.status is GoalStatus.PREEMPTED:
             assert bench.robot.time <= at + 0.2 + 1e-6
         assert bench.robot.twist == Twist2D()
+
+
+def wall_on_the_map(stage: Stage, x: float, y: float) -> None:
+    """Add a lethal cell to the global costmap only."""
+    master = stage.context.global_costmap.master
+    cell = master.geometry.world_to_cell(x, y)
+    assert cell is not None
+    master.data[cell[1], cell[0]] = LETHAL
+
+
+@pytest.mark.parametrize(
+    ("cls", "params", "code"),
+    [
+        (BackUp, {"backup_dist": 0.5, "backup_speed": 0.1}, 714),
+        (DriveOnHeading, {"dist_to_travel": -0.5, "speed": -0.1}, 723),
+    ],
+)
+def test_a_wall_of_the_map_that_no_sensor_sees_refuses_the_motion(
+    cls: type[RecoveryBehavior], params: dict[str, float], code: int
+) -> None:
+    stage = Stage(cls, Pose2D(0.0, 0.0, 0.0), **params)
+    wall_on_the_map(stage, -0.6, 0.0)
+    with pytest.raises(CollisionAheadError, match=r"did not start.*global_costmap") as caught:
+        stage.run()
+    assert caught.value.code == code
+    assert stage.robot.odom_pose.x == 0.0
+
+
+def test_a_wall_that_appears_on_the_map_stops_the_motion() -> None:
+    stage = Stage(BackUp, Pose2D(0.0, 0.0, 0.0), backup_dist=1.0, backup_speed=0.1)
+    stage.recovery.start(stage.context, 0.0)
+    with pytest.raises(CollisionAheadError, match=r"stopped after.*global_costmap"):
+        for k in range(1, 200):
+            step = stage.recovery.step(RobotState(stage.robot.odom_pose, stage.robot.twist), stage.robot.time)
+            stage.robot.command(step.twist)
+            stage.robot.advance_to(k / 10.0)
+            if k == 20:
+                wall_on_the_map(stage, -0.6, 0.0)
+    assert -0.4 < stage.robot.odom_pose.x < -0.1
+
+
+def test_spin_checks_the_map() -> None:
+    stage = Stage(Spin, Pose2D(0.0, 0.0, 0.0))
+    box = Footprint(np.array([[0.4, 0.1], [-0.4, 0.1], [-0.4, -0.1], [0.4, -0.1]]))
+    stage.local.footprint = stage.context.global_costmap.footprint = box
+    wall_on_the_map(stage, 0.0, 0.3)
+    with pytest.raises(CollisionAheadError, match="global_costmap"):
+        stage.run()
+    assert stage.robot.odom_pose.yaw == 0.0
