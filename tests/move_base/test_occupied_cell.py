@@ -61,7 +61,7 @@ def test_of_the_map() -> None:
 def test_other_errors_are_unchanged() -> None:
     live = rolling(obstacle(), inflation())
     live.update(0.0)
-    other = NoValidPathError("no way", cell=[1, 1], cost=254)
+    other = NoValidPathError("no path", cell=[1, 1], cost=254)
     assert add_layer(live, other) is other
     elsewhere = Costmap(GridGeometry(9, 9, 0.1), np.full((9, 9), 254, np.uint8))
     with pytest.raises(GoalOccupiedError) as caught:

@@ -158,7 +158,7 @@ ROWS: dict[str, tuple[Callable[[], GoalHandle], GoalStatus, str]] = {
 }
 ELSEWHERE = {
     "accepted": "ACTIVE, not an end: in every test here",
-    "execute callback left goal active": "C++'s guard against a callback that returns early; there is no callback here",
+    "execute callback left goal active": "C++ checks for a callback that returns early; navstack has no callback",
 }
 
 

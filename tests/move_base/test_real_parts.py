@@ -54,7 +54,7 @@ class Office:
             assert self.robot.time < end, f"{handle} hangs in {self.move_base.state}"
         return handle
 
-    def stands(self) -> bool:
+    def is_stopped(self) -> bool:
         return self.move_base.command == Twist2D() and self.move_base.state is Mode.IDLE
 
 
@@ -63,7 +63,7 @@ def test_reached() -> None:
     handle = office.run(office.move_base.send_goal(NEAR))
     assert (handle.status, handle.text, handle.result.error_code) == (S.SUCCEEDED, "Goal reached.", 0)
     assert office.robot.pose.distance_to(NEAR) < 0.2
-    assert office.stands()
+    assert office.is_stopped()
 
 
 def test_cancelled_replaced_and_recalled() -> None:
@@ -82,7 +82,7 @@ def test_cancelled_replaced_and_recalled() -> None:
     assert second.status is S.PREEMPTING
     office.run(second, 0.3)
     assert (second.status, second.text) == (S.PREEMPTED, "")
-    assert office.stands()
+    assert office.is_stopped()
     early = office.move_base.send_goal(NEAR, stamp=1.0)
     assert early.status is S.RECALLED
     office.move_base.cancel_goals_at_and_before(100.0)
@@ -96,7 +96,7 @@ def test_bad_quaternion_while_driving() -> None:
     office.run_to(3.0)
     handle = office.run(office.move_base.send_goal(NEAR, orientation=(0.0, 0.0, 0.0, 0.0)), 0.3)
     assert (handle.status, handle.text) == (S.ABORTED, status_messages.BAD_QUATERNION)
-    assert office.stands()
+    assert office.is_stopped()
 
 
 def test_no_plan() -> None:
@@ -112,7 +112,7 @@ def test_no_plan() -> None:
     # C++'s times for the same list and cadence: 5.2, 10.4, 21.9, then 27.1 (golden e2e)
     began = [e.time for e in office.events if e.kind == "recovery" and not e.text.endswith("finished.")]
     assert [*began, handle.result.time_s] == pytest.approx([5.2, 10.4, 21.9, 27.1], abs=0.3)
-    assert office.stands()
+    assert office.is_stopped()
     good = office.run(office.move_base.send_goal(NEAR))
     assert good.status is S.SUCCEEDED
 
@@ -145,7 +145,7 @@ def test_oscillation() -> None:
     assert (handle.status, handle.text) == (S.ABORTED, status_messages.OSCILLATING)
     assert (handle.result.error_code, handle.result.error_name) == (105, "FAILED_TO_MAKE_PROGRESS")
     assert handle.result.recoveries == 3
-    assert office.stands()
+    assert office.is_stopped()
 
 
 def test_stale_sensors() -> None:
@@ -161,7 +161,7 @@ def test_stale_sensors() -> None:
     assert handle.result.error_name == "SENSOR_DATA_STALE"
     # half a second until stale, then controller_patience
     assert handle.result.ended_at == pytest.approx(3.0 + 0.5 + 3.0, abs=0.45)
-    assert office.stands()
+    assert office.is_stopped()
 
 
 def bent(scan: LaserScan, kind: str) -> LaserScan:
@@ -189,7 +189,7 @@ def test_invalid_scans(kind: str) -> None:
         assert handle.result.ended_at < 1.5 + 0.5 + 3.0 + 0.5
     else:
         assert (handle.status, handle.result.error_name) == (S.SUCCEEDED, "NONE")
-    assert office.stands()
+    assert office.is_stopped()
     assert not office.robot.collisions
     # then no scans at all: they time out, whatever their stamps were
     stale = office.move_base.send_goal(FAR)
@@ -211,12 +211,12 @@ def test_shutdown_and_a_bug() -> None:
     office.run_to(2.0)
     office.move_base._navigation.apply(NavEvent.GOAL_ACCEPTED, office.robot.time)
     assert (handle.status, handle.text) == (S.ABORTED, status_messages.BAD_STATE)
-    assert office.stands()
+    assert office.is_stopped()
     handle = office.move_base.send_goal(FAR)
     office.run_to(4.0)
     office.move_base.shutdown()
     assert (handle.status, handle.text) == (S.ABORTED, status_messages.KILLED)
-    assert office.stands()
+    assert office.is_stopped()
 
 
 def test_a_goal_relative_to_the_robot() -> None:
@@ -235,7 +235,7 @@ def test_a_frame_that_disappears_and_returns() -> None:
     office.run(handle)
     assert handle.status is S.ABORTED
     assert (handle.result.error_code, handle.result.error_name) == (102, "TF_ERROR")
-    assert office.stands()
+    assert office.is_stopped()
     office.robot.frames.set_static("map", "odom", Transform2D(*found))
     assert office.run(office.move_base.send_goal(NEAR)).status is S.SUCCEEDED
 
@@ -252,7 +252,7 @@ def test_cancel_during_each_recovery() -> None:
         office.run(handle)
         assert handle.status is S.PREEMPTED
         assert office.robot.time - sent <= 0.2 + 0.02  # the simulator's step
-        assert office.stands()
+        assert office.is_stopped()
 
 
 def test_move_slow_and_clear_on_the_real_planner() -> None:

@@ -51,7 +51,7 @@ class Stage:
         raise AssertionError("it does not end")
 
     @property
-    def came(self) -> float:
+    def moved(self) -> float:
         """Distance along the heading of the start (m)."""
         pose = self.robot.odom_pose
         return (pose.x - START.x) * math.cos(START.yaw) + (pose.y - START.y) * math.sin(START.yaw)
@@ -61,7 +61,7 @@ class Stage:
 def test_back_up_ignores_the_signs(sign: float) -> None:
     stage = Stage(BackUp, backup_dist=sign * 0.4, backup_speed=sign * 0.1)
     commands = stage.run()
-    assert stage.came == pytest.approx(-0.4, abs=0.005)  # half the distance of one command
+    assert stage.moved == pytest.approx(-0.4, abs=0.005)  # half the distance of one command
     assert commands[0] == Twist2D(-0.1, 0.0, 0.0)
     assert commands[-1] == Twist2D()
 
@@ -70,7 +70,7 @@ def test_back_up_ignores_the_signs(sign: float) -> None:
 def test_drive_on_heading_follows_the_sign(distance: float) -> None:
     stage = Stage(DriveOnHeading, dist_to_travel=distance, speed=math.copysign(0.1, distance))
     stage.run()
-    assert stage.came == pytest.approx(distance, abs=0.005)
+    assert stage.moved == pytest.approx(distance, abs=0.005)
 
 
 def test_the_local_planners_speed_limit_applies() -> None:
@@ -91,8 +91,8 @@ def test_it_stops_before_a_wall() -> None:
         assert (failed.value.code, failed.value.name) == (code, "COLLISION_AHEAD")
         look_ahead = 0.2 * (1.0 if cls is DriveOnHeading else 2.0)
         # the cell (0.05 m) is detected one command (0.02 m) before the footprint reaches it within the look-ahead time
-        assert abs(stage.came) == pytest.approx(1.0 - radius - look_ahead, abs=0.07)
-        assert failed.value.data["driven_m"] == pytest.approx(abs(stage.came))
+        assert abs(stage.moved) == pytest.approx(1.0 - radius - look_ahead, abs=0.07)
+        assert failed.value.data["driven_m"] == pytest.approx(abs(stage.moved))
 
 
 def test_an_obstacle_inside_the_footprint_counts() -> None:
@@ -100,14 +100,14 @@ def test_an_obstacle_inside_the_footprint_counts() -> None:
     stage.wall(0.0)
     with pytest.raises(CollisionAheadError):
         stage.run()
-    assert stage.came == 0.0
+    assert stage.moved == 0.0
 
 
 def test_collision_checks_can_be_switched_off() -> None:
     stage = Stage(BackUp, backup_dist=0.5, backup_speed=0.1, disable_collision_checks=True)
     stage.wall(-0.4)
     stage.run()
-    assert stage.came == pytest.approx(-0.5, abs=0.005)
+    assert stage.moved == pytest.approx(-0.5, abs=0.005)
 
 
 @pytest.mark.parametrize(
@@ -139,7 +139,7 @@ def test_spin_turns_by_its_angle(angle: float) -> None:
     stage.run()
     # min_rotational_vel for half a period
     assert math.remainder(stage.robot.odom_pose.yaw - START.yaw - angle, 2.0 * math.pi) == pytest.approx(0.0, abs=0.021)
-    assert stage.came == 0.0
+    assert stage.moved == 0.0
 
 
 def test_spin_checks_the_turn_ahead() -> None:
