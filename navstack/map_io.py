@@ -277,6 +277,7 @@ def _read_image(document: _Yaml, *, with_alpha: bool) -> tuple[NDArray[np.uint8]
     too_large = document.error("image", f"the image {path} is larger than {MAX_CELLS:,} cells; crop or resample it")
     try:
         with open_regular(path) as opened, warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # about damaged metadata
             warnings.simplefilter("error", Image.DecompressionBombWarning)
             image = Image.open(opened, formats=_FORMATS)
             if image.width * image.height > MAX_CELLS:

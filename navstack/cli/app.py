@@ -5,7 +5,10 @@ Exit codes: 0 success; 1 a goal failed or a success condition was not met; 2 inv
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import json
+import os
 import sys
 from typing import Annotated, Any, Final
 
@@ -64,6 +67,7 @@ def run(arguments: list[str]) -> int:
     as_json = "--json" in arguments
     try:
         code = app(args=arguments, prog_name="navstack", standalone_mode=False)
+        sys.stdout.flush()  # at the exit, an error could no longer be reported
         return code if isinstance(code, int) else 0
     except (typer.Abort, KeyboardInterrupt):
         print("interrupted", file=sys.stderr)
@@ -71,6 +75,7 @@ def run(arguments: list[str]) -> int:
     except typer.TyperException as exc:
         return _usage_error(exc, as_json)
     except BrokenPipeError:
+        _discard_output("")
         return EXIT_WRONG_INPUT
     except OSError as exc:
         return _file_error(exc, as_json)
@@ -92,10 +97,24 @@ def _usage_error(exc: typer.TyperException, as_json: bool) -> int:
 def _file_error(exc: OSError, as_json: bool) -> int:
     """Reports an invalid file name or missing permission. Raises the error if it has no file name."""
     if exc.filename is None:
+        if exc.errno in (errno.ENOSPC, errno.EIO, errno.EDQUOT, errno.EFBIG):  # of stdout or stderr, which have no name
+            _discard_output(f"error: cannot write the output: {exc.strerror}; free space, or write to another file")
+            return EXIT_WRONG_INPUT
         raise exc
     name = str(exc.filename)
     shown = name if len(name) <= _LONGEST_NAME else f"{name[:_LONGEST_NAME]}.."
     return _report(as_json, f"cannot use {shown}: {exc.strerror}", data={"path": name})
+
+
+def _discard_output(message: str) -> None:
+    """Prints the message to stderr, and sends what is still buffered for stdout nowhere."""
+    if message:
+        with contextlib.suppress(OSError):
+            print(message, file=sys.stderr, flush=True)
+    with contextlib.suppress(OSError, ValueError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
 
 
 def _navstack_error(exc: Exception, as_json: bool) -> int:

@@ -13,6 +13,7 @@ from navstack.cli.scenario_options import ScenarioOptions
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from navstack.cli.interrupts import Interrupt
     from navstack.scenario import RunResult, Scenario
 
 STATE_STYLE = {"SUCCEEDED": "green", "PREEMPTED": "yellow"}
@@ -33,15 +34,23 @@ def simulate(
     Without arguments, a turtlebot drives through a packaged office. Options override the settings of a scenario file.
 
     Exit codes: 0 the run met its success conditions (by default: every goal SUCCEEDED, no collision), 1 it did not,
-    2 invalid input, 130 interrupted.
+    2 invalid input, 130 interrupted (143 by SIGTERM, 129 by SIGHUP): the record ends there.
     """
-    from navstack.cli.output import print_json
-    from navstack.core.files import ensure_directory, write_json
-    from navstack.plot import plot_run
+    from navstack.cli.interrupts import interrupt_flag
+    from navstack.core.file_lock import locked_folder
+    from navstack.core.files import ensure_directory
 
     scenario = chosen.build()
-    folder = ensure_directory(out)
-    result = _run(scenario, quiet=json_, timings=timings)
+    with locked_folder(ensure_directory(out)), interrupt_flag() as interrupt:
+        return _simulate(scenario, out, interrupt, timings=timings, json_=json_)
+
+
+def _simulate(scenario: Scenario, folder: Path, interrupt: Interrupt, *, timings: bool, json_: bool) -> int:
+    from navstack.cli.output import print_json, print_note
+    from navstack.core.files import write_json
+    from navstack.plot import plot_run
+
+    result = _run(scenario, interrupt, quiet=json_, timings=timings)
     assert result.recorder is not None
     files = {what: str(name) for what, name in result.recorder.save(folder).items()}
     picture = folder / "run.png"
@@ -53,10 +62,13 @@ def simulate(
         print_json(document)
     else:
         _print(result, files, scenario.time_limit_s)
+    if interrupt():
+        print_note("interrupted: the goal was cancelled, and the record ends there")
+        return interrupt.exit_code
     return 0 if result.succeeded else 1
 
 
-def _run(scenario: Scenario, *, quiet: bool, timings: bool) -> RunResult:
+def _run(scenario: Scenario, interrupt: Interrupt, *, quiet: bool, timings: bool) -> RunResult:
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from navstack.cli.output import loading_kernels, stderr
@@ -82,7 +94,7 @@ def _run(scenario: Scenario, *, quiet: bool, timings: bool) -> RunResult:
                 shown = now
                 bar.update(task, completed=goal, goal=goal + 1, now=now)
 
-        return run_scenario(scenario, timings=timings, progress=progress)
+        return run_scenario(scenario, timings=timings, progress=progress, stop=interrupt)
 
 
 def _print(result: RunResult, files: dict[str, str], limit_s: float) -> None:

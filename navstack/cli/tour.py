@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import signal
-from collections.abc import Callable, Generator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,9 +9,8 @@ from navstack.cli import options
 from navstack.cli.tour_options import TourOptions
 
 if TYPE_CHECKING:
+    from navstack.cli.interrupts import Interrupt
     from navstack.scenario import GoalOutcome, Scenario, TourResult, TourState
-
-EXIT_INTERRUPTED = 130
 
 
 @options.with_options(chosen=TourOptions)
@@ -23,20 +19,28 @@ def tour(
     out: options.RunOutput = Path("navstack_tour"),
     json_: options.Json = False,
 ) -> int:
-    """Drive a simulated robot to named places. Ctrl-C stops the robot and keeps record and log.
+    """Drive a simulated robot to named places. Ctrl-C, SIGTERM and SIGHUP stop the robot and keep record and log.
 
-    Exit codes: 0 every goal SUCCEEDED, 1 some did not, 2 invalid input, 130 interrupted.
+    Exit codes: 0 every goal SUCCEEDED, 1 some did not, 2 invalid input, 130 interrupted (143 by SIGTERM, 129 by SIGHUP).
     """
+    from navstack.cli.interrupts import interrupt_flag
+    from navstack.core.file_lock import locked_folder
+    from navstack.core.files import ensure_directory
+
+    scenario, names = chosen.build()
+    with locked_folder(ensure_directory(out)), interrupt_flag() as interrupt:
+        return _tour(scenario, names, out, interrupt, json_=json_)
+
+
+def _tour(scenario: Scenario, names: tuple[str, ...], folder: Path, interrupt: Interrupt, *, json_: bool) -> int:
     from navstack.cli.output import loading_kernels, print_json
-    from navstack.core.files import ensure_directory, write_json
+    from navstack.core.files import write_json
     from navstack.plot import plot_run
     from navstack.scenario import warm_up
 
-    scenario, names = chosen.build()
-    folder = ensure_directory(out)
     with loading_kernels(quiet=json_):
         warm_up(scenario)
-    result = _drive(scenario, names, quiet=json_)
+    result = _drive(scenario, names, interrupt, quiet=json_)
     recorder = result.run.recorder
     assert recorder is not None
     files = {what: str(name) for what, name in recorder.save(folder).items()}
@@ -49,11 +53,11 @@ def tour(
     else:
         _print(result, files, scenario.time_limit_s)
     if result.interrupted:
-        return EXIT_INTERRUPTED
+        return interrupt.exit_code
     return 0 if result.succeeded else 1
 
 
-def _drive(scenario: Scenario, names: tuple[str, ...], *, quiet: bool) -> TourResult:
+def _drive(scenario: Scenario, names: tuple[str, ...], interrupt: Interrupt, *, quiet: bool) -> TourResult:
     """Drives the tour; prints each goal's outcome to stderr unless `quiet`, and shows the state on a terminal."""
     from navstack.cli.output import reason_of, stderr
     from navstack.scenario import drive_tour
@@ -63,7 +67,7 @@ def _drive(scenario: Scenario, names: tuple[str, ...], *, quiet: bool) -> TourRe
             why = "" if outcome.succeeded else f", {reason_of(outcome, scenario.time_limit_s)}"
             stderr().print(f"{name}: {outcome.state} after {outcome.time_s:.1f} s{why}; {state}", markup=False)
 
-    with _interrupt_flag() as interrupted, stderr().status("starting") as line:
+    with stderr().status("starting") as line:
         shown = -1.0
 
         def show(state: TourState) -> None:
@@ -72,24 +76,7 @@ def _drive(scenario: Scenario, names: tuple[str, ...], *, quiet: bool) -> TourRe
                 shown = state.running_s
                 line.update(f"{state.place or 'waiting'}: {state}")
 
-        return drive_tour(scenario, names, on_goal=print_outcome, on_step=show, stop=interrupted)
-
-
-@contextmanager
-def _interrupt_flag() -> Generator[Callable[[], bool]]:
-    """Yields a function that is True after the first Ctrl-C; the second Ctrl-C ends the command at once."""
-    received: list[int] = []
-
-    def handle(number: int, frame: object) -> None:
-        del frame
-        received.append(number)
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-
-    before = signal.signal(signal.SIGINT, handle)
-    try:
-        yield lambda: bool(received)
-    finally:
-        signal.signal(signal.SIGINT, before)
+        return drive_tour(scenario, names, on_goal=print_outcome, on_step=show, stop=interrupt)
 
 
 def _print(result: TourResult, files: dict[str, str], limit_s: float) -> None:

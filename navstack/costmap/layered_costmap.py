@@ -251,11 +251,14 @@ class LayeredCostmap:
                 if isinstance(layer, StaticLayer):
                     return layer.geometry
         # truncated as in costmap_2d_ros.cpp; the small term corrects rounding such as 0.3 / 0.1 = 2.9999999999999996
-        nx, ny = (int(extent / params.resolution + 1e-9) for extent in (params.width, params.height))
+        nx, ny = (
+            int(min(extent / params.resolution + 1e-9, MAX_CELLS + 1)) for extent in (params.width, params.height)
+        )
         if nx < 1 or ny < 1 or nx * ny > MAX_CELLS:
             raise InputError(
                 f"{self.name}: width {params.width:g} m and height {params.height:g} m at a resolution of "
-                f"{params.resolution:g} m make {nx} x {ny} cells; choose between 1 and {MAX_CELLS:,} cells in total",
+                f"{params.resolution:g} m make {_count(nx)} x {_count(ny)} cells; "
+                f"choose between 1 and {MAX_CELLS:,} cells in total",
                 costmap=self.name,
             )
         return GridGeometry(nx, ny, params.resolution, params.origin_x, params.origin_y)
@@ -287,3 +290,7 @@ class LayeredCostmap:
 def _without_drift(summed: float, counted: float) -> float:
     """Return the origin summed up over the shifts, or the one counted in cells if they differ by a nanometre."""
     return summed if abs(summed - counted) < 1e-9 else counted
+
+
+def _count(cells: int) -> str:
+    return str(cells) if cells <= MAX_CELLS else f"more than {MAX_CELLS:,}"

@@ -16,6 +16,7 @@ from typing import Any, Final, Self
 
 from navstack import __version__
 from navstack.core.errors import InputError, OutputError, jsonable
+from navstack.core.file_lock import try_lock
 from navstack.core.files import atomic_write, ensure_directory
 from navstack.jobs.job import JobResult
 
@@ -78,7 +79,7 @@ class ResultsFile:
                 file = os.open(self.path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o666)
             except OSError as exc:
                 raise OutputError(f"cannot write {self.path}: {exc.strerror or exc}", path=str(self.path)) from exc
-            if not _locked(file):
+            if not try_lock(file):
                 os.close(file)
                 raise OutputError(
                     f"{self.path} is being written by another process; wait for it or choose another folder",
@@ -176,15 +177,3 @@ def _differences(there: Any, here: Any, name: str = "") -> Iterator[str]:
 def _short(value: Any) -> str:
     text = json.dumps(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
-
-
-def _locked(file: int) -> bool:
-    try:
-        import fcntl
-    except ImportError:  # not on this system: no protection against concurrent runs
-        return True
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
-    return True

@@ -10,6 +10,7 @@ from typing import Any, Literal, NamedTuple, Union, get_args, get_origin
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
+from navstack.core.bounded_reading import short_repr
 from navstack.core.parameters import ParamModel
 from navstack.parameters.findings import Finding, Location, Severity, finding
 from navstack.parameters.model_fields import bounds_of, is_frame, is_model
@@ -20,6 +21,10 @@ from navstack.parameters.yaml_nodes import DictNode, ListNode, Node, ScalarNode,
 Strictness = Literal["error", "warning"]
 """Severity of a wrong value: only a warning in a namespace that is not in use."""
 
+MAX_NUMBER = 1e15
+"""Largest magnitude of a float: squares and products of a few such numbers are finite, in float32 as well as sums."""
+
+MAX_INTEGER = 2**63 - 1
 _UNUSABLE = frozenset({"wrong-type", "out-of-range", "missing"})
 
 
@@ -98,6 +103,13 @@ class Validator:
             value = value.lstrip("/")
         if isinstance(value, float) and math.isnan(value) and isinstance(node, ScalarNode):
             self.add_finding(strictness, "wrong-type", node.at, path, f"{name} is not a number (nan); {expected(info)}")
+        too_large = _beyond(value)
+        if too_large is not None:
+            message = (
+                f"{name} = {short_repr(too_large)} is out of range: sums and products of numbers beyond {MAX_NUMBER:g} "
+                f"overflow; {expected(info)}"
+            )
+            self.add_finding(strictness, "out-of-range", node.at, path, message)
         in_use = strictness == "error"
         if (
             in_use
@@ -231,6 +243,16 @@ def _is_new(error: Any, written: Mapping[str, Written], dropped: bool) -> bool:
     if error["type"] == "missing" and len(error["loc"]) == 1 and error["loc"][0] in written:
         return False
     return bool(error["loc"]) or not dropped
+
+
+def _beyond(value: Any) -> float | int | None:
+    """A finite number in the value that no computation can use, None if there is none."""
+    if isinstance(value, (list, tuple)):
+        found = (_beyond(item) for item in value)
+        return next((number for number in found if number is not None), None)
+    if isinstance(value, int):
+        return value if abs(value) > MAX_INTEGER else None
+    return value if isinstance(value, float) and math.isfinite(value) and abs(value) > MAX_NUMBER else None
 
 
 def _fits(annotation: Any, node: ScalarNode) -> bool:

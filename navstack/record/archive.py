@@ -6,6 +6,7 @@ import io
 import json
 import math
 import os
+import warnings
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -165,7 +166,9 @@ def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]:
     header = io.BytesIO(content[:_MAX_HEADER])
     if np.lib.format.read_magic(header) != (1, 0):
         raise ValueError(f"{info.filename} is not an array of version 1")
-    shape, fortran, dtype = np.lib.format.read_array_header_1_0(header)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        shape, fortran, dtype = np.lib.format.read_array_header_1_0(header)
     first = header.tell()
     if dtype.hasobject:
         raise ValueError(f"{info.filename} contains Python objects")

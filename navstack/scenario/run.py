@@ -257,17 +257,24 @@ def run_scenario(
     timings: bool = False,
     progress: Progress | None = None,
     listeners: Sequence[Listener] = (),
+    stop: Callable[[], bool] | None = None,
 ) -> RunResult:
     """Drives the simulated robot to each goal in order; continues with the next goal when one fails.
 
     `record=False` computes the same metrics without keeping a record, for large numbers of runs. `timings` adds the wall
-    times of both planners.
+    times of both planners. `stop` is called before every cycle; when it returns True, the goal is cancelled and the run ends
+    with a complete record.
 
     Raises InputError or PlanningError if the robot cannot start.
     """
     wall_start = time.perf_counter()
     run = Run(scenario, record=record, timings=timings, listeners=listeners)
-    while run.step():
+    while True:
+        if stop is not None and stop():
+            run.stop()
+            break
+        if not run.step():
+            break
         if progress is not None:
             progress(run.robot.time, run.goal_index)
     return run.result(time.perf_counter() - wall_start)

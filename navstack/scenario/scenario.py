@@ -8,9 +8,11 @@ from typing import Any, Final
 
 from navstack import __version__
 from navstack.core import OccupancyGrid, Pose2D
+from navstack.core.bounded_reading import shortened
 from navstack.core.errors import RecordError
 from navstack.parameters.configuration import Configuration, load_configuration
 from navstack.record import Record
+from navstack.scenario.record_schema import scenario_problem
 from navstack.scenario.success import SuccessConditions
 from navstack.sim import Shape, World
 
@@ -92,6 +94,11 @@ class Scenario:
                 "another program wrote it; record the run again",
                 missing=missing,
             )
+        problem = scenario_problem(stored)
+        if problem is not None:
+            raise RecordError(
+                f"the scenario of {record.path or 'the record'} is damaged: {problem}; record the run again"
+            )
         try:
             return cls(
                 map=record.map,
@@ -111,8 +118,9 @@ class Scenario:
                 names={key: value for key, value in stored.items() if key not in (*_REQUIRED, *_OPTIONAL)},
             )
         except (TypeError, ValueError) as exc:
+            reason = shortened(" ".join(str(exc).split()), 200)
             raise RecordError(
-                f"the scenario of {record.path or 'the record'} is damaged ({exc}); record the run again"
+                f"the scenario of {record.path or 'the record'} is damaged ({reason}); record the run again"
             ) from exc
 
 

@@ -34,9 +34,10 @@ from navstack.parameters.configuration import check_parameters
 from navstack.places import load_places
 from navstack.record import Record
 from navstack.record import archive as record_archive
-from navstack.scenario import read_scenario
+from navstack.scenario import Scenario, read_scenario
 from navstack.scenario.suites.barn_worlds import load_worlds
 from tests.record import synthetic
+from tools.fuzz_inputs import Inputs
 
 MAP = (
     "image: map.png\nresolution: 0.05\norigin: [0.0, 0.0, 0.0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
@@ -282,3 +283,47 @@ def test_a_forged_description(name: str, good: Path, tmp_path: Path) -> None:
         meta[key] = {**meta[key], **value} if isinstance(value, dict) else value
     changed = {"meta.json": json.dumps(meta).encode()}
     message_of(Record.load, forged(good, tmp_path / "run.npz", **changed), RecordError)
+
+
+FORGED_SCENARIOS: dict[str, tuple[str, Any, str]] = {
+    "seed a text": ("seed", "x", "seed ('x')"),
+    "seed negative": ("seed", -1, "seed (-1)"),
+    "seed a boolean": ("seed", True, "seed (True)"),
+    "many obstacles": ("obstacles", [[0.0, 0.0, 0.1]] * 200_000, "obstacles"),
+    "many pedestrians": (
+        "shapes",
+        [{"radius": 0.2, "motion": {"kind": "pedestrian", "goals": [[0.0, 0.0], [1.0, 1.0]]}}] * 3_000,
+        "shapes",
+    ),
+    "more pedestrians than are handled": (
+        "shapes",
+        [{"radius": 0.2, "motion": {"kind": "pedestrian", "goals": [[0.0, 0.0], [1.0, 1.0]]}}] * 600,
+        "600 pedestrians",
+    ),
+    "start": ("start", [0.0, 1e308, 0.0], "start.1"),
+    "goal": ("goals", [[0.0, None, 0.0]], "goals.0.1"),
+    "time limit": ("time_limit_s", 1e30, "time_limit_s"),
+    "parameters": ("parameters", [], "parameters"),
+}
+
+
+@pytest.mark.parametrize("name", FORGED_SCENARIOS)
+def test_a_forged_scenario(name: str, tmp_path: Path) -> None:
+    members = Inputs(tmp_path).members
+    key, value, expected = FORGED_SCENARIOS[name]
+    meta = json.loads(members["meta.json"])
+    meta["scenario"][key] = value
+    path = tmp_path / "forged.npz"
+    with zipfile.ZipFile(path, "w") as archive:
+        for member, content in {**members, "meta.json": json.dumps(meta).encode()}.items():
+            archive.writestr(member, content)
+    message = message_of(lambda p: Scenario.from_record(Record.load(p)), path, RecordError)
+    assert expected in message
+    assert "\n" not in message
+
+
+def test_many_pedestrians_in_a_scenario_file(tmp_path: Path) -> None:
+    walking = "  - {radius: 0.2, pose: [1, 1], motion: {kind: pedestrian, goals: [[0, 0], [1, 1]]}}\n" * 501
+    path = tmp_path / "crowd.yaml"
+    path.write_text(f"map: office\nstart: [0.8, 7.45, 0]\ngoals: [[2, 7.45, 0]]\nshapes:\n{walking}")
+    assert "501 pedestrians" in message_of(read_scenario, path)

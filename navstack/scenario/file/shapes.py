@@ -7,7 +7,8 @@ from navstack.parameters.spelling import nearest
 from navstack.parameters.yaml_reader import DictNode, ListNode, Node, ScalarNode
 from navstack.scenario.file.context import ReadContext, describe
 from navstack.scenario.file.models import MOTIONS, Success
-from navstack.sim.shapes import Shape
+from navstack.scenario.record_schema import too_many_pedestrians
+from navstack.sim.shapes import PedestrianMotion, Shape
 
 _SYNONYMS = {
     "at": "pose",
@@ -34,6 +35,10 @@ def read_shapes(context: ReadContext) -> None:
         return
     made = [_read_shape(context, item, f"shape {i}") for i, item in enumerate(node.items, 1)]
     context.parts.shapes = tuple(shape for shape in made if shape is not None)
+    walking = sum(isinstance(shape.motion, PedestrianMotion) for shape in context.parts.shapes)
+    problem = too_many_pedestrians(walking)
+    if problem is not None:
+        context.error("wrong-value", node.at, "shapes", f"shapes has {problem}; remove some")
 
 
 def _read_shape(context: ReadContext, node: Node, name: str) -> Shape | None:

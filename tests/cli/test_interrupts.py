@@ -1,0 +1,110 @@
+"""Signals end a run with a complete record; two runs do not write into one folder; a full disk is one line."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from navstack.cli.app import run
+from navstack.cli.interrupts import interrupt_flag
+from navstack.core.errors import OutputError
+from navstack.core.file_lock import locked_folder
+from navstack.record import Record
+from navstack.scenario import run_scenario
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("command", ["simulate", "tour"])
+def test_a_signal_leaves_a_record(
+    command: str, number: signal.Signals, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The signal arrives before the first cycle after the warm-up."""
+    from navstack import scenario as scenarios
+
+    warm_up = scenarios.warm_up
+
+    def warm_up_and_signal(scenario: scenarios.Scenario) -> None:
+        warm_up(scenario)
+        os.kill(os.getpid(), number)
+
+    monkeypatch.setattr(scenarios, "warm_up", warm_up_and_signal)
+    handlers = [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
+    assert run([command, "office", "--out", str(tmp_path)]) == 128 + number
+    assert Record.load(tmp_path).results == []
+    assert (tmp_path / "summary.json").is_file()
+    assert [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)] == handlers
+
+
+def test_a_stopped_run_is_complete() -> None:
+    from navstack.scenario import load_scenario, shipped_scenarios
+
+    calls = iter(range(1000))
+    result = run_scenario(load_scenario(shipped_scenarios()["narrow_door"]), stop=lambda: next(calls) >= 20)
+    assert [goal.state for goal in result.goals] == ["PREEMPTED"]
+    assert result.recorder is not None
+    assert len(result.recorder.record().results) == 1
+
+
+def test_the_second_signal_ends_the_command() -> None:
+    with interrupt_flag() as flag:
+        assert not flag()
+        os.kill(os.getpid(), signal.SIGINT)
+        assert flag()
+        assert flag.exit_code == 130
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGINT)
+
+
+def test_an_ignored_signal_stays_ignored() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with interrupt_flag() as flag:
+            os.kill(os.getpid(), signal.SIGHUP)
+            assert not flag()
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+@pytest.mark.parametrize("command", ["simulate", "tour"])
+def test_two_runs_into_one_folder(command: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    with locked_folder(tmp_path):
+        assert run([command, "office", "--out", str(tmp_path)]) == 2
+    assert f"another process is writing to {tmp_path}" in capfd.readouterr().err.replace("\n", " ")
+    assert list(tmp_path.iterdir()) == []
+    with locked_folder(tmp_path), pytest.raises(OutputError), locked_folder(tmp_path):
+        pass
+    with locked_folder(tmp_path):
+        pass
+
+
+@pytest.mark.parametrize("arguments", [["info"], ["info", "--json"], ["check", "turtlebot", "--json"], ["--version"]])
+def test_a_full_disk(arguments: list[str]) -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "navstack", *arguments], stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: cannot write the output: No space left on device")
+    assert "Traceback" not in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    "key",
+    [
+        "local_costmap/width",
+        "local_costmap/footprint_padding",
+        "DWAPlannerROS/path_distance_bias",
+        "DWAPlannerROS/occdist_scale",
+        "DWAPlannerROS/twirling_scale",
+    ],
+)
+def test_a_number_that_overflows(key: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    for value in ("1e308", "-1e300"):
+        assert run(["simulate", "office", "--set", f"{key}={value}", "--out", str(tmp_path)]) == 2
+        assert "out of range" in capfd.readouterr().err
