@@ -26,14 +26,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from reference import Reference
+from reference import Reference, data_folder
 from scipy.ndimage import distance_transform_edt
 
 from navstack.core import Costmap, Footprint, GridGeometry, Path, Pose2D, RobotState, Twist2D
 from navstack.core.errors import ControlError
 from navstack.interfaces import ControlInput, LocalPlanner, Rollouts, ScoringContext
-from navstack.local_planner import DWAParams, DWAPlanner
-from navstack.local_planner.critics import DEFAULT_CRITICS
+from navstack.local_planner import DWAParams, DWAPlanner, TrajectoryPlanner, TrajectoryPlannerParams
+from navstack.local_planner.dwa.default_critics import DEFAULT_CRITICS
 from navstack.local_planner.dwa.planner import make_critics
 from navstack.local_planner.scoring import score
 from navstack.plugins import CRITICS, LOCAL_PLANNERS
@@ -129,6 +129,45 @@ def median_ms(planner: LocalPlanner, inputs: ControlInput, runs: int) -> tuple[f
             times.append(time.perf_counter() - start)
         samples = 0 if result.samples is None else len(result.samples)
     return 1e3 * float(np.median(times)), 1e3 * min(times), samples
+
+
+def rollout_rows(calibration: Reference | None, runs: int) -> list[dict[str, Any]]:
+    """Cycles of trajectory rollout in the scene of the C++ times: those of `times.json` in the folder `golden_ros1`."""
+    folder = data_folder("golden_ros1")
+    if not (folder / "times.json").is_file():
+        return []
+    times = json.loads((folder / "times.json").read_text())
+    data, scenes = np.load(folder / "trajectory_planner.npz"), np.load(folder / "trajectory_planner_scenes.npz")
+    ox, oy, resolution = scenes["obst360_2/info"].tolist()
+    costs, path = scenes["obst360_2/costmap"], scenes["obst360_2/plan"]
+    costmap = Costmap(GridGeometry(*costs.shape[::-1], resolution, ox, oy), costs.copy(), "odom")
+    x, y, yaw, vx, vy, wz = scenes["obst360_2/state"].tolist()
+    state = RobotState(Pose2D(x, y, yaw), Twist2D(vx, vy, wz))
+    rows: list[dict[str, Any]] = []
+    for case in times["trajectory_planner"]:
+        values = json.loads(bytes(data[f"{case['config']}/config_json"]).decode())
+        footprint = Footprint(data[f"footprint_{values.pop('footprint')}"])
+        values["controller_frequency"] = 1.0 / values.pop("sim_period")
+        values["vtheta_samples"] = {126: 18, 380: 18}.get(case["samples"], values["vtheta_samples"])
+        planner = TrajectoryPlanner(TrajectoryPlannerParams(**values))
+        now = calibration.calibration_ms() if calibration else None
+        taken: list[float] = []
+        result = None
+        for i in range(runs + 20):
+            start = time.perf_counter()
+            with contextlib.suppress(ControlError):
+                result = planner.search(state, costmap, footprint, path, Pose2D(*path[-1]))
+            if i >= 20:
+                taken.append(time.perf_counter() - start)
+        median = 1e3 * float(np.median(taken))
+        samples = 0 if result is None or result.samples is None else len(result.samples)
+        name = f"rollout_{case['config']}"
+        row: dict[str, Any] = {"case": name, "samples": samples, "median_ms": median, "best_ms": 1e3 * min(taken)}
+        if now:
+            row["calibration_ms"] = now
+            row["times_cpp"] = case["ms"] * now / times["calibration_ms"] / median
+        rows.append(row)
+    return rows
 
 
 SEQUENCES, POINTS, SEQUENCE_PERIOD_S = 2000, 56, 0.05
@@ -298,6 +337,7 @@ def main() -> None:
             row["calibration_ms"] = now
             row["times_cpp"] = calibration.speedup(name, median, now)
         rows.append(row)
+    rows += rollout_rows(calibration, args.runs)
     scoring = scoring_rows(inputs, calibration, min(args.runs, 60))
     if args.json:
         json.dump(rows + scoring, sys.stdout, indent=1)

@@ -10,13 +10,52 @@ import numpy as np
 from navstack.core.footprint_kernels import edge_cost, middle_offsets, overlaps_lethal, place_footprint
 from navstack.core.jit import kernel
 from navstack.core.line_kernels import line_next, line_start
-from navstack.local_planner._map_grid_kernels import BLOCKED, FREE_UNREACHED, STATE_SIZE
+from navstack.local_planner._map_grid_kernels import BLOCKED, FREE_UNREACHED, STATE_SIZE, grid_value
 
 # results of `perimeter_cost`
 ON_LETHAL = -1
 ON_UNKNOWN = -2
 OFF_MAP = -3
 HALF_PI = 0.5 * math.pi
+
+
+@kernel
+def count_points(samples, sim_time, granularity, angular_granularity, by_time, counts):
+    """Write the points per rollout, at least 1, to `counts` (K,). Returns the largest count.
+
+    `by_time`: as heading_scoring, the granularity is a time.
+    """
+    longest = 1
+    for k in range(len(samples)):
+        if by_time:
+            steps = sim_time / granularity
+        else:
+            along = math.hypot(samples[k, 0], samples[k, 1]) * sim_time / granularity
+            steps = max(along, abs(samples[k, 2]) / angular_granularity)
+        counts[k] = max(1, int(steps + 0.5))
+        longest = max(longest, counts[k])
+    return longest
+
+
+@kernel
+def distances_ahead(grid, storage, poses, counts, first, ahead, out):
+    """Write the grid's value `ahead` metres in front of the last point of each rollout from `first` on to `out`; -1 off the map.
+
+    `grid`, `storage`: see `start_wavefront`.
+    """
+    nx, ny = grid[0].nx, grid[0].ny
+    width = nx + 2
+    end = STATE_SIZE + (ny + 2) * width + 1
+    state, distances, queue = storage[:STATE_SIZE], storage[STATE_SIZE:end], storage[end:]
+    for k in range(first, len(counts)):
+        last = counts[k] - 1
+        yaw = poses[k, last, 2]
+        fx = (poses[k, last, 0] + ahead * math.cos(yaw) - grid[0].origin_x) / grid[0].resolution
+        fy = (poses[k, last, 1] + ahead * math.sin(yaw) - grid[0].origin_y) / grid[0].resolution
+        out[k - first] = -1.0
+        if fx >= 0.0 and fy >= 0.0 and fx < nx and fy < ny:
+            cell = (int(fy) + 1) * width + int(fx) + 1
+            out[k - first] = grid_value(distances, queue, state, cell, width, nx * ny)
 
 
 @kernel

@@ -19,10 +19,10 @@ from navstack.core import Costmap, Footprint, Pose2D, RobotState, Twist2D
 from navstack.core.parameters import ParamModel
 from navstack.interfaces import ControlInput, Critic, LocalPlan, Rollouts, ScoringContext, VelocityLimits
 from navstack.local_planner.goal_checker import SimpleGoalChecker
-from navstack.local_planner.rollouts import compute_cells, single_points
+from navstack.local_planner.map_grid import MapGrid
 from navstack.local_planner.sampling_planner import SamplingPlanner, control_period
 from navstack.local_planner.scoring import ScoreTable, score
-from navstack.local_planner.trajectory_rollout._kernels import sum_in_order
+from navstack.local_planner.trajectory_rollout._kernels import distances_ahead, sum_in_order
 from navstack.local_planner.trajectory_rollout.critics import (
     GoalDistanceCritic,
     HeadingCritic,
@@ -228,14 +228,14 @@ class TrajectoryPlanner(SamplingPlanner):
 
     def _distances_ahead(self, rollouts: Rollouts, first: int) -> NDArray[np.float64]:
         """Goal distance (cells) heading_lookahead ahead of the end of each rollout from `first` on; negative off the map."""
-        part = Rollouts(rollouts.commands[first:], rollouts.poses[first:], rollouts.counts[first:])
-        ends = single_points(part, part.counts - 1)
-        k = len(ends.counts)
         grid = self._goal_distance.grid
-        if grid is None or self._goal_distance.context is None:
+        if not isinstance(grid, MapGrid):
             raise RuntimeError("prepare was not called")
-        cells = compute_cells(ends, self._goal_distance.context.costmap.geometry)
-        return grid.at_nose(ends, cells, self.params.heading_lookahead, np.empty(k))
+        ahead = np.empty(len(rollouts.counts) - first)
+        distances_ahead(
+            grid.grid, grid.storage, rollouts.poses, rollouts.counts, first, self.params.heading_lookahead, ahead
+        )
+        return ahead
 
     def _turn_in_place(
         self, best: int, first: int, turns: NDArray[np.float64], step: float, candidates: _Candidates
@@ -244,17 +244,17 @@ class TrajectoryPlanner(SamplingPlanner):
 
         `first`: row of the first turn. `step`: difference of two turns (rad/s). Returns the row and its goal distance.
         """
-        ahead = self._distances_ahead(candidates.rollouts, first)
-        totals, samples = candidates.table.totals, candidates.samples
+        ahead = self._distances_ahead(candidates.rollouts, first).tolist()
+        table = candidates.table
+        totals, rejected_by = table.totals[first:].tolist(), table.rejected_by[first:].tolist()
         nearest = math.inf
+        # a sample that strafes costs more than any turn
+        limit = float(table.totals[best]) if best >= 0 and candidates.samples[best, 1] == 0.0 else math.inf
         for i, turn in enumerate(turns.tolist()):
-            k = first + i
-            if not candidates.legal(k) or abs(turn) <= step:
-                continue
-            if best >= 0 and totals[k] > totals[best] and samples[best, 1] == 0.0:
+            if rejected_by[i] != -1 or abs(turn) <= step or totals[i] > limit:
                 continue
             if 0.0 <= ahead[i] < nearest and self._flags.turn.allows(turn):
-                best, nearest = k, float(ahead[i])
+                best, nearest, limit = first + i, ahead[i], totals[i]
         return best, nearest
 
     def _strafe(self, context: ScoringContext, nearest: float, candidates: _Candidates) -> tuple[_Candidates, int]:

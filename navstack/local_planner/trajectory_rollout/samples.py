@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from navstack.core import RobotState
 from navstack.interfaces import Rollouts, TrajectoryGenerator, VelocityLimits
 from navstack.local_planner.rollouts import check_points
-from navstack.local_planner.trajectory_rollout._kernels import simulate_accelerating
+from navstack.local_planner.trajectory_rollout._kernels import count_points, simulate_accelerating
 from navstack.local_planner.trajectory_rollout.params import TrajectoryPlannerParams
 
 STRAFE = 0.1
@@ -82,16 +82,10 @@ class TrajectoryRolloutGenerator(TrajectoryGenerator):
     def simulate(self, samples: NDArray[np.float64], state: RobotState, limits: VelocityLimits) -> Rollouts:
         """Rollouts of `samples` (K, 3), which accelerate towards their sample."""
         p = self._params
-        if p.heading_scoring:
-            counts = np.full(len(samples), int(p.sim_time / p.sim_granularity + 0.5), np.int64)
-        else:
-            steps = np.maximum(
-                np.hypot(samples[:, 0], samples[:, 1]) * p.sim_time / p.sim_granularity,
-                np.abs(samples[:, 2]) / p.angular_sim_granularity,
-            )
-            counts = (steps + 0.5).astype(np.int64)
-        counts = np.maximum(counts, 1)
-        longest = int(counts.max())
+        counts = np.empty(len(samples), np.int64)
+        longest = count_points(
+            samples, p.sim_time, p.sim_granularity, p.angular_sim_granularity, p.heading_scoring, counts
+        )
         check_points(len(samples), longest)
         poses = np.empty((len(samples), longest, 3))
         simulate_accelerating(
