@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -15,6 +15,7 @@ from navstack.core import (
     INSCRIBED,
     LETHAL,
     Costmap,
+    Event,
     Footprint,
     FrameTree,
     Listener,
@@ -22,7 +23,8 @@ from navstack.core import (
     Pose2D,
     Transform2D,
 )
-from navstack.core.errors import InputError, PlanningError, StartOccupiedError, StartOutsideMapError
+from navstack.core.errors import FrameError, InputError, PlanningError, StartOccupiedError, StartOutsideMapError
+from navstack.core.frames import clean_frame
 from navstack.core.occupancy import Values, is_number
 from navstack.core.poses import require_pose
 from navstack.costmap import LayeredCostmap
@@ -60,8 +62,14 @@ def build_move_base(
 ) -> MoveBase:
     """Build a goal manager for `robot` with the planners, costmaps and recovery behaviors of a configuration.
 
-    `static_map` is the map that map_server would publish; None for a robot without a map.
+    `static_map` is the map that map_server would publish; None for a robot without a map. If its frame is unknown to the
+    robot, it is published in the global costmap's frame, with a warning.
     """
+    if static_map is not None and static_map.frame not in robot.frames.frames():
+        published = _in_global_frame(configuration, static_map)
+        if published is not static_map:
+            _warn_of_frame(static_map.frame, published.frame, listeners)
+        static_map = published
     return MoveBase(
         configuration.move_base,
         robot=robot,
@@ -73,6 +81,23 @@ def build_move_base(
         listeners=listeners,
         goal_time_limit_s=configuration.navstack.goal_time_limit or math.inf,
     )
+
+
+def _in_global_frame(configuration: Configuration, static_map: OccupancyGrid) -> OccupancyGrid:
+    """Return the map in the frame of the global costmap, as a map_server with that frame_id would publish it."""
+    frame = clean_frame(true_frame(configuration))
+    return static_map if static_map.frame == frame else replace(static_map, frame=frame)
+
+
+def _warn_of_frame(unknown: str, frame: str, listeners: Sequence[Listener]) -> None:
+    error = FrameError(
+        f'the frame "{unknown}" of the map is not a frame of the robot, so the map is used in "{frame}", the global_frame of '
+        f'global_costmap; on the robot, set the frame_id of map_server to "{frame}"',
+        frame=unknown,
+        used=frame,
+    )
+    for listener in listeners:
+        listener.on_event(Event(0.0, "warning", error.message, error.as_dict()))
 
 
 def _global_planner(choice: PluginChoice[GlobalPlanner]) -> GlobalPlanner:
@@ -245,6 +270,7 @@ def plan_on_map(
         raise _start_outside(static_map, start)
     frames = FrameTree()
     params = configuration.global_costmap.params
+    static_map = replace(static_map, frame=clean_frame(params.global_frame))
     frames.set_static(params.global_frame, params.robot_base_frame, Transform2D(start.x, start.y, start.yaw))
     costmap = build_costmap("global_costmap", configuration.global_costmap, frames, static_map)
     costmap.update(0.0)

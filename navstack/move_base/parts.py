@@ -48,7 +48,7 @@ def connect_parts(
     costmaps = CostmapUpdater(navigation, *update_frequencies)
     command = CommandOutput(navigation)
     goals = GoalLifecycle(navigation, server, planning)
-    plan_requests = PlanRequests(navigation, planning)
+    plan_requests = PlanRequests(navigation, planning, costmaps)
     sensors = StaleSensorCheck(navigation, costmaps)
     schedule = Schedule(navigation.params.controller_frequency)
     recovery = RecoverySequence(navigation, schedule, command, costmaps, goals, sensors, recovery_time_limit_s)

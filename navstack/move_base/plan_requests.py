@@ -6,6 +6,7 @@ from navstack.core.errors import NavError, PlanningTimeoutError
 from navstack.interfaces import GlobalPlanner, Plan
 from navstack.move_base import plugin_calls
 from navstack.move_base.active_goal import ActiveGoal
+from navstack.move_base.costmap_updater import CostmapUpdater
 from navstack.move_base.goal_lifecycle import locate_goal
 from navstack.move_base.navigation import Navigation
 from navstack.move_base.occupied_cell import add_layer
@@ -18,7 +19,8 @@ from navstack.move_base.states import Mode, NavEvent
 class PlanRequests:
     """Requests plans when they are due, and applies the answers."""
 
-    def __init__(self, navigation: Navigation, planning: Planning) -> None:
+    def __init__(self, navigation: Navigation, planning: Planning, costmaps: CostmapUpdater) -> None:
+        self._costmaps = costmaps
         self.schedule = PlanSchedule(navigation.params)
         self._navigation = navigation
         self._planning = planning
@@ -74,6 +76,9 @@ class PlanRequests:
 
     def _request_for(self, goal: ActiveGoal, now: float) -> PlanRequest:
         navigation = self._navigation
+        if self._costmaps.global_error is not None:
+            # ROS differs: it plans on a costmap that could not be updated, without its static map if need be
+            raise self._costmaps.global_error
         pose = locate_goal(navigation, goal, now) if goal.pose is None else goal.pose
         costmap = navigation.global_costmap
         start = plugin_calls.robot_pose(costmap, now)
