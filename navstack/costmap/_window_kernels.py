@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from navstack.core.jit import kernel
@@ -50,3 +52,39 @@ def look_up_map(master, costs, x0, y0, x1, y1, affine, maximum):
                 cost = costs[int(fy), int(fx)]
                 if not maximum or np.uint8(cost + np.uint8(1)) > np.uint8(master[iy, ix] + np.uint8(1)):
                     master[iy, ix] = cost
+
+
+@kernel
+def look_up_rotated_map(master, costs, x0, y0, x1, y1, affine, maximum, beyond):
+    """As `look_up_map`, but a cell is lethal if it overlaps any lethal cell of the other grid.
+
+    Cells whose centre is outside that grid get `beyond`, unless it is negative or `maximum` is set.
+    """
+    ny, nx = costs.shape
+    size = math.hypot(affine[1], affine[4])
+    c, s = affine[1] / size, affine[4] / size
+    # half extents: of the rotated cell along the axes of the other grid, and of both along the axes of the cell
+    reach = 0.5 * size * (abs(c) + abs(s))
+    upright = 0.5 + reach - 1e-9
+    turned = 0.5 * size + 0.5 * (abs(c) + abs(s)) - 1e-9
+    for iy in range(y0, y1):
+        for ix in range(x0, x1):
+            fx = affine[0] + affine[1] * ix + affine[2] * iy
+            fy = affine[3] + affine[4] * ix + affine[5] * iy
+            cost = np.int64(-1)
+            if fx >= 0.0 and fy >= 0.0 and fx < nx and fy < ny:
+                cost = np.int64(costs[int(fy), int(fx)])
+            elif not maximum:
+                cost = np.int64(beyond)
+            for jy in range(max(0, math.floor(fy - reach)), min(ny - 1, math.floor(fy + reach)) + 1):
+                for jx in range(max(0, math.floor(fx - reach)), min(nx - 1, math.floor(fx + reach)) + 1):
+                    if costs[jy, jx] != 254:
+                        continue
+                    dx, dy = jx + 0.5 - fx, jy + 0.5 - fy
+                    if max(abs(dx), abs(dy)) < upright and max(abs(c * dx + s * dy), abs(c * dy - s * dx)) < turned:
+                        cost = np.int64(254)
+            if cost < 0:
+                continue
+            new = np.uint8(cost)
+            if not maximum or np.uint8(new + np.uint8(1)) > np.uint8(master[iy, ix] + np.uint8(1)):
+                master[iy, ix] = new

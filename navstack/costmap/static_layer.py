@@ -25,7 +25,7 @@ from navstack.core import (
 from navstack.core.errors import InputError
 from navstack.core.parameter_checks import LayerTraits
 from navstack.core.parameters import ParamModel, param
-from navstack.costmap._window_kernels import combine_max, look_up_map
+from navstack.costmap._window_kernels import combine_max, look_up_map, look_up_rotated_map
 from navstack.costmap.regions import EVERYWHERE
 from navstack.interfaces import CellExplanation, Layer, LayerContext
 from navstack.plugins import LAYERS
@@ -57,7 +57,8 @@ class StaticLayer(Layer):
     """Obstacles of the static map.
 
     Without a rolling window, the costmap has the size of the map and the layer writes only when the map is new. In a rolling
-    window, in another frame, or with a rotated map, each cell centre is looked up in the map. 1 byte per cell of the map.
+    window or in another frame, each cell centre is looked up in the map. With a rotated map, a cell is also lethal if it overlaps
+    any lethal cell of the map, and the area beyond the map is unknown. 1 byte per cell of the map.
     """
 
     Params: ClassVar[type[ParamModel]] = StaticLayerParams
@@ -133,13 +134,14 @@ class StaticLayer(Layer):
             else:
                 master.data[window.slices] = self.costs[window.slices]
             return
-        look_up_map(
-            master.data,
-            self.costs,
-            *window,
-            cell_affine(to_map, master.geometry, self.map.geometry),
-            self.params.use_maximum,
-        )
+        affine = cell_affine(to_map, master.geometry, self.map.geometry)
+        if self.map.origin_yaw == 0.0:
+            look_up_map(master.data, self.costs, *window, affine, self.params.use_maximum)
+            return
+        # beyond a rotated map: the costmap covers more than the map
+        unknown = UNKNOWN if self.params.track_unknown_space else FREE
+        beyond = -1 if self.context.rolling_window else unknown
+        look_up_rotated_map(master.data, self.costs, *window, affine, self.params.use_maximum, beyond)
 
     def explain(self, ix: int, iy: int, master: Costmap) -> CellExplanation:
         """Explain the value of the map at the cell."""
