@@ -133,7 +133,7 @@ def load_places(source: str | Path) -> Places:
     path = Path(source)
     if isinstance(source, str) and (source in map_names() or not path.suffix):
         path = packaged_map_file(source, ".places.yaml")
-    file = read_yaml(path)
+    file = read_yaml(path, any_key=True)
     errors = [f for f in file.findings if f.severity == "error" or f.rule == "duplicated"]
     if errors:
         raise _error(errors[0].location, errors[0].message)
@@ -161,10 +161,11 @@ def _named_poses(root: DictNode) -> dict[str, Pose2D]:
 
 
 def _place_or_pose(node: Node, places: dict[str, Pose2D], what: str) -> tuple[str | None, Pose2D]:
-    if isinstance(node, ScalarNode) and isinstance(node.value, str):
-        if node.value not in places:
-            raise _error(node.at, f'{what} "{node.value}" is not a place; known places: {", ".join(places)}')
-        return node.value, places[node.value]
+    if isinstance(node, ScalarNode) and node.value is not None:
+        name = node.value if isinstance(node.value, str) else node.text  # `goals: [1, 2]`: names that are numbers
+        if name not in places:
+            raise _error(node.at, f'{what} "{name}" is not a place; known places: {", ".join(places)}')
+        return name, places[name]
     return None, pose_of(node, what)
 
 

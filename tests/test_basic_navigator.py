@@ -260,3 +260,38 @@ def test_with_the_real_parts() -> None:
         pass
     assert navigator.getResult() is TaskResult.SUCCEEDED
     assert navigator.move_base.local_costmap.robot_pose().x == pytest.approx(4.7, abs=0.2)
+
+
+def test_paths_through_poses_changed_maps_and_initial_poses() -> None:
+    places, office = nav.load_places("office"), nav.load_map(nav.map_path("office"))
+    navigator = BasicNavigator.simulated(nav.load_configuration(["turtlebot"]), office, places.start)
+    navigator.setInitialPose(places.start)
+    navigator.waitUntilNav2Active(localizer="amcl")
+    navigator.lifecycleStartup()
+    path = navigator.getPathThroughPoses(places.start, places.goals[:2])
+    assert path is not None
+    near = [min(math.hypot(x - goal.x, y - goal.y) for x, y, _ in path.poses) for goal in places.goals[:2]]
+    assert max(near) < 0.3
+    with pytest.raises(InputError, match="from where the robot is localized"):
+        navigator.setInitialPose(places.goals[0])
+    before = navigator.getGlobalCostmap().data.copy()
+    assert navigator.changeMap(nav.map_path("office"))
+    navigator.waitUntilNav2Active()
+    assert navigator.getGlobalCostmap().data.shape == before.shape
+
+
+def test_a_spin_that_cannot_end_in_time_is_rejected_before_it_starts() -> None:
+    navigator = BasicNavigator.simulated(
+        nav.load_configuration(["turtlebot"]), nav.load_map(nav.map_path("office")), nav.load_places("office").start
+    )
+    with pytest.raises(InputError, match="time_allowance of 1 s"):
+        navigator.spin(6.28, time_allowance=1.0)
+    assert navigator.isTaskComplete()
+
+
+def test_places_can_have_numbers_as_names(tmp_path) -> None:
+    file = tmp_path / "tour.yaml"
+    file.write_text("places:\n  1: [1.0, 2.0, 0.0]\n  2: [3.0, 2.0]\nstart: 1\ngoals: [2, 1]\n")
+    places = nav.load_places(file)
+    assert places.goal_names == ("2", "1")
+    assert places.start == Pose2D(1.0, 2.0, 0.0)

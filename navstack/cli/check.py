@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,6 +14,19 @@ from navstack.cli import options
 if TYPE_CHECKING:
     from navstack.parameters.findings import Finding
 
+
+class Severity(StrEnum):
+    """Lowest severity that is printed."""
+
+    error = "error"
+    warning = "warning"
+    info = "info"
+
+
+_LARGEST_SOURCE = 10_000_000
+"""Size of the largest file that is shown (bytes)."""
+_EXCERPT = 100
+"""Length of the part of a line that is shown (characters)."""
 SEVERITY_STYLE = {"error": "bold red", "warning": "yellow", "info": "cyan"}
 
 
@@ -27,6 +41,9 @@ def check(
     set_: options.Set = [],
     distro: options.Distro = None,
     strict: Annotated[bool, typer.Option("--strict", help="Treat warnings as errors.")] = False,
+    severity: Annotated[
+        Severity, typer.Option("--severity", help="Print findings of at least this severity.")
+    ] = Severity.info,
     allow_missing: options.AllowMissing = False,
     json_: options.Json = False,
 ) -> int:
@@ -39,10 +56,12 @@ def check(
     findings = _findings(params, set_, distro, allow_missing)
     if strict:
         findings = [replace(f, severity="error") if f.severity == "warning" else f for f in findings]
+    ranks = list(SEVERITY_STYLE)
+    shown = [f for f in findings if ranks.index(f.severity) <= ranks.index(severity.value)]
     if json_:
-        print_json({"findings": [f.as_dict() for f in findings]})
+        print_json({"findings": [f.as_dict() for f in shown]})
     else:
-        _print(findings)
+        _print(shown)
     return 2 if any(f.severity == "error" for f in findings) else 0
 
 
@@ -67,6 +86,8 @@ def _print(findings: list[Finding]) -> None:
         out.print(
             f"{escape(str(f.location))}: [{style}]{f.severity}[/]: {escape(f.message)} [dim]({escape(f.rule)})[/]"
         )
+        for line in source_excerpt(f):
+            out.print(line, markup=False, style="dim")
         if f.suggestion:
             out.print(f"    [dim]->[/] {escape(f.suggestion)}")
     counts = [(sum(f.severity == severity for f in findings), severity) for severity in SEVERITY_STYLE]
@@ -87,3 +108,18 @@ def _scenario(name: str) -> Path | None:
     from navstack.scenario import shipped_scenarios
 
     return shipped_scenarios().get(name)
+
+
+def source_excerpt(found: Finding) -> list[str]:
+    """The line of a finding and a caret under its column; empty if the line cannot be read."""
+    path = Path(found.file)
+    if not found.line or not path.is_file() or path.stat().st_size > _LARGEST_SOURCE:
+        return []
+    lines = path.read_text("utf-8", errors="replace").splitlines()
+    if found.line > len(lines):
+        return []
+    text = lines[found.line - 1]
+    begin = max(0, found.column - 1 - _EXCERPT // 2)
+    shown = "".join(c if c.isprintable() else " " for c in text[begin : begin + _EXCERPT])
+    caret = [" " * (5 + max(0, found.column - 1 - begin)) + "^"] if found.column else []
+    return [f"     {shown}", *caret]

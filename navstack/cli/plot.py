@@ -1,4 +1,4 @@
-"""`navstack plot`: draw a recorded run."""
+"""`navstack plot`: draw a recorded run or a map."""
 
 from __future__ import annotations
 
@@ -11,11 +11,19 @@ from navstack.cli import options
 
 
 def plot(
-    run: options.RunFolder,
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="RUN|MAP.yaml",
+            help="Folder of a recorded run, or its run.npz; or a map, by its file or packaged name.",
+        ),
+    ],
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", metavar="FILE", help="Write a picture (.png, .svg or .pdf). [default: run.png beside the record]"
+            "--out",
+            metavar="FILE",
+            help="Write a picture (.png, .svg or .pdf). [default: run.png beside the record, or MAP.png]",
         ),
     ] = None,
     animate: Annotated[
@@ -30,11 +38,20 @@ def plot(
     ] = 4.0,
     json_: options.Json = False,
 ) -> None:
-    """Draw map, costmaps, planned and driven paths, footprints and goals of a recorded run."""
+    """Draw a recorded run (map, costmaps, paths, footprints, goals), or a map with its places, grid and coordinates."""
     from navstack.cli.output import counting_bar, print_files, print_json
+    from navstack.core.errors import InputError
+    from navstack.map_io import map_names
     from navstack.plot import animate_run, plot_run
     from navstack.record import Record
 
+    run = Path(source)
+    if run.suffix in (".yaml", ".yml") or (source in map_names() and not (run / "run.npz").exists()):
+        if animate or animation is not None:
+            raise InputError("a map has no animation; name a recorded run", argument="--animate")
+        files = {"picture": str(_draw_map(source, out))}
+        print_json({"files": files}) if json_ else print_files(files)
+        return
     record = Record.load(run)
     folder = run if run.is_dir() else run.parent
     picture = out or folder / "run.png"
@@ -49,3 +66,16 @@ def plot(
         print_json({"files": files})
     else:
         print_files(files)
+
+
+def _draw_map(source: str, out: Path | None) -> Path:
+    """Draws a map, with the places of NAME.places.yaml beside it."""
+    from navstack.cli.arguments import map_of
+    from navstack.core.files import is_file
+    from navstack.places import load_places
+    from navstack.plot import plot_map
+
+    file, grid = map_of(source)
+    beside = file.with_name(f"{file.stem}.places.yaml")
+    places = load_places(beside).places if is_file(beside) else {}
+    return plot_map(grid, out or Path(f"{file.stem}.png"), places=places, title=file.name)

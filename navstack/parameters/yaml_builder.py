@@ -57,7 +57,8 @@ class _Open:
 class NodeBuilder:
     """Builds the nodes of one document. `feed` raises RejectedYamlError."""
 
-    def __init__(self, file: str) -> None:
+    def __init__(self, file: str, *, any_key: bool = False) -> None:
+        self._any_key = any_key
         self.file = file
         self.findings: list[Finding] = []
         self.root: Node | None = None
@@ -124,7 +125,7 @@ class NodeBuilder:
         if tag == MERGE:
             self._stack[-1].key = ("<<", self._place(mark))
             return
-        if tag not in (STR, "!"):
+        if tag not in (STR, "!") and not self._any_key:
             kind = _KINDS.get(tag, "not text")
             message = (
                 f'the key "{shortened(text)}" is {kind} in YAML, but a parameter name must be text; quote or rename it'

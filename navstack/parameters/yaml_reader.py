@@ -47,8 +47,11 @@ class YamlFile:
     findings: list[Finding]
 
 
-def read_yaml(path: Path, shown: str | None = None) -> YamlFile:
-    """Read a parameter file; every problem becomes a finding. `shown` is its name in messages."""
+def read_yaml(path: Path, shown: str | None = None, *, any_key: bool = False) -> YamlFile:
+    """Read a parameter file; every problem becomes a finding. `shown` is its name in messages.
+
+    `any_key`: keys that are numbers or booleans in YAML are taken as they are written.
+    """
     name = shown or str(path)
     try:
         data = read_bytes(path, MAX_BYTES)
@@ -66,7 +69,7 @@ def read_yaml(path: Path, shown: str | None = None) -> YamlFile:
         at = Location(name, line, column)
         message = f"the byte 0x{data[exc.start]:02x} is not valid UTF-8; save the file as UTF-8"
         return YamlFile(DictNode({}, Location(name)), [finding("error", "not-utf8", at, "", message)])
-    return parse_yaml(text, name)
+    return parse_yaml(text, name, any_key=any_key)
 
 
 def _unread(name: str, rule: str, problem: str) -> YamlFile:
@@ -74,9 +77,9 @@ def _unread(name: str, rule: str, problem: str) -> YamlFile:
     return YamlFile(DictNode({}, at), [finding("error", rule, at, "", f"{name} {problem}")])
 
 
-def parse_yaml(text: str, name: str) -> YamlFile:
+def parse_yaml(text: str, name: str, *, any_key: bool = False) -> YamlFile:
     """Read YAML text whose root is a mapping, or which is empty."""
-    root, findings = parse_value(text, name)
+    root, findings = parse_value(text, name, any_key=any_key)
     at = Location(name, 1, 1)
     if isinstance(root, DictNode):
         return YamlFile(root, findings)
@@ -91,9 +94,9 @@ def parse_yaml(text: str, name: str) -> YamlFile:
     return YamlFile(DictNode({}, at), findings)
 
 
-def parse_value(text: str, name: str) -> tuple[Node | None, list[Finding]]:
+def parse_value(text: str, name: str, *, any_key: bool = False) -> tuple[Node | None, list[Finding]]:
     """Read any YAML value; None for an empty document and for invalid YAML, which is reported in the findings."""
-    builder = NodeBuilder(name)
+    builder = NodeBuilder(name, any_key=any_key)
     tabs = "\t" in text and len(text) <= MAX_TABBED_BYTES
     loader: Any = yaml.SafeLoader if tabs else getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     try:

@@ -11,7 +11,7 @@ import math
 from navstack.core import Pose2D, RobotState, Twist2D
 from navstack.core.collision import turn_cost
 from navstack.core.costs import LETHAL
-from navstack.core.errors import CollisionAheadError
+from navstack.core.errors import CollisionAheadError, ParameterError
 from navstack.core.parameters import param
 from navstack.interfaces import RecoveryBehavior, RecoveryContext, RecoveryStatus, RecoveryStep
 from navstack.plugins import RECOVERY_BEHAVIORS
@@ -47,6 +47,17 @@ class Spin(RecoveryBehavior):
     def frequency(self) -> float:
         """Rate of the commands (Hz)."""
         return self.params.cycle_frequency
+
+    def check(self, context: RecoveryContext) -> None:
+        """Raise ParameterError if the turn cannot end within time_allowance, even at full speed."""
+        p = self.params
+        fastest = min(context.local_planner.limits.max_vel_theta, p.max_rotational_vel)
+        needed = abs(p.spin_dist) / fastest if fastest > 0.0 else math.inf
+        if needed > p.time_allowance:
+            raise ParameterError(
+                f"{self.name}: a turn of {abs(p.spin_dist):g} rad at {fastest:g} rad/s takes at least {needed:.1f} s, longer "
+                f"than its time_allowance of {p.time_allowance:g} s; raise it or max_rotational_vel, or reduce spin_dist"
+            )
 
     def start(self, context: RecoveryContext, now: float) -> None:
         """Start from the heading of the first step."""

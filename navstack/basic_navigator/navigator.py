@@ -1,21 +1,21 @@
-"""Nav2's simple commander on a `MoveBase`, with the camelCase method names that its scripts use.
-
-Source of names and semantics: nav2_simple_commander (robot_navigator.py). Methods that require ROS (lifecycle, localization,
-behavior trees) are omitted.
-"""
+"""`BasicNavigator`: names and semantics of nav2_simple_commander (robot_navigator.py)."""
 
 from __future__ import annotations
 
+import itertools
 import math
+import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from enum import Enum
-from typing import Final
 
+import numpy as np
+
+from navstack.basic_navigator.task import NO_ERROR, PASSED_RADIUS_M, POLL_S, TaskFeedback, TaskResult
 from navstack.bringup import build_move_base, simulated_robot
 from navstack.core import Costmap, Listener, OccupancyGrid, Path, Pose2D, Twist2D
 from navstack.core.errors import InputError, NavError
+from navstack.costmap import LayeredCostmap
 from navstack.interfaces import RecoveryBehavior, RecoveryStatus
+from navstack.map_io import load_map
 from navstack.move_base import GoalHandle, GoalStatus, MoveBase, plugin_calls
 from navstack.move_base.errors import GoalCanceledError, StaleSensorsError
 from navstack.move_base.schedule import EPSILON_S
@@ -28,40 +28,6 @@ from navstack.recovery import (
     Spin,
     SpinParams,
 )
-
-POLL_S: Final = 0.1
-"""Time that `isTaskComplete` advances (s), as in Nav2."""
-PASSED_RADIUS_M: Final = 0.7
-"""Distance at which an intermediate pose counts as passed (Nav2's RemovePassedGoals)."""
-NO_ERROR: Final = (0, "")
-
-
-class TaskResult(Enum):
-    """Result of a task, with Nav2's numbers."""
-
-    UNKNOWN = 0
-    SUCCEEDED = 1
-    CANCELED = 2
-    FAILED = 3
-
-
-@dataclass(frozen=True, slots=True)
-class TaskFeedback:
-    """Progress of a task."""
-
-    current_pose: Pose2D | None
-    """In the global costmap's frame; None if unknown."""
-    distance_remaining: float
-    """m along the plan, then straight from pose to pose; for a behavior its remaining distance or angle (m, rad)."""
-    navigation_time: float
-    """s since the task started."""
-    estimated_time_remaining: float | None
-    """s at the mean speed so far; None if that is unknown."""
-    number_of_recoveries: int
-    number_of_poses_remaining: int
-    """Including the present one."""
-    current_waypoint: int
-    """Index of the present pose."""
 
 
 class BasicNavigator:
@@ -251,6 +217,42 @@ class BasicNavigator:
             self._error = (exc.code, exc.message)
             return None
 
+    def getPathThroughPoses(
+        self, start: Pose2D, goals: Sequence[Pose2D], planner_id: str = "", use_start: bool = False
+    ) -> Path | None:
+        """Plan through all `goals` in order; None if a leg has no plan, with the reason in `getTaskError`."""
+        if not goals:
+            raise InputError("the list of goals is empty; give at least one")
+        legs = [self.getPath(start, goals[0], planner_id, use_start)]
+        for a, b in itertools.pairwise(goals):
+            if legs[-1] is None:
+                break
+            legs.append(self.getPath(a, b, planner_id, True))
+        found = [leg.poses for leg in legs if leg is not None]
+        return Path(np.concatenate(found)) if len(found) == len(legs) else None
+
+    def changeMap(self, map_filepath: str | os.PathLike[str] | OccupancyGrid) -> bool:
+        """Replace the static map of both costmaps; False if no layer accepts it. Raises MapError for an unreadable file."""
+        grid = map_filepath if isinstance(map_filepath, OccupancyGrid) else load_map(os.fspath(map_filepath))
+        costmaps = (self.move_base.global_costmap, self.move_base.local_costmap)
+        taken = [isinstance(c, LayeredCostmap) and c.set_static_map(grid) for c in costmaps]
+        self.move_base.costmaps_changed()
+        return any(taken)
+
+    def setInitialPose(self, initial_pose: Pose2D) -> None:
+        """Confirm where the robot is (global frame). Raises InputError if the localization places it elsewhere.
+
+        Nav2 differs: there the pose initializes amcl. The localization of a simulated robot is initialized by its start.
+        """
+        self.waitUntilNav2Active()
+        away = self.move_base.global_costmap.robot_pose(self._now).distance_to(initial_pose)
+        if away > PASSED_RADIUS_M:
+            raise InputError(
+                f"the initial pose ({initial_pose.x:g}, {initial_pose.y:g}) is {away:.2f} m from where the robot is localized; "
+                "give it as `start` to BasicNavigator.simulated, or initialize the localization of your robot",
+                distance_m=away,
+            )
+
     def clearAllCostmaps(self) -> None:
         """Reset every layer of both costmaps."""
         self.move_base.clear_costmaps()
@@ -271,9 +273,13 @@ class BasicNavigator:
         """Return the local master grid, which later updates change; copy it to keep it."""
         return self.move_base.local_costmap.master
 
-    def waitUntilNav2Active(self) -> None:
-        """Update both costmaps once, so that plans can be requested."""
+    def waitUntilNav2Active(self, navigator: str = "bt_navigator", localizer: str = "amcl") -> None:
+        """Update both costmaps once, so that plans can be requested. The names of Nav2's nodes have no effect."""
+        del navigator, localizer
         self._tick(self._now)
+
+    def lifecycleStartup(self) -> None:
+        """Do nothing: every part is active from the start."""
 
     def lifecycleShutdown(self) -> None:
         """End every task, stop the robot and reject later tasks."""
