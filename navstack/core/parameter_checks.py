@@ -41,6 +41,9 @@ class SensorSource:
     """Lower points are dropped (m)."""
     max_height: float = float("inf")
     """Higher points are dropped (m)."""
+    marking: bool = True
+    sensor_frame: str = ""
+    """Frame of the sensor's origin; empty: that of the message."""
 
 
 @dataclass(frozen=True, slots=True)

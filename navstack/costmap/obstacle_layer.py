@@ -102,7 +102,14 @@ class ObstacleLayer(Layer):
             fed_by_sensors=params.enabled and bool(params.sources),
             tracks_unknown_space=bool(params.track_unknown_space),
             sources={
-                name: SensorSource(s.topic or name, s.data_type, s.min_obstacle_height, s.max_obstacle_height)
+                name: SensorSource(
+                    s.topic or name,
+                    s.data_type,
+                    s.min_obstacle_height,
+                    s.max_obstacle_height,
+                    s.marking,
+                    s.sensor_frame,
+                )
                 for name, s in params.sources.items()
             },
         )

@@ -18,7 +18,7 @@ from navstack.parameters.models.move_base import MoveBaseParams, builtin_recover
 from navstack.parameters.namespaces import planner_namespaces, planner_space
 from navstack.parameters.plugin_lists import ListedPlugin, PluginLists, fixed_list, mark_used, short_type
 from navstack.parameters.pre_hydro import convert_pre_hydro
-from navstack.parameters.rules import check_rules
+from navstack.parameters.rules import check_rules, simulated
 from navstack.parameters.sources import Source, read_sources
 from navstack.parameters.tree import COSTMAPS, Space
 from navstack.parameters.unused import unused_parameters
@@ -82,6 +82,8 @@ class Loader:
         configuration = None
         if all(part is not None for part in parts.values()):
             configuration = Configuration(**parts, findings=(), tree=self.root, origins=self.binder.origins)
+            sim = simulated(configuration)
+            configuration = replace(configuration, navstack=configuration.navstack.model_copy(update={"sim": sim}))
             if self.complete:
                 self.findings += check_rules(configuration)
         sections = tuple(f"{space.path}/" for space in self.not_in_use)

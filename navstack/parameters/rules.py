@@ -10,6 +10,14 @@ from navstack.core.parameters import ParamModel
 from navstack.parameters.configuration_types import Configuration, CostmapConfiguration
 from navstack.parameters.findings import Finding, Location, finding
 from navstack.parameters.models.sim import SimParams
+from navstack.parameters.simulated_robot import (
+    assumed_lidar,
+    follow_planner,
+    follow_sources,
+    nothing_feeds,
+    sideways_command,
+    sources_of,
+)
 from navstack.parameters.tree import COSTMAPS, Leaf, Space
 from navstack.plugins import PluginChoice
 
@@ -35,11 +43,30 @@ def check_rules(configuration: Configuration) -> list[Finding]:
     for rule in ROBOT_RULES:
         found += _findings(configuration.tree, "", None, lambda rule=rule: rule(context))
     sim = configuration.navstack.sim
-    found += _findings(configuration.tree, "", None, lambda: simulated_robot_blind(context, sim))
+    blind = list(_findings(configuration.tree, "", None, lambda: simulated_robot_blind(context, sim)))
+    found += blind
+    planner = configuration.local_planner
+    frames = frozenset(
+        {c.params.global_frame for c in (configuration.global_costmap, configuration.local_costmap)}
+        | {context.local_costmap.robot_base_frame, "map", "odom"}
+    )
+    sources = sources_of(context.costmaps)
+    found += _findings(configuration.tree, "", None, lambda: assumed_lidar(sim, sources))
+    found += _findings(configuration.tree, "", None, lambda: sideways_command(sim, planner.namespace, planner.params))
+    if not blind:
+        found += _findings(configuration.tree, "", None, lambda: nothing_feeds(sim, sources, frames))
     return found
 
 
 # --- the robot --------------------------------------------------------------------------------------------------------
+
+
+def simulated(configuration: Configuration) -> SimParams:
+    """Return the simulated robot that follows the observation sources and the local planner of a configuration."""
+    context = _context(configuration)
+    sources = list(sources_of(context.costmaps).values())
+    sim = follow_sources(configuration.navstack.sim, sources, context.local_costmap.robot_base_frame)
+    return follow_planner(sim, configuration.local_planner.params)
 
 
 def _context(configuration: Configuration) -> CheckContext:

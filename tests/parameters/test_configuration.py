@@ -42,6 +42,10 @@ def robot(**more: Any) -> dict[str, Any]:
         for name in above:
             at = at.setdefault(name, {})
         at[last] = value
+    dwa = made.setdefault("DWAPlannerROS", {})
+    if isinstance(dwa, dict):  # a differential robot
+        dwa.setdefault("max_vel_y", 0.0)
+        dwa.setdefault("min_vel_y", 0.0)
     return made
 
 
@@ -137,7 +141,8 @@ def test_every_published_misspelling_is_found(data_dir: Path) -> None:
     assert [(f.key, f.suggestion) for f in elsewhere] == [
         ("global_costmap/obstacle_layer/min_obstacle_height", "scan/min_obstacle_height")
     ]
-    assert all(f.line > 0 for f in findings if f.severity == "warning")
+    # the sideways speed is a default: no line sets it
+    assert all(f.line > 0 for f in findings if f.severity == "warning" and f.rule != "sideways-command")
     assert not [f for f in findings if f.severity == "error"]
 
 
@@ -245,7 +250,7 @@ def test_the_section_of_a_planner_that_the_default_replaces_is_one_warning() -> 
     notes = {f.key: f.severity for f in check(robot()) if f.rule == "default-planner"}
     assert notes == {"base_global_planner": "info"}
     teb = robot(TebLocalPlannerROS={"max_vel_x": 0.4})
-    del teb["base_local_planner"]
+    del teb["base_local_planner"], teb["DWAPlannerROS"]
     assert ("default-planner", "TebLocalPlannerROS") in keys_of(check(teb), "warning")
 
 
@@ -663,7 +668,9 @@ def test_a_packaged_name_selects_the_packaged_set_in_any_folder(
 def test_a_value_instead_of_a_namespace(name: str) -> None:
     errors = [f for f in check(robot(**{name: 3})) if f.severity == "error"]
     assert [(f.rule, f.key) for f in errors] == [("wrong-type", name)]
-    assert keys_of(check(robot(**{name: None}))) == keys_of(check(robot()))
+    without = robot()
+    without.pop(name, None)
+    assert keys_of(check(robot(**{name: None}))) == keys_of(check(without))
 
 
 def test_an_unknown_layer_can_be_left_out() -> None:
@@ -702,6 +709,74 @@ def test_unknown_critics_and_recoveries_can_be_left_out() -> None:
 
 def test_sideways_speeds_of_trajectory_rollout_have_no_effect() -> None:
     rollout = robot(base_local_planner="base_local_planner/TrajectoryPlannerROS")
-    rollout["TrajectoryPlannerROS"] = {"max_vel_y": 0.0, "min_vel_y": 0.0}
+    rollout["TrajectoryPlannerROS"] = {"max_vel_y": 0.0, "min_vel_y": 0.0, "holonomic_robot": False}
     said_of = [(f.rule, f.severity) for f in check(rollout) if f.key.startswith("TrajectoryPlannerROS")]
     assert said_of == [("no-effect", "info")] * 2
+
+
+# --- the simulated robot follows the YAML -----------------------------------------------------------------------------
+
+
+def sources(**more: dict[str, Any]) -> dict[str, Any]:
+    """A robot whose obstacle layers have these sources."""
+    layer = {"observation_sources": " ".join(more), **more}
+    return robot(global_costmap__obstacle_layer=layer, local_costmap__obstacle_layer=layer)
+
+
+def test_the_simulated_lidars_follow_the_observation_sources() -> None:
+    front = {"data_type": "LaserScan", "topic": "/front/scan", "sensor_frame": "front_laser", "clearing": True}
+    rear = {"data_type": "LaserScan", "topic": "rear_scan", "min_obstacle_height": 0.5, "max_obstacle_height": 0.7}
+    loaded = load_configuration([sources(front=front, rear=rear)])
+    sim = loaded.navstack.sim
+    assert sim.lasers == ["laser", "laser_2"]
+    made = [sim.lidar(name) for name in sim.lasers]
+    assert [(p.topic, p.frame, p.height) for p in made] == [
+        ("front/scan", "front_laser", 0.3),
+        ("rear_scan", "rear_scan_link", pytest.approx(0.6)),
+    ]
+    assert not [f for f in loaded.findings if f.severity == "warning"]
+    [told, _] = [f.message for f in loaded.findings if f.rule == "assumed-lidar"]
+    assert "1 rad" in told and "0.45 to 6 m" in told and "navstack: {sim: {laser: {fov" in told
+    # what the user says is kept, and not assumed
+    own = sources(front=front) | {"navstack": {"sim": {"laser": {"fov": 4.7, "frame": "mine", "x": 0.3}}}}
+    kept = load_configuration([own])
+    lidar = kept.navstack.sim.lidar("laser")
+    assert (lidar.topic, lidar.frame, lidar.fov, lidar.x) == ("front/scan", "mine", 4.7, 0.3)
+    assert not [f for f in kept.findings if f.rule == "assumed-lidar"]
+
+
+def test_sources_that_the_simulated_robot_does_not_feed_are_warnings() -> None:
+    scan = {"data_type": "LaserScan", "topic": "scan"}
+    camera = {"data_type": "PointCloud2", "topic": "camera/points"}
+    [found] = [f for f in check(sources(scan=scan, camera=camera)) if f.severity == "warning"]
+    assert (
+        found.rule == "nothing-feeds" and "camera/points" in found.message and "data_type: LaserScan" in found.message
+    )
+    # the line of the message helps
+    two = sources(scan=scan, rear={"data_type": "LaserScan", "topic": "rear"})
+    two |= {"navstack": {"sim": {"lasers": ["laser"]}}}
+    [found] = [f for f in check(two) if f.severity == "warning"]
+    assert "{lasers: [laser, rear], rear: {topic: rear}}" in found.message
+    two["navstack"] = {"sim": {"lasers": ["laser", "rear"], "rear": {"topic": "rear", "frame": "rear_link"}}}
+    assert not [f for f in check(two) if f.severity == "warning"]
+    frame = sources(scan=scan | {"sensor_frame": "nowhere"}) | {"navstack": {"sim": {"lasers": ["laser"]}}}
+    assert [f.rule for f in check(frame) if f.severity == "warning"] == ["unknown-frame"]
+    clearing = sources(scan=scan, other=scan | {"topic": "other", "marking": False, "clearing": True})
+    assert [f.rule for f in check(clearing) if f.severity == "warning"] == ["clearing-only"]
+
+
+def test_sideways_commands_and_the_base() -> None:
+    def loaded(**dwa: float) -> tuple[str, bool]:
+        made = load_configuration([robot(DWAPlannerROS=dwa) | {"navstack": navstack}])
+        return made.navstack.sim.kinematics, any(f.rule == "sideways-command" for f in made.findings)
+
+    navstack: dict[str, Any] = {}
+    assert loaded() == ("differential", False)  # robot() sets both limits to 0
+    assert loaded(max_vel_y=0.3, min_vel_y=-0.3) == ("holonomic", False)
+    bare = robot()
+    del bare["DWAPlannerROS"]  # the default of ROS: 0.1 m/s
+    [found] = [f for f in check(bare) if f.rule == "sideways-command"]
+    assert found.severity == "warning" and "0.1 m/s" in found.message and "max_vel_y: 0" in found.message
+    navstack = {"sim": {"kinematics": "differential"}}
+    assert loaded(max_vel_y=0.3, min_vel_y=-0.3) == ("differential", True)
+    assert loaded(max_vel_y=0.3, min_vel_y=-0.3, acc_lim_y=0.0) == ("differential", False)
