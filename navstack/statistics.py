@@ -17,6 +17,10 @@ from numpy.typing import NDArray
 from navstack.core.errors import InternalError
 
 LEVEL: Final = 0.95
+_EXACT: Final = 50
+_FEWEST_RESAMPLED: Final = 5
+_RESAMPLES: Final = 1999
+_SEED: Final = 20260101
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,11 +63,18 @@ class Difference:
     higher: int
     """Number of pairs in which B is higher."""
     lower: int
+    p_value: float = 0.0
+    """Of Wilcoxon's signed-rank test of the groups; 0 for shares, which are not tested."""
+
+    @property
+    def excludes_zero(self) -> bool:
+        """True if the interval excludes zero, whatever the number of groups."""
+        return self.interval.low > 0.0 or self.interval.high < 0.0
 
     @property
     def shown(self) -> bool:
-        """True if the interval excludes zero."""
-        return self.interval.low > 0.0 or self.interval.high < 0.0
+        """True if the interval excludes zero and the rank test is significant."""
+        return self.excludes_zero and self.p_value <= 1.0 - self.interval.level + 1e-9
 
     @property
     def verdict(self) -> str:
@@ -122,23 +133,26 @@ def share(successes: Sequence[bool], groups: Sequence[Hashable] | None = None, *
 
 
 def mean(values: Sequence[float], groups: Sequence[Hashable] | None = None, *, level: float = LEVEL) -> Interval:
-    """Returns the mean with Student's interval over the groups' means; the bounds are NaN for a single group."""
+    """Returns the mean with an interval over the groups' means (see the module); the bounds are NaN for a single group."""
     data = np.asarray(values, np.float64)
     if len(data) == 0:
         return _no_data(level)
     means, _ = _by_group(data, groups)
-    return _student(means, level)
+    return _mean_interval(means, level)
 
 
 def paired_difference(
     a: Sequence[float], b: Sequence[float], groups: Sequence[Hashable] | None = None, *, level: float = LEVEL
 ) -> Difference:
-    """Returns the mean of `b - a` with Student's interval over the groups' means; `a[i]`, `b[i]` are of one scenario and seed."""
+    """Returns the mean of `b - a` with an interval over the groups' means (see the module) and the p-value of a rank test.
+
+    `a[i]` and `b[i]` are of one scenario and seed.
+    """
     difference = _paired(a, b)
     if len(difference) == 0:
         return Difference(_no_data(level), 0, 0, 0)
     means, _ = _by_group(difference, groups)
-    return _difference(_student(means, level), difference)
+    return _difference(_mean_interval(means, level), difference, signed_rank_p(means))
 
 
 def paired_share_difference(
@@ -189,8 +203,62 @@ def _paired(a: Sequence[float], b: Sequence[float]) -> NDArray[np.float64]:
     return np.asarray(b, np.float64) - np.asarray(a, np.float64)
 
 
-def _difference(interval: Interval, difference: NDArray[np.float64]) -> Difference:
-    return Difference(interval, len(difference), int((difference > 0.0).sum()), int((difference < 0.0).sum()))
+def _difference(interval: Interval, difference: NDArray[np.float64], p_value: float = 0.0) -> Difference:
+    higher, lower = int((difference > 0.0).sum()), int((difference < 0.0).sum())
+    return Difference(interval, len(difference), higher, lower, p_value)
+
+
+def signed_rank_p(values: NDArray[np.float64]) -> float:
+    """Returns the two-sided p-value of Wilcoxon's signed-rank test of a median of 0; 1 without nonzero values.
+
+    Zeros are left out and ties get their mean rank. Exact up to 50 values: the distribution of the sum of ranks over all
+    assignments of signs. Beyond, the normal approximation with the tied variance.
+    """
+    nonzero = values[values != 0.0]
+    if len(nonzero) == 0:
+        return 1.0
+    from scipy import special, stats
+
+    ranks = np.rint(2.0 * stats.rankdata(np.abs(nonzero))).astype(np.int64)  # whole numbers also for ties
+    total, positive = int(ranks.sum()), int(ranks[nonzero > 0.0].sum())
+    smaller = min(positive, total - positive)
+    if len(nonzero) > _EXACT:
+        z = (smaller + 1 - total / 2.0) / math.sqrt(float((ranks.astype(np.float64) ** 2).sum()) / 4.0)
+        return min(1.0, 2.0 * float(special.ndtr(min(z, 0.0))))
+    counts = np.zeros(total + 1)
+    counts[0] = 1.0
+    for rank in ranks.tolist():
+        counts[rank:] = counts[rank:] + counts[: total + 1 - rank]
+    return min(1.0, 2.0 * float(counts[: smaller + 1].sum() / counts.sum()))
+
+
+def _mean_interval(means: NDArray[np.float64], level: float) -> Interval:
+    student = _student(means, level)
+    n = len(means)
+    if n < _FEWEST_RESAMPLED or np.ptp(means) == 0.0:
+        return student
+    low, high = _bca(means, level)
+    return Interval(student.value, min(low, student.low), max(high, student.high), n, level)
+
+
+def _bca(means: NDArray[np.float64], level: float) -> tuple[float, float]:
+    """Returns the BCa interval of the mean, with quantiles of Student's t instead of the normal ones (T. Hesterberg 2015)."""
+    from scipy import special
+
+    n, value = len(means), float(means.mean())
+    rng = np.random.default_rng(_SEED)
+    resampled = np.sort(means[rng.integers(0, n, (_RESAMPLES, n))].mean(axis=1))
+    below = float((resampled < value).sum() + 0.5 * (resampled == value).sum()) / _RESAMPLES
+    bias = float(special.ndtri(min(max(below, 1.0 / _RESAMPLES), 1.0 - 1.0 / _RESAMPLES)))
+    apart = means - value
+    skew = float((apart**3).sum() / (6.0 * (apart**2).sum() ** 1.5))
+    t = float(special.stdtrit(n - 1, 0.5 + level / 2.0)) * math.sqrt(n / (n - 1))
+    ends: list[float] = []
+    for z in (-t, t):
+        slope = 1.0 - skew * (bias + z)
+        share_below = float(special.ndtr(bias + (bias + z) / slope)) if slope > 0.0 else float(z > 0.0)
+        ends.append(float(np.quantile(resampled, share_below)))
+    return ends[0], ends[1]
 
 
 def _by_group(

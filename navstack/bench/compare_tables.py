@@ -33,8 +33,10 @@ _SCENARIO_COLUMNS: Final = (
 def measures_table(pairs: Sequence[Pair]) -> Table:
     """A row per measure: both sides, the difference and the verdict.
 
-    Scenarios are the independent groups; for a single scenario its seeds are, and the intervals hold for it alone.
+    Scenarios are the independent groups; for a single scenario its seeds are, and the intervals hold for it alone. Identical
+    runs count once: without noise, every seed repeats the same run.
     """
+    pairs = distinct(pairs)
     single = len({p.scenario for p in pairs}) == 1
     rows = [_success_row(pairs, _groups(pairs, single))]
     for m in MEASURES:
@@ -43,6 +45,14 @@ def measures_table(pairs: Sequence[Pair]) -> Table:
             rows.append(_measure_row(m, used, _groups(used, single)))
     over = "the seeds of one scenario" if single else "scenarios"
     return Table(f"B against A, with 95 % confidence intervals over {over}", _MEASURE_COLUMNS, rows)
+
+
+def distinct(pairs: Sequence[Pair]) -> list[Pair]:
+    """The pairs of runs without those that repeat a pair of the same scenario in every metric."""
+    found: dict[tuple[str, str], Pair] = {}
+    for pair in pairs:
+        found.setdefault((pair.scenario, repr((sorted(pair.a.items()), sorted(pair.b.items())))), pair)
+    return list(found.values())
 
 
 def _groups(pairs: Sequence[Pair], single: bool) -> list[int] | list[str]:

@@ -1,7 +1,7 @@
 """Default search ranges by plugin, and recommended first values.
 
 The bounds of a parameter's model are often very wide; these ranges are the useful part. Limits of the robot (speeds and
-accelerations) are searched up to the present value, or up to the default of ROS if that is higher.
+accelerations) are searched up to the present value: more only with a range that the user gives.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Range(NamedTuple):
     """Recommended first value."""
     log: bool = False
     robot: bool = False
-    """True for a limit of the robot: `high` is the default of ROS, and the range ends at the present value if higher."""
+    """True for a limit of the robot: the range ends at the present value, whatever `high`."""
     ties: tuple[tuple[str, float], ...] = ()
     """Parameters of the same namespace that are set with it: (name, factor)."""
 
@@ -98,22 +98,20 @@ def default_space(configuration: Configuration, part: str = "auto") -> SearchSpa
     return SearchSpace(tuple(found))
 
 
-def _dimension(
-    parameters: Mapping[str, Parameter], name: str, default: Range | Choice, robot_limit: float | None = None
-) -> Dimension:
-    """`robot_limit`: the known limit of the robot, instead of the present value."""
+def _dimension(parameters: Mapping[str, Parameter], name: str, default: Range | Choice) -> Dimension:
     made = without_range(parameters[name], name)
     if isinstance(default, Choice):
         return replace(made, choices=default.values, start=default.start)
+    path = name.rpartition("/")[0]
     high, start = default.high, default.start
     if default.robot:
-        present = abs(float(made.present)) if made.present is not None else 0.0
-        high = robot_limit if robot_limit is not None else max(high, present)
-        start = max(start, present)
-    path = name.rpartition("/")[0]
+        high = start = _limit(parameters, name, default)
+    low = min(default.low, high / 2.0)
+    if default.low < 0.0:  # reversing is a limit of the robot, too
+        low = max(low, min(0.0, _number(parameters, name)))
     return replace(
         made,
-        low=min(default.low, high / 2.0),
+        low=low,
         high=high,
         log=default.log,
         start=min(start, high),
@@ -122,14 +120,32 @@ def _dimension(
     )
 
 
+def _untied(default: Range | Choice) -> Range | Choice:
+    """For a holonomic robot, max_vel_trans is independent of max_vel_x."""
+    return default._replace(ties=()) if isinstance(default, Range) else default
+
+
+def _limit(parameters: Mapping[str, Parameter], name: str, default: Range) -> float:
+    """The largest value that exceeds neither the present value nor those of the parameters that are set with it."""
+    path = name.rpartition("/")[0]
+    tied_to = [abs(_number(parameters, f"{path}/{other}") / factor) for other, factor in default.ties]
+    return min(v for v in (abs(_number(parameters, name)), *tied_to) if v > 0.0)
+
+
+def _number(parameters: Mapping[str, Parameter], name: str) -> float:
+    found = parameters.get(name)
+    return float(found.value) if found is not None and isinstance(found.value, (int, float)) else 0.0
+
+
 def _local_planner(configuration: Configuration, parameters: Mapping[str, Parameter]) -> Iterator[Dimension]:
-    planner, sim = configuration.local_planner, configuration.navstack.sim
-    limits = {"acc_lim_x": sim.acc_lim_x, "acc_lim_theta": sim.acc_lim_theta}
+    planner = configuration.local_planner
     holonomic = planner.name == "dwa" and planner.params.max_vel_y > 0.0
     for name, default in LOCAL_PLANNERS.get(planner.name, {}).items():
-        made = _dimension(parameters, f"{planner.namespace}/{name}", default, limits.get(name))
-        # for a holonomic robot, max_vel_trans is independent of max_vel_x
-        yield replace(made, ties=()) if holonomic else made
+        full = f"{planner.namespace}/{name}"
+        if isinstance(default, Range) and default.robot and _number(parameters, full) == 0.0:
+            continue  # a limit of 0 is kept
+        made = _dimension(parameters, full, _untied(default) if holonomic else default)
+        yield made
 
 
 def _inflation(configuration: Configuration, parameters: Mapping[str, Parameter]) -> Iterator[Dimension]:

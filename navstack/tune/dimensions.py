@@ -15,6 +15,7 @@ from navstack.parameters.report import Parameter, value_text
 from navstack.tune.space import Dimension, Kind, Value
 
 _BOUND_WORDS: Final = {"ge": "at least", "gt": "above", "le": "at most", "lt": "below"}
+_SPEED_UNITS: Final = frozenset({"m/s", "rad/s", "m/s²", "rad/s²"})
 _MARGIN: Final = 1e-6
 """Relative distance from an excluded bound (absolute from 0)."""
 _WIDE: Final = 4.0
@@ -75,7 +76,8 @@ def from_metadata(parameter: Parameter, where: str) -> Dimension:
     """A range derived from the model.
 
     The bounds of the model, if both exist and are close to the present value; otherwise from a quarter to four times the
-    present value on a log scale. Raises InputError if neither is possible.
+    present value on a log scale. A speed or acceleration limit of the robot is not searched above its present value. Raises
+    InputError if neither is possible.
     """
     made = without_range(parameter, where)
     if made.kind == "choice":
@@ -86,6 +88,8 @@ def from_metadata(parameter: Parameter, where: str) -> Dimension:
         return made
     low, high = _limits(parameter.info)
     value = float(made.present) if made.present is not None else 0.0
+    if _limits_robot(made) and value > 0.0:
+        return replace(made, low=max(low, value / _WIDE), high=value, robot=True)
     if math.isfinite(low) and math.isfinite(high) and (value == 0.0 or high <= _WIDE * abs(value)):
         return replace(made, low=low, high=high, log=low > 0.0 and high / low >= 100.0)
     if value == 0.0:
@@ -99,6 +103,12 @@ def from_metadata(parameter: Parameter, where: str) -> Dimension:
     if made.kind == "int":
         low, high = math.ceil(low), max(math.floor(high), math.ceil(low) + 1)
     return replace(made, low=low, high=high, log=low > 0.0)
+
+
+def _limits_robot(dimension: Dimension) -> bool:
+    """Whether a larger value lets the robot drive or accelerate faster."""
+    last = dimension.name.rpartition("/")[2]
+    return dimension.unit in _SPEED_UNITS and last.startswith(("max_", "acc_", "decel_"))
 
 
 def with_range(parameter: Parameter, low: float, high: float, log: bool, where: str) -> Dimension:

@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from navstack.parameters.report import value_text
 from navstack.parameters.yaml_rewrite import RewrittenFiles
@@ -15,6 +16,9 @@ from navstack.tune.comparison import Comparison
 from navstack.tune.objectives import OBJECTIVES
 from navstack.tune.sensitivity import Perturbation
 from navstack.tune.tuning import TuningResult
+
+FEW: Final = 6
+"""With fewer groups, no exact test can show a difference at 5 %."""
 
 _STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }
@@ -121,7 +125,11 @@ def _changes(tuning: TuningResult, rewritten: RewrittenFiles) -> Iterator[str]:
         yield f"<tr><td>{_e(c.name)}</td>{values}<td class=dim>{_e(c.place or 'new line')}</td></tr>"
     yield "</table>"
     if tuning.reverted:
-        yield f"<p class=dim>Reverted, because they made no difference: {_e(', '.join(tuning.reverted))}.</p>"
+        names = [_with_importance(name, tuning.importance) for name in tuning.reverted]
+        yield (
+            "<p class=dim>Reverted, because the best trial's value gave the same result as the present one: "
+            f"{_e(', '.join(names))}. The importance describes the whole range, including values far from both.</p>"
+        )
     limits = [d.name for d in tuning.problem.space if d.robot and d.name in tuning.candidate]
     if limits:
         yield (
@@ -130,6 +138,10 @@ def _changes(tuning: TuningResult, rewritten: RewrittenFiles) -> Iterator[str]:
         )
     if rewritten.overlay_reason:
         yield f"<p>The values are in a separate file, to be loaded last, because {_e(rewritten.overlay_reason)}.</p>"
+
+
+def _with_importance(name: str, importance: Mapping[str, float]) -> str:
+    return f"{name} (importance {importance[name]:.0%})" if name in importance else name
 
 
 def _comparison(comparison: Comparison, before: str, after: str) -> Iterator[str]:
@@ -141,7 +153,17 @@ def _comparison(comparison: Comparison, before: str, after: str) -> Iterator[str
         note = " of runs that succeed in both" if m.name in ("time", "clearance", "jerk") else ""
         cells = "".join(f"<td class=n>{_e(text)}</td>" for text in m.texts)
         yield f"<tr><td>{_e(m.label)}<span class=dim>{note}</span></td>{cells}<td>{_e(m.verdict)}</td></tr>"
-    yield f"</table><p class=dim>{len(comparison.cases)} paired runs; the runs of one scenario form a group.</p>"
+    runs = f"{len(comparison.cases)} paired runs; the runs of one scenario form a group."
+    yield f"</table><p class=dim>{runs}{_few(comparison)}</p>"
+
+
+def _few(comparison: Comparison) -> str:
+    """A comment on intervals that are wide because there are few groups."""
+    few = {m.name: m.difference.interval.groups for m in comparison.measures if 0 < m.difference.interval.groups < FEW}
+    if not few:
+        return ""
+    counts = ", ".join(f"{name} {n}" for name, n in few.items())
+    return f" <b>Few scenarios ({_e(counts)})</b>: their intervals are wide and say little; tune with more scenarios."
 
 
 def _fixed_and_broken(tuning: TuningResult, fixed_runs: Sequence[FixedRun]) -> Iterator[str]:

@@ -54,7 +54,7 @@ class Perturbation:
         score = c.measure("score").difference
         effects = _effects(c)
         if not effects:
-            kinds = "on success, time or clearance " if score.shown else ""
+            kinds = "on success, time or clearance " if score.excludes_zero else ""
             effects = [f"the runs differ, but no effect {kinds}is shown"]
         return f"{head}: {', '.join(effects)}; score {score.interval.text(3)}"
 
@@ -86,7 +86,7 @@ def _effects(c: Comparison) -> list[str]:
         )
     for name, words in _SHOWN_EFFECTS:
         m = c.find(name)
-        if m is not None and m.difference.shown:
+        if m is not None and m.difference.excludes_zero:
             i = m.difference.interval
             word = words[0] if i.value > 0.0 else words[1]
             low, high = sorted((abs(i.low), abs(i.high)))

@@ -57,11 +57,15 @@ class TuningResult:
 
     @property
     def never_solved(self) -> list[str]:
-        """Training cases without any success although at least two candidates were driven."""
+        """Training cases without any success, also of the result, although at least two candidates were driven."""
         found: list[str] = []
-        for case, before in zip(self.training.cases, self.training.before, strict=True):
+        for case, before, after in zip(self.training.cases, self.training.before, self.training.after, strict=True):
             driven = [t.outcomes[case.key] for t in self.trials if case.key in t.outcomes]
-            if len(driven) >= 2 and not before["success"] and not any(o["success"] for o in driven):
+            if (
+                len(driven) >= 2
+                and not (before["success"] or after["success"])
+                and not any(o["success"] for o in driven)
+            ):
                 found.append(case.key)
         return found
 

@@ -14,12 +14,13 @@ from PIL import Image
 from navstack.core.errors import InputError, InternalError, OutputError
 from navstack.jobs import SerialExecutor
 from navstack.parameters.configuration import Configuration, load_configuration
+from navstack.parameters.yaml_rewrite import RewrittenFiles, ValueChange
 from navstack.tune.comparison import compare
 from navstack.tune.evaluation import Case, RunOutcome
 from navstack.tune.objectives import select_objectives
 from navstack.tune.pipeline import TuneRequest, run_sensitivity, run_tuning
 from navstack.tune.report import write_report
-from navstack.tune.report_html import ReportHeader
+from navstack.tune.report_html import ReportHeader, tuning_page
 from navstack.tune.search_space_parser import parse_search_space
 from navstack.tune.sensitivity import sensitivity, values_to_try
 from navstack.tune.setup import SearchOptions, prepare
@@ -222,3 +223,24 @@ def test_comparison_of_equal_runs_shows_no_difference() -> None:
     made = compare(p.cases, runs, runs)
     assert made.measure("score").verdict == "no difference shown"
     assert (made.fixed, made.broken) == ([], [])
+
+
+def test_the_report_does_not_contradict_itself(tmp_path: Path) -> None:
+    """A scenario that the result solves was solved; few groups and the importance of reverted parameters are explained."""
+    tuning = run_tune(tmp_path, OneInfeasible(4), sim_time=0.6, trials=6)
+    solved = tuple({**o, "success": True} for o in tuning.training.after)
+    tuning = replace(
+        tuning,
+        training=replace(tuning.training, after=solved),
+        reverted=("DWAPlannerROS/vx_samples",),
+        importance={"DWAPlannerROS/vx_samples": 0.29},
+    )
+    assert tuning.never_solved == [] and "No candidate succeeded" not in tuning.verdict
+    header = ReportHeader("Tuning", "turtlebot", "navstack tune", "Summary.")
+    text = "\n".join(
+        tuning_page(
+            tuning, header, RewrittenFiles({}, (), (ValueChange("DWAPlannerROS/sim_time", 1.0, 1.5, "", True),)), {}, ()
+        )
+    )
+    assert "DWAPlannerROS/vx_samples (importance 29%). The importance describes the whole range" in text
+    assert "Few scenarios (score 4, success 4" in text

@@ -6,6 +6,7 @@ import pytest
 
 from navstack.core.errors import InputError
 from navstack.parameters.configuration import Configuration, load_configuration
+from navstack.parameters.report import parameters_of
 from navstack.tune.default_ranges import default_space
 from navstack.tune.sampling import candidates
 from navstack.tune.search_space_parser import parse_search_space
@@ -198,3 +199,35 @@ def test_latin_hypercube_visits_every_stratum(turtlebot: Configuration) -> None:
 def test_invalid_samples(turtlebot: Configuration, method: str, samples: int, points: int, expected: str) -> None:
     with pytest.raises(InputError, match=expected):
         candidates(default_space(turtlebot), method, samples=samples, points=points, seed=0)
+
+
+def test_speeds_and_accelerations_never_exceed_those_of_the_yaml() -> None:
+    changes = [
+        [],
+        ["DWAPlannerROS/max_vel_trans=0.3"],
+        ["DWAPlannerROS/max_vel_x=0.2", "DWAPlannerROS/acc_lim_x=0.4", "DWAPlannerROS/acc_lim_theta=0.6"],
+        ["DWAPlannerROS/max_vel_theta=0.5", "DWAPlannerROS/min_vel_x=-0.05"],
+        ["DWAPlannerROS/max_vel_y=0.3", "DWAPlannerROS/acc_lim_y=1.0"],
+        ["base_local_planner=base_local_planner/TrajectoryPlannerROS", "TrajectoryPlannerROS/acc_lim_x=0.7"],
+        ["base_local_planner=base_local_planner/TrajectoryPlannerROS", "TrajectoryPlannerROS/min_vel_theta=-0.4"],
+    ]
+    limits = ("max_vel_x", "max_vel_trans", "max_vel_theta", "acc_lim_x", "acc_lim_theta", "min_vel_theta")
+    for overrides in changes:
+        robot = load_configuration(["turtlebot"], overrides=overrides)
+        present = {p.name: p.value for p in parameters_of(robot)}
+        prefix = robot.local_planner.namespace
+        named = [f"{prefix}/{n}" for n in limits[:5] if f"{prefix}/{n}" in present]
+        for space in (default_space(robot), parse_search_space(robot, params=named)):
+            for d in space:
+                if d.kind == "choice":
+                    continue
+                for name, value in (*d.settings(d.high), *d.settings(d.low), *d.settings(d.start or d.low)):
+                    last = name.rpartition("/")[2]
+                    if last in limits:
+                        assert abs(float(value)) <= abs(float(present[name])) + 1e-12, (overrides, name, value)
+                    if last == "min_vel_x":
+                        assert float(value) >= min(0.0, present[name])
+    given = parse_search_space(
+        load_configuration(["turtlebot"]), space="auto", params=["DWAPlannerROS/acc_lim_x=0.5:2.5"]
+    )
+    assert {d.name: d.high for d in given}["DWAPlannerROS/acc_lim_x"] == 2.5  # a given range may exceed them
