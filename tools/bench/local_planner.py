@@ -149,7 +149,9 @@ def rollout_rows(calibration: Reference | None, runs: int) -> list[dict[str, Any
         footprint = Footprint(data[f"footprint_{values.pop('footprint')}"])
         values["controller_frequency"] = 1.0 / values.pop("sim_period")
         values["vtheta_samples"] = {126: 18, 380: 18}.get(case["samples"], values["vtheta_samples"])
-        planner = TrajectoryPlanner(TrajectoryPlannerParams(**values))
+        fields = TrajectoryPlannerParams.model_fields
+        typed = {k: bool(v) if fields[k].annotation is bool else v for k, v in values.items()}
+        planner = TrajectoryPlanner(TrajectoryPlannerParams(**typed))
         now = calibration.calibration_ms() if calibration else None
         taken: list[float] = []
         result = None
