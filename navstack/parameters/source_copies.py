@@ -46,7 +46,10 @@ class SourceCopies:
         suffix = f"@{namespace}" if namespace else ""
         if path.is_dir():
             shown = text if packaged else text.rstrip("/") or "/"
-            for name in read_sources([source]).files:
+            names = read_sources([source]).files
+            if any(name.endswith((".launch", ".xml")) for name in names):
+                return None  # loaded through its launch file
+            for name in names:
                 relative = name.removeprefix(f"{shown}/")
                 self._add_file(path / relative, name, f"{prefix}{relative}")
             return (prefix.rstrip("/") or ".") + suffix

@@ -20,7 +20,7 @@ def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder.mkdir()
     (folder / "move_base_params.yaml").write_text("base_local_planner: dwa\n", encoding="utf-8")
     (folder / "dwa_local_planner_params.yaml").write_text(
-        "DWAPlannerROS:\n  max_trans_vel: 0.3  # slow\n", encoding="utf-8"
+        "DWAPlannerROS:\n  max_trans_vel: 0.3  # slow\n  max_vel_y: 0.0\n  min_vel_y: 0.0\n", encoding="utf-8"
     )
     (folder / "costmap_common_params.yaml").write_text(
         "robot_radius: 0.2\nrolling_window: true\nplugins:\n"
@@ -68,7 +68,7 @@ def test_migrate(robot: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert run(["params", "migrate", "robot", "--out", "new"]) == 0
     assert "max_trans_vel -> max_vel_trans" in capfd.readouterr().out
     new = (robot.parent / "new" / "dwa_local_planner_params.yaml").read_text(encoding="utf-8")
-    assert new == "DWAPlannerROS:\n  max_vel_trans: 0.3  # slow\n"
+    assert new == "DWAPlannerROS:\n  max_vel_trans: 0.3  # slow\n  max_vel_y: 0.0\n  min_vel_y: 0.0\n"
     assert same_parameters(load_configuration(["robot"]), load_configuration(["new"]))
     # existing files are not overwritten
     assert run(["params", "migrate", "robot", "--out", "robot"]) == 2

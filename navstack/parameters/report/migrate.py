@@ -64,6 +64,8 @@ def _why_whole(sources: Sequence[str], configuration: Configuration, changed: bo
     """Why the files cannot be kept; empty if they can."""
     if any(f.rule == "pre-hydro" for f in configuration.findings):
         return "the layout from before ROS Hydro was converted to lists of layers"
+    if any(f.rule == "through-launch" for f in configuration.findings):
+        return "the folder is loaded through its launch file"
     if changed:
         return "values were changed on the command line"
     if len(sources) != 1 or not (Path(sources[0]).is_dir() or sources[0] in packaged_sets()):
