@@ -48,6 +48,7 @@ def test_simulate_prints_only_json_to_stdout(in_folder: Path, capfd: pytest.Capt
         "real_time_factor",
         "collisions",
         "seed",
+        "warnings",
         "files",
     }
     assert document["seed"] == 7
