@@ -9,7 +9,7 @@ from navstack.core import RobotState, Transform2D, Window
 from navstack.core.errors import NavError
 from navstack.interfaces import ControlInput, CostmapServer, Plan
 from navstack.move_base.navigation import Navigation
-from navstack.move_base.odometry_check import SETTLE_S, OdometryCheck
+from navstack.move_base.odometry_check import OdometryCheck
 from navstack.move_base.plugin_calls import call, lookup_transform, robot_pose, robot_state, transform_tolerance
 from navstack.move_base.schedule import EPSILON_S, Schedule
 from navstack.move_base.tick_result import TickResult
@@ -47,6 +47,8 @@ class CostmapUpdater:
         self._global_costmap = navigation.global_costmap
         self._local_costmap = navigation.local_costmap
         self._events = navigation.events
+        self._tolerance_s = self._largest_tolerance()
+        """Largest age of the plan's transform (s)."""
         self._global_frequency = global_update_frequency
         self._local_frequency = local_update_frequency
         self._global_update = Schedule(_update_frequency(navigation.global_costmap, global_update_frequency))
@@ -63,7 +65,8 @@ class CostmapUpdater:
         self._local_update.restart(now)
 
     def read_frequencies(self, now: float) -> None:
-        """Read the update frequencies again; a costmap whose frequency has changed is due at `now` (s)."""
+        """Read the update frequencies and tolerances again; a costmap whose frequency has changed is due at `now` (s)."""
+        self._tolerance_s = self._largest_tolerance()
         self._global_update.set_frequency(_update_frequency(self._global_costmap, self._global_frequency), now)
         self._local_update.set_frequency(_update_frequency(self._local_costmap, self._local_frequency), now)
 
@@ -120,15 +123,13 @@ class CostmapUpdater:
         costmap = self._local_costmap
         pose = robot_pose(costmap, now)
         state = robot_state(self._robot)
-        if state.frame == costmap.frame:
-            # commands rest on the pose of the transform
-            state = state._replace(pose=pose)
+        checked = RobotState(pose, state.velocity, state.stamp, costmap.frame)
         navigation = self._navigation
-        # a single jump must not end the goal
-        settle_s = min(SETTLE_S, 0.5 * navigation.params.controller_patience)
-        self._odometry.check(state, navigation.local_planner, now, settle_s)
-        self._state, self._state_at = RobotState(pose, state.velocity, state.stamp, costmap.frame), now
-        return self._state
+        # commands rest on the pose of the transform if that is the odometry's; a single jump must not end the goal
+        odometry = checked if state.frame == costmap.frame else state
+        self._odometry.check(odometry, navigation.local_planner, now, 0.5 * navigation.params.controller_patience)
+        self._state, self._state_at = checked, now
+        return checked
 
     def plan_transform(self, plan: Plan, now: float) -> Transform2D | None:
         """Return the transform from the plan's frame to the local costmap's at `now` (s); None if the frames are equal.
@@ -139,8 +140,10 @@ class CostmapUpdater:
         source, target = plan.path.frame, self._local_costmap.frame
         if source == target:
             return None
-        tolerance = max(transform_tolerance(self._local_costmap), transform_tolerance(self._global_costmap))
-        return lookup_transform(self._robot, target, source, now, tolerance)
+        return lookup_transform(self._robot, target, source, now, self._tolerance_s)
+
+    def _largest_tolerance(self) -> float:
+        return max(transform_tolerance(self._local_costmap), transform_tolerance(self._global_costmap))
 
     def control_input(self, plan: Plan, now: float) -> ControlInput:
         """Return the local planner's input for `plan` at `now` (s). Raises NavError."""

@@ -48,15 +48,16 @@ class OdometryCheck:
         """Forget the previous pose and its jumps: a new goal begins."""
         self._last = self._jump = None
 
-    def check(self, state: RobotState, planner: LocalPlanner, now: float, settle_s: float = SETTLE_S) -> None:
+    def check(self, state: RobotState, planner: LocalPlanner, now: float, settle_s: float = math.inf) -> None:
         """Check the odometry of `now` (s): pose in the odometry frame, velocity.
 
-        Raises OdometryError, after a jump for `settle_s` (s).
+        Raises OdometryError, after a jump for `SETTLE_S`, at most `settle_s` (s).
         """
         velocity = state.velocity
         if planner is not self._planner:
             self._planner, self._linear, self._angular = planner, LINEAR_MARGIN, ANGULAR_MARGIN
-        speed, turn = math.hypot(velocity.vx, velocity.vy), abs(velocity.wz)
+        vx, vy, wz = velocity
+        speed, turn = math.hypot(vx, vy), abs(wz)
         if speed > self._linear or turn > self._angular:
             self._read_limits(planner)
         self._compare(state, now)
@@ -68,7 +69,7 @@ class OdometryCheck:
                 possible=[self._linear, self._angular],
             )
         if self._jump is not None:
-            if now == self._jump_at or now - self._jump_at < settle_s:
+            if now == self._jump_at or now - self._jump_at < min(SETTLE_S, settle_s):
                 raise self._jump
             self._jump = None
 
@@ -86,11 +87,13 @@ class OdometryCheck:
         """Compare the pose with the previous one."""
         pose, last, elapsed = state.pose, self._last, now - self._last_at
         self._last, self._last_at = pose, now
-        comparable = last is not None and elapsed <= GAP_S and state.frame == self._frame
-        self._frame = state.frame
-        if not comparable or last is None:
+        frame, self._frame = self._frame, state.frame
+        if last is None or elapsed > GAP_S or frame != state.frame:
             return
-        moved, turned = last.distance_to(pose), abs(angle_between(last.yaw, pose.yaw))
+        x, y, yaw = last
+        if abs(pose[0] - x) + abs(pose[1] - y) <= JUMP_M and abs(pose[2] - yaw) <= JUMP_RAD:
+            return
+        moved, turned = last.distance_to(pose), abs(angle_between(yaw, pose.yaw))
         if moved <= JUMP_M and turned <= JUMP_RAD:
             return
         if self._planner is not None:
