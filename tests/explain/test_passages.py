@@ -204,7 +204,8 @@ def test_a_turned_map_has_the_same_doors(turtlebot: Configuration) -> None:
     grid = two_rooms({0.0: 0.9})
     turned = OccupancyGrid(grid.data, grid.geometry, origin_yaw=0.4)
     (door,) = report(turtlebot, turned).passages
-    assert door.width == pytest.approx(0.9, abs=1.5 * RESOLUTION)  # cells are looked up: rounded twice
+    # every costmap cell that overlaps a wall is lethal: up to one cell of free space less on either side
+    assert 0.9 - 2.0 * RESOLUTION - 1e-9 <= door.width <= 0.9
 
 
 def test_the_local_costmap_judges_by_its_own_inflation() -> None:
