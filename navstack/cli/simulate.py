@@ -26,6 +26,9 @@ def simulate(
         bool,
         typer.Option("--timings", help="Add wall times of planning and control to the summary (ms: p50, p95, p99)."),
     ] = False,
+    scans: Annotated[
+        bool, typer.Option("--scans/--no-scans", help="Record the scans of the lidars (about 1 kB each).")
+    ] = True,
     out: options.RunOutput = Path("navstack_run"),
     json_: options.Json = False,
 ) -> int:
@@ -42,15 +45,17 @@ def simulate(
 
     scenario = chosen.build()
     with locked_folder(ensure_directory(out)), interrupt_flag() as interrupt:
-        return _simulate(scenario, out, interrupt, timings=timings, json_=json_)
+        return _simulate(scenario, out, interrupt, timings=timings, scans=scans, json_=json_)
 
 
-def _simulate(scenario: Scenario, folder: Path, interrupt: Interrupt, *, timings: bool, json_: bool) -> int:
+def _simulate(
+    scenario: Scenario, folder: Path, interrupt: Interrupt, *, timings: bool, scans: bool, json_: bool
+) -> int:
     from navstack.cli.output import print_json, print_note
     from navstack.core.files import write_json
     from navstack.plot import plot_run
 
-    result = _run(scenario, interrupt, quiet=json_, timings=timings)
+    result = _run(scenario, interrupt, quiet=json_, timings=timings, scans=scans)
     assert result.recorder is not None
     files = {what: str(name) for what, name in result.recorder.save(folder).items()}
     picture = folder / "run.png"
@@ -68,7 +73,7 @@ def _simulate(scenario: Scenario, folder: Path, interrupt: Interrupt, *, timings
     return 0 if result.succeeded else 1
 
 
-def _run(scenario: Scenario, interrupt: Interrupt, *, quiet: bool, timings: bool) -> RunResult:
+def _run(scenario: Scenario, interrupt: Interrupt, *, quiet: bool, timings: bool, scans: bool) -> RunResult:
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from navstack.cli.output import loading_kernels, stderr
@@ -94,7 +99,7 @@ def _run(scenario: Scenario, interrupt: Interrupt, *, quiet: bool, timings: bool
                 shown = now
                 bar.update(task, completed=goal, goal=goal + 1, now=now)
 
-        return run_scenario(scenario, timings=timings, progress=progress, stop=interrupt)
+        return run_scenario(scenario, scans=scans, timings=timings, progress=progress, stop=interrupt)
 
 
 def _print(result: RunResult, files: dict[str, str], limit_s: float) -> None:

@@ -78,7 +78,7 @@ def _draw_inputs(
         line = drawing.draw_line(axes, trajectory, colors.GREEN, width=3.0, casing=True, zorder=5.5)
         entries.append((line, "chosen trajectory"))
     if scan is not None and len(scan):
-        (dots,) = axes.plot(scan[:, 0], scan[:, 1], ".", ms=4, color=colors.VERMILLION, ls="none", zorder=4.0)
+        (dots,) = axes.plot(scan[:, 0], scan[:, 1], ".", ms=4, color=colors.SCAN, ls="none", zorder=4.0)
         entries.append((dots, "scan"))
     if goal is not None:
         at = np.clip([goal.x, goal.y], *np.reshape(picture.area, (2, 2)))

@@ -107,7 +107,8 @@ class _RobotArtists:
         self._footprint = drawing.draw_footprint(axes, record.footprint, Pose2D(0.0, 0.0), zorder=6)
         self._footprint.set(animated=True, facecolor=colors.FOOTPRINT, linewidth=1.4)
         self._heading = drawing.draw_line(axes, empty, colors.BLACK, width=1.6, zorder=6.1, **options)
-        self.paths = (self._plan, self._driven, self._local)
+        (self._scan,) = axes.plot([], [], ".", ms=3.0, color=colors.SCAN, ls="none", zorder=4.5, **options)
+        self.paths = (self._scan, self._plan, self._driven, self._local)
         self.body = (self._footprint, self._heading)
 
     def entries(self) -> Entries:
@@ -115,6 +116,8 @@ class _RobotArtists:
         entries: Entries = [(self._driven, "driven path"), (self._plan, "plan")]
         if (self._record.arrays["local_plans"]["poses"] > 0).any():
             entries.append((self._local, "chosen trajectory"))
+        if len(self._record.scans):
+            entries.append((self._scan, "scan"))
         return [*entries, (self._footprint, "footprint")]
 
     def move_to(self, t: float) -> None:
@@ -130,6 +133,8 @@ class _RobotArtists:
         trajectory = None if local is None else local.plan.trajectory
         points = np.empty((0, 3)) if trajectory is None else self._local_frame(t).apply_poses(trajectory)
         self._local.set_data(*points[:, :2].T)
+        scans = [scan.points for scan in record.scans_at(t)]
+        self._scan.set_data(*np.concatenate([np.empty((0, 2)), *scans]).T)
         self._footprint.set_xy(record.footprint.at(pose))
         reach = record.footprint.circumscribed_radius
         self._heading.set_data([pose.x, pose.x + reach * np.cos(pose.yaw)], [pose.y, pose.y + reach * np.sin(pose.yaw)])

@@ -3,7 +3,8 @@
 `navstack.record.format` describes the file.
 """
 
-from navstack.record.reader import Record, RecordedLocalPlan, RecordedPlan, RecordedScan
+from navstack.record.entries import RecordedLocalPlan, RecordedPlan, RecordedScan
+from navstack.record.reader import Record
 from navstack.record.recorder import RunRecorder
 
 __all__ = ["Record", "RecordedLocalPlan", "RecordedPlan", "RecordedScan", "RunRecorder"]

@@ -24,6 +24,7 @@ same file byte for byte. "map" below is the global frame, "odom" the local frame
     local_plan_notes  {row of `local_plans`: [sentences]}
     costmaps          {name: frame}
     scan_sources      [[topic, frame], ..], see column `source` of `scans`
+    sensors           {frame of a lidar: [x, y, yaw] in base}; absent in records of 0.1.0
 
 `events.jsonl`, one object per line: `{"time" s, "kind", "text", "data"}` as in `navstack.core.Event`; events of kind
 "feedback" are omitted, because `samples` contains the same data.
@@ -47,7 +48,7 @@ Tables (structured arrays, one row per ..):
                                    tried i4, rejected i4: number of samples, and of those rejected by a critic or a limit;
                                    first_pose i8, poses i8: rows of `local_plan_poses`
     collisions    collision        t f8; x, y, yaw f8, map
-    scans         scan             t f8; x, y, yaw f8: the robot, map; angle_min, angle_increment f8 rad;
+    scans         scan of a lidar  t f8; x, y, yaw f8: the robot, map; angle_min, angle_increment f8 rad;
                                    range_min, range_max, height f8 m; source i4; first i8, count i8: rows of `scan_ranges`
     costmaps/<n>  update of the    t f8; nx, ny i4; resolution, origin_x, origin_y f8: the grid at that time;
                   costmap <n>      x0, y0, x1, y1 i4: the window of changed cells (half open; empty: no change);
@@ -70,7 +71,7 @@ Plain arrays:
     local_plan_rejected_by   (n,) i1        column of the critic that rejected it, -1 valid, -2 no trajectory
     local_plan_scales        (m, c) f4      weights of the critics, a row per row of `local_plans`
     local_plan_poses         (n, 3) f4      the selected trajectory, in the local costmap's frame
-    scan_ranges              (n,) f4 m
+    scan_ranges              (n,) f4 m      to the millimetre; inf without a hit, NaN invalid
     costmaps/<n>_cells       (n,) u1        costs
 """
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -28,37 +27,7 @@ from navstack.core import (
 from navstack.core.errors import InputError, RecordError
 from navstack.interfaces import LocalPlan
 from navstack.record.archive import locate, read
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RecordedPlan:
-    """A global plan made at `t` (s) for goal number `goal`: poses (n, 3) x, y, yaw in `frame`."""
-
-    t: float
-    poses: NDArray[np.float64]
-    frame: str
-    goal: int
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RecordedLocalPlan:
-    """A local plan at `t` (s). `plan` has the table of samples in single precision, None if it was not recorded."""
-
-    t: float
-    plan: LocalPlan
-    tried: int
-    """Number of samples of the cycle."""
-    rejected: int
-    """Number of samples rejected by a critic or a limit."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RecordedScan:
-    """A scan taken at `t` (s) with the robot at `pose` in the global frame."""
-
-    t: float
-    scan: LaserScan
-    pose: Pose2D
+from navstack.record.entries import RecordedLocalPlan, RecordedPlan, RecordedScan
 
 
 class Record:
@@ -365,8 +334,17 @@ class Record:
                 topic=str(topic),
                 height=float(row["height"]),
             )
-            out.append(RecordedScan(float(row["t"]), scan, Pose2D(float(row["x"]), float(row["y"]), float(row["yaw"]))))
+            mounting = Transform2D(*map(float, self.meta.get("sensors", {}).get(frame, (0.0, 0.0, 0.0))))
+            pose = Pose2D(float(row["x"]), float(row["y"]), float(row["yaw"]))
+            out.append(RecordedScan(float(row["t"]), scan, pose, mounting))
         return tuple(out)
+
+    def scans_at(self, t: float) -> tuple[RecordedScan, ...]:
+        """Returns the last scan of every lidar."""
+        row = self.arrays["scans"]
+        until = _last_at(row["t"], t) + 1
+        source = row["source"][:until]
+        return tuple(self.scans[int(np.flatnonzero(source == k)[-1])] for k in np.unique(source))
 
     def _columns(self, *names: str, table: str = "samples") -> NDArray[np.float64]:
         rows = self.arrays[table]

@@ -28,9 +28,10 @@ from navstack.core.files import atomic_write, ensure_directory
 from navstack.interfaces import LocalPlan
 from navstack.record import format as fmt
 from navstack.record.archive import write
-from navstack.record.buffers import CostmapBuffer, LocalPlanRow, critics_of, joined, local_plan_arrays, stacked
+from navstack.record.buffers import CostmapBuffer, LocalPlanRow, critics_of, local_plan_arrays, stacked
 from navstack.record.log import render_log
 from navstack.record.reader import Record
+from navstack.record.scans import ScanBuffer, scan_arrays
 
 
 class Collision(Protocol):
@@ -63,16 +64,21 @@ class RunRecorder:
         global_frame: str = "map",
         local_frame: str = "odom",
         base_frame: str = "base_link",
+        sensors: Mapping[str, Transform2D] | None = None,
         keep_tables: bool = True,
+        keep_scans: bool = True,
     ) -> None:
-        """`footprint`: without the costmaps' padding. `scenario`: JSON data that describes the run. `keep_tables=False` omits
-        the local planner's samples (a few hundred bytes per cycle).
+        """`footprint`: without the costmaps' padding. `scenario`: JSON data that describes the run. `sensors`: pose of every
+        lidar frame in the base frame. `keep_tables=False` omits the local planner's samples (a few hundred bytes per cycle),
+        `keep_scans=False` the scans (about 1 kB each).
         """
         self._map = map
         self._footprint = footprint
         self._scenario: dict[str, Any] = jsonable(dict(scenario))
         self._frames = {"global": global_frame, "local": local_frame, "base": base_frame}
+        self._sensors = {frame: [*pose] for frame, pose in (sensors or {}).items()}
         self._keep_tables = keep_tables
+        self._keep_scans = keep_scans
         self._results: list[dict[str, Any]] = []
         self._events: list[dict[str, Any]] = []
         self._samples = array("d")
@@ -87,8 +93,7 @@ class RunRecorder:
         self._plans: list[tuple[float, NDArray[np.float64], int, str]] = []
         self._local_plans: list[LocalPlanRow] = []
         self._costmaps: dict[str, CostmapBuffer] = {}
-        self._scans: list[tuple[tuple[float, ...], int, NDArray[np.float32]]] = []
-        self._scan_sources: dict[tuple[str, str], int] = {}
+        self._scans: dict[tuple[str, str], ScanBuffer] = {}
 
     # --- during the run -----------------------------------------------------------------------------------------------
 
@@ -163,16 +168,15 @@ class RunRecorder:
             log = self._costmaps[name] = CostmapBuffer(costmap.frame)
         log.add(t, costmap, window)
 
-    def scan(self, t: float, scan: LaserScan, pose: Pose2D) -> None:
-        """Adds a scan and the robot's pose (global frame) at that time."""
-        source = self._scan_sources.setdefault((scan.topic, scan.frame), len(self._scan_sources))
-        self._scans.append(
-            (
-                (t, *pose, scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max, scan.height),
-                source,
-                np.array(scan.ranges, np.float32),
-            )
-        )
+    def scan(self, t: float, scan: LaserScan, pose: Pose2D | None = None) -> None:
+        """Adds a scan and the robot's pose (global frame) at that time; None: interpolated between the samples."""
+        if not self._keep_scans:
+            return
+        source = (scan.topic, scan.frame)
+        buffer = self._scans.get(source)
+        if buffer is None:
+            buffer = self._scans[source] = ScanBuffer(len(self._scans))
+        buffer.add(t, scan, pose)
 
     def collision(self, t: float, pose: Pose2D) -> None:
         """Adds a collision with the robot at `pose` (global frame)."""
@@ -232,7 +236,7 @@ class RunRecorder:
             )
         arrays |= self._plan_arrays()
         arrays |= local_plan_arrays(self._local_plans, critics)
-        arrays |= self._scan_arrays()
+        arrays |= scan_arrays(list(self._scans.values()), values[:, 0], values[:, 1:4])
         for name, log in self._costmaps.items():
             arrays[f"costmaps/{name}"] = log.table()
             arrays[f"costmaps/{name}_cells"] = np.frombuffer(b"".join(log.cells), np.uint8)
@@ -247,7 +251,8 @@ class RunRecorder:
             "critics": list(critics),
             "local_plan_notes": {str(i): list(row.notes) for i, row in enumerate(self._local_plans) if row.notes},
             "costmaps": {name: log.frame for name, log in self._costmaps.items()},
-            "scan_sources": [list(source) for source in self._scan_sources],
+            "scan_sources": [list(source) for source in self._scans],
+            "sensors": self._sensors,
         }
         return meta, self._events, arrays
 
@@ -268,21 +273,6 @@ class RunRecorder:
         return {
             "plans": fmt.table(fmt.TABLES["plans"], data, len(plans)),
             "plan_poses": stacked([poses for _, poses, _, _ in plans], 3, "<f8"),
-        }
-
-    def _scan_arrays(self) -> dict[str, NDArray[Any]]:
-        columns = [name for name, _ in fmt.TABLES["scans"]]
-        values = np.array([row for row, _, _ in self._scans], np.float64).reshape(-1, 9)
-        counts = np.array([len(ranges) for _, _, ranges in self._scans], np.int64)
-        data: dict[str, Any] = {name: values[:, i] for i, name in enumerate(columns[:9])}
-        data |= {
-            "source": [source for _, source, _ in self._scans],
-            "first": np.cumsum(counts) - counts,
-            "count": counts,
-        }
-        return {
-            "scans": fmt.table(fmt.TABLES["scans"], data, len(self._scans)),
-            "scan_ranges": joined([ranges for _, _, ranges in self._scans], "<f4"),
         }
 
 

@@ -124,6 +124,11 @@ def _check_meta(meta: dict[str, Any]) -> None:
         check_type("local_plan_notes", notes, list)
     for frame in meta["costmaps"].values():
         check_type("costmaps", frame, str)
+    sensors = meta.get("sensors", {})  # absent in records of 0.1.0
+    check_type("sensors", sensors, dict)
+    for pose in sensors.values():
+        if not (isinstance(pose, list) and len(pose) == 3 and all(map(_is_finite, pose))):
+            raise ValueError(f"a pose of sensors in {META} is not [x, y, yaw]")
     for source in meta["scan_sources"]:
         topic, frame = source
         check_type("scan_sources", topic, str)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from navstack.bringup import build_move_base, odometry_frame, simulated_robot, true_footprint
-from navstack.core import Listener, angle_between, normalize_angle
+from navstack.core import LaserScan, Listener, Transform2D, angle_between, normalize_angle
 from navstack.core.errors import InternalError
 from navstack.move_base import GoalHandle, MoveBase
 from navstack.record import RunRecorder
@@ -42,16 +42,19 @@ class Run:
         scenario: Scenario,
         *,
         record: bool = True,
+        scans: bool = True,
         timings: bool = False,
         listeners: Sequence[Listener] = (),
     ) -> None:
-        """`record=False` keeps only what the metrics need; `timings` measures the wall time of both planners."""
+        """`record=False` keeps only what the metrics need, `scans=False` all but the scans; `timings` measures the wall time
+        of both planners.
+        """
         configuration = scenario.configuration
         scenario.success.check_goals(len(scenario.goals))
         self.scenario = scenario
         self.robot = simulated_robot(configuration, scenario.world(), scenario.start, seed=scenario.seed)
         self._measurements = RunMeasurements(self.robot)
-        self.recorder = self._new_recorder() if record else None
+        self.recorder = self._new_recorder(scans) if record else None
         self._warnings = WarningCollector()
         listening = [self._warnings, *listeners]
         if self.recorder is not None:
@@ -137,8 +140,10 @@ class Run:
         """Returns the metrics so far; they count only the goals that have ended."""
         return self._measurements.metrics([outcome.as_dict() for outcome in self.outcomes])
 
-    def _new_recorder(self) -> RunRecorder:
+    def _new_recorder(self, scans: bool) -> RunRecorder:
         scenario, configuration = self.scenario, self.scenario.configuration
+        sim = configuration.navstack.sim
+        lidars = [sim.lidar(name) for name in sim.lasers]
         recorder = RunRecorder(
             map=scenario.map,
             footprint=true_footprint(configuration),
@@ -146,6 +151,8 @@ class Run:
             global_frame=configuration.global_costmap.params.global_frame,
             local_frame=odometry_frame(configuration),
             base_frame=configuration.local_costmap.params.robot_base_frame,
+            sensors={lidar.frame: Transform2D(lidar.x, lidar.y, lidar.yaw) for lidar in lidars},
+            keep_scans=scans,
         )
         recorder.set_clearance_source(self._measurements.clearances)
         solids = self.robot.solids
@@ -225,6 +232,9 @@ def _record_tick(recorder: RunRecorder, robot: SimulatedRobot, move_base: MoveBa
         recorder.local_plan(t, tick.local_plan)
     if robot.world.moves:
         recorder.solids(robot.solids.discs, robot.solids.corners, robot.solids.first)
+    for scan in tick.scans:
+        if isinstance(scan, LaserScan):
+            recorder.scan(scan.stamp, scan)
     recorder.sample(
         t,
         pose=robot.pose,
@@ -254,6 +264,7 @@ def run_scenario(
     scenario: Scenario,
     *,
     record: bool = True,
+    scans: bool = True,
     timings: bool = False,
     progress: Progress | None = None,
     listeners: Sequence[Listener] = (),
@@ -261,14 +272,15 @@ def run_scenario(
 ) -> RunResult:
     """Drives the simulated robot to each goal in order; continues with the next goal when one fails.
 
-    `record=False` computes the same metrics without keeping a record, for large numbers of runs. `timings` adds the wall
+    `record=False` computes the same metrics without keeping a record, for large numbers of runs; `scans=False` keeps no
+    scans in it. `timings` adds the wall
     times of both planners. `stop` is called before every cycle; when it returns True, the goal is cancelled and the run ends
     with a complete record.
 
     Raises InputError or PlanningError if the robot cannot start.
     """
     wall_start = time.perf_counter()
-    run = Run(scenario, record=record, timings=timings, listeners=listeners)
+    run = Run(scenario, record=record, scans=scans, timings=timings, listeners=listeners)
     while True:
         if stop is not None and stop():
             run.stop()

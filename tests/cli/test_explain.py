@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
 
@@ -127,6 +128,21 @@ def test_costmap_draws_the_recorded_costmap(navstack, driven: Path, tmp_path: Pa
     assert outcome.code == 0
     assert json.loads(outcome.out)["updated_at"] <= 3.0
     assert is_picture(picture)
+
+
+def test_the_picture_of_a_costmap_has_all_inputs_of_the_local_planner(driven: Path) -> None:
+    from navstack.cli.explain.costmap import inputs_at
+
+    record = Record.load(driven)
+    assert set(inputs_at(record, "local", 3.0)) == {"robot", "plan", "goal", "trajectory", "scan"}
+    marked: list[bool] = []
+    for at in record.costmap_times("local").tolist():
+        local = record.costmap_at("local", at)
+        assert local is not None
+        cells = (local.geometry.world_to_cell(x, y) for x, y in inputs_at(record, "local", at)["scan"].tolist())
+        marked += [bool(local.data[cell[1], cell[0]] >= 253) for cell in cells if cell]
+    assert len(marked) > 100
+    assert np.mean(marked) > 0.95
 
 
 @pytest.mark.parametrize(

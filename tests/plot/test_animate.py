@@ -60,6 +60,12 @@ def test_the_driven_path_grows(film):
     assert (shown[-1][:3] == 255).all()
 
 
+def test_a_film_shows_the_scans(tmp_path):
+    with_scans = frames(animate_run(synthetic.record_run(3.0, scans=True).record(), tmp_path / "a.gif", fps=2))
+    without = frames(animate_run(synthetic.record_run(3.0).record(), tmp_path / "b.gif", fps=2))
+    assert count(with_scans[0], colors.SCAN) > count(without[0], colors.SCAN) + 100
+
+
 def test_animations_are_reproducible(short, film, tmp_path):
     again = animate_run(short, tmp_path / "again.gif", fps=5, speed=4)
     assert again.read_bytes() == film.read_bytes()

@@ -180,6 +180,8 @@ CHANGES = {
     "results of text": in_meta("results", ["fine"]),
     "no critics": in_meta("critics", None),
     "sources of one": in_meta("scan_sources", [["scan"]]),
+    "a sensor without a yaw": in_meta("sensors", {"laser": [0.1, 0.0]}),
+    "a sensor at infinity": in_meta("sensors", {"laser": [0.1, 0.0, 1e301]}),
     "notes of numbers": in_meta("local_plan_notes", {"0": 5}),
 }
 

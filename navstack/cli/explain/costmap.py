@@ -10,7 +10,7 @@ import typer
 from navstack.cli import options
 
 if TYPE_CHECKING:
-    from navstack.core import Transform2D
+    from navstack.core import Pose2D
     from navstack.record import Record
 
 
@@ -37,16 +37,14 @@ def costmap(
         raise RecordError(
             f"{run} contains no {name} costmap until {at:.3f} s: it was not recorded or not yet updated; give a later --time"
         )
-    to_map = record.to_global(shown.frame, at)
     updates = record.costmap_times(name)
     updated = float(updates[updates <= at][-1])
     plot_costmap(
         shown,
         out,
         title=f"{name} costmap at {at:.2f} s (updated {updated:.2f} s), in {shown.frame}",
-        robot=to_map.inverse().apply(record.pose_at(at)),
         footprint=record.footprint,
-        **_inputs(record, name, at, to_map.inverse()),
+        **inputs_at(record, name, at),
     )
     files = {"picture": str(out)}
     if json_:
@@ -55,11 +53,23 @@ def costmap(
         print_files(files)
 
 
-def _inputs(record: Record, name: str, at: float, to_costmap: Transform2D) -> dict[str, Any]:
-    """Plan, goal and chosen trajectory at a time, in the frame of the costmap."""
+def _robot(record: Record, name: str, at: float) -> Pose2D:
+    """The robot's pose as the costmap has it: by odometry in the local frame, else the true pose."""
     from navstack.core import Pose2D
 
-    found: dict[str, Any] = {}
+    if record.costmap_frame(name) == record.local_frame:
+        return Pose2D(*map(float, record.odom_poses[record.index_at(at)]))
+    return record.pose_at(at)
+
+
+def inputs_at(record: Record, name: str, at: float) -> dict[str, Any]:
+    """Robot, plan, goal, chosen trajectory and last scans at a time, in the frame of the costmap."""
+    import numpy as np
+
+    from navstack.core import Pose2D, Transform2D
+
+    to_costmap = record.to_global(record.costmap_frame(name), at).inverse()
+    found: dict[str, Any] = {"robot": _robot(record, name, at)}
     plan = record.plan_at(at)
     if plan is not None:
         found["plan"] = (to_costmap @ record.to_global(plan.frame, plan.t)).apply_poses(plan.poses)
@@ -70,4 +80,10 @@ def _inputs(record: Record, name: str, at: float, to_costmap: Transform2D) -> di
     if local is not None and local.plan.trajectory is not None:
         local_to_map = record.to_global(record.costmap_frame("local"), at)
         found["trajectory"] = (to_costmap @ local_to_map).apply_poses(local.plan.trajectory)
+    scans = record.scans_at(at)
+    if scans:
+        poses = [_robot(record, name, scan.t) for scan in scans]
+        found["scan"] = np.concatenate(
+            [Transform2D(*pose).apply_points(scan.base_points) for pose, scan in zip(poses, scans, strict=True)]
+        )
     return found
