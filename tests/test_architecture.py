@@ -22,10 +22,10 @@ TOP_LEVEL = {"pyproject.toml", "README.md", "navstack", "params", "maps", "tests
 # Imports go down only: a package may import packages of a lower level. Names of the packages, levels from the bottom up.
 LEVELS: tuple[tuple[str, ...], ...] = (
     ("core",),
-    ("interfaces",),
+    ("interfaces", "kinematics"),
     ("plugins",),
     ("parameters",),
-    ("plugin", "map_io", "costmap", "global_planner", "local_planner", "recovery", "sim"),
+    ("plugin", "map_io", "costmap", "global_planner", "local_planner", "recovery", "motion", "sim"),
     ("testing",),
     ("move_base",),
     ("bringup",),

@@ -1,0 +1,40 @@
+"""Motions: move, turn, drive to a pose, follow a path or a timed trajectory."""
+
+from navstack.motion.errors import (
+    InfeasibleTrajectoryError,
+    InvalidMotionError,
+    InvalidTrajectoryError,
+    MotionCollisionError,
+    MotionTimeoutError,
+    TrackingLostError,
+)
+from navstack.motion.feasibility import Demands, Violation, demands_of, require_feasible, slowest_factor, violations
+from navstack.motion.shapes import figure_eight, heart, poly_path
+from navstack.motion.timing import MotionLimits, from_path, with_rest
+from navstack.motion.trajectory import Reference, Trajectory
+from navstack.motion.trajectory_files import load_trajectory, save_trajectory
+
+__all__ = [
+    "Demands",
+    "InfeasibleTrajectoryError",
+    "InvalidMotionError",
+    "InvalidTrajectoryError",
+    "MotionCollisionError",
+    "MotionLimits",
+    "MotionTimeoutError",
+    "Reference",
+    "TrackingLostError",
+    "Trajectory",
+    "Violation",
+    "demands_of",
+    "figure_eight",
+    "from_path",
+    "heart",
+    "load_trajectory",
+    "poly_path",
+    "require_feasible",
+    "save_trajectory",
+    "slowest_factor",
+    "violations",
+    "with_rest",
+]
