@@ -152,19 +152,88 @@ def test_rough_walls_do_not_make_passages(turtlebot: Configuration) -> None:
     assert len(found.passages) == 1
 
 
-def test_isolated_furniture_makes_no_passage(turtlebot: Configuration) -> None:
+def test_gaps_beside_isolated_furniture_can_be_left_out(turtlebot: Configuration) -> None:
     chair = (2.0, 3.2, 2.4, 3.5)
-    assert report(turtlebot, with_boxes(bare_room(), chair)).passages == ()
+    grid = with_boxes(bare_room(), chair)
+    assert report(turtlebot, grid, smallest_obstacle=1.0).passages == ()
+    (behind,) = report(turtlebot, grid).passages
+    assert (behind.width, behind.obstacle) == pytest.approx((0.4, 0.4))
     sideboard = (0.0, 3.2, 2.4, 3.5)
-    (beside,) = report(turtlebot, with_boxes(bare_room(), sideboard)).passages
+    (beside,) = report(turtlebot, with_boxes(bare_room(), sideboard), smallest_obstacle=1.0).passages
     assert beside.width == pytest.approx(0.4)
 
 
-def test_a_speck_in_a_doorway_narrows_it(turtlebot: Configuration) -> None:
+def test_a_speck_in_a_doorway_divides_it(turtlebot: Configuration) -> None:
     speck = (0.1, 0.0, 0.15, 0.05)
-    (door,) = report(turtlebot, with_boxes(two_rooms({0.0: 1.2}), speck)).passages
-    assert door.width == pytest.approx(0.7)
-    assert door.x < 0.0
+    grid = with_boxes(two_rooms({0.0: 1.2}), speck)
+    right, left = report(turtlebot, grid).passages
+    assert (right.width, left.width) == pytest.approx((0.45, 0.7))
+    assert left.x < 0.0 < right.x
+    (door,) = report(turtlebot, grid, smallest_obstacle=1.0).passages
+    assert door == left
+
+
+def test_gaps_between_pillars_are_listed(turtlebot: Configuration) -> None:
+    # three specks as close as 0.4 m enclose no wider space
+    specks = [(x, y, x + 0.05, y + 0.05) for x, y in ((0.0, 0.0), (0.45, 0.0), (0.2, 0.4))]
+    found = report(turtlebot, with_boxes(bare_room(), *specks)).passages
+    assert {p.rating for p in found} <= {"costly", "blocked"}
+    assert [p.width for p in found] == pytest.approx([0.4, 0.4, 0.4], abs=0.05)
+    assert {p.obstacle for p in found} >= {0.05}
+
+
+def disjoint_pillars(seed: int) -> np.ndarray:
+    """(ny, nx) obstacles of all sizes from one cell on, in a walled or open room."""
+    random = np.random.default_rng(seed)
+    blocked = np.zeros((70, 80), bool)
+    if seed % 2:
+        blocked[[0, -1]] = blocked[:, [0, -1]] = True
+    y, x = np.indices(blocked.shape)
+    for _ in range(int(random.integers(2, 25))):
+        cx, cy, a, b = *random.uniform(2, 68, 2), *random.uniform(0.0, 6.0, 2)
+        shape = int(random.integers(3))
+        if shape == 0:
+            blocked |= np.hypot(x - cx, y - cy) <= a
+        elif shape == 1:
+            blocked |= (np.abs(x - cx) <= a) & (np.abs(y - cy) <= b)
+        else:
+            blocked[int(cy), int(cx)] = True
+    return blocked
+
+
+@settings(deadline=None, max_examples=60, derandomize=True)
+@given(st.integers(0, 2**32 - 1), st.floats(3.0, 20.0))
+def test_every_gap_between_two_obstacles_is_listed(seed: int, needed: float) -> None:
+    blocked = disjoint_pillars(seed)
+    found = narrow_places(blocked, ~blocked, narrowest=2.0, widest=30.0, widening=3.0, relative=0.25, always=needed)
+    label, count = ndimage.label(blocked, np.ones((3, 3), int))
+    listed = {
+        frozenset((int(label[ay, ax]), int(label[by, bx])))
+        for place in found
+        for (ax, ay), (bx, by) in place.bars
+        if math.dist((ax, ay), (bx, by)) <= needed + 1e-6
+    }
+    cells = [np.argwhere(label == k + 1) for k in range(count)]
+    everything = np.argwhere(blocked)
+    for i in range(count):
+        for j in range(i):
+            apart = np.hypot(*(cells[i][:, None] - cells[j][None]).transpose(2, 0, 1))
+            a, b = np.unravel_index(apart.argmin(), apart.shape)
+            one, other = cells[i][a], cells[j][b]
+            middle = (one + other) / 2.0
+            if not 2.0 <= apart[a, b] <= needed or blocked[tuple(np.floor(middle + 0.5).astype(int))]:
+                continue
+            # a third obstacle in the circle over the gap divides it into two others
+            inside = np.hypot(*(everything - middle).T) <= apart[a, b] / 2.0 + 1e-9
+            if inside.sum() == 2:
+                assert frozenset((i + 1, j + 1)) in listed, (one, other)
+
+
+def test_the_number_of_narrower_openings_is_stated(turtlebot: Configuration) -> None:
+    grid = two_rooms({-2.0: 0.1, 0.0: 0.15, 2.0: 0.9})
+    found = find_passages(turtlebot, grid)
+    assert ([p.width for p in found.passages], found.narrower) == (pytest.approx([0.9]), 2)
+    assert find_passages(turtlebot, grid, narrowest=0.0).narrower == 0
 
 
 def test_openings_beyond_the_limits_are_left_out(turtlebot: Configuration) -> None:

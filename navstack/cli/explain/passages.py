@@ -39,6 +39,15 @@ class PassageOptions(NamedTuple):
             min=0.0,
         ),
     ] = None
+    smallest_obstacle: Annotated[
+        float,
+        typer.Option(
+            "--smallest-obstacle",
+            metavar="M",
+            help="Leave out gaps beside smaller free-standing obstacles (m), which the robot can drive around.",
+            min=0.0,
+        ),
+    ] = 0.0
     unknown: Annotated[
         bool, typer.Option("--unknown", help="Treat unknown space as walls, for maps whose walls are unknown cells.")
     ] = False
@@ -52,7 +61,7 @@ def passages(
     ] = None,
     json_: options.Json = False,
 ) -> None:
-    """List the doors and corridors of a map: passable, passable at high cost, or not passable by the robot."""
+    """List the doors, corridors and gaps between obstacles of a map: passable, passable at high cost, or not passable."""
     from navstack.cli.arguments import map_of, parse_costmap_name
     from navstack.cli.output import print_json
     from navstack.explain import find_passages
@@ -66,6 +75,7 @@ def passages(
         costmap=name,
         narrowest=chosen.narrowest,
         widest=chosen.widest,
+        smallest_obstacle=chosen.smallest_obstacle,
         unknown_is_wall=chosen.unknown,
     )
     document = _document(report, path.name)
@@ -148,7 +158,12 @@ def _print(report: PassageReport, name: str, files: dict[str, str]) -> None:
             escape(passage.reason + length),
         )
     out.print(table)
-    out.print(f"{_counts(report)}; searched widths {report.narrowest:.2f} to {report.widest:.2f} m")
+    narrower = f"; {report.narrower} narrower (--narrowest 0 lists them)" if report.narrower else ""
+    smaller = f" beside obstacles of {report.smallest_obstacle:g} m or more" if report.smallest_obstacle else ""
+    out.print(
+        f"{_counts(report)}; searched widths {report.narrowest:.2f} to {report.widest:.2f} m{smaller}{narrower}",
+        soft_wrap=True,
+    )
     w = report.widths
     out.print(
         f"this robot: minimum width {w.minimum:.2f} m, low-cost width {w.low_cost:.2f} m, turning width {w.turning:.2f} m, "

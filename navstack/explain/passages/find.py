@@ -17,8 +17,6 @@ from navstack.explain.passages.rating import PassageRater
 from navstack.explain.passages.report import PassageReport
 from navstack.parameters.configuration import Configuration
 
-CLUTTER_M = 1.0
-"""Smaller isolated obstacles are clutter: the robot drives around them, so there is no passage beside them."""
 WIDENING_M = 0.15
 """On both sides of a passage, free space widens by this length and by the share `WIDENING` at least.
 
@@ -35,13 +33,15 @@ def find_passages(
     costmap: str = "global",
     narrowest: float | None = None,
     widest: float | None = None,
+    smallest_obstacle: float = 0.0,
     unknown_is_wall: bool = False,
 ) -> PassageReport:
-    """Doors and narrow places of a map, rated by the `global` or `local` costmap.
+    """Doors, corridors and gaps between obstacles of a map, rated by the `global` or `local` costmap.
 
     `narrowest` and `widest` limit the widths (m); the defaults are the inscribed radius (half the width of the robot) and
-    the width at which inflation ends. `unknown_is_wall` treats unknown space as walls, for maps whose walls are unknown
-    cells. Raises InputError for limits without a width between them.
+    the width at which inflation ends. The report counts the narrower ones. `smallest_obstacle` (m) leaves out the gaps beside
+    smaller free-standing obstacles, which the robot can drive around. `unknown_is_wall` treats unknown space as walls, for
+    maps whose walls are unknown cells. Raises InputError for limits without a width between them.
     """
     chosen = configuration.local_costmap if costmap == "local" else configuration.global_costmap
     live = inflated_map(chosen, static_map, costmap)
@@ -59,11 +59,15 @@ def find_passages(
     # the map, not the costmap: without track_unknown_space the costmap has unknown space as free
     known = known_cells(static_map, live)
     wall = lethal | ~known if unknown_is_wall else lethal
-    places = _search(wall, known & ~wall, low, high, live.master.geometry.resolution)
+    resolution = live.master.geometry.resolution
     rater = PassageRater(live.master, chosen, inflation)
+    widths = rater.required_widths()
+    needed = max(widths.minimum, widths.low_cost, widths.robot)
+    everywhere = _search(wall, known & ~wall, high, needed, smallest_obstacle, resolution)
+    places = [place for place in everywhere if place.distance >= low / resolution + 1.0 - 1e-6]
     return PassageReport(
         passages=tuple(rater.passage(place) for place in places),
-        widths=rater.required_widths(),
+        widths=widths,
         costmap=live.master,
         costmap_name=costmap,
         inscribed_radius=chosen.footprint.inscribed_radius,
@@ -71,6 +75,8 @@ def find_passages(
         inflation_radius=radius,
         narrowest=low,
         widest=high,
+        narrower=len(everywhere) - len(places),
+        smallest_obstacle=smallest_obstacle,
         unknown_border=_unknown_border(known, lethal),
     )
 
@@ -81,17 +87,26 @@ def _upper_limit(live: LayeredCostmap, inflation_radius: float) -> float:
 
 
 def _search(
-    wall: NDArray[np.bool_], free: NDArray[np.bool_], low: float, high: float, resolution: float
+    wall: NDArray[np.bool_],
+    free: NDArray[np.bool_],
+    high: float,
+    needed: float,
+    smallest: float,
+    resolution: float,
 ) -> list[NarrowPlace]:
-    """Narrow places with free widths between `low` and `high` (m)."""
+    """Narrow places with free widths from one cell to `high` (m), beside obstacles of `smallest` (m) or more.
+
+    All pairs of obstacles are included whose distance is up to `needed` (m), which the robot needs at low cost.
+    """
     return narrow_places(
         wall,
         free,
-        narrowest=max(2.0, low / resolution + 1.0 - 1e-6),
+        narrowest=2.0,
         widest=high / resolution + 1.0 + 1e-6,
         widening=max(3.0, WIDENING_M / resolution),
         relative=WIDENING,
-        clutter=CLUTTER_M / resolution,
+        always=needed / resolution + 1.0 + 1e-6,
+        smallest=smallest / resolution,
     )
 
 

@@ -4,7 +4,9 @@ The distance field has a saddle between two obstacle cells exactly if the circle
 other obstacle cell: an edge of the Gabriel graph. The Gabriel graph is part of the Delaunay triangulation, and the
 circumradius of a triangle is the clearance at its circumcentre. A union-find over the triangles, from the widest edges to
 the narrowest, gives the largest clearance that each side of a saddle leads to. If both sides lead to wider space, the
-saddle is a narrow place; otherwise it is a rough wall. The result depends on the cells only, not on their raster.
+saddle is a narrow place; otherwise it is a rough wall. The shortest edge between two separate obstacles, if it is too
+narrow for the robot, is a narrow place in any case: free-standing obstacles close together enclose no wide space. The
+result depends on the cells only, not on their raster.
 """
 
 from __future__ import annotations
@@ -30,6 +32,8 @@ class NarrowPlace:
     """Between the centres of the two cells."""
     stretch: float
     """Length of the part that is equally narrow, within one cell."""
+    smaller: float
+    """Size of the smaller of the two obstacles: the longer side of its box."""
     bars: tuple[tuple[tuple[int, int], tuple[int, int]], ...]
     """All pairs of obstacle cells along that part, including this pair; the robot passes between each of them."""
 
@@ -42,18 +46,20 @@ def narrow_places(
     widest: float,
     widening: float = 3.0,
     relative: float = 0.0,
-    clutter: float = 0.0,
+    always: float = 0.0,
+    smallest: float = 0.0,
 ) -> list[NarrowPlace]:
     """The narrow places of a grid `blocked` (ny, nx), the narrowest first. All lengths in cells between cell centres.
 
     `open_` (ny, nx) are the cells known to be free; the middle of a narrow place is one of them. The search is limited to
     distances from `narrowest` to `widest`. Space must widen on both sides, by `widening` and by the share `relative` at
-    least. Groups of obstacle cells smaller than `clutter` form no narrow places, because the robot can drive around them.
+    least, unless the place is the shortest connection of two obstacles (cells that touch, diagonally too, are one) and at most
+    `always` long. Obstacles smaller than `smallest` form no narrow places.
     """
     sites = _surface(blocked)
     if len(sites) < 2:
         return []
-    return _Search(blocked, open_, sites, narrowest, widest, widening, relative, clutter).run()
+    return _Search(blocked, open_, sites, narrowest, widest, widening, relative, always, smallest).run()
 
 
 def _surface(blocked: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -80,13 +86,15 @@ class _Search:
         widest: float,
         widening: float,
         relative: float,
-        clutter: float,
+        always: float,
+        smallest: float,
     ) -> None:
         from scipy import ndimage
         from scipy.spatial import Delaunay
 
         self.blocked, self.open = blocked, open_
-        self.narrowest, self.widest, self.clutter = narrowest, widest, clutter
+        self.narrowest, self.widest = narrowest, widest
+        self.always, self.smallest = always, smallest
         self.widening, self.relative = widening, relative
         self.sites = sites
         # four distant points, so that the space outside the convex hull of the obstacles counts as wide
@@ -123,10 +131,12 @@ class _Search:
         q = self.triangles[mine, (opposite + 2) % 3]
         tip = self.triangles[mine, opposite]
         far_tip = self.triangles[other].sum(axis=1) - p - q
-        gabriel = np.ones(len(mine), bool)
+        gabriel, strict = np.ones(len(mine), bool), np.ones(len(mine), bool)
         for apex in (tip, far_tip):
             to_p, to_q = self.points[p] - self.points[apex], self.points[q] - self.points[apex]
-            gabriel &= (to_p * to_q).sum(axis=1) >= -1e-9
+            within = (to_p * to_q).sum(axis=1)
+            gabriel &= within >= -1e-9
+            strict &= within > 1e-9
         real = (p < len(self.sites)) & (q < len(self.sites))
         span = self.points[p] - self.points[q]
         length = np.hypot(span[:, 0], span[:, 1])
@@ -140,22 +150,40 @@ class _Search:
         keep = ~shut
         self.p, self.q, self.mine, self.other = p[keep], q[keep], mine[keep], other[keep]
         self.through, self.length, self.middle = through[keep], length[keep], middle[keep]
-        self.saddle = saddle[keep]
+        self.saddle, self.strict = saddle[keep], strict[keep]
         self.opening = self.saddle & self.open[iy, ix][keep]
         self.wanted = self.opening & (self.length >= self.narrowest) & (self.length <= self.widest)
 
     def run(self) -> list[NarrowPlace]:
         """The narrow places, the narrowest first."""
-        found = self._between_wide_spaces()
-        beside_clutter = self._beside_clutter()
+        size = self._obstacle_sizes()
         places: list[NarrowPlace] = []
-        for edge in found:
+        covered: set[int] = set()
+        wide = self._between_wide_spaces()
+        for number, edge in enumerate((*wide, *self._between_obstacles())):
+            if number >= len(wide) and edge in covered:
+                continue
             stretch = self._stretch(edge)
-            # the two searches may visit equal edges between the same walls in different order
+            covered.update(stretch.tolist())
+            # the searches may visit equal edges between the same walls in different order
             least = stretch[np.abs(self.length[stretch] - self.length[edge]) < 1e-9]
-            if beside_clutter.isdisjoint(least.tolist()):
-                places.append(self._placed(edge, stretch, least))
+            smaller = float(size[least].min())
+            if smaller >= self.smallest:
+                places.append(self._placed(edge, stretch, least, smaller))
         return sorted(places, key=lambda place: (place.distance, place.first, place.second))
+
+    def _between_obstacles(self) -> list[int]:
+        """The shortest saddles between every two obstacles, up to the length `always`."""
+        # all of equal length, and none that another cell shares: the result must not depend on the triangulation
+        edges = np.flatnonzero(self.saddle & self.strict)
+        a, b = self.group[self.p[edges]], self.group[self.q[edges]]
+        edges, a, b = (values[a != b] for values in (edges, a, b))
+        _, pair = np.unique(np.minimum(a, b) * len(self.boxes) + np.maximum(a, b), return_inverse=True)
+        least = np.full(pair.max(initial=-1) + 1, np.inf)
+        np.minimum.at(least, pair, self.length[edges])
+        shortest = edges[(self.length[edges] <= least[pair] + 1e-9) & (self.length[edges] <= self.always)]
+        shortest = shortest[self.wanted[shortest]]
+        return shortest[np.argsort(self.length[shortest], kind="stable")].tolist()
 
     def _between_wide_spaces(self) -> list[int]:
         """Saddles with wider space on both sides, reachable without crossing a narrower edge."""
@@ -175,27 +203,24 @@ class _Search:
                 peak[union.join(a, b)] = top
         return found
 
-    def _beside_clutter(self) -> set[int]:
-        """Saddles where one of the two obstacles, grown so far, is smaller than the clutter size."""
+    def _obstacle_sizes(self) -> NDArray[np.float64]:
+        """Size of the smaller obstacle at every saddle: of its box, with all obstacles nearer to it than the saddle is long."""
         edges = np.flatnonzero(self.saddle)
         edges = edges[np.argsort(self.length[edges], kind="stable")]
         union = _Union(len(self.boxes))
         boxes: list[list[float]] = self.boxes.tolist()
-        beside: set[int] = set()
+        sizes = np.full(len(self.length), np.inf)
         for edge in edges.tolist():
             a = union.find(int(self.group[self.p[edge]]))
             b = union.find(int(self.group[self.q[edge]]))
-            if a == b:
-                continue
-            size = min(max(box[2] - box[0], box[3] - box[1]) + 1.0 for box in (boxes[a], boxes[b]))
-            if size < self.clutter:
-                beside.add(edge)
             one, two = boxes[a], boxes[b]
-            root = union.join(a, b)
-            boxes[root] = [min(one[0], two[0]), min(one[1], two[1]), max(one[2], two[2]), max(one[3], two[3])]
-        return beside
+            sizes[edge] = min(max(box[2] - box[0], box[3] - box[1]) + 1.0 for box in (one, two))
+            if a != b:
+                root = union.join(a, b)
+                boxes[root] = [min(one[0], two[0]), min(one[1], two[1]), max(one[2], two[2]), max(one[3], two[3])]
+        return sizes
 
-    def _placed(self, edge: int, edges: NDArray[np.int64], least: NDArray[np.int64]) -> NarrowPlace:
+    def _placed(self, edge: int, edges: NDArray[np.int64], least: NDArray[np.int64], smaller: float) -> NarrowPlace:
         """The narrow place of a stretch: its edge closest to the middle of the stretch."""
         middles = self.middle[edges]
         low, high = middles.min(axis=0), middles.max(axis=0)
@@ -203,7 +228,7 @@ class _Search:
         best = int(least[int(off.argmin())])
         stretch = float(np.hypot(*(high - low)))
         bars = tuple(sorted(self._ends(e) for e in edges.tolist()))
-        return NarrowPlace(*self._ends(best), float(self.length[edge]), stretch, bars)
+        return NarrowPlace(*self._ends(best), float(self.length[edge]), stretch, smaller, bars)
 
     def _ends(self, edge: int) -> tuple[tuple[int, int], tuple[int, int]]:
         first, second = sorted((x, y) for x, y in self.sites[[self.p[edge], self.q[edge]]].tolist())

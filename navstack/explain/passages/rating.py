@@ -39,6 +39,7 @@ class PassageRater:
             ends=ends,
             width=round(width, 6),
             length=round(place.stretch * g.resolution, 6),
+            obstacle=round(place.smaller * g.resolution, 6),
             cost=cost,
             clearance=round(clearance, 6),
             rating=rating,

@@ -17,7 +17,7 @@ HIGH_COST = 126
 
 @dataclass(frozen=True, slots=True)
 class Passage:
-    """A door, or the narrowest part of a corridor."""
+    """A door, the narrowest part of a corridor, or the gap between two obstacles."""
 
     x: float
     """x of the centre."""
@@ -29,6 +29,8 @@ class Passage:
     """Free width: distance between the ends minus one cell; accurate to one cell."""
     length: float
     """Length of the part that is equally narrow, within one cell; 0 for a door in a thin wall."""
+    obstacle: float
+    """Size of the smaller of the two obstacles: the longer side of its box, with the obstacles closer to it than this width."""
     cost: int
     """Lowest cost at which the robot's centre can pass."""
     clearance: float
@@ -48,6 +50,7 @@ class Passage:
             "ends": [list(end) for end in self.ends],
             "width_m": self.width,
             "length_m": self.length,
+            "obstacle_m": self.obstacle,
             "cost": self.cost,
             "clearance_m": self.clearance,
             "rating": self.rating,
@@ -99,6 +102,10 @@ class PassageReport:
     """Lower limit of the searched widths."""
     widest: float
     """Upper limit of the searched widths."""
+    narrower: int
+    """Number of openings that are left out because they are narrower than `narrowest`."""
+    smallest_obstacle: float
+    """Lower limit of `Passage.obstacle`."""
     unknown_border: float
     """Share of unknown cells among the cells that border free space."""
 
@@ -115,6 +122,8 @@ class PassageReport:
             "inflation_radius_m": self.inflation_radius,
             "narrowest_m": self.narrowest,
             "widest_m": self.widest,
+            "narrower": self.narrower,
+            "smallest_obstacle_m": self.smallest_obstacle,
             "unknown_border": self.unknown_border,
             "required_widths": self.widths.as_dict(),
             "counts": {rating: self.count(rating) for rating in RATINGS},
