@@ -41,7 +41,7 @@ class LocalPlan:
 
     command: Twist2D
     mode: str = "follow"
-    """follow, brake, rotate_to_goal, arrived, or escape (backs up because every sample was rejected)."""
+    """follow, brake, rotate_to_goal, arrived, or escape (every sample was rejected: backs up, or leaves an obstacle)."""
     samples: NDArray[np.float64] | None = None
     """(K, 3) velocity samples vx, vy, wz."""
     critics: tuple[str, ...] = ()

@@ -64,7 +64,9 @@ def planner_of(file: FilePath) -> DWAPlanner:
             values[name] = bool(value) if kind is bool else int(value) if kind is int else float(value)
         else:
             assert name in DWAParams.NO_EFFECT, name
-    return DWAPlanner(DWAParams(**values))
+    planner = DWAPlanner(DWAParams(**values))
+    planner.leaves_obstacles = False  # parity 38
+    return planner
 
 
 def costmap_of(data: dict[str, Any], case: str) -> Costmap:

@@ -226,19 +226,15 @@ def bumped(disc: tuple[float, float, float]) -> tuple[SimulatedRobot, nav.MoveBa
     return robot, move_base, handle, marks
 
 
-ON_THE_WAY = [
-    ((6.795, 7.674, 0.115), "NONE"),
-    ((5.668, 7.784, 0.046), "NO_VALID_CONTROL"),
-    ((4.44, 7.683, 0.037), "FAILED_TO_MAKE_PROGRESS"),
-]
+ON_THE_WAY = [((6.795, 7.674, 0.115), True), ((5.668, 7.784, 0.046), True), ((4.44, 7.683, 0.037), False)]
 
 
-@pytest.mark.parametrize(("disc", "error_name"), ON_THE_WAY)
-def test_a_turtlebot_marks_obstacles_that_press_its_bumper(disc: tuple[float, float, float], error_name: str) -> None:
+@pytest.mark.parametrize(("disc", "arrives"), ON_THE_WAY)
+def test_a_turtlebot_marks_obstacles_that_press_its_bumper(disc: tuple[float, float, float], arrives: bool) -> None:
     """It collides with the unseen obstacle once or a few times, marks it, and drives around it if there is space.
 
-    The turtlebot's YAML lets it drive forwards only. If the mark overlaps the footprint, every sample is rejected (parity 32);
-    if it lies some centimetres beyond, the robot may push until the goal is aborted. Both end with the reason.
+    The turtlebot's YAML lets it drive forwards only, and the mark lies some centimetres beyond what it touches: now and
+    then it pushes against the thing until it gives up, with that reason.
     """
     robot, _, handle, marks = bumped(disc)
     assert 1 <= len(robot.collisions) <= 10
@@ -248,9 +244,9 @@ def test_a_turtlebot_marks_obstacles_that_press_its_bumper(disc: tuple[float, fl
     bumps = [mark for mark in marks if mark[1] == "bump" and mark[3] == "obstacle_layer"]
     assert {name for name, *_ in bumps} == {"local_costmap", "global_costmap"}
     assert all(stamp is not None and stamp >= first.time for _, _, stamp, _ in bumps)
-    assert handle.result.error_name == error_name
-    if error_name == "NONE":
+    if arrives:
         assert handle.status.name == "SUCCEEDED"
     else:
         assert handle.status.name == "ABORTED"
+        assert handle.result.error_name == "FAILED_TO_MAKE_PROGRESS"
         assert handle.result.recoveries > 0

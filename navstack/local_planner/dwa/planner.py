@@ -22,6 +22,7 @@ from navstack.local_planner.dwa.fused_scoring import FusedScorer
 from navstack.local_planner.dwa.generator import DWAGenerator
 from navstack.local_planner.dwa.params import DWAParams
 from navstack.local_planner.goal_checker import SimpleGoalChecker
+from navstack.local_planner.overlap import Overlap
 from navstack.local_planner.sampling_planner import SamplingPlanner, control_period
 from navstack.local_planner.scoring import ScoreTable, score
 from navstack.plugins import CRITICS, LOCAL_PLANNERS
@@ -60,6 +61,8 @@ class DWAPlanner(SamplingPlanner):
 
     Params: ClassVar[type[ParamModel]] = DWAParams
     params: DWAParams
+    leaves_obstacles = True
+    """ROS differs: if every sample is rejected, leave the lethal cells under the footprint (`Overlap`)."""
 
     def __init__(self, params: DWAParams) -> None:
         p = params
@@ -119,8 +122,25 @@ class DWAPlanner(SamplingPlanner):
         if table.best < 0 and self.generator.widen_rotation(window, state, self._limits):
             context = self.context(state, costmap, footprint, plan, goal)
             samples, rollouts, table = self._scored(window, context)
+        overlap = None
+        if table.best < 0 and self.leaves_obstacles and self._collision_check in self.critics:
+            overlap = Overlap.at(context)
+        if overlap is not None:
+            samples, rollouts, table = self._scored(window, overlap.relaxed())
+            table = self._without_nearer(overlap, rollouts, table)
         command = Twist2D(*rollouts.commands[table.best].tolist()) if table.best >= 0 else Twist2D()
-        return self.result(command, samples.copy(), table, rollouts, context)
+        mode = "follow" if overlap is None or table.best < 0 else "escape"
+        return self.result(command, samples.copy(), table, rollouts, context, mode)
+
+    def _without_nearer(self, overlap: Overlap, rollouts: Rollouts, table: ScoreTable) -> ScoreTable:
+        """`table`, scored with `overlap.relaxed()`, without the rollouts that come nearer to the overlapped cells."""
+        self.finish_scoring()
+        check = self._collision_check
+        table = overlap.select(rollouts, table, self.critics.index(check), check.first_collision)
+        check.set_result(overlap.context, rollouts, check.scale, check.first_collision)
+        if table.best >= 0:
+            overlap.context.notes.append(overlap.note)
+        return table
 
     def finish_scoring(self) -> None:
         """Hand the results of fused scoring to the critics."""
