@@ -9,12 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Costmap, Window
+from navstack.global_planner._search import _any_angle_kernels as line_kernels
 from navstack.global_planner._search import _search_kernels as kernels
 from navstack.global_planner._search.cells import Cell, union
 from navstack.global_planner._search.cost_interpreter import CellCosts
 
 UNLIMITED: Final = 1 << 62
 _MAX_STEP: Final = math.sqrt(2.0)
+_BUCKET: Final = 0.5  # width of a bucket of `octile`, in least weights
+_LINE_BUCKET: Final = (
+    0.2  # of `any_angle`, whose cells are expanded again less often if the order is closer to the costs
+)
 _EMPTY: Final = Window(0, 0, 0, 0)
 
 
@@ -23,24 +28,28 @@ class BestFirst:
 
     Memory: 9 bytes per cell, allocated once per size of costmap and accessed only where a search expands. 8 are for costs
     (`octile`: a float64; `any_angle`: a float32 and the number of the parent cell, in the same memory, whose second half is
-    therefore 0 between searches), and 1 marks the cells for which the costs of `octile` are valid.
+    therefore 0 between searches). 1 marks the cells for which the costs of `octile` are valid, and after `prepare_lines`
+    contains the clearance instead. Straight lines take another 4 bytes per cell, for the costs that remain to the goal.
     """
 
     def __init__(self, costs: CellCosts, *, heuristic_weight: float = 1.0, cut_corners: bool = False) -> None:
         self._costs = costs
         self._cut_corners = int(cut_corners)
         self._scale = heuristic_weight * costs.least
-        self._delta = 0.5 * costs.least
-        highest = float(costs.weights[np.isfinite(costs.weights)].max(initial=costs.least))
-        # as many buckets as one step can span
-        self._heads = np.empty(math.ceil(_MAX_STEP * (highest + self._scale) / self._delta) + 4, np.int64)
+        self._is_exact = heuristic_weight <= 1.0
+        self._heads = np.empty(self._buckets(_BUCKET), np.int64)
+        self._line_heads = np.empty(0, np.int64)
         self._shape = (0, 0)
         self._g64 = np.zeros(0)
         self._steps = np.zeros(0, np.uint8)
         self._settings = np.zeros(1, kernels.SETTINGS)
         self._window: NDArray[np.int64] = self._settings["window"][0]
+        self._remaining = np.zeros(0, np.float32)
+        self._total = 0.0  # cost of the path of `octile`, if `_remaining` is valid
         self._is_any_angle = False
+        self._bounded = _EMPTY  # where `_remaining` is not 0
         self._written = _EMPTY  # where octile searches left costs
+        self._marked = _EMPTY  # where `_steps` is not 0
 
     @property
     def window(self) -> Window:
@@ -63,7 +72,27 @@ class BestFirst:
         self._is_any_angle = False
         reached = self._search(costmap, start, goal, max_expanded, math.inf)
         self._written = union(self._written, self.window)
+        self._marked = self.window
         return reached
+
+    def prepare_lines(self, costmap: Costmap, *, from_goal: bool) -> None:
+        """Prepare `pull_tight` and `any_angle`, after `octile`, whose path is no longer available afterwards.
+
+        Measures how far the cells that `octile` read are from more expensive ones: straight lines take less time. If `octile`
+        searched from the goal to the start (`from_goal`), its costs bound what remains from a cell: `any_angle` expands fewer.
+        """
+        nx = self._shape[1]
+        if self._remaining.size != self._steps.size:
+            self._remaining, self._bounded = np.zeros(self._steps.size, np.float32), _EMPTY
+        self._remaining.reshape(self._shape)[self._bounded.slices] = 0.0
+        window = np.array(self._marked, np.int64)
+        self._bounded, self._total = _EMPTY, 0.0
+        if from_goal and self._is_exact:
+            line_kernels.remaining_costs(self._g64, self._steps, nx, window, self._remaining)
+            self._bounded, self._total = self._marked, float(self._g64[self._settings["goal"][0]])
+        self._steps.reshape(self._shape)[self._marked.slices] = 0
+        cost = np.ascontiguousarray(costmap.data).reshape(-1)
+        line_kernels.measure_clearance(cost, self._costs.weights, self._costs.least, nx, window, self._steps)
 
     def any_angle(
         self,
@@ -74,9 +103,13 @@ class BestFirst:
         max_expanded: int = UNLIMITED,
         upper_bound: float = math.inf,
     ) -> bool:
-        """Search over straight lines; return whether the goal was reached for a cost below `upper_bound`."""
-        self._prepare(costmap)
+        """Search over straight lines; return whether the goal was reached for a cost below `upper_bound`.
+
+        Requires `octile` and `prepare_lines` on the same costmap.
+        """
         self._is_any_angle = True
+        if self._line_heads.size == 0:
+            self._line_heads = np.empty(self._buckets(_LINE_BUCKET), np.int64)
         self._g64.reshape(self._shape)[self._written.slices] = 0.0
         self._written = _EMPTY
         return self._search(costmap, start, goal, max_expanded, upper_bound)
@@ -97,14 +130,13 @@ class BestFirst:
         return self._cells(np.array(found[::-1], np.int64))
 
     def pull_tight(self, costmap: Costmap, cells: NDArray[np.int64]) -> tuple[NDArray[np.int64], float]:
-        """Replace the detours of a path of cells (n, 2) by straight lines that cost no more: the corners (m, 2) and the cost."""
+        """Replace the detours of a path of cells (n, 2) by straight lines that cost no more: the corners (m, 2) and the cost.
+
+        The path must start where the last search started. Requires `prepare_lines`.
+        """
         cost = np.ascontiguousarray(costmap.data).reshape(-1)
-        nx = costmap.data.shape[1]
-        numbers = np.ascontiguousarray(cells[:, 1] * nx + cells[:, 0])
-        first = int(numbers[0])
-        kept, total = kernels.pull_tight(
-            cost, self._costs.weights, self._start_weight(cost, first), first, nx, numbers, self._cut_corners
-        )
+        numbers = np.ascontiguousarray(cells[:, 1] * self._shape[1] + cells[:, 0])
+        kept, total = line_kernels.pull_tight(cost, self._costs.weights, self._steps, numbers, self._settings)
         return self._cells(kept), float(total)
 
     def cost_of(self, cell: Cell) -> float:
@@ -157,24 +189,39 @@ class BestFirst:
         weight = float(self._costs.weights[cost[start]])
         return weight if weight < math.inf else self._costs.least
 
+    def _buckets(self, width: float) -> int:
+        """As many buckets of this width, in least weights, as one step can span."""
+        highest = float(self._costs.weights[np.isfinite(self._costs.weights)].max(initial=self._costs.least))
+        return math.ceil(_MAX_STEP * (highest + self._scale) / (width * self._costs.least)) + 4
+
     def _prepare(self, costmap: Costmap) -> None:
-        """Clear what the last search wrote, or allocate the arrays."""
+        """Clear what the last searches wrote, or allocate the arrays."""
         if costmap.data.shape == self._shape:
-            self._reached.reshape(self._shape)[self.window.slices] = 0
+            self._steps.reshape(self._shape)[self._marked.slices] = 0
+            if self._is_any_angle:
+                self._parent.reshape(self._shape)[self.window.slices] = 0
             return
         ny, nx = costmap.data.shape
         self._shape = ny, nx
         self._g64 = np.zeros(ny * nx)
         self._steps = np.zeros(ny * nx, np.uint8)
-        self._written = _EMPTY
+        self._written = self._marked = _EMPTY
 
     def _search(self, costmap: Costmap, start: Cell, goal: Cell, max_expanded: int, upper_bound: float) -> bool:
         """Run the search that `_is_any_angle` selects."""
         ny, nx = self._shape
         first, last = self._number(start), self._number(goal)
         cost = np.ascontiguousarray(costmap.data).reshape(-1)
-        limits = first, last, self._is_any_angle, self._cut_corners, max_expanded
-        scales = self._start_weight(cost, first), self._scale, self._delta, upper_bound
+        weights, least = self._costs.weights, self._costs.least
+        delta = least * (_LINE_BUCKET if self._is_any_angle else _BUCKET)
+        limits = first, last, self._cut_corners, max_expanded
+        scales = self._start_weight(cost, first), least, self._scale, delta, upper_bound, self._total
         self._settings[0] = (nx, ny, *limits, *scales, (0, 0, 0, 0), 0, 0)
-        kernels.search(cost, self._costs.weights, self._heads, self._g, self._reached, self._settings)
+        if self._is_any_angle:
+            g, parent = self._g32, self._parent
+            line_kernels.search_any_angle(
+                cost, weights, self._steps, self._remaining, self._line_heads, g, parent, self._settings
+            )
+        else:
+            kernels.search(cost, weights, self._heads, self._g64, self._steps, self._settings)
         return bool(self._reached[last] != 0)
