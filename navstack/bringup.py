@@ -302,7 +302,8 @@ def plan(
     occupied; `values` names the meaning of other arrays, see `OccupancyGrid.from_array`. Unknown cells count as occupied unless
     `unknown` is "free". `start` and `goal` are (x, y) or (x, y, yaw) in metres and radians. No centre of a cell on the path is
     within `robot_radius` (m) of an occupied cell's centre; with 0, the robot is a point. `planner` is any registered name;
-    its parameters are the defaults. Use `plan_on_map` for the costs of a robot's own parameters.
+    its parameters are the defaults. The exception is `carrot_planner`: its path is a straight line, which may cross walls,
+    because only the cell of the goal is checked, as in ROS. Use `plan_on_map` for the costs of a robot's own parameters.
 
     Raises InputError, UnknownPluginError, and a PlanningError with code and data if there is no plan.
     """

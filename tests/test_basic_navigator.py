@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 import navstack as nav
 from navstack.basic_navigator import BasicNavigator, TaskResult
-from navstack.core import Pose2D, Twist2D
+from navstack.core import Bounds, Path, Pose2D, Twist2D
 from navstack.core.costs import LETHAL
-from navstack.core.errors import InputError
+from navstack.core.errors import InputError, InvalidPathError, NotSupportedError, StartOccupiedError
+from navstack.costmap.obstacle_layer import ObstacleLayer
 from tests.move_base.world import Bench, StraightPlanner, occupied
 
 
@@ -272,8 +274,6 @@ def test_paths_through_poses_changed_maps_and_initial_poses() -> None:
     assert path is not None
     near = [min(math.hypot(x - goal.x, y - goal.y) for x, y, _ in path.poses) for goal in places.goals[:2]]
     assert max(near) < 0.3
-    with pytest.raises(InputError, match="from where the robot is localized"):
-        navigator.setInitialPose(places.goals[0])
     before = navigator.getGlobalCostmap().data.copy()
     assert navigator.changeMap(nav.map_path("office"))
     navigator.waitUntilNav2Active()
@@ -295,3 +295,197 @@ def test_places_can_have_numbers_as_names(tmp_path) -> None:
     places = nav.load_places(file)
     assert places.goal_names == ("2", "1")
     assert places.start == Pose2D(1.0, 2.0, 0.0)
+
+
+# --- names of Nav2's simple commander ---------------------------------------------------------------------------------
+
+
+def simulated(**options: object) -> BasicNavigator:
+    places = nav.load_places("office")
+    office = nav.load_map(nav.map_path("office"))
+    return BasicNavigator.simulated(nav.load_configuration(["turtlebot"]), office, places.start, **options)  # type: ignore[arg-type]
+
+
+def finish(navigator: BasicNavigator) -> TaskResult:
+    while not navigator.isTaskComplete():
+        pass
+    return navigator.getResult()
+
+
+def pose_of(navigator: BasicNavigator) -> Pose2D:
+    return navigator.move_base.global_costmap.robot_pose()
+
+
+def test_the_initial_pose_of_a_simulated_robot_is_set_until_time_passes() -> None:
+    places = nav.load_places("office")
+    navigator = simulated()
+    navigator.setInitialPose(places.goals[0])
+    navigator.waitUntilNav2Active()
+    assert pose_of(navigator) == pytest.approx(places.goals[0])
+    navigator.goToPose(places.goals[0]._replace(yaw=0.0))
+    assert finish(navigator) is TaskResult.SUCCEEDED
+    navigator.setInitialPose(pose_of(navigator))
+    with pytest.raises(InputError, match="from where the robot is localized"):
+        navigator.setInitialPose(places.start)
+    with pytest.raises(StartOccupiedError):
+        simulated().setInitialPose(Pose2D(4.6, 10.0, 0.0))
+
+
+def test_the_initial_pose_initializes_the_localization_of_a_robot() -> None:
+    world, given = NavigatorBench(), []
+    bench = world.bench
+    navigator = BasicNavigator(bench.move_base, lambda t: t, place=given.append)
+    navigator.setInitialPose(Pose2D(7.0, 8.0, 0.5))
+    assert given == [Pose2D(7.0, 8.0, 0.5)]
+
+
+def test_follow_path_uses_the_local_planner_only() -> None:
+    world = NavigatorBench()
+    navigator, planner = world.navigator, world.bench.planner
+    x = np.linspace(0.0, 2.0, 41)
+    path = Path(np.column_stack((x, np.zeros(41), np.zeros(41))))
+    for _ in range(2):  # the second time from the other end
+        planned = len(planner.calls)
+        assert navigator.followPath(path)
+        navigator.isTaskComplete()
+        feedback = navigator.getFeedback()
+        assert feedback is not None and feedback.current_pose is not None
+        assert world.run() is TaskResult.SUCCEEDED
+        assert world.pose.x == pytest.approx(2.0, abs=0.3)
+        assert len(planner.calls) == planned
+        assert world.bench.robot.twist == Twist2D()
+        navigator.backup(1.0, 0.5)
+        assert world.run() is TaskResult.SUCCEEDED
+
+
+@pytest.mark.parametrize("task", ["goToPose", "followPath"])
+def test_a_repeated_goal_does_not_keep_a_latched_position(task: str) -> None:
+    places = nav.load_places("office")
+    configuration = nav.load_configuration(["turtlebot"], overrides=["DWAPlannerROS/latch_xy_goal_tolerance=true"])
+    navigator = BasicNavigator.simulated(configuration, nav.load_map(nav.map_path("office")), places.start)
+    navigator.waitUntilNav2Active()
+    goal = Pose2D(places.start.x + 1.2, places.start.y, 0.0)
+    path = navigator.getPath(places.start, goal)
+    for _ in range(2):
+        getattr(navigator, task)(path if task == "followPath" else goal)
+        assert finish(navigator) is TaskResult.SUCCEEDED
+        assert pose_of(navigator).distance_to(goal) < 0.3
+        navigator.backup(0.8, 0.2)
+        assert finish(navigator) is TaskResult.SUCCEEDED
+
+
+def test_follow_path_fails_with_the_reason_after_the_patience() -> None:
+    navigator = simulated(obstacles=[(3.0, 7.45, 0.4)])
+    start = nav.load_places("office").start
+    x = np.linspace(start.x, start.x + 5.0, 101)
+    across = Path(np.column_stack((x, np.full(101, start.y), np.zeros(101))))
+    navigator.move_base.reconfigure(navigator.move_base.params.model_copy(update={"controller_patience": 2.0}))
+    navigator.followPath(across)
+    assert finish(navigator) is TaskResult.FAILED
+    code, text = navigator.getTaskError()
+    assert code in (105, 106) and text
+    assert not navigator.move_base.recovery
+    navigator.clearTaskError()
+    assert navigator.getTaskError() == (0, "")
+
+
+@pytest.mark.parametrize("poses", [np.empty((0, 3)), np.full((3, 3), np.nan)])
+def test_follow_path_rejects_unusable_paths(poses: np.ndarray) -> None:
+    navigator = simulated()
+    with pytest.raises(InvalidPathError):
+        navigator.followPath(Path(poses))
+    assert navigator.isTaskComplete()
+
+
+def test_follow_path_can_be_cancelled_and_does_not_know_other_planners() -> None:
+    world = NavigatorBench()
+    navigator = world.navigator
+    path = Path(np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]]))
+    navigator.followPath(path)
+    navigator.isTaskComplete()
+    navigator.cancelTask()
+    assert world.run() is TaskResult.CANCELED
+    with pytest.raises(NotSupportedError, match="base_local_planner"):
+        navigator.followPath(path, controller_id="FollowPath")
+
+
+def test_costmaps_can_be_cleared_around_the_robot() -> None:
+    navigator = simulated(obstacles=[(2.0, 7.45, 0.15)])
+    navigator.waitUntilNav2Active()
+    navigator.isTaskComplete()
+    navigator.driveOnHeading(0.05, 0.1)
+    finish(navigator)
+    local = navigator.getLocalCostmap().geometry
+    (layer,) = (x for x in navigator.move_base.local_costmap.layers if isinstance(x, ObstacleLayer))
+
+    def marked() -> bool:
+        return bool((layer.costs[local.window_of(Bounds(2.0, 7.45, 2.0, 7.45).grown(0.3)).slices] == LETHAL).any())
+
+    assert marked()
+    navigator.clearCostmapExceptRegion(4.0)
+    navigator.clearCostmapAroundRobot(1.0)
+    assert marked()
+    navigator.clearLocalCostmapAroundPose(Pose2D(2.0, 7.45), 1.0)
+    assert not marked()
+    navigator.clearGlobalCostmapAroundPose(Pose2D(2.0, 7.45), 1.0)
+    with pytest.raises(InputError, match="reset_distance"):
+        navigator.clearCostmapAroundRobot(-1.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "alternative"),
+    [
+        ("smoothPath", (Path(np.zeros((2, 3))),), "theta_star"),
+        ("assistedTeleop", (), "driveOnHeading"),
+        ("dockRobotByPose", (Pose2D(0.0, 0.0), "charger"), "driveOnHeading"),
+        ("dockRobotByID", ("dock",), "driveOnHeading"),
+        ("undockRobot", (), "backup"),
+        ("followGpsWaypoints", ([],), "followWaypoints"),
+        ("getRoute", (1, 2), "getPathThroughPoses"),
+        ("getAndTrackRoute", (1, 2), "getPathThroughPoses"),
+    ],
+)
+def test_what_navstack_cannot_do_names_an_alternative(
+    name: str, arguments: tuple[object, ...], alternative: str
+) -> None:
+    navigator = NavigatorBench().navigator
+    with pytest.raises(NotSupportedError, match=alternative):
+        getattr(navigator, name)(*arguments)
+    for word in alternative.split("."):
+        assert hasattr(navigator, word) or word == "theta_star"
+
+
+def test_behavior_trees_are_not_supported() -> None:
+    navigator = NavigatorBench().navigator
+    with pytest.raises(NotSupportedError, match="recovery_behaviors"):
+        navigator.goToPose(Pose2D(1.0, 0.0), behavior_tree="tree.xml")
+    with pytest.raises(NotSupportedError, match="recovery_behaviors"):
+        navigator.goThroughPoses([Pose2D(1.0, 0.0)], behavior_tree="tree.xml")
+
+
+# fmt: off
+NAMES_OF_NAV2 = [
+    "assistedTeleop", "backup", "cancelTask", "changeMap", "clearAllCostmaps", "clearCostmapAroundRobot",
+    "clearCostmapExceptRegion", "clearGlobalCostmap", "clearGlobalCostmapAroundPose", "clearLocalCostmap",
+    "clearLocalCostmapAroundPose", "clearTaskError", "debug", "destroyNode", "destroy_node", "dockRobotByID",
+    "dockRobotByPose", "driveOnHeading", "error", "followGpsWaypoints", "followPath", "followWaypoints",
+    "getAndTrackRoute", "getFeedback", "getGlobalCostmap", "getLocalCostmap", "getPath", "getPathThroughPoses",
+    "getResult", "getRoute", "getTaskError", "goThroughPoses", "goToPose", "info", "isTaskComplete", "lifecycleShutdown",
+    "lifecycleStartup", "setInitialPose", "setTaskError", "smoothPath", "spin", "undockRobot", "waitUntilNav2Active",
+    "warn",
+]
+# fmt: on
+
+
+@pytest.mark.parametrize("name", NAMES_OF_NAV2)
+def test_every_method_of_nav2s_commander_exists(name: str) -> None:
+    assert callable(getattr(BasicNavigator, name))
+
+
+def test_messages_go_to_the_log(caplog: pytest.LogCaptureFixture) -> None:
+    navigator = NavigatorBench().navigator
+    with caplog.at_level("DEBUG", logger="navstack.basic_navigator"):
+        for level in ("debug", "info", "warn", "error"):
+            getattr(navigator, level)(f"text of {level}")
+    assert [r.levelname for r in caplog.records] == ["DEBUG", "INFO", "WARNING", "ERROR"]
+    navigator.destroyNode()

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-import os
 from collections.abc import Callable, Sequence
 
-import numpy as np
-
+from navstack.basic_navigator.follow_path import FollowPath
+from navstack.basic_navigator.services import NavigatorServices, not_supported
 from navstack.basic_navigator.task import NO_ERROR, PASSED_RADIUS_M, POLL_S, TaskFeedback, TaskResult
 from navstack.bringup import build_move_base, simulated_robot
-from navstack.core import Costmap, Listener, OccupancyGrid, Path, Pose2D, Twist2D
+from navstack.core import Listener, OccupancyGrid, Path, Pose2D, Twist2D
 from navstack.core.errors import InputError, NavError
-from navstack.costmap import LayeredCostmap
 from navstack.interfaces import RecoveryBehavior, RecoveryStatus
-from navstack.map_io import load_map
 from navstack.move_base import GoalHandle, GoalStatus, MoveBase, plugin_calls
 from navstack.move_base.errors import GoalCanceledError, StaleSensorsError
 from navstack.move_base.schedule import EPSILON_S
@@ -30,8 +26,8 @@ from navstack.recovery import (
 )
 
 
-class BasicNavigator:
-    """Executes one task at a time: a pose, poses to drive through, waypoints to stop at, or a behavior (spin, backup).
+class BasicNavigator(NavigatorServices):
+    """Executes one task at a time: a pose, poses to drive through, waypoints to stop at, a path, or a behavior (spin, backup).
 
         navigator.goToPose(goal)
         while not navigator.isTaskComplete():
@@ -41,15 +37,23 @@ class BasicNavigator:
     Every `isTaskComplete` advances the robot and the goal manager by `POLL_S`; nothing moves in between.
     """
 
-    def __init__(self, move_base: MoveBase, advance: Callable[[float], float]) -> None:
+    def __init__(
+        self,
+        move_base: MoveBase,
+        advance: Callable[[float], float],
+        *,
+        place: Callable[[Pose2D], None] | None = None,
+    ) -> None:
         """Create a navigator. `advance(t)` runs the robot until `t` (s) and returns the time.
 
         In a simulation that is `advance_to`; for a real robot it sleeps. It returns at once if `t` is in the past.
+        `place` initializes the robot's localization with a pose (global frame), for `setInitialPose`.
         """
         self.move_base = move_base
         self.missed_waypoints: list[int] = []
         """Indices of the waypoints that the last followWaypoints did not reach."""
         self._advance = advance
+        self._place = place
         self._now = advance(0.0)
         self._started_at = self._now
         self._poses: tuple[Pose2D, ...] = ()
@@ -78,24 +82,39 @@ class BasicNavigator:
         listeners: Sequence[Listener] = (),
     ) -> BasicNavigator:
         """Create a navigator of a simulated robot at `start`. Raises as `navstack.simulated_robot` does."""
-        robot = simulated_robot(configuration, static_map, start, obstacles=obstacles, seed=seed)
-        move_base = build_move_base(configuration, robot, static_map=static_map, listeners=listeners)
 
-        def advance(until: float) -> float:
-            if until > robot.time:
-                robot.advance_to(until)
-            return robot.time
+        def built(at: Pose2D) -> tuple[MoveBase, Callable[[float], float]]:
+            robot = simulated_robot(configuration, static_map, at, obstacles=obstacles, seed=seed)
 
-        return cls(move_base, advance)
+            def advance(until: float) -> float:
+                if until > robot.time:
+                    robot.advance_to(until)
+                return robot.time
+
+            return build_move_base(configuration, robot, static_map=static_map, listeners=listeners), advance
+
+        navigator = cls(*built(start))
+
+        def place(pose: Pose2D) -> None:
+            if navigator._now > 0.0:
+                navigator._place = None
+                navigator.setInitialPose(pose)
+            elif pose != navigator.move_base.global_costmap.robot_pose():
+                navigator.move_base, navigator._advance = built(pose)
+
+        navigator._place = place
+        return navigator
 
     # --- tasks --------------------------------------------------------------------------------------------------------
 
-    def goToPose(self, pose: Pose2D, frame: str | None = None) -> bool:
+    def goToPose(self, pose: Pose2D, frame: str | None = None, behavior_tree: str = "") -> bool:
         """Drive to `pose` (default frame: the global costmap's) and end the previous task. Returns True: accepted."""
+        _check_tree(behavior_tree)
         return self._drive_to((pose,), frame, through=False, stop_on_failure=True)
 
-    def goThroughPoses(self, poses: Sequence[Pose2D], frame: str | None = None) -> bool:
+    def goThroughPoses(self, poses: Sequence[Pose2D], frame: str | None = None, behavior_tree: str = "") -> bool:
         """Drive to the last pose through the others, which the robot passes within PASSED_RADIUS_M without a stop."""
+        _check_tree(behavior_tree)
         return self._drive_to(tuple(poses), frame, through=True, stop_on_failure=True)
 
     def followWaypoints(
@@ -107,6 +126,19 @@ class BasicNavigator:
         differs: there a task with missed waypoints has SUCCEEDED.
         """
         return self._drive_to(tuple(poses), frame, through=False, stop_on_failure=stop_on_failure)
+
+    def followPath(self, path: Path, controller_id: str = "", goal_checker_id: str = "") -> bool:
+        """Follow `path` with the local planner, without the global planner and without recoveries, to its last pose.
+
+        Fails after `controller_patience` without a command and after `oscillation_timeout` without progress. Raises
+        InvalidPathError for a path that is empty or not finite.
+        """
+        if controller_id or goal_checker_id:
+            not_supported(
+                "controller_id or goal_checker_id",
+                "there is one local planner with one goal checker; choose it with base_local_planner",
+            )
+        return self._run_behavior(FollowPath(self.move_base, path))
 
     def spin(
         self, spin_dist: float = 1.57, time_allowance: float = 10.0, disable_collision_checks: bool = False
@@ -175,7 +207,7 @@ class BasicNavigator:
             return None
         spent = self._now - self._started_at
         if self._behavior is not None:
-            return TaskFeedback(self.move_base.robot_pose, self._remaining, spent, None, 0, 0, 0)
+            return TaskFeedback(self._robot_pose(), self._remaining, spent, None, 0, 0, 0)
         now = self.move_base.feedback
         left = now.distance_remaining
         for a, b in zip(self._poses[self._index :], self._poses[self._index + 1 :]):
@@ -197,95 +229,6 @@ class BasicNavigator:
         """Return the result of the last task; UNKNOWN before its end and before the first task."""
         return self._result or TaskResult.UNKNOWN
 
-    def getTaskError(self) -> tuple[int, str]:
-        """Return code and reason of the last task's failure; (0, "") without a failure."""
-        return self._error
-
-    # --- plans and costmaps -------------------------------------------------------------------------------------------
-
-    def getPath(self, start: Pose2D, goal: Pose2D, planner_id: str = "", use_start: bool = False) -> Path | None:
-        """Plan without driving, from the robot unless `use_start`; None without a plan, with the reason in `getTaskError`."""
-        if planner_id:
-            raise InputError(
-                f'planner_id "{planner_id}" is not supported: there is one global planner, which MoveBase.reconfigure changes',
-                planner_id=planner_id,
-            )
-        self._error = NO_ERROR
-        try:
-            return self.move_base.make_plan(goal, start if use_start else None).path
-        except NavError as exc:
-            self._error = (exc.code, exc.message)
-            return None
-
-    def getPathThroughPoses(
-        self, start: Pose2D, goals: Sequence[Pose2D], planner_id: str = "", use_start: bool = False
-    ) -> Path | None:
-        """Plan through all `goals` in order; None if a leg has no plan, with the reason in `getTaskError`."""
-        if not goals:
-            raise InputError("the list of goals is empty; give at least one")
-        legs = [self.getPath(start, goals[0], planner_id, use_start)]
-        for a, b in itertools.pairwise(goals):
-            if legs[-1] is None:
-                break
-            legs.append(self.getPath(a, b, planner_id, True))
-        found = [leg.poses for leg in legs if leg is not None]
-        return Path(np.concatenate(found)) if len(found) == len(legs) else None
-
-    def changeMap(self, map_filepath: str | os.PathLike[str] | OccupancyGrid) -> bool:
-        """Replace the static map of both costmaps; False if no layer accepts it. Raises MapError for an unreadable file."""
-        grid = map_filepath if isinstance(map_filepath, OccupancyGrid) else load_map(os.fspath(map_filepath))
-        costmaps = (self.move_base.global_costmap, self.move_base.local_costmap)
-        taken = [isinstance(c, LayeredCostmap) and c.set_static_map(grid) for c in costmaps]
-        self.move_base.costmaps_changed()
-        return any(taken)
-
-    def setInitialPose(self, initial_pose: Pose2D) -> None:
-        """Confirm where the robot is (global frame). Raises InputError if the localization places it elsewhere.
-
-        Nav2 differs: there the pose initializes amcl. The localization of a simulated robot is initialized by its start.
-        """
-        self.waitUntilNav2Active()
-        away = self.move_base.global_costmap.robot_pose(self._now).distance_to(initial_pose)
-        if away > PASSED_RADIUS_M:
-            raise InputError(
-                f"the initial pose ({initial_pose.x:g}, {initial_pose.y:g}) is {away:.2f} m from where the robot is localized; "
-                "give it as `start` to BasicNavigator.simulated, or initialize the localization of your robot",
-                distance_m=away,
-            )
-
-    def clearAllCostmaps(self) -> None:
-        """Reset every layer of both costmaps."""
-        self.move_base.clear_costmaps()
-
-    def clearLocalCostmap(self) -> None:
-        """Reset every layer of the local costmap."""
-        self.move_base.local_costmap.reset()
-
-    def clearGlobalCostmap(self) -> None:
-        """Reset every layer of the global costmap."""
-        self.move_base.global_costmap.reset()
-
-    def getGlobalCostmap(self) -> Costmap:
-        """Return the global master grid, which later updates change; copy it to keep it."""
-        return self.move_base.global_costmap.master
-
-    def getLocalCostmap(self) -> Costmap:
-        """Return the local master grid, which later updates change; copy it to keep it."""
-        return self.move_base.local_costmap.master
-
-    def waitUntilNav2Active(self, navigator: str = "bt_navigator", localizer: str = "amcl") -> None:
-        """Update both costmaps once, so that plans can be requested. The names of Nav2's nodes have no effect."""
-        del navigator, localizer
-        self._tick(self._now)
-
-    def lifecycleStartup(self) -> None:
-        """Do nothing: every part is active from the start."""
-
-    def lifecycleShutdown(self) -> None:
-        """End every task, stop the robot and reject later tasks."""
-        self.cancelTask()
-        self.move_base.shutdown()
-
     # --- execution ----------------------------------------------------------------------------------------------------
 
     def _drive_to(self, poses: tuple[Pose2D, ...], frame: str | None, *, through: bool, stop_on_failure: bool) -> bool:
@@ -301,6 +244,12 @@ class BasicNavigator:
         self._start_task()
         self._handle = self.move_base.send_goal(poses[0], frame)
         return True
+
+    def _robot_pose(self) -> Pose2D | None:
+        try:
+            return plugin_calls.robot_pose(self.move_base.global_costmap, self._now)
+        except NavError:
+            return None
 
     def _start_task(self) -> None:
         self._started_at = self._now
@@ -365,8 +314,8 @@ class BasicNavigator:
         plugin_calls.call(behavior, behavior.check, context)
         # update the costmaps, which may be as old as the last task
         self._tick(self._now)
-        self._start_task()
         frequency = plugin_calls.start_recovery(behavior, context, self._now)
+        self._start_task()
         self._frequency = frequency or context.controller_frequency
         self._behavior = behavior
         self._next_step = self._now
@@ -395,3 +344,8 @@ class BasicNavigator:
         self._result = result
         self._error = NO_ERROR if error is None else (error.code, error.message)
         plugin_calls.send_command(self.move_base.robot, Twist2D())
+
+
+def _check_tree(behavior_tree: str) -> None:
+    if behavior_tree:
+        not_supported("behavior_tree", "list the recovery behaviors in recovery_behaviors of move_base")

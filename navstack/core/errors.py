@@ -115,6 +115,13 @@ class ScenarioError(InputError):
     name = "INVALID_SCENARIO"
 
 
+class NotSupportedError(InputError):
+    """navstack has no part that does what was asked; the message names an alternative."""
+
+    code = 9008
+    name = "NOT_SUPPORTED"
+
+
 # --- frames -----------------------------------------------------------------------------------------------------------
 
 

@@ -145,6 +145,9 @@ class LocalPlanner(ABC):
     def set_limits(self, *, max_vel_trans: float | None = None, max_vel_theta: float | None = None) -> None:
         """Lower the speed limits temporarily (move_slow_and_clear, speed masks); None restores the parameter's value."""
 
+    def reset(self) -> None:  # noqa: B027
+        """Forget the previous goal: the next plan is the first one of a new goal, even if that is at the same pose."""
+
     @abstractmethod
     def set_plan(self, plan: Path, goal: Pose2D) -> None:
         """Follow this plan to this goal, both in the plan's frame.

@@ -99,6 +99,10 @@ class SamplingPlanner(LocalPlanner):
             self.goal_changed()
         self.reset_critics()
 
+    def reset(self) -> None:
+        """Forget the previous goal, and with it a latched position."""
+        self._goal = None
+
     def goal_changed(self) -> None:
         """Called by `set_plan` for a new goal."""
         self.goal_checker.reset()

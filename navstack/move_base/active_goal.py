@@ -30,6 +30,8 @@ class ActiveGoal:
     """The global costmap's frame when the goal was accepted or last transformed."""
     error: NavError | None = None
     """Reason for the end, unless the outcome has one of its own."""
+    has_plan: bool = False
+    """True from the first plan that the local planner received for this goal."""
     driven_m: float = 0.0
     rounds: int = 0
     """Recoveries since the robot last moved oscillation_distance."""

@@ -104,6 +104,9 @@ class ControlCycle:
         navigation = self._navigation
         navigation.new_plan = None
         try:
+            if not goal.has_plan:
+                plugin_calls.call(navigation.local_planner, navigation.local_planner.reset)
+                goal.has_plan = True
             plugin_calls.set_plan(navigation.local_planner, plan)
         except NavError as exc:
             goal.statistics.add_failure(exc, now)

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from navstack.core import Listener, Pose2D, RobotState, Twist2D
 from navstack.core.errors import InputError
 from navstack.interfaces import (
+    ControlInput,
     CostmapServer,
     GlobalPlanner,
     LocalPlan,
@@ -344,6 +345,10 @@ class MoveBase:
     @goal_time_limit_s.setter
     def goal_time_limit_s(self, limit: float) -> None:
         self._parts.goals.time_limit_s = limit
+
+    def control_input(self, plan: Plan, now: float) -> ControlInput:
+        """Return the local planner's input for `plan` at `now` (s), to follow a path without a goal. Raises NavError."""
+        return self._costmaps.control_input(plan, now)
 
     def local_state(self, now: float) -> RobotState:
         """Return the robot's pose in the local costmap's frame at `now` (s), and its velocity. Raises NavError."""
