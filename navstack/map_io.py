@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -30,6 +31,12 @@ IMAGE_SUFFIXES: Final = frozenset({".pgm", ".png", ".bmp", ".jpg", ".jpeg", ".gi
 MAX_CELLS: Final = 80_000_000
 """Largest image: 80 million cells, 447 m x 447 m at 5 cm. Larger maps are mistakes or attacks."""
 
+_Convert = Callable[[NDArray[np.uint8], NDArray[np.uint8] | None], NDArray[np.int8]]
+"""Channels (ny, nx, k) and alpha (ny, nx) or None -> occupancy (ny, nx)."""
+
+_BAND: Final = 4_000_000
+"""Cells of an image that are converted at once."""
+
 MAX_BYTES: Final = 100_000
 """Largest YAML file."""
 
@@ -37,8 +44,8 @@ _FORMATS: Final = ("PPM", "PNG", "BMP", "JPEG", "GIF", "TIFF", "TGA", "PCX", "XP
 """Formats that SDL_image, which map_server uses, reads as well. Pillow starts programs for some of the others (EPS)."""
 
 _NO_SCALE: Final = (
-    "floating-point pixels, and the file does not say which values are black and white (map_server does not read it "
-    "either); save it with 8 bits per pixel, 0 for occupied and 255 for free"
+    "it has floating-point pixels, and the file does not say which values are black and white (map_server does not read it "
+    "either); it needs 8 bits per pixel, 0 for occupied and 255 for free"
 )
 _PLACES: Final = ".places.yaml"
 _EXAMPLES: Final = {
@@ -133,8 +140,12 @@ def _load(path: str | Path, *, lowest: float, highest: float) -> OccupancyGrid:
         raise document.error(
             "mode", f'"mode" must be one of {", ".join(MODES)}, not {short_repr(document.values["mode"])}'
         )
-    channels, alpha = _read_image(document, with_alpha=mode == "trinary")
-    data = _occupancy(channels, alpha, mode=mode, negate=negate, occupied=occupied, free=free, span=(lowest, highest))
+    span = (lowest, highest)
+
+    def occupancy(channels: NDArray[np.uint8], alpha: NDArray[np.uint8] | None) -> NDArray[np.int8]:
+        return _occupancy(channels, alpha, mode=mode, negate=negate, occupied=occupied, free=free, span=span)
+
+    data = _read_image(document, occupancy)
     ny, nx = data.shape
     return OccupancyGrid(data, GridGeometry(nx, ny, resolution, x, y), yaw, "map", raw=mode == "raw")
 
@@ -264,8 +275,8 @@ def _negate(document: _Yaml) -> bool:
 # --- image ------------------------------------------------------------------------------------------------------------
 
 
-def _read_image(document: _Yaml, *, with_alpha: bool) -> tuple[NDArray[np.uint8], NDArray[np.uint8] | None]:
-    """Return the channels (ny, nx, k) to average, and the alpha channel (ny, nx) or None. Row 0 is the top."""
+def _read_image(document: _Yaml, occupancy: _Convert) -> NDArray[np.int8]:
+    """Return the occupancy of the image (ny, nx), row 0 at the bottom."""
     from PIL import Image, UnidentifiedImageError
 
     name = document.value("image")
@@ -274,23 +285,23 @@ def _read_image(document: _Yaml, *, with_alpha: bool) -> tuple[NDArray[np.uint8]
             "image", f'"image" must be a file name, not {short_repr(name)}; write for example "image: map.pgm"'
         )
     path = document.path.parent / name  # an absolute name stays absolute
-    too_large = document.error("image", f"the image {path} is larger than {MAX_CELLS:,} cells; crop or resample it")
+    too_large = document.error(
+        "image", f"the image {path} is larger than the limit of {MAX_CELLS:,} cells; crop or resample it"
+    )
     try:
         with open_regular(path) as opened, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # about damaged metadata
             warnings.simplefilter("error", Image.DecompressionBombWarning)
             image = Image.open(opened, formats=_FORMATS)
             if image.width * image.height > MAX_CELLS:
-                raise too_large
+                raise Image.DecompressionBombError
             if image.mode == "F":
-                raise document.error("image", f"the image {path} has {_NO_SCALE}")
-            channels, alpha = _channels(image)
+                raise ValueError(_NO_SCALE)
+            return _in_bands(image, occupancy)
     except FileNotFoundError:
-        beside = document.path.parent / Path(name).name
-        if beside.is_file():
+        hint = "; the path is relative to the YAML file: correct it, or copy the image there"
+        if (beside := document.path.parent / Path(name).name).is_file():
             hint = f'; the folder of the YAML file contains it: write "image: {beside.name}"'
-        else:
-            hint = "; the path is relative to the YAML file: correct it, or copy the image there"
         raise document.error("image", f"the image {path} does not exist{hint}") from None
     except (Image.DecompressionBombError, Image.DecompressionBombWarning):
         raise too_large from None
@@ -298,18 +309,25 @@ def _read_image(document: _Yaml, *, with_alpha: bool) -> tuple[NDArray[np.uint8]
         raise document.error("image", f"{path} is not a readable image (pgm, png, bmp); save it again") from None
     except NotRegularFileError as exc:
         raise document.error("image", f"the image {path} {exc.strerror}; name an image file") from None
-    except MapError:
-        raise
     # pillow's decoders raise many kinds of exceptions for broken files
     except Exception as exc:
         reason = getattr(exc, "strerror", None) or str(exc) or type(exc).__name__
         raise document.error("image", f"the image {path} cannot be read: {reason}; save it again") from exc
-    if alpha is not None and with_alpha:
-        channels = np.concatenate((channels, alpha[:, :, None]), axis=2)
-    return channels, alpha
+
+
+def _in_bands(image: Image, occupancy: _Convert) -> NDArray[np.int8]:
+    """Convert an image band by band: all its channels at once would take ten times the memory of its cells."""
+    nx, ny = image.size
+    data = np.empty((ny, nx), np.int8)
+    rows = max(1, _BAND // max(1, nx))
+    for top in range(0, ny, rows):
+        bottom = min(top + rows, ny)
+        data[ny - bottom : ny - top] = occupancy(*_channels(image.crop((0, top, nx, bottom))))[::-1]
+    return data
 
 
 def _channels(image: Image) -> tuple[NDArray[np.uint8], NDArray[np.uint8] | None]:
+    """Return the channels (ny, nx, k) to average, and the alpha channel (ny, nx) or None. Row 0 is the top."""
     if image.mode.startswith("I"):  # 16 bits or more, values 0 .. 65535
         raw = np.asarray(image)
         if raw.size and (int(raw.min()) < 0 or int(raw.max()) > 65535):
@@ -338,7 +356,9 @@ def _occupancy(
     free: float,
     span: tuple[float, float],
 ) -> NDArray[np.int8]:
-    """Return the occupancy (ny, nx) int8, row 0 at the bottom, from a table over all possible sums of channels."""
+    """Return the occupancy (ny, nx) int8, row 0 at the top, from a table over all possible sums of channels."""
+    if alpha is not None and mode == "trinary":
+        channels = np.concatenate((channels, alpha[:, :, None]), axis=2)
     count = channels.shape[2]
     mean = np.arange(255 * count + 1) / count
     if negate:
@@ -358,7 +378,7 @@ def _occupancy(
     data = table[sums]
     if mode == "scale" and alpha is not None:
         data[(alpha == 0) & (data != 0) & (data != 100)] = -1
-    return np.ascontiguousarray(data[::-1])
+    return data
 
 
 def map_names() -> list[str]:

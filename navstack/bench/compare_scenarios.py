@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 from navstack.bench.barn import JACKAL, BarnWorld, barn_scenario, load_worlds, run_world
 from navstack.bench.digests import digest_of_scenario, short_names
 from navstack.core.errors import InputError
-from navstack.core.files import exists, is_dir, is_file
+from navstack.core.files import exists, is_dir, is_file, resolved
 from navstack.parameters.configuration import Configuration, load_configuration
 from navstack.parameters.spelling import nearest
 from navstack.scenario import Scenario, ScenarioSpec, read_scenario, run_scenario
@@ -152,7 +152,7 @@ def _read(name: str) -> list[ComparedScenario]:
     file = path if exists(path) else shipped_scenarios().get(name)
     if file is None:
         raise InputError(_unknown(name, list(shipped_scenarios())), argument="SCENARIO", value=name)
-    spec = read_scenario(file.resolve(), name)
+    spec = read_scenario(resolved(file), name)
     return [ComparedScenario(spec.name, spec)]
 
 

@@ -12,7 +12,7 @@ from typing import Any, Final
 from navstack.core import OccupancyGrid
 from navstack.core.bounded_reading import read_bytes
 from navstack.core.errors import InputError
-from navstack.core.files import exists
+from navstack.core.files import exists, resolved
 from navstack.parameters.configuration import Configuration
 from navstack.parameters.sources import short_name, split_namespace
 from navstack.scenario import Scenario
@@ -61,4 +61,4 @@ def short_names(sources: Sequence[str]) -> list[str]:
 def for_workers(source: str) -> str:
     """A parameter source that is valid in any working directory: absolute paths; packaged sets and namespaces unchanged."""
     file, namespace = split_namespace(source)
-    return f"{Path(file).resolve()}{'@' if namespace else ''}{namespace}" if exists(Path(file)) else source
+    return f"{resolved(Path(file))}{'@' if namespace else ''}{namespace}" if exists(Path(file)) else source

@@ -15,7 +15,7 @@ from navstack.bench.map_pairs import costmap_of, reachable_pairs, run_pairs
 from navstack.bench.table import Column, Table, mean_of
 from navstack.core.bounded_reading import read_bytes
 from navstack.core.errors import InputError, MapError
-from navstack.core.files import exists, is_dir
+from navstack.core.files import exists, is_dir, resolved
 from navstack.jobs import Job, JobResult
 from navstack.map_io import MAX_BYTES as MAP_YAML_BYTES
 from navstack.map_io import load_map
@@ -104,7 +104,7 @@ def map_files(names: Sequence[str]) -> tuple[dict[str, Path], list[str]]:
             files.append(_map_file(name))
     if not files:
         raise InputError(f"no map can be read: {'; '.join(errors)}", argument="MAP")
-    choices = {file: _names(file) for file in dict.fromkeys(f.resolve() for f in files)}
+    choices = {file: _names(file) for file in dict.fromkeys(resolved(f) for f in files)}
     taken = Counter(name for names in choices.values() for name in names)
     return {next(n for n in names if taken[n] == 1): file for file, names in choices.items()}, errors
 

@@ -36,6 +36,14 @@ def exists(path: Path) -> bool:
         return False
 
 
+def resolved(path: Path) -> Path:
+    """Return the absolute path without links; the absolute path itself for links that form a loop and names that no file has."""
+    try:
+        return Path(os.path.realpath(path))
+    except (OSError, ValueError):
+        return Path.cwd() / path
+
+
 def ensure_directory(path: Path) -> Path:
     """Create the folder and its parents. Raises OutputError if it is not writable."""
     try:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from navstack.core.files import is_file
+from navstack.core.files import is_file, resolved
 from navstack.parameters.findings import Location, finding
 from navstack.parameters.foreign import FOREIGN_PLANNERS
 from navstack.parameters.source_tree import Sources
@@ -189,7 +189,7 @@ def _add_inner_folder(out: Sources, roles: dict[str, _Files], below: list[Path],
             message = "the folder is not loaded; name it to load it"
             out.add_finding("info", "not-loaded", Location(f"{shown}/{folder.name}"), message)
         return
-    if any(p.resolve() in out.named for p in below):
+    if any(resolved(p) in out.named for p in below):
         return  # the one that is meant is named as well
     if len(below) > 1:
         choices = " or ".join(f"{shown}/{p.name}" for p in below)

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from navstack.core.bounded_reading import read_bytes
+from navstack.core.bounded_reading import read_bytes, shortened
 from navstack.parameters.findings import Finding, Location, Severity, finding
 from navstack.parameters.launch_substitution import find_file, is_expression, launch_argument, param_value, substitute
 from navstack.parameters.launch_xml import Element, RejectedLaunchFileError, read_launch_xml
@@ -20,6 +20,8 @@ from navstack.parameters.tree import Space, descend, overlay, parts_of, put
 from navstack.parameters.yaml_reader import MAX_BYTES, DictNode, Node, ScalarNode, parse_value, read_yaml, relocate
 
 MAX_INCLUDES = 50
+MAX_GROWTH = 10_000_000
+"""Characters that the substitutions of a launch file and its includes may add."""
 
 __all__ = ["LaunchReader", "launch_argument"]
 
@@ -51,6 +53,7 @@ class LaunchReader:
         self._server = Space("", Location(""))
         self._nodes: list[tuple[tuple[str, ...], Location]] = []
         self._includes = 0
+        self._growth = 0
         self._remaps: list[tuple[str, str, Location]] = []
 
     def read(self, path: Path, shown: str, arguments: Mapping[str, str]) -> Space | None:
@@ -71,7 +74,9 @@ class LaunchReader:
     def _report(self, shown: str, unused: list[str], arguments: Mapping[str, str]) -> None:
         at = Location(shown)
         for name in sorted(unused):
-            message = f"{name}:={arguments[name]} has no effect: the launch file has no argument {name}; remove it"
+            message = (
+                f"{name}:={_short(arguments[name])} has no effect: the launch file has no argument {name}; remove it"
+            )
             self.add_finding("warning", "launch", at, message)
         if not self._nodes:
             message = "the launch file starts no move_base node; name the launch file that starts it"
@@ -148,8 +153,8 @@ class LaunchReader:
             value = self._get(element, name, scope).strip().lower()
             if value not in ("true", "false", "1", "0"):
                 message = (
-                    f'{name}="{value}" of <{element.tag}> is neither true nor false, so the element is skipped; write true '
-                    "or false"
+                    f'{name}="{_short(value)}" of <{element.tag}> is neither true nor false, so the element is skipped; '
+                    "write true or false"
                 )
                 self.add_finding("error", "launch", self._at(element, scope), message)
                 return False
@@ -168,7 +173,13 @@ class LaunchReader:
 
     def _substitute(self, text: str, element: Element, scope: _Scope) -> str:
         try:
-            return substitute(text, scope.arguments, scope.path.parent.absolute())
+            filled = substitute(text, scope.arguments, scope.path.parent.absolute())
+            self._growth += max(0, len(filled) - len(text))
+            if self._growth > MAX_GROWTH:
+                raise ValueError(
+                    f"the substitutions of the launch file add more than {MAX_GROWTH:,} characters; shorten its arguments"
+                )
+            return filled
         except ValueError as exc:
             message = _expression_message(text, element) if is_expression(text) else str(exc)
             self.add_finding("error", "launch", self._at(element, scope), message)
@@ -198,7 +209,7 @@ class LaunchReader:
         path = find_file(text, scope.path) if text else None
         if path is None:
             name = text or element.attributes.get("file", "")
-            message = f"{name} was not found, so its include is skipped"
+            message = f"{_short(name)} was not found, so its include is skipped"
             self.add_finding("info", "launch", self._at(element, scope), message)
             return
         self._includes += 1
@@ -240,7 +251,7 @@ class LaunchReader:
         """The namespace and the last name of a parameter."""
         names = parts_of(name.removeprefix("~"))
         if not names:
-            message = f'name = "{name}" is not a parameter name; correct it'
+            message = f'name = "{_short(name)}" is not a parameter name; correct it'
             self.add_finding("error", "launch", self._at(element, scope), message)
             raise _SkipElement
         if name.startswith("/"):
@@ -265,7 +276,7 @@ class LaunchReader:
         try:
             value = param_value(text, kind)
         except ValueError:
-            message = f'{name} = "{text}" does not have its type {kind}; correct the value or the type'
+            message = f'{_short(name)} = "{_short(text)}" does not have its type {kind}; correct the value or the type'
             self.add_finding("error", "launch", at, message)
             return
         namespace, last = self._target(element, scope, name)
@@ -308,7 +319,9 @@ class LaunchReader:
         text = self._get(element, "file", scope)
         path = find_file(text, scope.path)
         if path is None:
-            message = f"{text} was not found; place it next to the launch file, in a folder named like its package"
+            message = (
+                f"{_short(text)} was not found; place it next to the launch file, in a folder named like its package"
+            )
             self.add_finding("error", "launch", self._at(element, scope), message)
             return None
         shown = _shown_name(scope, path)
@@ -332,6 +345,11 @@ class LaunchReader:
         return node
 
 
+def _short(text: str) -> str:
+    """A value in a message."""
+    return shortened(text, 200)
+
+
 def _expression_message(text: str, element: Element) -> str:
     """What to do about a Python expression in an attribute of an element."""
     name = element.attributes.get("name", "")
@@ -342,7 +360,7 @@ def _expression_message(text: str, element: Element) -> str:
         fix = "write its path, or name the file after the launch file as FILE@NAMESPACE"
     else:
         what, fix = f"a value of <{element.tag}>", "write its value"
-    return f"{what} is a Python expression, {text.strip()}, which is not evaluated; {fix}"
+    return f"{what} is a Python expression, {_short(text.strip())}, which is not evaluated; {fix}"
 
 
 def _shown_name(scope: _Scope, path: Path) -> str:

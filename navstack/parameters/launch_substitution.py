@@ -8,10 +8,12 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from navstack.core.files import is_file
+from navstack.core.files import is_file, resolved
 from navstack.parameters.tree import parts_of
 
 FOLDERS_UP = 5
+MAX_EXPANDED = 1_000_000
+"""Longest text with its substitutions (characters): arguments that repeat each other grow without end."""
 _SUBSTITUTION = re.compile(r"\$\(\s*([a-z]+)((?:\s+[^()]*)?)\)")
 _ARGUMENT = re.compile(r"([A-Za-z_][A-Za-z0-9_/]*):=(.*)\Z", re.DOTALL)
 
@@ -30,10 +32,23 @@ def is_expression(text: str) -> bool:
 def substitute(text: str, arguments: Mapping[str, str], folder: Path) -> str:
     """Replace the substitutions of a text except `$(find ..)`; raise ValueError for one that cannot be replaced.
 
-    `folder` is that of the launch file.
+    `folder` is that of the launch file. A text that grows beyond a million characters is a ValueError as well.
     """
     if is_expression(text):
         raise ValueError(f"{text.strip()} is a Python expression, which is not evaluated; write its value")
+
+    length = len(text)
+
+    def bounded(found: re.Match[str]) -> str:
+        nonlocal length
+        filled = value(found)
+        length += len(filled) - len(found[0])
+        if length > MAX_EXPANDED:
+            raise ValueError(
+                f"a text is longer than {MAX_EXPANDED:,} characters after its substitutions ({found[0]} is one of them); "
+                "shorten the arguments that it uses"
+            )
+        return filled
 
     def value(found: re.Match[str]) -> str:
         command, rest = found[1], found[2].split()
@@ -57,7 +72,7 @@ def substitute(text: str, arguments: Mapping[str, str], folder: Path) -> str:
             case _:
                 raise ValueError(f"{found[0]} is not supported; write its value")
 
-    return _SUBSTITUTION.sub(value, text)
+    return _SUBSTITUTION.sub(bounded, text)
 
 
 def find_file(text: str, launch: Path) -> Path | None:
@@ -74,7 +89,7 @@ def find_file(text: str, launch: Path) -> Path | None:
 
 def _candidates(launch: Path, package: str, rest: list[str]) -> Iterator[Path]:
     """Places of `$(find package)/rest`: the layout of a workspace first, then paths with folders left out."""
-    folders = [launch.resolve().parent, *launch.resolve().parent.parents][:FOLDERS_UP]
+    folders = [resolved(launch).parent, *resolved(launch).parent.parents][:FOLDERS_UP]
     for folder in folders:
         yield folder.joinpath(package, *rest)
         yield folder.joinpath(*rest)

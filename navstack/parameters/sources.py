@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from navstack.core.data_files import data_folder
-from navstack.core.files import exists
+from navstack.core.files import exists, resolved
 from navstack.parameters.findings import Location, finding
 from navstack.parameters.folders import launch_files, load_file, load_folder, load_root
 from navstack.parameters.launch import LaunchReader, launch_argument
@@ -46,7 +46,7 @@ def read_sources(sources: Iterable[Source], overrides: Sequence[str] = ()) -> So
     if not named:
         message = f"no parameters are named; name a folder, files or {_sets()}"
         out.add_finding("error", "no-source", Location("--params"), message)
-    out.named = {Path(str(s).partition("@")[0]).absolute().resolve() for s in named if isinstance(s, (str, Path))}
+    out.named = {resolved(Path(str(s).partition("@")[0])) for s in named if isinstance(s, (str, Path))}
     for source in named:
         if isinstance(source, Mapping):
             node = _to_node(source, Location("(a Python mapping)"))

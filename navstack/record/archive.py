@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import io
 import json
-import math
 import os
-import warnings
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,6 +13,7 @@ from typing import IO, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from navstack.core.bounded_archive import expanded_size, read_array, read_member
 from navstack.core.bounded_reading import CappedFile, NotRegularFileError, short_repr, shortened, size_text
 from navstack.core.errors import RecordError
 from navstack.record.format import EVENTS, FORMAT, META, RUN_FILE, VERSION
@@ -27,8 +26,6 @@ MAX_JSON_BYTES: Final = 32_000_000
 """Largest `meta.json` and `events.jsonl`: an object takes up to twenty times the memory of its text."""
 
 LIMIT_VARIABLE: Final = "NAVSTACK_MAX_RECORD_MB"
-_PIECE: Final = 1_000_000
-_MAX_HEADER: Final = 20_000
 
 
 def dump_json(value: Any) -> str:
@@ -93,10 +90,10 @@ def read(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]], dict[str, ND
                     path=str(path),
                 )
             _check_sizes(path, archive)
-            meta = json.loads(_member(archive, infos[META]))
+            meta = json.loads(read_member(archive, infos[META]))
             _check_version(path, meta)
             events = list(_events(archive, infos[EVENTS]))
-            arrays = {name[:-4]: _array(archive, info) for name, info in infos.items() if name.endswith(".npy")}
+            arrays = {name[:-4]: read_array(archive, info) for name, info in infos.items() if name.endswith(".npy")}
         check(meta, events, arrays)
     except RecordError:
         raise
@@ -115,13 +112,11 @@ def read(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]], dict[str, ND
 
 def _check_sizes(path: Path, archive: zipfile.ZipFile) -> None:
     """Raises RecordError for a record that expands beyond the limit, ValueError for a member that no record has."""
+    total = expanded_size(archive)
     for info in archive.infolist():
-        if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-            raise ValueError(f"{info.filename} is compressed in a way that navstack does not use")
         if info.filename in (META, EVENTS) and info.file_size > MAX_JSON_BYTES:
             raise ValueError(f"{info.filename} is larger than {size_text(MAX_JSON_BYTES)}")
     limit = _limit()
-    total = sum(info.file_size for info in archive.infolist())
     if total > limit:
         raise RecordError(
             f"{path} expands to {size_text(total)}, more than {size_text(limit)}; if you trust the file, set the environment "
@@ -136,46 +131,12 @@ def _limit() -> int:
     return int(text) * 1_000_000 if text.isdecimal() and len(text) <= 9 else MAX_BYTES
 
 
-def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> bytearray:
-    """Reads a whole member, piece by piece: a member never expands beyond its stated size. Verifies its checksum."""
-    content = bytearray(info.file_size)
-    view, at = memoryview(content), 0
-    with archive.open(info) as stream:
-        while at < len(content):
-            piece = stream.read(min(_PIECE, len(content) - at))
-            if not piece:
-                raise ValueError(f"{info.filename} is shorter than stated")
-            view[at : at + len(piece)] = piece
-            at += len(piece)
-        if stream.read(1):
-            raise ValueError(f"{info.filename} is longer than stated")
-    return content
-
-
 def _events(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> Iterator[dict[str, Any]]:
     """Yields the events, each checked before the next is read."""
-    for line in _member(archive, info).splitlines():
+    for line in read_member(archive, info).splitlines():
         event = json.loads(line)
         check_event(event)
         yield event
-
-
-def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]:
-    """Reads an array whose header agrees with the size of its member."""
-    content = _member(archive, info)
-    header = io.BytesIO(content[:_MAX_HEADER])
-    if np.lib.format.read_magic(header) != (1, 0):
-        raise ValueError(f"{info.filename} is not an array of version 1")
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        shape, fortran, dtype = np.lib.format.read_array_header_1_0(header)
-    first = header.tell()
-    if dtype.hasobject:
-        raise ValueError(f"{info.filename} contains Python objects")
-    stated = math.prod(shape) * dtype.itemsize
-    if stated != len(content) - first:
-        raise ValueError(f"{info.filename} has {len(content) - first} bytes instead of {stated}")
-    return np.frombuffer(content, dtype, math.prod(shape), first).reshape(shape, order="F" if fortran else "C")
 
 
 def _check_version(path: Path, meta: Any) -> None:

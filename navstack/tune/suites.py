@@ -12,7 +12,7 @@ from typing import Any, cast
 
 from navstack.bench.barn import JACKAL, ROUGH_JACKAL, BarnWorld, load_worlds
 from navstack.core.errors import InputError
-from navstack.core.files import is_dir, is_file
+from navstack.core.files import is_dir, is_file, resolved
 from navstack.parameters.configuration import Configuration
 from navstack.parameters.sources import Source
 from navstack.parameters.yaml_reader import DictNode, plain
@@ -62,7 +62,7 @@ def read_suite(suite: str, count: int | None = None) -> Suite:
             raise InputError(
                 f"--suite {suite}: the folder contains neither scenario files nor {WORLDS_FILE}", suite=suite
             )
-        return Suite(path.resolve().name, files=_unique(files))
+        return Suite(resolved(path).name, files=_unique(files))
     if is_file(path):
         return Suite(path.stem, files=(read_scenario(path),))
     return _packaged(suite, count)

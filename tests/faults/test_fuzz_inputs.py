@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
-from tools.fuzz_inputs import KINDS, fuzz
+from navstack.core.errors import InputError
+from tools.fuzz import run as fuzz_run
+from tools.fuzz.inputs import KINDS, Input, Inputs
+from tools.fuzz.run import Counts, Plan, fuzz, fuzz_in_processes
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -14,3 +19,65 @@ def test_mutated_inputs(kind: str, seed: int) -> None:
     assert counts.inputs == 1000
     assert counts.accepted < 1000 or kind in ("parameters", "launch")  # their readers return findings
     assert counts.failures == []
+
+
+def test_an_input_depends_on_seed_and_number_only(tmp_path: Path) -> None:
+    import random
+
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    one, other = Inputs(tmp_path / "a"), Inputs(tmp_path / "b")
+    other.make("map", random.Random(5))
+    for number in range(40):
+        made = [i.make(KINDS[number % 5], random.Random(f"9/{number}")) for i in (one, other)]
+        assert made[0].reader == made[1].reader
+        assert made[0].path.name == made[1].path.name
+        if made[0].path.is_file() and not made[0].path.is_symlink():
+            assert made[0].path.read_bytes() == made[1].path.read_bytes()
+
+
+class Failing(Inputs):
+    """Reads that fail in every way: input 0 raises, 1 ends the process, 2 takes memory, 3 is rejected, 4 is accepted."""
+
+    def make(self, kind: str, rng: object) -> Input:
+        del kind
+        number = int(rng.number)  # type: ignore[attr-defined]
+        return Input(self.folder / "x", [_raise, _end, _allocate, _reject, _accept][number % 5], "x")
+
+
+def _raise() -> None:
+    raise KeyError("x")
+
+
+def _end() -> None:
+    import os
+
+    os._exit(7)
+
+
+def _allocate() -> None:
+    bytearray(60_000_000)[::4096] = b"x" * len(range(0, 60_000_000, 4096))
+
+
+def _reject() -> None:
+    raise InputError("wrong")
+
+
+def _accept() -> None:
+    return
+
+
+def test_failing_reads_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Numbered:
+        def __init__(self, text: str) -> None:
+            self.number = text.partition("/")[2]
+
+    monkeypatch.setattr(fuzz_run, "Inputs", Failing)
+    monkeypatch.setattr(fuzz_run.random, "Random", Numbered)
+    monkeypatch.setattr(fuzz_run, "MAX_BYTES", 30_000_000)
+    counts: Counts = fuzz_in_processes(Plan(0), 10, 2)
+    assert counts.inputs == 10
+    assert counts.accepted == 4  # the inputs that take memory, and the good ones
+    assert sorted(text.split(":")[0] for text in counts.tracebacks) == ["input 1", "input 6", "map 0 (x)", "map 5 (x)"]
+    assert sorted(text.split(":")[0] for text in counts.large) == ["scenario 2 (x)", "scenario 7 (x)"]
+    assert counts.slow == []

@@ -37,7 +37,7 @@ from navstack.record import archive as record_archive
 from navstack.scenario import Scenario, read_scenario
 from navstack.scenario.suites.barn_worlds import load_worlds
 from tests.record import synthetic
-from tools.fuzz_inputs import Inputs
+from tools.fuzz.inputs import Inputs
 
 MAP = (
     "image: map.png\nresolution: 0.05\norigin: [0.0, 0.0, 0.0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
@@ -327,3 +327,75 @@ def test_many_pedestrians_in_a_scenario_file(tmp_path: Path) -> None:
     path = tmp_path / "crowd.yaml"
     path.write_text(f"map: office\nstart: [0.8, 7.45, 0]\ngoals: [[2, 7.45, 0]]\nshapes:\n{walking}")
     assert "501 pedestrians" in message_of(read_scenario, path)
+
+
+# --- launch files -------------------------------------------------------------------------------------------------------
+
+
+def expanding(levels: int, width: int) -> str:
+    """Arguments that each repeat the one before: `width` to the power of `levels` times ten characters."""
+    lines = ['<arg name="a0" value="xxxxxxxxxx"/>']
+    lines += [f'<arg name="a{i}" value="{f"$(arg a{i - 1})" * width}"/>' for i in range(1, levels)]
+    return "".join(lines)
+
+
+@pytest.mark.parametrize(("levels", "width", "uses"), [(12, 8, 1), (60, 4, 1), (7, 7, 300)])
+def test_arguments_that_expand_without_end(levels: int, width: int, uses: int, tmp_path: Path) -> None:
+    path = tmp_path / "robot.launch"
+    params = "".join(f'<param name="p{i}" value="$(arg a{levels - 1})"/>' for i in range(uses))
+    node = f'<node pkg="move_base" type="move_base" name="move_base">{params}</node>'
+    path.write_text(f"<launch>{expanding(levels, width)}{node}</launch>")
+    tracemalloc.start()
+    try:
+        errors = [f.message for f in check_parameters([str(path)]) if f.severity == "error"]
+        assert tracemalloc.get_traced_memory()[1] < 60_000_000
+    finally:
+        tracemalloc.stop()
+    assert any("characters" in message and "shorten" in message for message in errors)
+    assert max(map(len, errors)) < 1000
+
+
+# --- BARN worlds ----------------------------------------------------------------------------------------------------------
+
+WORLDS: dict[str, Any] = {
+    "world": np.arange(2),
+    "cyl_xy": np.zeros((5, 2)),
+    "cyl_offset": np.array([0, 2, 5]),
+    "cyl_radius": np.float64(0.075),
+    "optimal_length_m": np.array([10.0, 11.0]),
+}
+
+
+def test_worlds_are_read_in_order(tmp_path: Path) -> None:
+    np.savez(tmp_path / "worlds.npz", **WORLDS)
+    assert [len(world.discs) for world in load_worlds(tmp_path / "worlds.npz")] == [2, 3]
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "expected"),
+    [
+        ("cyl_offset", np.array([0, 2, 50]), "cyl_offset"),
+        ("cyl_offset", np.array([3, 2, 5]), "cyl_offset"),
+        ("cyl_xy", np.full((5, 2), np.nan), "cyl_xy"),
+        ("cyl_xy", np.zeros((5, 3)), "shape"),
+        ("cyl_radius", np.float64(-1.0), "positive"),
+        ("world", np.array(["a", "b"]), "could not convert"),
+        ("optimal_length_m", np.array([10.0, 1e300]), "lengths"),
+        ("world", np.array([None, None]), "Python objects"),
+    ],
+)
+def test_forged_worlds(name: str, value: Any, expected: str, tmp_path: Path) -> None:
+    np.savez(tmp_path / "worlds.npz", **{**WORLDS, name: value})
+    assert expected in message_of(load_worlds, tmp_path / "worlds.npz")
+
+
+def test_worlds_that_state_or_need_too_much(tmp_path: Path) -> None:
+    np.savez(tmp_path / "good.npz", **WORLDS)
+    good = members(tmp_path / "good.npz")
+    path = forged(tmp_path / "good.npz", tmp_path / "a.npz", **{"world.npy": npy((10**12,), "<f8", bytes(64))})
+    assert "bytes instead of" in message_of(load_worlds, path)
+    with zipfile.ZipFile(tmp_path / "b.npz", "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for member, content in good.items():
+            archive.writestr(member, content)
+        archive.writestr("bomb.npy", bytes(120_000_000))
+    assert "more than 100 MB" in message_of(load_worlds, tmp_path / "b.npz")

@@ -142,7 +142,7 @@ def test_truncated_images(folder: Path) -> None:
 @pytest.mark.parametrize("size", [(9_500, 9_500), (200_000, 200_000)])
 def test_images_that_are_too_large(size: tuple[int, int], folder: Path) -> None:
     (folder / "map.pgm").write_bytes(b"P5\n%d %d\n255\n" % size + b"\x00" * 10)
-    assert "larger than 80,000,000 cells; crop or resample it" in error_of(write(folder, image="map.pgm"))
+    assert "larger than the limit of 80,000,000 cells; crop or resample it" in error_of(write(folder, image="map.pgm"))
 
 
 @settings(deadline=None, max_examples=60, derandomize=True)

@@ -47,17 +47,18 @@ def barn(
     from navstack.bench.barn_bench import BarnTask, barn_jobs, barn_report
     from navstack.bench.digests import for_workers
     from navstack.core.errors import InputError
+    from navstack.core.files import resolved
 
     if record and output.out is None:
         raise InputError("--record needs a folder for the records; add --out DIR", argument="--record")
     task = BarnTask(
-        folder.resolve(),
+        resolved(folder),
         tuple(for_workers(p) for p in params),
         tuple(set_),
         distro,
         rough,
         noise,
-        records=output.out.resolve() / "records" if record and output.out is not None else None,
+        records=resolved(output.out) / "records" if record and output.out is not None else None,
     )
     jobs = barn_jobs(task, whole_numbers(worlds, "--worlds") or None, seeds)
     results = output.run(task, jobs, task.described(), processes=processes)

@@ -28,8 +28,9 @@ def movingai(
     from navstack.bench.digests import digest_of_file
     from navstack.bench.movingai import map_file
     from navstack.bench.movingai_bench import DEFAULT_PLANNERS, MovingaiTask, movingai_jobs, movingai_tables
+    from navstack.core.files import resolved
 
-    task = MovingaiTask(folder.resolve())
+    task = MovingaiTask(resolved(folder))
     jobs = movingai_jobs(task.folder, list(dict.fromkeys(planner)) or DEFAULT_PLANNERS, list(dict.fromkeys(map_)))
     used = list(dict.fromkeys(job.input[1] for job in jobs))
     what = {

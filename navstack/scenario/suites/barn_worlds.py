@@ -6,7 +6,6 @@ Perille, Truong, Xiao, Stone, "Benchmarking Metric Ground Navigation", SSRR 2020
 from __future__ import annotations
 
 import math
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
@@ -17,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import GridGeometry, OccupancyGrid, Pose2D
-from navstack.core.bounded_reading import open_regular
+from navstack.core.bounded_archive import read_arrays
+from navstack.core.bounded_reading import shortened
 from navstack.core.errors import InputError
 from navstack.core.files import is_file
 from navstack.scenario.file.spec import ScenarioSpec
@@ -31,6 +31,11 @@ WORLDS_FILE: Final = "worlds.npz"
 """Name of the file of the worlds in their folder."""
 ORIGIN: Final = (-2.25, 3.0)
 """Position of the start in the coordinates of the world files (m)."""
+MAX_BYTES: Final = 100_000_000
+"""Largest size of the arrays of a file; the 300 published worlds take 1 MB."""
+_ARRAYS: Final = ("world", "cyl_xy", "cyl_offset", "cyl_radius", "optimal_length_m")
+_LARGEST: Final = 1e6
+"""Largest number, coordinate or length of a world (m)."""
 OPTIMAL_SPEED: Final = 2.0
 """Speed assumed on the shortest path by the score (m/s)."""
 
@@ -113,7 +118,7 @@ def barn_scenarios(directory: Path | None) -> list[ScenarioSpec]:
 
 
 def load_worlds(file: Path) -> list[BarnWorld]:
-    """Reads the worlds of a `worlds.npz`. Raises InputError.
+    """Reads the worlds of a `worlds.npz` of at most 100 MB. Raises InputError.
 
     Its arrays: `world` (n,) numbers; `cyl_xy` (m, 2) centres of the cylinders of all worlds in the coordinates of the files
     (m); `cyl_offset` (n + 1,) index of each world's first cylinder; `cyl_radius` (m); `optimal_length_m` (n,).
@@ -121,19 +126,54 @@ def load_worlds(file: Path) -> list[BarnWorld]:
     if not is_file(file):
         raise InputError(f"{file} does not exist; give the folder that contains BARN's worlds.npz", file=str(file))
     try:
-        # numpy would leave a file open that it recognizes as no archive
-        with open_regular(file) as opened, np.load(opened) as data:
-            numbers, lengths = data["world"].tolist(), data["optimal_length_m"].tolist()
-            centres, radius = data["cyl_xy"] - ORIGIN, float(data["cyl_radius"])
-            slices = list(pairwise(data["cyl_offset"].tolist()))
-        return [
-            BarnWorld(number, np.column_stack((centres[a:b], np.full(b - a, radius))), length)
-            for number, length, (a, b) in zip(numbers, lengths, slices, strict=True)
-        ]
-    # a single array, another file type, a truncated archive, arrays of inconsistent lengths
-    except (OSError, EOFError, zipfile.BadZipFile, KeyError, ValueError, TypeError, AttributeError) as exc:
+        data = read_arrays(file, _ARRAYS, MAX_BYTES)
+        return _worlds(**{name: np.asarray(data[name], np.float64) for name in _ARRAYS})
+    # a single array, another file type, a truncated archive, arrays of inconsistent lengths: any error of the file
+    except Exception as exc:
+        reason = shortened(" ".join(str(exc).split()), 200) or type(exc).__name__
         raise InputError(
-            f"{file} is not a file of BARN worlds ({exc}); it must have the arrays world, cyl_xy, cyl_offset, cyl_radius and "
-            "optimal_length_m",
+            f"{file} is not a file of BARN worlds ({reason}); it must have the arrays {', '.join(_ARRAYS[:-1])} and "
+            f"{_ARRAYS[-1]}",
             file=str(file),
         ) from exc
+
+
+def _worlds(
+    world: NDArray[np.float64],
+    cyl_xy: NDArray[np.float64],
+    cyl_offset: NDArray[np.float64],
+    cyl_radius: NDArray[np.float64],
+    optimal_length_m: NDArray[np.float64],
+) -> list[BarnWorld]:
+    """Returns the worlds of the arrays of a file. Raises ValueError for shapes and values that a file cannot have."""
+    count = len(world)
+    if (
+        world.ndim != 1
+        or optimal_length_m.shape != (count,)
+        or cyl_offset.shape != (count + 1,)
+        or cyl_radius.size != 1
+    ):
+        raise ValueError("its arrays do not have the shapes (n,), (m, 2), (n + 1,), () and (n,)")
+    if cyl_xy.ndim != 2 or cyl_xy.shape[1] != 2:
+        raise ValueError(f"cyl_xy has the shape {cyl_xy.shape}, not (m, 2)")
+    for name, values in (
+        ("world", world),
+        ("cyl_xy", cyl_xy),
+        ("cyl_radius", cyl_radius),
+        ("lengths", optimal_length_m),
+    ):
+        if not np.isfinite(values).all() or float(np.abs(values).max(initial=0.0)) > _LARGEST:
+            raise ValueError(f"{name} has values that are not finite or not below {_LARGEST:g}")
+    steps = np.diff(cyl_offset)
+    if not np.isfinite(cyl_offset).all() or (steps < 0).any() or cyl_offset[0] != 0 or cyl_offset[-1] > len(cyl_xy):
+        raise ValueError(f"cyl_offset does not increase from 0 to at most {len(cyl_xy)}")
+    radius = float(cyl_radius.reshape(()))
+    if radius <= 0.0 or (optimal_length_m <= 0.0).any():
+        raise ValueError("radius and lengths must be positive")
+    centres = cyl_xy - ORIGIN
+    return [
+        BarnWorld(int(number), np.column_stack((centres[a:b], np.full(b - a, radius))), float(length))
+        for number, length, (a, b) in zip(
+            world, optimal_length_m, pairwise(cyl_offset.astype(int).tolist()), strict=True
+        )
+    ]
