@@ -74,7 +74,7 @@ def main() -> int:
     parser.add_argument("--only", type=int, help="read this input alone")
     parser.add_argument("--kind", choices=KINDS, action="append")
     parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--commands", type=float, default=0.005, help="share of the inputs that a whole command reads")
+    parser.add_argument("--commands", type=float, default=0.001, help="share of the inputs that a whole command reads")
     parser.add_argument("--keep", type=Path)
     given = parser.parse_args()
     plan = Plan(given.seed, tuple(given.kind or KINDS), given.commands, given.keep)
@@ -82,8 +82,13 @@ def main() -> int:
         return _read_one(plan, given.only)
     started = time.monotonic()
     shown = [started]
+    known: set[str] = set()
 
     def progress(counts: Counts) -> None:
+        for text in counts.failures:
+            if text not in known:
+                known.add(text)
+                print(text, file=sys.stderr, flush=True)
         if time.monotonic() - shown[0] > 60.0:
             shown[0] = time.monotonic()
             print(

@@ -1,6 +1,7 @@
 """The `navstack` command: its subcommands, and how errors become messages and exit codes.
 
-Exit codes: 0 success; 1 a goal failed or a success condition was not met; 2 invalid input; 130 interrupted.
+Exit codes: 0 success; 1 a goal failed or a success condition was not met; 2 invalid input; 70 internal error;
+130 interrupted.
 """
 
 from __future__ import annotations
@@ -10,15 +11,17 @@ import errno
 import json
 import os
 import sys
+import time
 from typing import Annotated, Any, Final
 
 import typer
 
-from navstack.cli import bench, check, explain, info, params, plan, plot, simulate, sweep, tour, tune
+from navstack.cli import bench, check, explain, info, internal_error, params, plan, plot, simulate, sweep, tour, tune
 
 EXIT_GOAL_FAILED = 1
 EXIT_WRONG_INPUT = 2
 EXIT_INTERRUPTED = 130
+DEBUG_VARIABLE: Final = "NAVSTACK_DEBUG"
 _CODE, _NAME = 9001, "INVALID_INPUT"
 _LONGEST_NAME: Final = 200
 """Longest file name that a message quotes in full (characters)."""
@@ -26,11 +29,11 @@ _LONGEST_NAME: Final = 200
 app = typer.Typer(
     name="navstack",
     no_args_is_help=True,
-    add_completion=False,
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
     help="move_base without ROS: plan paths, simulate and diagnose navigation with the YAML files of your robot.",
-    epilog="Exit codes: 0 success; 1 a goal failed or a success condition was not met; 2 invalid input; 130 interrupted.",
+    epilog="Exit codes: 0 success; 1 a goal failed or a success condition was not met; 2 invalid input; "
+    "70 internal error; 130 interrupted.",
 )
 app.command("plan")(plan.plan)
 app.command("simulate")(simulate.simulate)
@@ -58,12 +61,42 @@ def root(
     version: Annotated[
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
     ] = False,
+    verbose: Annotated[
+        bool,
+        typer.Option("-v", "--verbose", help="Also print notes about parameters, and the duration of the command."),
+    ] = False,
+    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print only results and errors.")] = False,
+    debug: Annotated[
+        bool, typer.Option("--debug", envvar=DEBUG_VARIABLE, help="Print the traceback of an internal error.")
+    ] = False,
 ) -> None:
-    """Options of `navstack` without a subcommand."""
+    """Options of `navstack`, before the subcommand."""
+    from navstack.cli.output import Verbosity, set_verbosity
+
+    if verbose and quiet:
+        raise typer.BadParameter("--verbose and --quiet exclude each other")
+    set_verbosity(Verbosity.VERBOSE if verbose else Verbosity.QUIET if quiet else Verbosity.NORMAL)
+    internal_error.show_traceback(debug or verbose)
 
 
 def run(arguments: list[str]) -> int:
-    """Runs one command line and returns its exit code."""
+    """Runs one command line and returns its exit code; no exception leaves it."""
+    from navstack.cli.output import Verbosity, set_verbosity, verbosity
+
+    set_verbosity(Verbosity.NORMAL)
+    started = time.monotonic()
+    try:
+        code = _run(arguments)
+    except Exception as exc:
+        code = internal_error.report(exc, arguments)
+    if verbosity() is Verbosity.VERBOSE:
+        with contextlib.suppress(OSError):
+            print(f"{time.monotonic() - started:.1f} s", file=sys.stderr)
+    return code
+
+
+def _run(arguments: list[str]) -> int:
+    """Runs one command line and returns its exit code. Raises the exceptions that navstack does not know."""
     as_json = "--json" in arguments
     try:
         code = app(args=arguments, prog_name="navstack", standalone_mode=False)

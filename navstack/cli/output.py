@@ -6,6 +6,7 @@ import json
 import sys
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
+from enum import IntEnum
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,30 @@ if TYPE_CHECKING:
 
     from navstack.parameters.configuration import Configuration
     from navstack.scenario import GoalOutcome
+
+
+class Verbosity(IntEnum):
+    """How much is written to stderr; results and errors always are."""
+
+    QUIET = -1
+    """No notes, warnings and progress."""
+    NORMAL = 0
+    VERBOSE = 1
+    """Also the notes about parameters (`info`), the duration of the command, and the traceback of an internal error."""
+
+
+_verbosity = Verbosity.NORMAL
+
+
+def set_verbosity(verbosity: Verbosity) -> None:
+    """Sets how much the commands of this process write to stderr."""
+    global _verbosity
+    _verbosity = verbosity
+
+
+def verbosity() -> Verbosity:
+    """How much the commands of this process write to stderr."""
+    return _verbosity
 
 
 @cache
@@ -42,19 +67,25 @@ def print_error(message: str, hint: str = "") -> None:
 
 
 def print_note(message: str) -> None:
-    """Prints `note: MESSAGE` to stderr."""
+    """Prints `note: MESSAGE` to stderr, except with --quiet."""
     from rich.markup import escape
 
-    stderr().print(f"[dim]note:[/] {escape(message)}")
+    if _verbosity >= Verbosity.NORMAL:
+        stderr().print(f"[dim]note:[/] {escape(message)}")
 
 
 def print_warnings(configuration: Configuration) -> None:
-    """Print the warnings about a parameter set to stderr, with the severity that `navstack check` uses."""
+    """Print the warnings about a parameter set to stderr, with the severity that `navstack check` uses.
+
+    Nothing with --quiet, also the infos with --verbose.
+    """
     from rich.markup import escape
 
+    shown = {Verbosity.QUIET: (), Verbosity.NORMAL: ("warning",), Verbosity.VERBOSE: ("warning", "info")}[_verbosity]
     for finding in configuration.findings:
-        if finding.severity == "warning":
-            stderr().print(f"[yellow]warning:[/] {escape(f'{finding.location}: {finding.message}')}")
+        if finding.severity in shown:
+            color = "yellow" if finding.severity == "warning" else "cyan"
+            stderr().print(f"[{color}]{finding.severity}:[/] {escape(f'{finding.location}: {finding.message}')}")
 
 
 def print_files(files: Mapping[str, str]) -> None:
@@ -105,11 +136,16 @@ def loading_kernels(*, quiet: bool = False) -> Generator[None]:
     what = "loading the kernels" if cached else "compiling the kernels (first run only, about 30 s)"
     if not cached and (quiet or not stderr().is_terminal):
         print_note(what)
-    if quiet:
+    if quiet or _verbosity < Verbosity.NORMAL:
         yield
     else:
         with stderr().status(what):
             yield
+
+
+def shows_progress(*, quiet: bool = False) -> bool:
+    """True if progress is shown: on a terminal, without `quiet` and --quiet."""
+    return not quiet and _verbosity >= Verbosity.NORMAL and stderr().is_terminal
 
 
 @contextmanager
@@ -117,6 +153,6 @@ def counting_bar(what: str, *, quiet: bool) -> Generator[Callable[[int, int], No
     """A progress bar on stderr, labelled `what`; yields its callback `progress(done, total)`."""
     from rich.progress import Progress
 
-    with Progress(console=stderr(), transient=True, disable=quiet or not stderr().is_terminal) as bar:
+    with Progress(console=stderr(), transient=True, disable=not shows_progress(quiet=quiet)) as bar:
         task = bar.add_task(what, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)

@@ -76,7 +76,7 @@ def _simulate(
 def _run(scenario: Scenario, interrupt: Interrupt, *, quiet: bool, timings: bool, scans: bool) -> RunResult:
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from navstack.cli.output import loading_kernels, stderr
+    from navstack.cli.output import loading_kernels, shows_progress, stderr
     from navstack.scenario import run_scenario, warm_up
 
     with loading_kernels(quiet=quiet):
@@ -89,7 +89,7 @@ def _run(scenario: Scenario, interrupt: Interrupt, *, quiet: bool, timings: bool
         TextColumn("{task.fields[now]:7.1f} s simulated"),
         TimeElapsedColumn(),
     )
-    with Progress(*columns, console=stderr(), transient=True, disable=quiet or not stderr().is_terminal) as bar:
+    with Progress(*columns, console=stderr(), transient=True, disable=not shows_progress(quiet=quiet)) as bar:
         task = bar.add_task("", total=len(scenario.goals), goal=1, now=0.0)
         shown = -1.0
 

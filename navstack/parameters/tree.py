@@ -8,6 +8,9 @@ from typing import Any
 from navstack.parameters.findings import Finding, Location, finding
 from navstack.parameters.yaml_nodes import DictNode, Node, plain
 
+MAX_DEPTH = 50
+"""Namespaces within each other; the methods of a namespace recurse."""
+
 COSTMAPS = ("global_costmap", "local_costmap")
 """The namespaces of move_base's two costmaps."""
 
@@ -133,13 +136,20 @@ def overlay(space: Space, node: DictNode, findings: list[Finding]) -> None:
 
 
 def descend(space: Space, name: str, at: Location, findings: list[Finding]) -> Space:
-    """Return the namespace `name` in `space`; a parameter of that name is dropped, with a finding."""
+    """Return the namespace `name` in `space`; a parameter of that name is dropped, with a finding.
+
+    Beyond MAX_DEPTH, the namespace that is returned is not part of the tree.
+    """
     found = space.leaf(name)
     if found is not None:
         if found.value is not None:
             message = f"{found.path} is a namespace here but a value before ({found.at}), which is dropped; remove one of them"
             findings.append(finding("warning", "namespace-over-value", at, found.path, message))
         del space.children[name]
+    if space.path.count("/") >= MAX_DEPTH:
+        message = f"the name has more than {MAX_DEPTH} parts, so its value is dropped; no parameter is nested that deep"
+        findings.append(finding("error", "too-deep", at, space.path, message))
+        return Space("", at)
     return space.ensure(name, at)
 
 

@@ -206,3 +206,14 @@ def test_the_packaged_turtlebot_mirrors_the_published_one(data_dir: Path) -> Non
     added = {"navstack", "recovery_behaviors", "conservative_reset", "aggressive_reset"}
     assert {k: v for k, v in ours.items() if k not in added} == published
     assert added <= ours.keys()
+
+
+@pytest.mark.parametrize("name", ["a/" * 100_000 + "b", "/".join(["a"] * 60)])
+def test_names_of_many_parts(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "x.yaml"
+    path.write_text(f"{{{name}: 1, c: 2}}\n" if len(name) < 1000 else f"? {name}\n: 1\nc: 2\n")
+    read = read_sources([str(path)])
+    assert {f.rule for f in read.findings if f.severity == "error"} == {"too-deep"}
+    assert read.root.as_dict()["c"] == 2
+    assert "too-deep" in {f.rule for f in read_sources([str(path)], [f"{name}=1"]).findings}
+    assert len(list(read.root.leaves())) == 1

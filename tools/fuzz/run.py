@@ -22,6 +22,8 @@ from tools.fuzz.measure import limit_address_space, measured
 
 MAX_SECONDS: Final = 5.0
 MAX_BYTES: Final = 1_000_000_000
+_WAITING: Final = 0.5
+"""A read that takes long, but less of the processor than this, waits for something (s)."""
 _HANG: Final = 60.0
 """A process that reads one input for longer is ended (s)."""
 _PIECE: Final = 500
@@ -47,6 +49,8 @@ class Counts:
 
     inputs: int = 0
     accepted: int = 0
+    unmade: list[str] = field(default_factory=list[str])
+    """Inputs that could not be made: defects of the mutations."""
     tracebacks: list[str] = field(default_factory=list[str])
     slow: list[str] = field(default_factory=list[str])
     large: list[str] = field(default_factory=list[str])
@@ -55,12 +59,13 @@ class Counts:
     @property
     def failures(self) -> list[str]:
         """One text per offending input."""
-        return self.tracebacks + self.slow + self.large
+        return self.unmade + self.tracebacks + self.slow + self.large
 
     def add(self, other: Counts) -> None:
         """Add the counts of another part of the inputs."""
         self.inputs += other.inputs
         self.accepted += other.accepted
+        self.unmade += other.unmade
         self.tracebacks += other.tracebacks
         self.slow += other.slow
         self.large += other.large
@@ -111,9 +116,15 @@ class Reader:
 
     def read(self, number: int, counts: Counts) -> None:
         """Make and read one input, and count what it leads to."""
-        wall, cpu, grown, failure, made, kind = self._measured(number)
-        if wall > MAX_SECONDS and cpu < MAX_SECONDS:  # another process had the processor: once more
+        try:
             wall, cpu, grown, failure, made, kind = self._measured(number)
+        except Exception as exc:
+            counts.unmade.append(f"input {number} cannot be made: {_shown(exc)}")
+            return
+        waited = wall > MAX_SECONDS and cpu < _WAITING
+        if waited:  # for a pipe, or for a processor that others use: once more
+            wall, cpu, grown, failure, made, kind = self._measured(number)
+            waited = wall > MAX_SECONDS and cpu < _WAITING
         failed = len(counts.failures)
         counts.inputs += 1
         of_reader = counts.readers[made.reader]
@@ -127,7 +138,7 @@ class Reader:
             of_reader.accepted += 1
         elif not isinstance(failure, NavError):
             counts.tracebacks.append(f"{name}: {_shown(failure)}")
-        if max(cpu, wall if cpu > 0.5 * MAX_SECONDS else 0.0) > MAX_SECONDS:
+        if cpu > MAX_SECONDS or waited:
             counts.slow.append(f"{name}: {wall:.1f} s ({cpu:.1f} s of the processor)")
         if grown > MAX_BYTES:
             counts.large.append(f"{name}: {grown / 1e6:.0f} MB")

@@ -137,6 +137,8 @@ def hostile_text(rng: random.Random) -> str:
             "1" + "_" * depth + "1",
             "$(arg " * depth + ")" * depth,
             "(" * depth + ")" * depth,
+            "a/" * depth,
+            "/".join(map(str, range(depth))) + ": 1",
         )
     )
 
