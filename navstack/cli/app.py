@@ -21,6 +21,7 @@ from navstack.cli import bench, check, explain, info, internal_error, params, pl
 EXIT_GOAL_FAILED = 1
 EXIT_WRONG_INPUT = 2
 EXIT_INTERRUPTED = 130
+_GLOBAL: Final = frozenset({"-v", "--verbose", "-q", "--quiet", "--debug"})
 DEBUG_VARIABLE: Final = "NAVSTACK_DEBUG"
 _CODE, _NAME = 9001, "INVALID_INPUT"
 _LONGEST_NAME: Final = 200
@@ -70,7 +71,7 @@ def root(
         bool, typer.Option("--debug", envvar=DEBUG_VARIABLE, help="Print the traceback of an internal error.")
     ] = False,
 ) -> None:
-    """Options of `navstack`, before the subcommand."""
+    """Options of every command, before or after its name."""
     from navstack.cli.output import Verbosity, set_verbosity
 
     if verbose and quiet:
@@ -99,7 +100,7 @@ def _run(arguments: list[str]) -> int:
     """Runs one command line and returns its exit code. Raises the exceptions that navstack does not know."""
     as_json = "--json" in arguments
     try:
-        code = app(args=arguments, prog_name="navstack", standalone_mode=False)
+        code = app(args=_global_first(arguments), prog_name="navstack", standalone_mode=False)
         sys.stdout.flush()  # at the exit, an error could no longer be reported
         return code if isinstance(code, int) else 0
     except (typer.Abort, KeyboardInterrupt):
@@ -117,6 +118,13 @@ def _run(arguments: list[str]) -> int:
         return _report(as_json, f"out of memory: {why}; use a smaller map or costmap, or fewer samples")
     except Exception as exc:
         return _navstack_error(exc, as_json)
+
+
+def _global_first(arguments: list[str]) -> list[str]:
+    """The arguments with the options of `root` before the subcommand: users write them at the end as well."""
+    end = arguments.index("--") if "--" in arguments else len(arguments)
+    found = [text for text in arguments[:end] if text in _GLOBAL]
+    return [*found, *(text for text in arguments[:end] if text not in _GLOBAL), *arguments[end:]]
 
 
 def _usage_error(exc: typer.TyperException, as_json: bool) -> int:

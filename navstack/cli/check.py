@@ -36,6 +36,7 @@ def check(
         typer.Argument(
             metavar="PARAMS..|SCENARIO.yaml",
             help="Packaged set, folder, or files in loading order; or one scenario file, or the name of a packaged one.",
+            autocompletion=options.complete_params,
         ),
     ],
     set_: options.Set = [],

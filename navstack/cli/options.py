@@ -4,16 +4,38 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
 import typer
 
+
+def _starting_with(names: Iterable[str], incomplete: str) -> list[str]:
+    return [name for name in names if name.startswith(incomplete)]
+
+
+def complete_params(incomplete: str) -> list[str]:
+    """Packaged parameter sets, for shell completion; other words are completed as files by the shell."""
+    from navstack.parameters import packaged_sets
+
+    return _starting_with(packaged_sets(), incomplete)
+
+
+def complete_map(incomplete: str) -> list[str]:
+    """Packaged maps, for shell completion."""
+    from navstack.map_io import map_names
+
+    return _starting_with(map_names(), incomplete)
+
+
 PARAMS_HELP = "Packaged set, folder, or files in loading order (repeatable)."
 
 # parameters
-Params = Annotated[list[str], typer.Option("--params", metavar="NAME|DIR|FILE", help=PARAMS_HELP)]
+Params = Annotated[
+    list[str],
+    typer.Option("--params", metavar="NAME|DIR|FILE", help=PARAMS_HELP, autocompletion=complete_params),
+]
 ParamsOrScenario = Annotated[
     list[str],
     typer.Option(
@@ -21,10 +43,14 @@ ParamsOrScenario = Annotated[
         metavar="NAME|DIR|FILE",
         help=f"{PARAMS_HELP} [default: turtlebot, or those of the scenario]",
         show_default=False,
+        autocompletion=complete_params,
     ),
 ]
 ParamsArgument = Annotated[
-    list[str], typer.Argument(metavar="PARAMS..", help="Packaged set, folder, or files in loading order.")
+    list[str],
+    typer.Argument(
+        metavar="PARAMS..", help="Packaged set, folder, or files in loading order.", autocompletion=complete_params
+    ),
 ]
 Set = Annotated[list[str], typer.Option("--set", metavar="KEY=VALUE", help="Override a parameter (repeatable).")]
 Distro = Annotated[
@@ -38,7 +64,12 @@ Distro = Annotated[
 AllowMissing = Annotated[bool, typer.Option("--allow-missing", help="Skip layers and plugins that are not installed.")]
 
 # maps and poses
-Map = Annotated[str, typer.Argument(metavar="MAP.yaml", help="map_server YAML file, or name of a packaged map.")]
+Map = Annotated[
+    str,
+    typer.Argument(
+        metavar="MAP.yaml", help="map_server YAML file, or name of a packaged map.", autocompletion=complete_map
+    ),
+]
 Start = Annotated[
     str | None, typer.Option("--start", metavar="X,Y[,YAW]", help="Start pose in the map frame (m, rad).")
 ]

@@ -59,15 +59,17 @@ def _tour(scenario: Scenario, names: tuple[str, ...], folder: Path, interrupt: I
 
 def _drive(scenario: Scenario, names: tuple[str, ...], interrupt: Interrupt, *, quiet: bool) -> TourResult:
     """Drives the tour; prints each goal's outcome to stderr unless `quiet`, and shows the state on a terminal."""
-    from navstack.cli.output import reason_of, stderr
+    from navstack.cli.output import Verbosity, reason_of, stderr, verbosity
     from navstack.scenario import drive_tour
 
     def print_outcome(name: str, outcome: GoalOutcome, state: TourState) -> None:
-        if not quiet:
+        if not quiet and verbosity() is not Verbosity.QUIET:
             why = "" if outcome.succeeded else f", {reason_of(outcome, scenario.time_limit_s)}"
             stderr().print(f"{name}: {outcome.state} after {outcome.time_s:.1f} s{why}; {state}", markup=False)
 
     with stderr().status("starting") as line:
+        if quiet or verbosity() is Verbosity.QUIET:
+            line.stop()
         shown = -1.0
 
         def show(state: TourState) -> None:

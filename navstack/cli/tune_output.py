@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from navstack.cli.output import print_json, print_note, stderr, stdout
+from navstack.cli.output import Verbosity, print_json, print_note, stderr, stdout, verbosity
 
 if TYPE_CHECKING:
     from navstack.tune.comparison import Comparison
@@ -38,6 +38,7 @@ def trial_progress(
     from navstack.jobs.progress import LINE_INTERVAL_S, time_left_bar
 
     on_terminal = stderr().is_terminal
+    quiet = quiet or verbosity() is Verbosity.QUIET
     with time_left_bar(trials, what="trials", shown=on_terminal and not quiet) as move:
         complete = 0
         printed = time.monotonic()

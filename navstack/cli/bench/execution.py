@@ -39,15 +39,18 @@ class BenchOutput(NamedTuple):
 
     def run(self, task: Any, jobs: Sequence[Job], what: Mapping[str, Any], *, processes: int | None) -> list[JobResult]:
         """Runs the jobs with a progress bar on stderr; the results in the order of the jobs. Raises InputError."""
-        from navstack.cli.output import print_note
+        from navstack.cli.output import Verbosity, print_note, verbosity
         from navstack.core.errors import InputError
         from navstack.jobs import run_jobs
 
         if self.resume and self.out is None:
             raise InputError("--resume needs the folder of the earlier results; add --out DIR", argument="--resume")
+        shown = verbosity() is not Verbosity.QUIET
         file = self.out / RESULTS_FILE if self.out is not None else None
         try:
-            return run_jobs(task, jobs, what=what, processes=processes, results=file, resume=self.resume, progress=True)
+            return run_jobs(
+                task, jobs, what=what, processes=processes, results=file, resume=self.resume, progress=shown
+            )
         except KeyboardInterrupt:
             if file is not None:
                 print_note(f"finished runs are saved in {file}; add --resume to continue")
