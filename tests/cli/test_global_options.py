@@ -112,4 +112,4 @@ def test_completion(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixtur
         monkeypatch.setenv("COMP_CWORD", str(len(words.split()) - 1))
         with pytest.raises(SystemExit):
             run([])
-        assert [line for line in capfd.readouterr().out.split() if line.startswith(expected[0])][:2] == expected
+        assert capfd.readouterr().out.split() == expected

@@ -8,6 +8,8 @@ from typing import Any, Final
 SPECIAL_FILES: Final = ("pipe", "loop", "dangling", "folder", "zero", "socket", "empty", "self.yaml", "self.launch")
 """Names of files beside the input that are no regular files, or that name themselves (`special.make_special_files`)."""
 
+_MAX_NODES: Final = 20_000
+
 _NUMBERS: Final = (
     *("1e308", "-1e308", ".nan", ".inf", "-.inf", "1e-320", "9" * 400, "0x" + "f" * 300, "-1", "0", "2147483648"),
     *("1:30:00", "0o17", "1_000_000", "1e400", "-0.0", "5e-324", "0b11", "18446744073709551616", "1.", ".5", "+1", "٣"),
@@ -148,15 +150,15 @@ def hostile_object(rng: random.Random, value: Any = None) -> Any:
     choice = rng.randrange(12)
     match choice:
         case 0:
-            return [value] * rng.choice((2, 3, 200))
+            return [value] * bounded(value, rng.choice((2, 3, 200)))
         case 1:
             return {"x": value}
         case 2 if isinstance(value, (int, float)) and abs(value) < 1e300:
             return value * rng.choice((-1, 1e3, 1e9, 1e300, 0.5))
         case 3 if isinstance(value, list) and value:
-            return value * rng.choice((2, 50, 3000)) if len(value) < 50 else value[: len(value) // 2]
+            return value * bounded(value, rng.choice((2, 50, 3000))) if len(value) < 50 else value[: len(value) // 2]
         case 4 if isinstance(value, str):
-            return value * rng.choice((0, 2, 1000)) + rng.choice(("", "\0", "/..", " "))
+            return value * (rng.choice((0, 2, 1000)) if len(value) < 1000 else 1) + rng.choice(("", "\0", "/..", " "))
         case 5:
             nested: Any = value
             for _ in range(rng.choice((3, 50, 900))):
@@ -164,6 +166,17 @@ def hostile_object(rng: random.Random, value: Any = None) -> Any:
             return nested
         case _:
             return rng.choice(_OBJECTS)
+
+
+def bounded(value: Any, times: int) -> int:
+    """Return `times`, or 1 if so many copies of the document have more than 20,000 nodes."""
+    nodes, todo = 0, [value]
+    while todo and nodes * times <= _MAX_NODES:
+        nodes += 1
+        node = todo.pop()
+        if isinstance(node, (dict, list)):
+            todo += list(node.values()) if isinstance(node, dict) else node
+    return times if nodes * times <= _MAX_NODES else 1
 
 
 def mutated_tree(value: Any, rng: random.Random, depth: int = 0) -> Any:
@@ -192,7 +205,7 @@ def mutated_tree(value: Any, rng: random.Random, depth: int = 0) -> Any:
             case 1:
                 changed[i], changed[j] = changed[j], changed[i]
             case 2:
-                changed[i:i] = [changed[j]] * rng.choice((1, 3, 600))
+                changed[i:i] = [changed[j]] * bounded(changed[j], rng.choice((1, 3, 600)))
             case _:
                 changed[i] = mutated_tree(changed[i], rng, depth + 1)
         return changed
