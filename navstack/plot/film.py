@@ -186,7 +186,7 @@ class _MovingObstacles:
 
     def move_to(self, t: float) -> None:
         """Moves the patches to their places at time `t` (s)."""
-        discs, polygons = self._record.solids_at(t)
+        discs, polygons = self._record.solids_at(t, absent=True)
         for patch, k in zip(self.patches, self._rows, strict=True):
             if k < len(discs):
                 patch.set_center(discs[k, :2])

@@ -49,7 +49,7 @@ def obstacle_patches(record: Record, t: float) -> tuple[list[Any], list[Any]]:
     """Returns patches of the recorded discs and polygons at time `t` (s): fixed ones, and moving ones."""
     from matplotlib.patches import Circle, Polygon
 
-    discs, polygons = record.solids_at(t)
+    discs, polygons = record.solids_at(t, absent=True)
     moved = obstacles_moved(record)
     still: list[Any] = []
     moving: list[Any] = []

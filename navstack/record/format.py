@@ -63,7 +63,7 @@ Plain arrays:
     solid_discs              (r, k, 3) f4   x, y, radius, map: obstacles besides the map. r is 1 if none of them moves;
     solid_corners            (r, m, 2) f4   else there is a row per row of `samples`. Corners x, y of p polygons; those of
     solid_first              (p + 1,) i8    polygon i start at solid_first[i]. All absent if there are no obstacles besides
-                                            the map and the scenario's `obstacles`
+                                            the map and the scenario's `obstacles`. NaN while an obstacle is absent
     plan_poses               (n, 3) f8      x, y, yaw in the plan's frame
     local_plan_samples       (n, 3) f4      velocities vx, vy, wz, m/s and rad/s
     local_plan_costs         (n, c) f4      raw cost per critic, NaN if it was not computed

@@ -124,17 +124,21 @@ class Record:
         discs = self.arrays.get("solid_discs")
         return discs is not None and len(discs) > 1
 
-    def solids_at(self, t: float) -> tuple[NDArray[np.float32], list[NDArray[np.float32]]]:
+    def solids_at(self, t: float, *, absent: bool = False) -> tuple[NDArray[np.float32], list[NDArray[np.float32]]]:
         """Returns the obstacles besides the map at `t` (s), in the global frame: discs (k, 3) x, y, radius, and polygons (n, 2).
 
-        Both are empty if there were only the scenario's `obstacles`.
+        Both are empty if there were only the scenario's `obstacles`. With `absent`, obstacles that exist at another time only
+        are listed as NaN, so that the order is the same at every time.
         """
         discs, corners = self.arrays.get("solid_discs"), self.arrays.get("solid_corners")
         if discs is None or corners is None:
             return np.empty((0, 3), np.float32), []
         row = self.index_at(t) if len(discs) > 1 else 0
         first = self.arrays["solid_first"]
-        return discs[row], [corners[row, a:b] for a, b in itertools.pairwise(first.tolist())]
+        polygons = [corners[row, a:b] for a, b in itertools.pairwise(first.tolist())]
+        if absent:
+            return discs[row], polygons
+        return discs[row][~np.isnan(discs[row, :, 0])], [p for p in polygons if not np.isnan(p).any()]
 
     @property
     def states(self) -> NDArray[np.str_]:

@@ -32,6 +32,7 @@ from navstack.record.buffers import CostmapBuffer, LocalPlanRow, critics_of, loc
 from navstack.record.log import render_log
 from navstack.record.reader import Record
 from navstack.record.scans import ScanBuffer, scan_arrays
+from navstack.record.solids import SolidNames, SolidsBuffer
 
 
 class Collision(Protocol):
@@ -85,8 +86,7 @@ class RunRecorder:
         self._sample_goal = array("i")
         self._clearances = array("d")
         self._clearance_source: Callable[[], Sequence[float]] | None = None
-        self._solids: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = []
-        self._solid_first: NDArray[np.int64] = np.zeros(1, np.int64)
+        self._solids = SolidsBuffer()
         self._sample_state: list[str] = []
         self._goals: list[tuple[float, ...]] = []
         self._collisions: list[tuple[float, ...]] = []
@@ -140,13 +140,27 @@ class RunRecorder:
         """
         self._clearance_source = source
 
-    def solids(self, discs: NDArray[np.float64], corners: NDArray[np.float64], first: NDArray[np.int64]) -> None:
+    def solids(
+        self,
+        discs: NDArray[np.float64],
+        corners: NDArray[np.float64],
+        first: NDArray[np.int64],
+        names: SolidNames | None = None,
+    ) -> None:
         """Adds the obstacles besides the map (global frame): discs (k, 3) x, y, radius, and the corners (m, 2) of polygons,
-        those of polygon i at `first[i]` .. `first[i + 1] - 1`. Call it once if none of them moves, else for every sample; the
-        numbers of discs and corners are constant.
+        those of polygon i at `first[i]` .. `first[i + 1] - 1`. Call it once if none of them moves, else for every sample.
+
+        The numbers of discs and corners are constant, unless `names` identifies them: see `identify_solids`.
         """
-        self._solids.append((discs.astype(np.float32), corners.astype(np.float32)))
-        self._solid_first = np.array(first, np.int64)
+        self._solids.add(len(self._sample_state), discs, corners, first, names)
+
+    def identify_solids(
+        self, discs: NDArray[np.float64], corners: NDArray[np.float64], first: NDArray[np.int64], names: SolidNames
+    ) -> None:
+        """Names the obstacles so far, before the first of them is added or removed. Without a call of `solids` before, these
+        are the obstacles since the start.
+        """
+        self._solids.identify(discs, corners, first, names)
 
     def plan(self, t: float, poses: NDArray[np.float64], frame: str) -> None:
         """Adds a plan (n, 3) of the global planner, for the goal accepted last."""
@@ -196,6 +210,10 @@ class RunRecorder:
         """Returns the run so far, as `Record.load` would read it."""
         return Record(*self._members())
 
+    def set_scenario(self, scenario: Mapping[str, Any]) -> None:
+        """Replaces the JSON data that describe the run: a run that people take part in is known only at its end."""
+        self._scenario = jsonable(dict(scenario))
+
     def save(self, folder: Path) -> dict[str, Path]:
         """Writes `run.npz` and `run.log` into `folder` atomically, creating it if necessary; returns name -> path.
 
@@ -225,10 +243,7 @@ class RunRecorder:
         clearances = np.array(self._clearances, "<f8")
         if not np.isnan(clearances).all():
             arrays["clearances"] = clearances
-        if self._solids:
-            arrays["solid_discs"] = np.array([discs for discs, _ in self._solids], "<f4")
-            arrays["solid_corners"] = np.array([corners for _, corners in self._solids], "<f4")
-            arrays["solid_first"] = self._solid_first.astype("<i8")
+        arrays |= self._solids.arrays(len(values))
         for name, rows in (("goals", self._goals), ("collisions", self._collisions)):
             columns = np.array(rows, np.float64).reshape(-1, 4)
             arrays[name] = fmt.table(

@@ -19,7 +19,9 @@ class RunMeasurements:
     Clearances are computed on request, or when an obstacle has moved: one call for many poses is faster.
     """
 
-    def __init__(self, robot: SimulatedRobot) -> None:
+    def __init__(self, robot: SimulatedRobot, *, keep: bool = True) -> None:
+        """`keep=False` measures the path length only."""
+        self._keep = keep
         self._robot = robot
         self._rows = array("d")
         self._states: list[str] = []
@@ -33,12 +35,14 @@ class RunMeasurements:
     def add(self, state: str) -> None:
         """Records the current cycle."""
         robot = self._robot
-        if robot.solids is not self._solids:
-            self._compute_clearances()
-            self._solids = robot.solids
         pose = robot.pose
         self.path_length += pose.distance_to(self._last_pose)
         self._last_pose = pose
+        if not self._keep:
+            return
+        if robot.solids is not self._solids:
+            self._compute_clearances()
+            self._solids = robot.solids
         self._rows.extend((robot.time, *pose))
         self._states.append(state)
 

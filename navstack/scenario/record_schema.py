@@ -12,6 +12,7 @@ from navstack.core.bounded_reading import short_repr
 MAX_GOALS: Final = 100_000
 MAX_OBSTACLES: Final = 10_000
 MAX_SHAPES: Final = 2_000
+MAX_INTERACTIONS: Final = 1_000_000
 MAX_PEDESTRIANS: Final = 500
 """Every pedestrian is compared with every other one in each physics step."""
 
@@ -35,6 +36,7 @@ class StoredScenario(BaseModel):
     rest_s: Annotated[float, Field(ge=0.0, le=1e6)] = 0.0
     stop_on_failure: bool = False
     shapes: Annotated[list[dict[str, Any]], Field(max_length=MAX_SHAPES)] = []
+    interactions: Annotated[list[dict[str, Any]], Field(max_length=MAX_INTERACTIONS)] = []
     success: dict[str, Any] = {}
     name: str = ""
     parameters: dict[str, Any]

@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import math
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
-from navstack.bringup import build_move_base, odometry_frame, simulated_robot, true_footprint
-from navstack.core import LaserScan, Listener, Transform2D, angle_between, normalize_angle
+from navstack.bringup import build_move_base, simulated_robot
+from navstack.core import Listener, normalize_angle
 from navstack.core.errors import InternalError
-from navstack.move_base import GoalHandle, MoveBase
-from navstack.record import RunRecorder
 from navstack.record.metrics import RunMetrics
 from navstack.record.timings import Timings, timed
+from navstack.scenario.goal_sequence import GoalSequence, SentGoal
+from navstack.scenario.interactions import effect_ends
+from navstack.scenario.interventions import Interventions
 from navstack.scenario.measurements import RunMeasurements
 from navstack.scenario.outcome import GoalOutcome, RunResult
+from navstack.scenario.recording import new_recorder, record_tick
 from navstack.scenario.scenario import Scenario
 from navstack.scenario.success import SuccessConditions
 from navstack.scenario.warnings import WarningCollector
-from navstack.sim import SimulatedRobot
 
 WARM_UP_S = 1.0
 """Simulated seconds of a warm-up run: enough for every stage of driving and of arriving to run once."""
@@ -27,12 +30,22 @@ WARM_UP_S = 1.0
 MAX_IDLE_CYCLES = 1000
 """Maximum number of consecutive cycles without simulated time passing; a few occur when goals end and begin."""
 
+LONGEST_IDLE_S = 0.2
+"""Longest cycle without a goal (s)."""
+
+DRIVING_S = 0.05
+"""Longest cycle while the robot is driven by hand (s)."""
+
 Progress = Callable[[float, int], None]
 """Called after each cycle with the simulated time (s) and the index of the current goal."""
 
 
 class Run:
     """Drives a scenario one control cycle at a time; continues with the next goal when one fails.
+
+    Without interactions, a run is done when its goals have ended. Interactions keep it going until their effect is over
+    (`effect_ends`); `interact` adds one at any time, also after the end. The same interactions at the same times give the
+    same record, whether they come from the scenario or from `interact`.
 
     Raises InputError or PlanningError if the robot cannot start.
     """
@@ -43,18 +56,21 @@ class Run:
         *,
         record: bool = True,
         scans: bool = True,
+        measure: bool = True,
         timings: bool = False,
         listeners: Sequence[Listener] = (),
     ) -> None:
         """`record=False` keeps only what the metrics need, `scans=False` all but the scans; `timings` measures the wall time
-        of both planners.
+        of both planners. With `measure=False` there are no metrics either, and the memory does not grow with the run.
         """
         configuration = scenario.configuration
         scenario.success.check_goals(len(scenario.goals))
         self.scenario = scenario
         self.robot = simulated_robot(configuration, scenario.world(), scenario.start, seed=scenario.seed)
-        self._measurements = RunMeasurements(self.robot)
-        self.recorder = self._new_recorder(scans) if record else None
+        self._measurements = RunMeasurements(self.robot, keep=measure)
+        self.recorder = new_recorder(scenario, self.robot, scans=scans) if record else None
+        if self.recorder is not None:
+            self.recorder.set_clearance_source(self._measurements.clearances)
         self._warnings = WarningCollector()
         listening = [self._warnings, *listeners]
         if self.recorder is not None:
@@ -64,28 +80,51 @@ class Run:
         if timings:
             self.timings = Timings()
             self._time_planners(self.timings)
-        self.goal_index = -1
-        """Index of the current goal, -1 before the first step."""
-        self.outcomes: list[GoalOutcome] = []
+        self.goals = GoalSequence(
+            scenario.goals,
+            self.robot,
+            self._measurements,
+            pause_s=scenario.pause_s,
+            stop_on_failure=scenario.stop_on_failure,
+        )
+        self.interventions = Interventions(
+            scenario, self.robot, self.move_base, self.goals, self.recorder, listening, self._record_goal
+        )
+        self._upcoming = deque(sorted(scenario.interactions, key=lambda item: item.time))
+        self._goes_on_until = -math.inf
         self._idle_cycles = 0
         self.done = False
-        """True when every goal has ended."""
-        self._handle: GoalHandle | None = None
-        self._goal_start_time, self._goal_start_length = 0.0, 0.0
-        self._pause_until = 0.0
+        """True when every goal has ended and the interactions have had their effect."""
         # times are sums of floats: a difference below this is rounding and must not cause an extra physics step
         self._time_tolerance = 1e-5 / configuration.navstack.sim.physics_frequency
 
+    @property
+    def goal_index(self) -> int:
+        """Index of the current goal, -1 before the first step."""
+        return self.goals.last_index
+
+    @property
+    def outcomes(self) -> list[GoalOutcome]:
+        """How the goals ended, in order."""
+        return self.goals.outcomes
+
     def step(self) -> bool:
         """Runs one control cycle: advances the world to its time, then ticks move_base. Returns False when done."""
-        self._finish_goal()
-        robot, move_base = self.robot, self.move_base
+        self._settle()
+        robot, move_base, goals = self.robot, self.move_base, self.goals
         due = math.inf
-        if self._handle is None:
-            if robot.time < self._pause_until - self._time_tolerance:
-                due = self._pause_until
+        if not goals.under_way:
+            if robot.time < goals.pause_until - self._time_tolerance:
+                due = goals.pause_until
             elif not self._send_next_goal():
-                return False
+                if not self._upcoming and robot.time >= self._goes_on_until:
+                    self._finish()
+                    return False
+                due = robot.time + LONGEST_IDLE_S
+        self.done = False
+        if robot.by_hand is not None:
+            robot.drive_by_hand(robot.by_hand)  # again, before the robot's command timeout
+            due = min(due, robot.time + DRIVING_S)
         before = robot.time
         robot.advance_to(min(due, move_base.next_due(before)))
         move_base.tick(robot.time)
@@ -98,24 +137,50 @@ class Run:
             )
         self._measurements.add(move_base.state.name)
         if self.recorder is not None:
-            _record_tick(self.recorder, robot, move_base, self.goal_index)
-        if self._handle is not None and robot.time - self._goal_start_time > self.scenario.time_limit_s:
-            move_base.cancel_goal(self._handle)
+            changed = self.interventions.world_changed
+            names = self.interventions.names_of_solids() if changed else None
+            record_tick(self.recorder, robot, move_base, self.goal_index, names)
+        goals.cancel_expired(move_base, self.scenario.time_limit_s)
         return True
 
     @property
     def is_paused(self) -> bool:
         """True between two goals."""
-        return self._handle is None and not self.done
+        return not self.goals.under_way and not self.done
+
+    @property
+    def upcoming(self) -> tuple[Any, ...]:
+        """The interactions of the scenario whose time has not come."""
+        return tuple(self._upcoming)
+
+    def drop_upcoming(self) -> None:
+        """Forgets the interactions whose time has not come."""
+        self._upcoming.clear()
+
+    def interact(self, item: Any) -> None:
+        """Carries out an interaction, a model of `navstack.scenario.interactions`, now; its time must be the present one.
+
+        Call it only when the last `step` advanced the time or returned False: otherwise a run of a scenario with this
+        interaction would carry it out earlier in the same instant. Raises NavError if it is refused; nothing has changed then.
+        """
+        self.goals.finish_ended()
+        if self.done and self.recorder is not None:
+            self.recorder.set_clearance_source(self._measurements.clearances)
+        self.interventions.apply(item)
+        self._goes_on_until = max(self._goes_on_until, effect_ends(item))
+        self.goals.finish_ended()
 
     def stop(self) -> None:
         """Ends the run: cancels the current goal, stops the robot and finishes the record."""
-        handle = self._handle
-        if handle is not None:
-            self.move_base.cancel_goal(handle)
-            while not handle.is_done:
-                self.step()
-        self._finish_goal()
+        self._upcoming.clear()
+        self._goes_on_until = -math.inf
+        self.goals.skip_waiting()
+        under_way = self.goals.under_way
+        for sent in under_way:
+            self.move_base.cancel_goal(sent.handle)
+        while not all(sent.handle.is_done for sent in under_way):
+            self.step()
+        self.goals.finish_ended()
         self._finish()
 
     def result(self, wall_s: float) -> RunResult:
@@ -130,7 +195,7 @@ class Run:
             seed=self.scenario.seed,
             recorder=self.recorder,
             metrics=metrics,
-            conditions=self.scenario.success.evaluate(states, metrics, len(self.scenario.goals)),
+            conditions=self.scenario.success.evaluate(states, metrics, self.goals.total),
             timings=self.timings,
             min_clearance_m=self._measurements.min_clearance(),
             warnings=self._warnings.warnings(),
@@ -140,25 +205,17 @@ class Run:
         """Returns the metrics so far; they count only the goals that have ended."""
         return self._measurements.metrics([outcome.as_dict() for outcome in self.outcomes])
 
-    def _new_recorder(self, scans: bool) -> RunRecorder:
-        scenario, configuration = self.scenario, self.scenario.configuration
-        sim = configuration.navstack.sim
-        lidars = [sim.lidar(name) for name in sim.lasers]
-        recorder = RunRecorder(
-            map=scenario.map,
-            footprint=true_footprint(configuration),
-            scenario=scenario.as_dict(),
-            global_frame=configuration.global_costmap.params.global_frame,
-            local_frame=odometry_frame(configuration),
-            base_frame=configuration.local_costmap.params.robot_base_frame,
-            sensors={lidar.frame: Transform2D(lidar.x, lidar.y, lidar.yaw) for lidar in lidars},
-            keep_scans=scans,
-        )
-        recorder.set_clearance_source(self._measurements.clearances)
-        solids = self.robot.solids
-        if not self.robot.world.moves and scenario.shapes:
-            recorder.solids(solids.discs, solids.corners, solids.first)
-        return recorder
+    @property
+    def path_length(self) -> float:
+        """Distance driven (m)."""
+        return self._measurements.path_length
+
+    def _settle(self) -> None:
+        """Stores the outcomes of ended goals and carries out the interactions whose time has come."""
+        self.goals.finish_ended()
+        while self._upcoming and self._upcoming[0].time <= self.robot.time + self._time_tolerance:
+            self.interact(self._upcoming.popleft())
+        self.interventions.stop_driving()
 
     def _time_planners(self, timings: Timings) -> None:
         planner, controller = self.move_base.global_planner, self.move_base.local_planner
@@ -167,83 +224,20 @@ class Run:
 
     def _send_next_goal(self) -> bool:
         """Sends the next goal; returns False if there is none."""
-        if self.goal_index + 1 == len(self.scenario.goals):
-            self._finish()
-        if self.done:
-            return False
-        self.goal_index += 1
-        goal = self.scenario.goals[self.goal_index]
-        self._goal_start_time, self._goal_start_length = self.robot.time, self._measurements.path_length
-        self._handle = self.move_base.send_goal(goal)
-        if self.recorder is not None:
-            self.recorder.goal(self._goal_start_time, goal)
-        return True
+        sent = self.goals.send_next(self.move_base)
+        if sent is not None:
+            self._record_goal(sent)
+        return sent is not None
 
-    def _finish_goal(self) -> None:
-        """If the current goal has ended, stores its outcome and starts the pause."""
-        handle = self._handle
-        if handle is None or not handle.is_done:
-            return
-        outcome = self._outcome(handle)
-        self.outcomes.append(outcome)
-        self._handle = None
-        last = self.goal_index + 1 == len(self.scenario.goals)
-        if last or (self.scenario.stop_on_failure and not outcome.succeeded):
-            self._finish()
-        else:
-            self._pause_until = self.robot.time + self.scenario.pause_s
+    def _record_goal(self, sent: SentGoal) -> None:
+        if self.recorder is not None:
+            self.recorder.goal(sent.time, sent.pose)
 
     def _finish(self) -> None:
         if not self.done:
             self.done = True
             if self.recorder is not None:
                 self.recorder.finish([outcome.as_dict() for outcome in self.outcomes], self.robot.collisions)
-
-    def _outcome(self, handle: GoalHandle) -> GoalOutcome:
-        robot, goal, result = self.robot, self.scenario.goals[self.goal_index], handle.result
-        return GoalOutcome(
-            goal=goal,
-            state=handle.status.name,
-            text=handle.text,
-            error_code=result.error_code,
-            error_name=result.error_name,
-            message=result.message,
-            time_s=robot.time - self._goal_start_time,
-            path_length_m=self._measurements.path_length - self._goal_start_length,
-            distance_left_m=robot.pose.distance_to(goal),
-            yaw_left_rad=abs(angle_between(robot.pose.yaw, goal.yaw)),
-            recoveries=result.recoveries,
-        )
-
-
-def _record_tick(recorder: RunRecorder, robot: SimulatedRobot, move_base: MoveBase, goal: int) -> None:
-    """Adds what the last tick did to the record."""
-    tick = move_base.last_tick
-    t = tick.time
-    for name, costmap, window in (
-        ("global", move_base.global_costmap, tick.global_window),
-        ("local", move_base.local_costmap, tick.local_window),
-    ):
-        if window is not None:
-            recorder.costmap(t, name, costmap.master, window)
-    if tick.plan is not None:
-        recorder.plan(t, tick.plan.path.poses, tick.plan.path.frame)
-    if tick.local_plan is not None:
-        recorder.local_plan(t, tick.local_plan)
-    if robot.world.moves:
-        recorder.solids(robot.solids.discs, robot.solids.corners, robot.solids.first)
-    for scan in tick.scans:
-        if isinstance(scan, LaserScan):
-            recorder.scan(scan.stamp, scan)
-    recorder.sample(
-        t,
-        pose=robot.pose,
-        odom=robot.state(),
-        map_to_odom=robot.frames.lookup(robot.map_frame, robot.odom_frame),
-        command=move_base.command,
-        state=move_base.state.name,
-        goal_index=goal,
-    )
 
 
 def warm_up(scenario: Scenario) -> None:
@@ -252,7 +246,7 @@ def warm_up(scenario: Scenario) -> None:
     Raises the errors of `run_scenario`.
     """
     turned = scenario.start._replace(yaw=normalize_angle(scenario.start.yaw + 1.0))
-    arrival = replace(scenario, goals=(turned,), success=SuccessConditions())
+    arrival = replace(scenario, goals=(turned,), success=SuccessConditions(), interactions=())
     for part in (scenario, arrival):
         run = Run(part)
         while run.robot.time < WARM_UP_S and run.step():
@@ -273,9 +267,8 @@ def run_scenario(
     """Drives the simulated robot to each goal in order; continues with the next goal when one fails.
 
     `record=False` computes the same metrics without keeping a record, for large numbers of runs; `scans=False` keeps no
-    scans in it. `timings` adds the wall
-    times of both planners. `stop` is called before every cycle; when it returns True, the goal is cancelled and the run ends
-    with a complete record.
+    scans in it. `timings` adds the wall times of both planners. `stop` is called before every cycle; when it returns True,
+    the goal is cancelled and the run ends with a complete record.
 
     Raises InputError or PlanningError if the robot cannot start.
     """

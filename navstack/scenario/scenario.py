@@ -12,6 +12,7 @@ from navstack.core.bounded_reading import shortened
 from navstack.core.errors import RecordError
 from navstack.parameters.configuration import Configuration, load_configuration
 from navstack.record import Record
+from navstack.scenario.interactions import INTERACTION, as_data
 from navstack.scenario.record_schema import scenario_problem
 from navstack.scenario.success import SuccessConditions
 from navstack.sim import Shape, World
@@ -39,6 +40,8 @@ class Scenario:
     """Skip the remaining goals after the first one that does not succeed."""
     shapes: tuple[Shape, ...] = ()
     """Further obstacles: low objects, boxes, walls, doors, pedestrians, discs on tracks."""
+    interactions: tuple[Any, ...] = ()
+    """What a person does during the run, models of `navstack.scenario.interactions`."""
     success: SuccessConditions = SuccessConditions()
     """Conditions that the run must meet; they do not influence the run."""
     name: str = ""
@@ -73,6 +76,8 @@ class Scenario:
             entries["name"] = self.name
         if self.shapes:
             entries["shapes"] = [shape.model_dump(mode="json", exclude_none=True) for shape in self.shapes]
+        if self.interactions:
+            entries["interactions"] = [_encode_floats(as_data(item)) for item in self.interactions]
         if self.success != SuccessConditions():
             entries["success"] = self.success.as_dict()
         return entries
@@ -113,6 +118,9 @@ class Scenario:
                 pause_s=stored.get("pause_s", stored.get("rest_s", 0.0)),
                 stop_on_failure=stored.get("stop_on_failure", False),
                 shapes=tuple(Shape.model_validate(shape) for shape in stored.get("shapes", ())),
+                interactions=tuple(
+                    INTERACTION.validate_python(_decode_floats(item)) for item in stored.get("interactions", ())
+                ),
                 success=SuccessConditions.from_dict(stored.get("success", {})),
                 name=stored.get("name", ""),
                 names={key: value for key, value in stored.items() if key not in (*_REQUIRED, *_OPTIONAL)},
@@ -125,7 +133,7 @@ class Scenario:
 
 
 _REQUIRED: Final = ("ros_distro", "start", "goals", "obstacles", "seed", "time_limit_s", "parameters")
-_OPTIONAL: Final = ("pause_s", "rest_s", "stop_on_failure", "shapes", "success", "name", "navstack")
+_OPTIONAL: Final = ("pause_s", "rest_s", "stop_on_failure", "shapes", "interactions", "success", "name", "navstack")
 """`rest_s`: name of `pause_s` in records of earlier versions."""
 _NOT_FINITE: Final = {".inf": math.inf, "-.inf": -math.inf, ".nan": math.nan}
 

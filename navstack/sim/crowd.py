@@ -26,10 +26,11 @@ MAX_STEP: Final = 0.05
 class Crowd:
     """The pedestrians of a world during one run; their motion depends on the robot's."""
 
-    def __init__(self, shapes: Sequence[Shape], seed: int) -> None:
-        """`shapes`: discs with the motion of a pedestrian."""
+    def __init__(self, shapes: Sequence[Shape], seed: int, before: Crowd | None = None) -> None:
+        """`shapes`: discs with the motion of a pedestrian. Those that are also in the crowd `before` continue from there."""
         people = [(shape, shape.motion) for shape in shapes if isinstance(shape.motion, PedestrianMotion)]
-        self._rng = np.random.Generator(np.random.PCG64([seed, 1 << 20]))
+        self._shapes = [shape for shape, _ in people]
+        self._rng = np.random.Generator(np.random.PCG64([seed, 1 << 20])) if before is None else before._rng
         drawn = DESIRED_SPEED[0] + DESIRED_SPEED[1] * self._rng.standard_normal(len(people))
         self._settings = np.zeros(len(people), kernels.PEDESTRIAN)
         self._settings["speed"] = [
@@ -47,6 +48,17 @@ class Crowd:
         self._tops = np.array([shape.top for shape, _ in people])
         self._people = np.zeros((len(people), 6))
         self._people[:, :2] = np.array([shape.pose[:2] for shape, _ in people], np.float64).reshape(-1, 2)
+        if before is not None:
+            self._continue(before)
+
+    def _continue(self, before: Crowd) -> None:
+        """Copies the state and the speed of the pedestrians that are in both crowds."""
+        old = list(before._shapes)
+        for row, shape in enumerate(self._shapes):
+            if shape in old:
+                was = old.index(shape)
+                self._people[row] = before._people[was]
+                self._settings["speed"][row] = before._settings["speed"][was]
 
     @property
     def velocities(self) -> NDArray[np.float64]:

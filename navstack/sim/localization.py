@@ -48,6 +48,16 @@ class Localization:
         """True if map -> odom is constant."""
         self._current = self.start
 
+    @property
+    def current(self) -> Transform2D:
+        """Present transform map -> odom."""
+        return self._current
+
+    def correct(self, truth: Transform2D, odometry: Transform2D) -> None:
+        """Sets map -> odom at once for the base at `truth` (map) and, by its odometry, at `odometry`; drops delayed updates."""
+        self._delayed.clear()
+        self._current = self._correction(truth, odometry)
+
     def at(self, step: int, truth: Transform2D, odometry: Transform2D) -> Transform2D:
         """Returns map -> odom at a physics step with the base at `truth` (map) and, by its odometry, at `odometry`.
 

@@ -27,8 +27,9 @@ from navstack.sim import _body_kernels as body
 from navstack.sim.body import body_settings, steering
 from navstack.sim.commands import CommandQueue
 from navstack.sim.localization import Localization
+from navstack.sim.placement import all_solids, check_obstacles, check_pose
 from navstack.sim.sensors import SensorSuite
-from navstack.sim.solids import Solids, concatenate_solids
+from navstack.sim.solids import Solids
 from navstack.sim.world import World
 
 _NO_NOISE = np.empty((0, 8))
@@ -84,11 +85,10 @@ class SimulatedRobot:
             raise InputError(f"the start {tuple(start)} is not finite", pose=start)
         if seed < 0:
             raise InputError(f"the seed is {seed}; it must be at least 0", seed=seed)
+        self._seed = seed
         self._crowd = world.crowd(seed)
-        self._solids = world.solids_at(0.0)
-        if self._crowd is not None:
-            self._solids = concatenate_solids([self._solids, self._crowd.solids()])
-        _check_start(world, footprint, start, self._solids)
+        self._solids = all_solids(world, self._crowd, 0.0)
+        check_pose(world, footprint, start, self._solids, start=True)
         self.params = params
         self.world = world
         self.footprint = footprint
@@ -102,6 +102,7 @@ class SimulatedRobot:
         self._fixed_yaw = float(self._body["fixed_yaw"][0])
         self._vertices = footprint.vertices.copy()  # writable, as the kernels are compiled for
         self._commands = CommandQueue(params)
+        self._by_hand: Twist2D | None = None
         self._steering = 0.0
         self._heading_noise = params.wheel_slip_turn > 0.0 or params.odometry_noise_turn > 0.0
         self._noisy = params.wheel_slip > 0.0 or params.odometry_noise > 0.0 or self._heading_noise
@@ -271,9 +272,68 @@ class SimulatedRobot:
         """Commands a velocity from the current step on, after the command delay; only a holonomic base uses `vy`."""
         if not twist.is_finite():
             raise InputError(f"the command {tuple(twist)} is not finite", command=twist)
+        if self._by_hand is None:
+            self._give(twist)
+
+    def _give(self, twist: Twist2D) -> None:
         if self.params.kinematics != "holonomic" and twist.vy != 0.0:
             twist = Twist2D(twist.vx, 0.0, twist.wz)
         self._commands.add(twist, self._step)
+
+    # --- interventions ------------------------------------------------------------------------------------------------
+
+    @property
+    def by_hand(self) -> Twist2D | None:
+        """The velocity of `drive_by_hand`; None if the robot obeys `command`."""
+        return self._by_hand
+
+    def drive_by_hand(self, twist: Twist2D | None) -> None:
+        """Commands a velocity that takes precedence over `command` until a call with None, which stops the robot.
+
+        Raises InputError for a velocity that is not finite.
+        """
+        if twist is not None and not twist.is_finite():
+            raise InputError(f"the command {tuple(twist)} is not finite", command=twist)
+        self._by_hand = twist
+        self._give(Twist2D() if twist is None else twist)
+
+    def change_world(self, world: World) -> None:
+        """Replaces the obstacles from the current step on; pedestrians that are in both worlds continue.
+
+        Raises InputError for another map, or if an obstacle would overlap the robot; nothing has changed then.
+        """
+        if world.map is not self.world.map:
+            raise InputError("a running world keeps its map; only its obstacles can be replaced")
+        crowd = world.crowd(self._seed, self._crowd)
+        solids = all_solids(world, crowd, self.time)
+        if not self.in_collision:
+            check_obstacles(world, self.footprint, self._collision_pose(self.pose), solids)
+        self.world, self._crowd, self._solids = world, crowd, solids
+        self._body["moving_obstacles"] = world.moves
+
+    def place(self, pose: Pose2D) -> None:
+        """Puts the robot at `pose` (map frame), at rest, and tells its localization; the odometry does not notice.
+
+        Raises InputError if the robot collides there or the pose is not finite; nothing has changed then.
+        """
+        if not pose.is_finite():
+            raise InputError(f"the pose {tuple(pose)} is not finite", pose=pose)
+        check_pose(self.world, self.footprint, self._collision_pose(pose), self._solids)
+        truth = Transform2D(pose.x, pose.y, normalize_angle(pose.yaw))
+        state = self._state
+        state[body.X : body.LZ + 1] = *truth, *(0.0,) * 6
+        state[body.GX : body.GZ + 1] = state[body.COLLIDING] = state[body.OVERRUN] = 0.0
+        self._now = state.tolist()
+        self._collided = False
+        odometry = Transform2D(*self._now[body.OX : body.OYAW + 1])
+        self._localization.correct(truth, odometry)
+        if self._localization.is_static:
+            self.frames.set_static(self.map_frame, self.odom_frame, self._localization.current)
+        else:
+            self.frames.set(self.map_frame, self.odom_frame, self._localization.current, self.time)
+
+    def _collision_pose(self, pose: Pose2D) -> Pose2D:
+        return pose if math.isnan(self._fixed_yaw) else pose._replace(yaw=self._fixed_yaw)
 
     # --- true state ---------------------------------------------------------------------------------------------------
 
@@ -314,14 +374,3 @@ class SimulatedRobot:
     def in_collision(self) -> bool:
         """True from a collision until the robot has left it."""
         return bool(self._now[body.COLLIDING] or self._now[body.OVERRUN])
-
-
-def _check_start(world: World, footprint: Footprint, start: Pose2D, solids: Solids) -> None:
-    hit = world.collision(footprint, start, solids=solids)
-    if hit is not None:
-        kind, _, x, y = hit
-        raise InputError(
-            f"the robot at the start ({start.x:g}, {start.y:g}, {start.yaw:g}) collides with the {kind} at "
-            f"({x:.2f}, {y:.2f}); move the start",
-            pose=start,
-        )

@@ -116,9 +116,9 @@ class World:
         """Returns the discs (n, 3) x, y, radius (m) of `solids_at`. Read-only."""
         return self.solids_at(time).discs
 
-    def crowd(self, seed: int) -> Crowd | None:
-        """Returns the pedestrians at the start of a run with this seed; None if there are none."""
-        return Crowd(self.people, seed) if self.people else None
+    def crowd(self, seed: int, before: Crowd | None = None) -> Crowd | None:
+        """Returns the pedestrians at the start of a run with this seed, None if there are none; those in `before` continue."""
+        return Crowd(self.people, seed, before) if self.people else None
 
     def put_discs(self, discs: NDArray[np.float64] | Sequence[Sequence[float]]) -> None:
         """Replaces the static discs, except low discs and shapes: moves obstacles step by step."""

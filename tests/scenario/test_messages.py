@@ -15,7 +15,7 @@ GOOD = "map: office\nstart: corridor_west\ngoals: [office_2]\n"
 
 KEYS = (
     "name, description, distro, allow_missing, seed, time_limit, pause, stop_on_failure, map, places, params, set, sim, start, "
-    "goals, tour, shapes, success"
+    "goals, tour, shapes, interactions, success"
 )
 POSE = "[x, y], [x, y, yaw] (m, rad) or the name of a place"
 PLACES = (

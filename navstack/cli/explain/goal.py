@@ -14,15 +14,6 @@ if TYPE_CHECKING:
     from navstack.plot.goal_tracks import GoalTrack
     from navstack.record import Record
 
-STYLE = {
-    "plan_failed": "yellow",
-    "control_failed": "yellow",
-    "recovery": "magenta",
-    "warning": "yellow",
-    "stuck": "yellow",
-    "collision": "bold red",
-}
-
 
 def goal(
     run: options.RunFolder,
@@ -33,8 +24,9 @@ def goal(
     json_: options.Json = False,
 ) -> None:
     """Explain the outcome of a goal: states, plans, failures with their reasons, recoveries, times without progress."""
-    from navstack.cli.output import print_files, print_json
+    from navstack.cli.output import print_files, print_json, stdout
     from navstack.explain import explain_goal, explain_goals
+    from navstack.explain.printing import print_goal
     from navstack.record import Record
 
     record = Record.load(run)
@@ -48,31 +40,8 @@ def goal(
         print_json(document | ({"files": files} if files else {}))
         return
     for report in reports:
-        _print(report)
+        print_goal(stdout(), report)
     print_files(files)
-
-
-def _print(report: GoalReport) -> None:
-    from rich.markup import escape
-    from rich.table import Table
-
-    from navstack.cli.output import stdout
-
-    out = stdout()
-    style = "green" if report.status == "SUCCEEDED" else "red"
-    out.print(f"[bold]goal {report.number}:[/] [bold {style}]{escape(report.summary)}[/]")
-    seconds = [(state, report.seconds(state)) for state in ("PLANNING", "CONTROLLING", "CLEARING")]
-    if report.spans:
-        out.print("[dim]" + ", ".join(f"{state} {spent:.1f} s" for state, spent in seconds) + "[/]")
-    table = Table(box=None, pad_edge=False, show_header=False, padding=(0, 2, 0, 0))
-    table.add_column(justify="right", no_wrap=True)
-    table.add_column(overflow="fold")
-    for line in report.timeline:
-        when = f"{line.begin:.1f} s" if line.end - line.begin < 0.05 else f"{line.begin:.1f} to {line.end:.1f} s"
-        table.add_row(when, escape(line.text), style=f"bold {style}" if line.kind == "end" else STYLE.get(line.kind))
-    # without soft wrapping, a pipe gets one line per entry
-    out.print(table, soft_wrap=False)
-    out.print()
 
 
 def draw(record: Record, reports: tuple[GoalReport, ...], out: Path) -> None:

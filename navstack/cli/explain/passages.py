@@ -12,7 +12,6 @@ from navstack.cli import options
 if TYPE_CHECKING:
     from navstack.explain import PassageReport
 
-STYLE = {"free": "blue", "costly": "yellow", "blocked": "bold red"}
 MOSTLY_UNKNOWN = 0.9
 """Share of unknown cells on the border of free space above which the walls of a map are considered unknown."""
 
@@ -63,8 +62,9 @@ def passages(
 ) -> None:
     """List the doors, corridors and gaps between obstacles of a map: passable, passable at high cost, or not passable."""
     from navstack.cli.arguments import map_of, parse_costmap_name
-    from navstack.cli.output import print_json
+    from navstack.cli.output import print_files, print_json, stdout
     from navstack.explain import find_passages
+    from navstack.explain.printing import print_passages
     from navstack.parameters.configuration import load_configuration
 
     name = parse_costmap_name(chosen.costmap)
@@ -86,7 +86,8 @@ def passages(
     if json_:
         print_json(document)
     else:
-        _print(report, path.name, document.get("files", {}))
+        print_passages(stdout(), report, path.name)
+        print_files(document.get("files", {}))
 
 
 def _document(report: PassageReport, name: str) -> dict[str, Any]:
@@ -117,56 +118,16 @@ def _note_unknown_walls(report: PassageReport, name: str) -> None:
         )
 
 
-def _counts(report: PassageReport) -> str:
-    from navstack.explain.passages import LABELS, RATINGS
-
-    return ", ".join(f"{report.count(rating)} {LABELS[rating]}" for rating in RATINGS)
-
-
 def _draw(report: PassageReport, picture: Path, name: str) -> None:
+    from navstack.explain.printing import passage_counts
     from navstack.plot.passages import Bar, plot_passages
 
     plot_passages(
         report.costmap,
         [Bar(i, passage.ends, passage.rating) for i, passage in enumerate(report.passages, 1)],
         picture,
-        title=f"passages of {name}: {_counts(report)}",
+        title=f"passages of {name}: {passage_counts(report)}",
         subtitle=f"{report.costmap_name} costmap: inscribed radius {report.inscribed_radius:.3f} m, inflation radius "
         f"{report.inflation_radius:g} m   minimum width {report.widths.minimum:.2f} m, low-cost width "
         f"{report.widths.low_cost:.2f} m",
     )
-
-
-def _print(report: PassageReport, name: str, files: dict[str, str]) -> None:
-    from rich.markup import escape
-
-    from navstack.cli.output import print_files, stdout, titled_table
-    from navstack.explain.passages import LABELS
-
-    out = stdout()
-    table = titled_table(f"passages of {escape(name)}", right=("no.", "centre (m)", "width", "cost"))
-    table.add_column("rating", no_wrap=True)
-    table.add_column("centreline")
-    for number, passage in enumerate(report.passages, 1):
-        length = f"; {passage.length:.1f} m long" if passage.length >= 0.5 else ""
-        table.add_row(
-            str(number),
-            f"{passage.x:.2f}, {passage.y:.2f}",
-            f"{passage.width:.2f} m",
-            str(passage.cost),
-            f"[{STYLE[passage.rating]}]{LABELS[passage.rating]}[/]",
-            escape(passage.reason + length),
-        )
-    out.print(table)
-    narrower = f"; {report.narrower} narrower (--narrowest 0 lists them)" if report.narrower else ""
-    smaller = f" beside obstacles of {report.smallest_obstacle:g} m or more" if report.smallest_obstacle else ""
-    out.print(
-        f"{_counts(report)}; searched widths {report.narrowest:.2f} to {report.widest:.2f} m{smaller}{narrower}",
-        soft_wrap=True,
-    )
-    w = report.widths
-    out.print(
-        f"this robot: minimum width {w.minimum:.2f} m, low-cost width {w.low_cost:.2f} m, turning width {w.turning:.2f} m, "
-        f"own width {w.robot:.2f} m"
-    )
-    print_files(files)

@@ -41,6 +41,8 @@ def read_start_and_goals(context: ReadContext) -> None:
 
 
 def _read_goals(context: ReadContext, node: Node) -> None:
+    if isinstance(node, ListNode) and not node.items and "interactions" in context.root.items:
+        return  # a person gives the goals
     if not isinstance(node, ListNode) or not node.items:
         problem = "is empty" if isinstance(node, ListNode) else f"is {describe(node)}"
         context.error("wrong-type", node.at, "goals", f"goals {problem}; write a list of {POSE_FORMAT}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import field_validator
 
@@ -112,4 +112,6 @@ class Parts:
     """Places of the tour as listed; `tour` has the order in which they are visited."""
     places: Mapping[str, Pose2D] = field(default_factory=dict[str, Pose2D])
     shapes: tuple[Shape, ...] = ()
+    interactions: tuple[Any, ...] = ()
+    """Models of `navstack.scenario.interactions`."""
     success: Success = field(default_factory=Success)

@@ -8,10 +8,11 @@ from navstack.parameters.yaml_reader import DictNode
 from navstack.scenario.file.context import ReadContext
 from navstack.scenario.file.goals import read_start_and_goals
 from navstack.scenario.file.inputs import read_map, read_parameters, read_places
+from navstack.scenario.file.interactions import read_interactions
 from navstack.scenario.file.models import Settings
 from navstack.scenario.file.shapes import read_shapes, read_success
 
-SECTIONS = ("map", "places", "params", "set", "sim", "start", "goals", "tour", "shapes", "success")
+SECTIONS = ("map", "places", "params", "set", "sim", "start", "goals", "tour", "shapes", "interactions", "success")
 """Keys of a scenario file besides those of `Settings`."""
 _KEYS = (*Settings.model_fields, *SECTIONS)
 
@@ -30,6 +31,9 @@ _SYNONYMS = {
     "conditions": "success",
     "goal": "goals",
     "world": "map",
+    "events": "interactions",
+    "actions": "interactions",
+    "teleop": "interactions",
 }
 """Other names that users may try for a key -> the key."""
 
@@ -50,5 +54,6 @@ def read_file(path: Path, shown: str | None = None) -> ReadContext:
     read_parameters(context)
     read_start_and_goals(context)
     read_shapes(context)
+    read_interactions(context)
     read_success(context)
     return context

@@ -11,6 +11,8 @@
     shapes:
       - {radius: 0.2, pose: [3.0, 7.4]}
       - {radius: 0.25, motion: {kind: track, points: [[5, 6], [5, 9]], speed: 0.5}}
+    interactions:                         # what a person does during the run, see navstack.scenario.interactions
+      - {time: 5.0, kind: put, shape: {name: box, box: [0.5, 0.4], pose: [6.0, 7.5, 0.0]}}
     seed: 1
     time_limit: 120                       # simulated seconds per goal
     success: {goals: SUCCEEDED, max_collisions: 0, max_time: 100, min_clearance: 0.02}
@@ -124,6 +126,7 @@ class ScenarioSpec:
             goals=poses,
             obstacles=tuple(obstacles),
             shapes=(*parts.shapes, *shapes),
+            interactions=parts.interactions,
             seed=seed,
             time_limit_s=settings.time_limit if time_limit_s is None else time_limit_s,
             pause_s=settings.pause,

@@ -1,0 +1,194 @@
+"""Carries out interactions in a running simulation. An interaction that cannot be carried out changes nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, assert_never
+
+from navstack.bringup import reconfigure
+from navstack.core import Event, Listener, Twist2D
+from navstack.core.errors import InputError
+from navstack.move_base import MoveBase
+from navstack.parameters.configuration import Configuration, load_configuration
+from navstack.parameters.report import value_text
+from navstack.record import RunRecorder
+from navstack.record.solids import SolidNames
+from navstack.scenario.goal_sequence import GoalSequence, SentGoal
+from navstack.scenario.interactions import (
+    Cancel,
+    ClearCostmaps,
+    Drive,
+    GoTo,
+    PlaceRobot,
+    PutShape,
+    Queue,
+    RemoveShape,
+    SetParameters,
+    Wait,
+    pose_from,
+)
+from navstack.scenario.record_schema import MAX_SHAPES, too_many_pedestrians
+from navstack.scenario.scenario import Scenario
+from navstack.sim import PedestrianMotion, Shape, SimulatedRobot, World
+
+
+def named_shapes(scenario: Scenario) -> dict[str, Shape]:
+    """Returns all obstacles of a scenario by name; those without one are called `obstacle N` and `shape N`."""
+    found: dict[str, Shape] = {}
+    for number, (x, y, radius) in enumerate(scenario.obstacles, 1):
+        found[f"obstacle {number}"] = Shape(radius=radius, pose=[x, y, 0.0])
+    for number, shape in enumerate(scenario.shapes, 1):
+        found[f"shape {number}" if not shape.name or shape.name in found else shape.name] = shape
+    return {name: shape.model_copy(update={"name": name}) for name, shape in found.items()}
+
+
+class Interventions:
+    """Changes goals, obstacles, parameters and the robot of one run."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        robot: SimulatedRobot,
+        move_base: MoveBase,
+        goals: GoalSequence,
+        recorder: RunRecorder | None,
+        listeners: Sequence[Listener],
+        on_sent: Callable[[SentGoal], None],
+    ) -> None:
+        self.configuration = scenario.configuration
+        """The parameters in force."""
+        self.shapes = named_shapes(scenario)
+        """The obstacles in the world by name."""
+        self.world_changed = False
+        """True once an obstacle has been added, moved or removed."""
+        self.driving_until = 0.0
+        """End of driving by hand (s)."""
+        self._scenario = scenario
+        self._robot, self._move_base, self._goals = robot, move_base, goals
+        self._recorder, self._listeners, self._on_sent = recorder, listeners, on_sent
+
+    def apply(self, item: Any) -> None:
+        """Carries out an interaction now. Raises NavError."""
+        match item:
+            case GoTo():
+                self._goals.finish_ended()
+                self._on_sent(self._goals.send(pose_from(item.pose), self._move_base))
+                self._note(f"sent the goal {_text(item.pose)}")
+            case Queue():
+                self._goals.waiting[:] = [pose_from(pose) for pose in item.goals]
+                self._goals.loop = item.loop
+                self._note(f"set the queue to {_plural(len(item.goals), 'goal')}{', repeated' if item.loop else ''}")
+            case Cancel():
+                self._goals.waiting.clear()
+                for sent in self._goals.under_way:
+                    self._move_base.cancel_goal(sent.handle)
+                self._note("cancelled the goal")
+            case PutShape():
+                self._put(item.shape)
+            case RemoveShape():
+                self._remove(item.name)
+            case PlaceRobot():
+                self._robot.place(pose_from(item.pose))
+                self._move_base.clear_costmaps()
+                self._note(f"put the robot at {_text(item.pose)}")
+            case SetParameters():
+                self._set(item)
+            case Drive():
+                self._drive(item)
+            case ClearCostmaps():
+                self._move_base.clear_costmaps()
+                self._note("cleared the costmaps")
+            case Wait():
+                pass
+            case _:
+                assert_never(item)
+
+    def names_of_solids(self) -> SolidNames:
+        """Returns the names of the obstacles in the order of `SimulatedRobot.solids`."""
+        world = self._robot.world
+        solids = self._robot.solids
+        return SolidNames(
+            tuple(world.name_of("disc", k) for k in range(len(solids.discs))),
+            tuple(world.name_of("polygon", k) for k in range(len(solids.circles))),
+        )
+
+    def stop_driving(self) -> None:
+        """Ends driving by hand when its time is over."""
+        if self._robot.by_hand is not None and self._robot.time >= self.driving_until:
+            self._robot.drive_by_hand(None)
+
+    def _put(self, shape: Shape) -> None:
+        moved = shape.name in self.shapes
+        if not moved and len(self.shapes) >= MAX_SHAPES:
+            raise InputError(f"the world already has {MAX_SHAPES} obstacles; remove some")
+        self._change_world({**self.shapes, shape.name: shape})
+        self._note(f'{"moved" if moved else "added"} "{shape.name}"')
+
+    def _remove(self, name: str) -> None:
+        if name not in self.shapes:
+            known = ", ".join(list(self.shapes)[:20]) or "none"
+            raise InputError(f'no obstacle is called "{name}"; obstacles: {known}', name=name)
+        self._change_world({other: shape for other, shape in self.shapes.items() if other != name})
+        self._note(f'removed "{name}"')
+
+    def _change_world(self, shapes: dict[str, Shape]) -> None:
+        problem = too_many_pedestrians(sum(isinstance(s.motion, PedestrianMotion) for s in shapes.values()))
+        if problem is not None:
+            raise InputError(f"{problem}; remove some")
+        grid, robot = self._scenario.map, self._robot
+        if not self.world_changed:
+            # the same obstacles, but all with a name
+            robot.change_world(World(grid, shapes=list(self.shapes.values())))
+            self._identify()
+        robot.change_world(World(grid, shapes=list(shapes.values())))
+        self.shapes = shapes
+        self.world_changed = True
+
+    def _identify(self) -> None:
+        if self._recorder is not None:
+            solids = self._robot.solids
+            self._recorder.identify_solids(solids.discs, solids.corners, solids.first, self.names_of_solids())
+
+    def _set(self, item: SetParameters) -> None:
+        before = self.configuration
+        after = load_configuration(
+            item.params or [before.tree.as_dict()],
+            overrides=[f"{name}={value_text(value)}" for name, value in item.values.items()],
+            distro=None if item.params else before.navstack.ros_distro,
+        )
+        _check_fixed(before, after)
+        reconfigure(self._move_base, after)
+        self.configuration = after
+        names = [*(p if isinstance(p, str) else "all parameters" for p in item.params)]
+        names += [f"{name} = {value_text(value)}" for name, value in item.values.items()]
+        self._note(f"set {', '.join(names)}")
+
+    def _drive(self, item: Drive) -> None:
+        vx, vy, wz = item.velocity
+        if vy != 0.0 and self._robot.params.kinematics != "holonomic":
+            raise InputError(f"this robot is {self._robot.params.kinematics}: it cannot drive sideways; vy must be 0")
+        if self._robot.by_hand is None:
+            self._note("drives the robot by hand")
+        self._robot.drive_by_hand(Twist2D(vx, vy, wz))
+        self.driving_until = item.until
+
+    def _note(self, text: str) -> None:
+        event = Event(self._robot.time, "info", f"the user {text}", {})
+        for listener in self._listeners:
+            listener.on_event(event)
+
+
+def _check_fixed(before: Configuration, after: Configuration) -> None:
+    """Raises InputError for parameters that a run cannot change."""
+    if before.navstack.sim != after.navstack.sim:
+        raise InputError("navstack/sim describes the simulated robot, which is fixed during a run; start a new one")
+    if [(r.name, r.params) for r in before.recoveries] != [(r.name, r.params) for r in after.recoveries]:
+        raise InputError("the recovery behaviors are fixed during a run; start a new one with the other parameters")
+
+
+def _text(pose: Sequence[float]) -> str:
+    return f"({', '.join(f'{value:.2f}' for value in pose)})"
+
+
+def _plural(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"

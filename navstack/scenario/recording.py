@@ -1,0 +1,64 @@
+"""What a run passes to its recorder."""
+
+from __future__ import annotations
+
+from navstack.bringup import odometry_frame, true_footprint
+from navstack.core import LaserScan, Transform2D
+from navstack.move_base import MoveBase
+from navstack.record import RunRecorder
+from navstack.record.solids import SolidNames
+from navstack.scenario.scenario import Scenario
+from navstack.sim import SimulatedRobot
+
+
+def new_recorder(scenario: Scenario, robot: SimulatedRobot, *, scans: bool) -> RunRecorder:
+    """Returns the recorder of a run of the scenario, with the obstacles if they do not move."""
+    configuration = scenario.configuration
+    sim = configuration.navstack.sim
+    lidars = [sim.lidar(name) for name in sim.lasers]
+    recorder = RunRecorder(
+        map=scenario.map,
+        footprint=true_footprint(configuration),
+        scenario=scenario.as_dict(),
+        global_frame=configuration.global_costmap.params.global_frame,
+        local_frame=odometry_frame(configuration),
+        base_frame=configuration.local_costmap.params.robot_base_frame,
+        sensors={lidar.frame: Transform2D(lidar.x, lidar.y, lidar.yaw) for lidar in lidars},
+        keep_scans=scans,
+    )
+    solids = robot.solids
+    if not robot.world.moves and scenario.shapes:
+        recorder.solids(solids.discs, solids.corners, solids.first)
+    return recorder
+
+
+def record_tick(
+    recorder: RunRecorder, robot: SimulatedRobot, move_base: MoveBase, goal: int, solids: SolidNames | None
+) -> None:
+    """Adds what the last tick did to the record; `solids` are the names of the obstacles once they have changed."""
+    tick = move_base.last_tick
+    t = tick.time
+    for name, costmap, window in (
+        ("global", move_base.global_costmap, tick.global_window),
+        ("local", move_base.local_costmap, tick.local_window),
+    ):
+        if window is not None:
+            recorder.costmap(t, name, costmap.master, window)
+    if tick.plan is not None:
+        recorder.plan(t, tick.plan.path.poses, tick.plan.path.frame)
+    if tick.local_plan is not None:
+        recorder.local_plan(t, tick.local_plan)
+    if robot.world.moves or solids is not None:
+        recorder.solids(robot.solids.discs, robot.solids.corners, robot.solids.first, solids)
+    for scan in tick.scans:
+        if isinstance(scan, LaserScan):
+            recorder.scan(scan.stamp, scan)
+    recorder.sample(
+        t,
+        pose=robot.pose,
+        odom=robot.state(),
+        map_to_odom=robot.frames.lookup(robot.map_frame, robot.odom_frame),
+        command=move_base.command if robot.by_hand is None else robot.by_hand,
+        state=move_base.state.name,
+        goal_index=goal,
+    )
