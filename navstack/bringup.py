@@ -35,6 +35,7 @@ from navstack.move_base import MoveBase, plugin_calls
 from navstack.move_base.occupied_cell import add_layer
 from navstack.parameters.configuration import Configuration, CostmapConfiguration, PluginChoice
 from navstack.plugins import GLOBAL_PLANNERS
+from navstack.safety import CollisionDetector, CollisionMonitor, CommandChain, CommandMultiplexer, VelocitySmoother
 from navstack.sim import Shape, SimulatedRobot, World
 
 
@@ -53,6 +54,36 @@ def build_costmap(
     )
 
 
+def build_chain(configuration: Configuration, robot: Robot) -> CommandChain:
+    """Build what stands between the sources of commands and the robot: the sections that are written.
+
+    A chain without sections passes commands on, of teleop before those of motions before those of the navigation.
+    """
+    safety = configuration.safety
+    base, odom = configuration.local_costmap.params.robot_base_frame, odometry_frame(configuration)
+    true, padded = configuration.local_costmap.true_footprint, configuration.local_costmap.footprint
+    smoother, monitor, detector = safety.velocity_smoother, safety.collision_monitor, safety.collision_detector
+    return CommandChain(
+        robot,
+        multiplexer=None if safety.twist_mux is None else CommandMultiplexer(safety.twist_mux),
+        smoother=None if smoother is None else VelocitySmoother(smoother),
+        monitor=None
+        if monitor is None
+        else CollisionMonitor(
+            monitor,
+            frames=robot.frames,
+            base_frame=base,
+            odom_frame=odom,
+            footprint=true,
+            padded_footprint=padded,
+            max_decel=None if smoother is None else smoother.planar("max_decel"),
+        ),
+        detector=None
+        if detector is None
+        else CollisionDetector(detector, frames=robot.frames, base_frame=base, odom_frame=odom, footprint=padded),
+    )
+
+
 def build_move_base(
     configuration: Configuration,
     robot: Robot,
@@ -64,7 +95,12 @@ def build_move_base(
 
     `static_map` is the map that map_server would publish; None for a robot without a map. If its frame is unknown to the
     robot, it is published in the global costmap's frame, with a warning.
+
+    With sections for safety (`twist_mux`, `velocity_smoother`, `collision_monitor`, `collision_detector`), the robot gets its
+    commands through a `CommandChain`, which is then `MoveBase.robot`; a robot that is a chain already is left as it is.
     """
+    if configuration.safety.in_use and not isinstance(robot, CommandChain):
+        robot = build_chain(configuration, robot)
     if static_map is not None and static_map.frame not in robot.frames.frames():
         published = _in_global_frame(configuration, static_map)
         if published is not static_map:

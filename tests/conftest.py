@@ -59,3 +59,8 @@ def golden_ros1_files(pattern: str) -> list[Path]:
 def data_files(pattern: str) -> list[Path]:
     """Foreign data by name pattern, for parametrize; empty if the folder is absent."""
     return sorted(_folder("NAVSTACK_DATA", SHARED / "data").glob(pattern))
+
+
+def golden_nav2_files(pattern: str) -> list[Path]:
+    """Golden cases of Nav2 by name pattern, for parametrize; empty if the folder is absent."""
+    return sorted(_folder("NAVSTACK_GOLDEN_NAV2", SHARED / "golden_nav2").glob(pattern))

@@ -25,7 +25,7 @@ LEVELS: tuple[tuple[str, ...], ...] = (
     ("interfaces", "kinematics"),
     ("plugins",),
     ("parameters",),
-    ("plugin", "map_io", "costmap", "global_planner", "local_planner", "recovery", "motion", "sim"),
+    ("plugin", "map_io", "costmap", "global_planner", "local_planner", "recovery", "motion", "safety", "sim"),
     ("testing",),
     ("move_base",),
     ("bringup",),

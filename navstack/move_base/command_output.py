@@ -10,6 +10,7 @@ from navstack.core.errors import NavError
 from navstack.move_base import plugin_calls
 from navstack.move_base.navigation import Navigation
 from navstack.move_base.states import NavEvent
+from navstack.safety import CommandChain
 
 ZERO: Final = Twist2D()
 
@@ -25,6 +26,45 @@ class CommandOutput:
         self.time = -math.inf
         """Time of the last command (s)."""
         self._navigation = navigation
+        robot = navigation.robot
+        self._chain = robot if isinstance(robot, CommandChain) else None
+        """What stands between the commands and the robot."""
+
+    @property
+    def due(self) -> float:
+        """Next time (s) at which `flush` has work; inf without a chain."""
+        return math.inf if self._chain is None else self._chain.due
+
+    def begin(self, now: float) -> None:
+        """Tell the chain the time (s) of the commands that follow."""
+        if self._chain is not None:
+            self._chain.begin(now)
+
+    def flush(self, now: float) -> None:
+        """Let the chain pass commands on to the robot at `now` (s)."""
+        if self._chain is not None:
+            self._pass_costmaps(self._chain, now)
+            try:
+                plugin_calls.call(self._chain, self._chain.tick, now)
+            except NavError as exc:
+                self._report(exc, now)
+
+    def _pass_costmaps(self, chain: CommandChain, now: float) -> None:
+        """Pass the costmaps that the tick has updated to the collision monitor."""
+        navigation = self._navigation
+        tick = navigation.last_tick
+        if tick.local_window is not None:
+            chain.observe_costmap("local_costmap", navigation.local_costmap.master, now)
+        if tick.global_window is not None:
+            chain.observe_costmap("global_costmap", navigation.global_costmap.master, now)
+
+    def halt(self, now: float) -> None:
+        """Stop the robot at once, without a ramp of the chain."""
+        if self._chain is not None:
+            try:
+                plugin_calls.call(self._chain, self._chain.halt, now)
+            except NavError as exc:
+                self._report(exc, now)
 
     def send(self, twist: Twist2D, now: float) -> None:
         """Send a command at `now` (s)."""
@@ -34,10 +74,14 @@ class CommandOutput:
         try:
             plugin_calls.send_command(navigation.robot, twist)
         except NavError as exc:
-            if self.error is None:
-                self.error = exc
-                text = f"the robot rejected the command {tuple(twist)}: {exc.message}"
-                navigation.events.warn(now, text, exc)
+            self._report(exc, now)
+
+    def _report(self, exc: NavError, now: float) -> None:
+        """Publish and keep the first error of the robot since the goal was accepted."""
+        if self.error is None:
+            self.error = exc
+            text = f"the robot rejected the command {tuple(self.last)}: {exc.message}"
+            self._navigation.events.warn(now, text, exc)
 
     def abort_after_error(self, now: float) -> None:
         """End the active goal if the robot has rejected a command."""

@@ -36,6 +36,7 @@ from navstack.move_base.schedule import EPSILON_S
 from navstack.move_base.states import Mode, NavEvent, Trigger
 from navstack.move_base.tick_result import TickResult
 from navstack.parameters.models.move_base import MoveBaseParams
+from navstack.safety import CommandChain
 
 
 class MoveBase:
@@ -95,9 +96,10 @@ class MoveBase:
         if not self._has_ticked:
             return now
         if self._navigation.is_idle:
-            return now if self.server.is_new_goal_available else max(now, self._costmaps.due)
+            idle = min(self._costmaps.due, self._command.due)
+            return now if self.server.is_new_goal_available else max(now, idle)
         control = self._control.schedule if self._recovery.runner.running is None else self._recovery.runner
-        return max(now, min(self._costmaps.due, control.due, self._plan_requests.due))
+        return max(now, min(self._costmaps.due, control.due, self._plan_requests.due, self._command.due))
 
     def tick(self, now: float) -> None:
         """Update sensors, update the costmaps that are due, control or recover, and replan if due, at `now` (s).
@@ -107,6 +109,7 @@ class MoveBase:
         """
         tick = self._start_tick(now)
         now = tick.time
+        self._command.begin(now)
         self._costmaps.observe(now, tick)
         self._accept_waiting_goal(now)
         self._costmaps.update(now, tick)
@@ -114,13 +117,15 @@ class MoveBase:
             self._plan_requests.receive(now)
             self._recover_or_control(now)
             self._plan_requests.request_if_due(now)
-            self._command.abort_after_error(now)
+        self._command.flush(now)
+        self._command.abort_after_error(now)
 
     def shutdown(self) -> None:
         """End every goal ("node has been killed") and stop the robot. Later goals end at once."""
         self._is_shut_down = True
         self._navigation.apply(NavEvent.SHUTDOWN, self._now)
         self._accept_waiting_goal(self._now)
+        self._command.halt(self._now)
 
     def _start_tick(self, now: float) -> TickResult:
         if not now >= self._now - EPSILON_S or not math.isfinite(now):
@@ -326,6 +331,11 @@ class MoveBase:
     def command(self) -> Twist2D:
         """The last command."""
         return self._command.last
+
+    @property
+    def chain(self) -> CommandChain | None:
+        """What stands between the commands and the robot; None without it."""
+        return self.robot if isinstance(self.robot, CommandChain) else None
 
     @property
     def robot_pose(self) -> Pose2D | None:

@@ -12,6 +12,7 @@ from navstack.parameters.models.costmap import CostmapParams
 from navstack.parameters.models.move_base import MoveBaseParams
 from navstack.parameters.models.sim import SimParams
 from navstack.parameters.namespaces import layer_names, planner_namespaces
+from navstack.parameters.safety_sections import SAFETY_MODELS
 from navstack.parameters.tree import COSTMAPS
 from navstack.plugins import GLOBAL_PLANNERS, LAYERS, LOCAL_PLANNERS, RECOVERY_BEHAVIORS
 
@@ -60,6 +61,9 @@ def catalogue_of(binder: Binder) -> Catalogue:
         catalogue.add(entry.name, entry.cls.Params)
     catalogue.add("navstack", NavstackParams)
     catalogue.add("navstack/sim", SimParams)
+    for name, model in SAFETY_MODELS.items():
+        if any(space.path == name for space, _ in binder.bound):
+            catalogue.add(name, model)
     for space, model in binder.bound:
         if space.parent is not None and space.children:
             catalogue.add(space.name, model)

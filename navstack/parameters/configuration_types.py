@@ -13,6 +13,7 @@ from navstack.parameters.findings import Finding, Location
 from navstack.parameters.models.costmap import CostmapParams
 from navstack.parameters.models.move_base import MoveBaseParams
 from navstack.parameters.models.sim import SimParams
+from navstack.parameters.safety_sections import SafetyConfiguration
 from navstack.parameters.tree import Space
 from navstack.plugins import PluginChoice
 
@@ -63,3 +64,5 @@ class Configuration:
     """All parameters as loaded."""
     origins: Mapping[str, Location] = field(repr=False, compare=False)
     """Full name of a parameter (`DWAPlannerROS/max_vel_x`) -> location of its value; defaults are absent."""
+    safety: SafetyConfiguration = SafetyConfiguration()
+    """Multiplexer, velocity smoother and collision monitor."""

@@ -19,6 +19,7 @@ from navstack.parameters.namespaces import planner_namespaces, planner_space
 from navstack.parameters.plugin_lists import ListedPlugin, PluginLists, fixed_list, mark_used, short_type
 from navstack.parameters.pre_hydro import convert_pre_hydro
 from navstack.parameters.rules import check_rules, simulated
+from navstack.parameters.safety_sections import load_safety
 from navstack.parameters.sources import Source, read_sources
 from navstack.parameters.tree import COSTMAPS, Space
 from navstack.parameters.unused import unused_parameters
@@ -78,6 +79,7 @@ class Loader:
         parts["local_planner"] = self._planner(LOCAL_PLANNERS, "base_local_planner")
         parts["recoveries"] = self._recoveries(listed, move_base, parts["local_costmap"])
         parts["navstack"] = navstack
+        parts["safety"] = load_safety(self.root, self.binder, self.findings)
         self._check_unselected_planners()
         configuration = None
         if all(part is not None for part in parts.values()):

@@ -57,7 +57,7 @@ def same_parameters(a: Configuration, b: Configuration) -> bool:
 
     def values(c: Configuration) -> tuple[Any, ...]:
         planners = (c.global_planner, c.local_planner)
-        return (c.move_base, c.global_costmap, c.local_costmap, planners, c.recoveries, c.navstack)
+        return (c.move_base, c.global_costmap, c.local_costmap, planners, c.recoveries, c.navstack, c.safety)
 
     return values(a) == values(b)
 
@@ -78,6 +78,9 @@ def _all(c: Configuration) -> Iterator[Parameter]:
     for recovery in {r.namespace: r for r in c.recoveries}.values():
         yield from walk.model(recovery.params, recovery.namespace, imposed.get(recovery.name))
     yield from walk.model(c.navstack, "navstack")
+    for name, params in c.safety.sections():
+        if params is not None:
+            yield from walk.model(params, name)
 
 
 def _left_to_layers(costmap: CostmapConfiguration) -> dict[str, str]:

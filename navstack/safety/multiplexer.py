@@ -1,0 +1,157 @@
+"""The command multiplexer: of several sources of commands, the one with the highest priority drives the robot.
+
+Behavior and parameters: twist_mux; deliberate differences: the parity page of the documentation.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from navstack.core import Twist2D
+from navstack.core.errors import InputError
+from navstack.parameters.models.twist_mux import MuxInputParams, MuxLockParams, TwistMuxParams
+
+STOP: Final = Twist2D()
+_ROUNDING_S: Final = 1e-9
+
+ALIASES: Final[dict[str, tuple[str, ...]]] = {
+    "navigation": ("navi", "nav", "nav_vel", "move_base", "cmd_vel_nav", "input/navi"),
+    "motion": ("behavior", "behaviors", "navigation", "navi", "nav", "nav_vel", "move_base", "cmd_vel_nav"),
+    "teleop": ("keyboard", "key", "key_vel", "keyop", "joystick", "joy", "joy_vel", "cmd_vel_teleop", "input/teleop"),
+}
+"""Names of inputs that navstack's own sources use if none has the name of the source, the preferred one first."""
+
+
+@dataclass(slots=True)
+class _Input:
+    """An input and its last command."""
+
+    params: MuxInputParams
+    received_at: float = -math.inf
+    twist: Twist2D = STOP
+
+    def is_alive(self, now: float) -> bool:
+        """True until `timeout` after the last command; false for an input that never spoke."""
+        if self.received_at == -math.inf:
+            return False
+        timeout = self.params.timeout
+        return timeout == 0.0 or now - self.received_at <= timeout + _ROUNDING_S
+
+
+@dataclass(slots=True)
+class _Lock:
+    """A lock and its last message."""
+
+    params: MuxLockParams
+    received_at: float = -math.inf
+    value: bool = False
+
+    def is_active(self, now: float) -> bool:
+        """True if it was set last, or if it must be heard regularly and was not."""
+        timeout = self.params.timeout
+        return self.value or (timeout > 0.0 and now - self.received_at > timeout + _ROUNDING_S)
+
+
+class CommandMultiplexer:
+    """Passes the commands of the active input on, and stops the robot once when it becomes silent or locked."""
+
+    def __init__(self, params: TwistMuxParams) -> None:
+        self.params = params
+        self._inputs = {entry.name: _Input(entry) for entry in params.topics}
+        self._locks = {entry.name: _Lock(entry) for entry in params.locks}
+        self._by_priority = sorted(self._inputs.values(), key=lambda one: -one.params.priority)  # stable: ties in order
+        self._driving: str | None = None
+        """The input whose command was passed on last; None after a stop."""
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the inputs, in the order of the parameters."""
+        return tuple(self._inputs)
+
+    def resolve(self, source: str) -> str:
+        """Return the name of the input for a source: its own name, its topic, or one of `ALIASES`. Raises InputError."""
+        if source in self._inputs:
+            return source
+        for wanted in (source, *ALIASES.get(source, ())):
+            for name, one in self._inputs.items():
+                if wanted in (name, one.params.topic.strip("/")):
+                    return name
+        known = ", ".join(self._inputs)
+        raise InputError(
+            f'the multiplexer has no input "{source}" (it has: {known}); add an entry with this name to twist_mux/topics',
+            source=source,
+            known=list(self._inputs),
+        )
+
+    def active(self, now: float) -> str | None:
+        """Return the input that may drive the robot at `now` (s): alive, not locked, of the highest priority; None if none."""
+        barrier = self.barrier(now)
+        for one in self._by_priority:
+            if one.params.priority < barrier:
+                break
+            if one.is_alive(now):
+                return one.params.name
+        return None
+
+    def barrier(self, now: float) -> int:
+        """Return the highest priority of the active locks; 0 without one."""
+        return max((lock.params.priority for lock in self._locks.values() if lock.is_active(now)), default=0)
+
+    def command(self, source: str, twist: Twist2D, now: float) -> Twist2D | None:
+        """Take a command of a source at `now` (s); return it if this input drives the robot, None if another one does.
+
+        Raises InputError for an unknown source and for a command that is not finite.
+        """
+        if not twist.is_finite():
+            raise InputError(f"the command {tuple(twist)} of {source} is not finite", source=source, command=twist)
+        name = self.resolve(source)
+        one = self._inputs[name]
+        one.received_at, one.twist = now, twist
+        if self.active(now) != name:
+            return None
+        self._driving = name
+        return twist
+
+    def set_lock(self, name: str, value: bool, now: float) -> None:
+        """Set or release a lock at `now` (s). Raises InputError for an unknown lock."""
+        lock = self._locks.get(name)
+        if lock is None:
+            known = ", ".join(self._locks) or "none"
+            raise InputError(
+                f'the multiplexer has no lock "{name}" (it has: {known})', lock=name, known=list(self._locks)
+            )
+        lock.value, lock.received_at = value, now
+
+    def step(self, now: float) -> Twist2D | None:
+        """Return a stop, once, if the input that drove the robot is silent or locked at `now` (s) and no other one drives."""
+        if self._driving is None or self.active(now) == self._driving:
+            return None
+        self._driving = None
+        return STOP
+
+    @property
+    def due(self) -> float:
+        """Time at which the input that drives the robot times out (s); inf if it does not."""
+        if self._driving is None:
+            return math.inf
+        one = self._inputs[self._driving]
+        times = [one.received_at + one.params.timeout] if one.params.timeout > 0.0 else []
+        times += [lock.received_at + lock.params.timeout for lock in self._locks.values() if lock.params.timeout > 0.0]
+        return min(times, default=math.inf) + 2.0 * _ROUNDING_S
+
+    def why_not(self, source: str, now: float) -> str:
+        """Return why commands of a source do not drive the robot at `now` (s), empty if they do."""
+        name = self.resolve(source)
+        active = self.active(now)
+        if active == name:
+            return ""
+        barrier = self.barrier(now)
+        priority = self._inputs[name].params.priority
+        if priority < barrier:
+            locks = ", ".join(n for n, lock in self._locks.items() if lock.is_active(now))
+            return f"{name} (priority {priority}) is locked by {locks} (priority {barrier})"
+        if active is None:
+            return f"{name} is silent"
+        return f"{active} (priority {self._inputs[active].params.priority}) drives instead of {name} ({priority})"

@@ -1,0 +1,338 @@
+"""Sources of obstacle points: scans, clouds, range sensors, polygons and costmaps, as points in the base frame.
+
+A source keeps its last message as points in the frame of the odometry (base_shift_correction) or of the sensor; they are moved
+into the base frame when the monitor asks for them.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from navstack.core import Costmap, FrameTree, LaserScan, PointCloud, RangeReading, SensorData, Transform2D
+from navstack.core.errors import FrameError, InputError
+from navstack.parameters.models.collision_monitor import ExclusionZoneParams, MonitorSourceParams
+from navstack.safety import _zone_kernels as kernels
+
+NO_POINTS: Final = np.empty((0, 2))
+_ROUNDING_S: Final = 1e-9
+_UNKNOWN: Final = 255
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PolygonObservation:
+    """An obstacle as a polygon, as nav2_msgs/PolygonInstanceStamped: corners (n, 2) in `frame` (m) at `stamp` (s)."""
+
+    id: str
+    corners: NDArray[np.float64]
+    stamp: float
+    frame: str = "base_link"
+    topic: str = "polygons"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CostmapObservation:
+    """A costmap at `stamp` (s), as nav2_msgs/Costmap."""
+
+    costmap: Costmap
+    stamp: float
+    topic: str = "local_costmap/costmap"
+
+    @property
+    def frame(self) -> str:
+        """Frame of the costmap."""
+        return self.costmap.frame
+
+
+Observation = SensorData | PolygonObservation | CostmapObservation
+
+
+@dataclass(frozen=True, slots=True)
+class Frames:
+    """The frames that a monitor works in."""
+
+    tree: FrameTree
+    base: str
+    odom: str
+    tolerance_s: float
+    """Largest age of a transform (s)."""
+    corrected: bool
+    """Points are moved by the robot's own motion since their time."""
+
+    def fix(self, frame: str, stamp: float) -> tuple[Transform2D, str]:
+        """Return the transform from a sensor's frame at `stamp` to the frame in which its points are kept, and that frame.
+
+        Raises FrameError.
+        """
+        if not self.corrected:
+            return Transform2D(), frame
+        return self.tree.lookup(self.odom, frame, stamp, self.tolerance_s), self.odom
+
+    def to_base(self, kept: str, now: float) -> Transform2D:
+        """Return the transform from the frame in which points are kept to the base at `now` (s). Raises FrameError."""
+        if self.corrected:
+            return self.tree.lookup(self.base, kept, now, self.tolerance_s)
+        return self.tree.lookup(self.base, kept)
+
+
+class ExclusionZone:
+    """An area in which the points of a source are ignored."""
+
+    def __init__(self, name: str, params: ExclusionZoneParams) -> None:
+        self.name = name
+        self.params = params
+        self.enabled = params.enabled
+        self._polygon = shapely.Polygon(params.corners) if params.type == "polygon" else None
+        if self._polygon is not None:
+            shapely.prepare(self._polygon)
+
+    def keep(self, points: NDArray[np.float64], frames: Frames, now: float) -> NDArray[np.bool_] | None:
+        """Return which points (k, 2), base frame, are outside the area; None if its frame is too old or unknown."""
+        frame = self.params.frame_id or frames.base
+        try:
+            hold = max(self.params.frame_hold_timeout, frames.tolerance_s)
+            inverse = frames.tree.lookup(frame, frames.base, now, hold)
+        except FrameError:
+            return None
+        there = inverse.apply_points(points)
+        if self._polygon is not None:
+            return ~shapely.intersects_xy(self._polygon, there[:, 0], there[:, 1])
+        radius = self.params.radius or 0.0
+        return there[:, 0] ** 2 + there[:, 1] ** 2 > radius * radius
+
+
+class Source(ABC):
+    """One observation source."""
+
+    def __init__(self, name: str, params: MonitorSourceParams, frames: Frames, timeout_s: float) -> None:
+        """`timeout_s`: age from which on its data are stale (s); 0 = never."""
+        self.name = name
+        self.params = params
+        self.enabled = params.enabled
+        self.topic = params.topic.strip("/")
+        self.timeout_s = timeout_s
+        self.exclusions = {n: ExclusionZone(n, zone) for n, zone in params.exclusions.items()}
+        self._frames = frames
+        self._stamp: float | None = None
+        """Time of the last message (s)."""
+        self._kept: NDArray[np.float64] = NO_POINTS
+        self._kept_frame = ""
+        self._problem = ""
+        """Why the last message cannot be used."""
+        self._base: NDArray[np.float64] = np.empty((0, 2))
+
+    def observe(self, data: Observation) -> None:
+        """Take a message of this source's topic. A message of a wrong type or with invalid values has no effect."""
+        if not math.isfinite(data.stamp) or (self._stamp is not None and data.stamp < self._stamp):
+            return
+        points = self.read(data)
+        if points is None:
+            return
+        self._stamp = data.stamp
+        self._problem = ""
+        try:
+            transform, self._kept_frame = self._frames.fix(data.frame, data.stamp)
+        except FrameError as exc:
+            self._problem, self._kept = exc.message, NO_POINTS
+            return
+        if transform.is_identity() or not len(points):
+            self._kept = points
+        else:
+            self._kept = np.empty_like(points)
+            kernels.transform_points(points, np.array(transform, np.float64), self._kept)
+
+    @abstractmethod
+    def read(self, data: Observation) -> NDArray[np.float64] | None:
+        """Return the points (k, 2) of a message in its frame, None if it cannot be used."""
+
+    def points(self, now: float) -> tuple[NDArray[np.float64], str]:
+        """Return the points (k, 2) in the base frame at `now` (s), and why the source is invalid, empty if it is valid."""
+        problem = self.problem(now)
+        if problem:
+            return NO_POINTS, problem
+        if not len(self._kept):
+            return NO_POINTS, ""
+        try:
+            transform = self._frames.to_base(self._kept_frame, now)
+        except FrameError as exc:
+            return NO_POINTS, exc.message
+        out = self._base
+        if len(out) != len(self._kept):
+            out = self._base = np.empty((len(self._kept), 2))
+        kernels.transform_points(self._kept, np.array(transform, np.float64), out)
+        return self._without_excluded(out, now), ""
+
+    def problem(self, now: float) -> str:
+        """Return why the source has no valid data at `now` (s), empty if it has."""
+        if self._stamp is None:
+            return f"no data on {self.topic} yet"
+        if self._problem:
+            return self._problem
+        age = now - self._stamp
+        if self.timeout_s > 0.0 and age > self.timeout_s + _ROUNDING_S:
+            return f"the data of {self.topic} are {age:.2f} s old (source_timeout {self.timeout_s:g} s)"
+        return ""
+
+    def _without_excluded(self, points: NDArray[np.float64], now: float) -> NDArray[np.float64]:
+        for zone in self.exclusions.values():
+            keep = zone.keep(points, self._frames, now) if zone.enabled and len(points) else None
+            if keep is not None and not keep.all():
+                points = points[keep]
+        return points
+
+
+class ScanSource(Source):
+    """Beams of a laser scan within its ranges."""
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self._key: tuple[float, float, int] | None = None
+        self._directions: NDArray[np.float64] = NO_POINTS
+
+    def read(self, data: Observation) -> NDArray[np.float64] | None:
+        """Return the points of the valid beams."""
+        if not isinstance(data, LaserScan):
+            return None
+        ranges = np.asarray(data.ranges, np.float32)
+        key = (data.angle_min, data.angle_increment, len(ranges))
+        if key != self._key:
+            angles = data.angle_min + data.angle_increment * np.arange(len(ranges))
+            self._directions = np.column_stack((np.cos(angles), np.sin(angles)))
+            self._key = key
+        out = np.empty((len(ranges), 2))
+        count = kernels.scan_points(ranges, self._directions, data.range_min, data.range_max, out)
+        return out[:count]
+
+
+class CloudSource(Source):
+    """Points of a cloud within heights."""
+
+    def read(self, data: Observation) -> NDArray[np.float64] | None:
+        """Return x and y of the points within the heights, beyond `min_range`."""
+        if not isinstance(data, PointCloud):
+            return None
+        points = np.ascontiguousarray(data.points, np.float32)
+        out = np.empty((len(points), 2))
+        p = self.params
+        return out[: kernels.cloud_points(points, p.min_height, p.max_height, p.min_range, out)]
+
+
+class RangeSource(Source):
+    """An arc of points at the distance that a sonar measured.
+
+    ROS differs: a reading beyond the range, or infinite, means that nothing is there (REP 117); one below it is an obstacle
+    at the lowest range. Nav2 stops the robot in both cases.
+    """
+
+    def read(self, data: Observation) -> NDArray[np.float64] | None:
+        """Return the arc."""
+        if not isinstance(data, RangeReading):
+            return None
+        fov, r = data.field_of_view, data.range_m
+        if math.isnan(r) or not 0.0 < fov <= math.pi or not data.max_range > data.min_range:
+            return None
+        if r >= data.max_range:
+            return NO_POINTS
+        r = max(r, data.min_range)
+        count = math.ceil(fov / self.params.obstacles_angle - 1e-9) + 1
+        angles = np.minimum(-0.5 * fov + self.params.obstacles_angle * np.arange(count), 0.5 * fov)
+        return np.column_stack((r * np.cos(angles), r * np.sin(angles)))
+
+
+class PolygonSource(Source):
+    """Polygons by id: points on their edges and inside.
+
+    ROS differs: inside too, so that a zone wholly inside a polygon sees it; without polygons the source is valid; each polygon
+    is kept until it is stale.
+    """
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self._by_id: dict[str, tuple[float, NDArray[np.float64]]] = {}
+
+    def observe(self, data: Observation) -> None:
+        """Take a polygon; it replaces the one of the same id."""
+        if not isinstance(data, PolygonObservation) or not math.isfinite(data.stamp):
+            return
+        corners = np.asarray(data.corners, np.float64)
+        if corners.ndim != 2 or corners.shape[1:] != (2,) or len(corners) < 3 or not np.isfinite(corners).all():
+            return
+        try:
+            transform, self._kept_frame = self._frames.fix(data.frame, data.stamp)
+        except FrameError:
+            return
+        self._by_id[data.id] = (
+            data.stamp,
+            transform.apply_points(sample_polygon(corners, self.params.sampling_distance)),
+        )
+        self._stamp = data.stamp
+
+    def read(self, data: Observation) -> NDArray[np.float64] | None:
+        """Polygons are read one by one."""
+        del data
+        return None
+
+    def problem(self, now: float) -> str:
+        """No polygon at all is valid: there is no obstacle."""
+        del now
+        return ""
+
+    def points(self, now: float) -> tuple[NDArray[np.float64], str]:
+        """Return the points of all polygons that are not stale."""
+        if self.timeout_s > 0.0:
+            self._by_id = {k: v for k, v in self._by_id.items() if now - v[0] <= self.timeout_s + _ROUNDING_S}
+        self._kept = np.concatenate([NO_POINTS, *(points for _, points in self._by_id.values())])
+        return super().points(now)
+
+
+class CostmapSource(Source):
+    """Centres of the cells of a costmap with at least `cost_threshold`."""
+
+    def read(self, data: Observation) -> NDArray[np.float64] | None:
+        """Return the centres of the occupied cells."""
+        if not isinstance(data, CostmapObservation):
+            return None
+        cells, g = data.costmap.data, data.costmap.geometry
+        occupied = (cells >= self.params.cost_threshold) & (cells != _UNKNOWN)
+        if self.params.treat_unknown_as_obstacle:
+            occupied |= cells == _UNKNOWN
+        iy, ix = np.nonzero(occupied)
+        cells_xy = np.column_stack((ix, iy)).astype(np.float64) + 0.5
+        return np.array((g.origin_x, g.origin_y)) + g.resolution * cells_xy
+
+
+def sample_polygon(corners: NDArray[np.float64], distance: float) -> NDArray[np.float64]:
+    """Return points on the edges of a polygon (n, 2) and inside, at most `distance` (m) apart along each axis."""
+    parts: list[NDArray[np.float64]] = []
+    for k, corner in enumerate(corners):
+        edge = corners[(k + 1) % len(corners)] - corner
+        count = max(math.ceil(float(np.hypot(*edge)) / distance), 1)
+        parts.append(corner + (np.arange(count) / count)[:, None] * edge)
+    (left, low), (right, high) = corners.min(axis=0), corners.max(axis=0)
+    xs, ys = np.arange(left + distance, right, distance), np.arange(low + distance, high, distance)
+    x, y = (axis.ravel() for axis in np.meshgrid(xs, ys))
+    inside = shapely.intersects_xy(shapely.make_valid(shapely.Polygon(corners)), x, y)
+    return np.concatenate([*parts, np.column_stack((x[inside], y[inside]))])
+
+
+_KINDS: Final[dict[str, type[Source]]] = {
+    "scan": ScanSource,
+    "pointcloud": CloudSource,
+    "range": RangeSource,
+    "polygon": PolygonSource,
+    "costmap": CostmapSource,
+}
+
+
+def build_source(name: str, params: MonitorSourceParams, frames: Frames, node_timeout_s: float) -> Source:
+    """Build a source; `node_timeout_s` is the default of its `source_timeout` (s)."""
+    timeout_s = node_timeout_s if params.source_timeout is None else params.source_timeout
+    if timeout_s < 0.0:
+        raise InputError(f"source_timeout of {name} is {timeout_s:g}; it must be at least 0", source=name)
+    return _KINDS[params.type](name, params, frames, timeout_s)

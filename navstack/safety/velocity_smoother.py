@@ -1,0 +1,164 @@
+"""The velocity smoother: limits velocities and accelerations of commands, and brakes when no command comes any more.
+
+Behavior and parameters: nav2_velocity_smoother; deliberate differences: the parity page of the documentation.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import RobotState, Twist2D
+from navstack.core.errors import InputError
+from navstack.parameters.models.velocity_smoother import VelocitySmootherParams
+from navstack.safety import _smoother_kernels as kernels
+
+_AXES: Final = ("x", "y", "yaw")
+_TIME_ROUNDING_S: Final = 1e-9
+_MOST_PERIODS: Final = 2.0
+"""A step after a pause changes the velocity by at most that many periods' worth."""
+
+
+@dataclass(frozen=True, slots=True)
+class SmoothedCommand:
+    """One output of the smoother."""
+
+    twist: Twist2D
+    """The output, after the deadband."""
+    target: Twist2D
+    """The command that it follows; zero after the timeout."""
+    reason: str
+    """Why the output differs from the target, empty if it does not."""
+
+
+class VelocitySmoother:
+    """Follows commands within the limits of its parameters, one `step` per period."""
+
+    def __init__(self, params: VelocitySmootherParams) -> None:
+        self.params = params
+        self._period = 1.0 / params.smoothing_frequency
+        names = ("max_velocity", "min_velocity", "max_accel", "max_decel", "deadband_velocity")
+        self._limits = np.array([params.planar(name) for name in names], np.float64)
+        self._closed_loop = params.feedback == "CLOSED_LOOP"
+        self._command: Twist2D | None = None
+        self._received_at = -math.inf
+        self._last: NDArray[np.float64] = np.zeros(3)
+        """The last output before the deadband."""
+        self._suppressed = np.zeros(3, np.bool_)
+        """Axes whose last output was in the deadband."""
+        self._stopped = True
+        self._last_step = -math.inf
+        self._due = math.inf
+        self._measured: deque[tuple[float, Twist2D]] = deque()
+
+    @property
+    def due(self) -> float:
+        """Time of the next step (s); inf before the first command and after the robot has come to rest without commands."""
+        return self._due
+
+    @property
+    def limits(self) -> NDArray[np.float64]:
+        """(5, 3) maximum and minimum velocity, acceleration, deceleration (at most 0) and deadband of x, y, yaw. A copy."""
+        return self._limits.copy()
+
+    def command(self, twist: Twist2D, now: float) -> None:
+        """Take a command received at `now` (s). Raises InputError if it is not finite; it then has no effect."""
+        if not twist.is_finite():
+            raise InputError(f"the command {tuple(twist)} is not finite", command=twist)
+        self._command = twist
+        self._received_at = now
+        if self._due == math.inf:
+            self._due = now
+
+    def reset(self) -> None:
+        """Forget the commands: the robot stands."""
+        self._command = None
+        self._received_at = self._last_step = -math.inf
+        self._last = np.zeros(3)
+        self._suppressed = np.zeros(3, np.bool_)
+        self._stopped, self._due = True, math.inf
+
+    def observe(self, state: RobotState) -> None:
+        """Take the odometry, which closed loop needs; open loop ignores it."""
+        if not self._closed_loop or not state.velocity.is_finite():
+            return
+        measured = self._measured
+        if not measured or state.stamp > measured[-1][0]:
+            measured.append((state.stamp, state.velocity))
+        while measured[0][0] < state.stamp - self.params.odom_duration - _TIME_ROUNDING_S:
+            measured.popleft()
+
+    def step(self, now: float) -> SmoothedCommand | None:
+        """Return the output of the step at `now` (s); None if nothing is sent: no command yet, or at rest without commands."""
+        if self._command is None:
+            return None
+        target = self._command
+        timed_out = now - self._received_at > self.params.velocity_timeout + _TIME_ROUNDING_S
+        if timed_out:
+            if self._stopped:
+                self._due = math.inf
+                return None
+            target = Twist2D()
+        dt = self._time_step(now)
+        self._due = now + self._period
+        self._last_step = now
+        current = self._current()
+        out = np.empty(3)
+        decided = self._smooth(current, np.array(target, np.float64), dt, out)
+        self._last = out
+        self._suppressed = (np.abs(out) < self._limits[kernels.DEADBAND]) & (out != 0.0)
+        sent = Twist2D(*np.where(self._suppressed, 0.0, out).tolist())
+        self._stopped = not out.any()
+        return SmoothedCommand(sent, target, self._reason(target, sent, decided, current, timed_out=timed_out))
+
+    def _time_step(self, now: float) -> float:
+        """The time for which accelerations count (s)."""
+        if self._last_step == -math.inf:
+            return self._period
+        return min(max(now - self._last_step, 0.0), _MOST_PERIODS * self._period)
+
+    def _current(self) -> NDArray[np.float64]:
+        """The velocity that the step starts from."""
+        if not self._closed_loop or not self._measured:
+            return self._last
+        mean = np.array([velocity for _, velocity in self._measured], np.float64).mean(axis=0)
+        if self.params.nav2_compatible:
+            return mean
+        # an output in the deadband does not move the robot: the ramp continues where it was
+        return np.where(self._suppressed, self._last, mean)
+
+    def _smooth(
+        self, current: NDArray[np.float64], target: NDArray[np.float64], dt: float, out: NDArray[np.float64]
+    ) -> int:
+        scale = self.params.scale_velocities
+        if not self.params.nav2_compatible:
+            return kernels.smooth(current, target, self._limits, dt, scale, out)
+        kernels.smooth_as_nav2(current, target, self._limits, self.params.smoothing_frequency, scale, out)
+        return int(np.argmax(np.abs(out - target))) if (out != target).any() else -1
+
+    def _reason(
+        self, target: Twist2D, sent: Twist2D, decided: int, current: NDArray[np.float64], *, timed_out: bool
+    ) -> str:
+        if timed_out:
+            return f"no command for more than velocity_timeout = {self.params.velocity_timeout:g} s: braking"
+        if sent == target:
+            return ""
+        if self._suppressed.any():
+            axis = int(np.argmax(self._suppressed))
+            limit = self._limits[kernels.DEADBAND, axis]
+            return f"below deadband_velocity {limit:g} of {_AXES[axis]}"
+        axis = max(decided, 0)
+        wanted = target[axis]
+        low, high = self._limits[kernels.MIN_VELOCITY, axis], self._limits[kernels.MAX_VELOCITY, axis]
+        if not low <= wanted <= high and math.isclose(self._last[axis], min(max(wanted, low), high), abs_tol=1e-9):
+            name, value = ("max_velocity", high) if wanted > high else ("min_velocity", low)
+        elif abs(wanted) > abs(current[axis]) and wanted * current[axis] >= 0.0:
+            name, value = "max_accel", self._limits[kernels.ACCEL, axis]
+        else:
+            name, value = "max_decel", self._limits[kernels.DECEL, axis]
+        return f"{name} {value:g} of {_AXES[axis]}"
