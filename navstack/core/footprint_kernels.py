@@ -56,20 +56,34 @@ def place_footprint(costs, origin_x, origin_y, resolution, corners, x, y, yaw, p
 
 
 @kernel
-def edge_cost(costs, placed, middles):
-    """Return the highest cost on the edges of a footprint inside the grid. `placed`: see `place_footprint`.
+def edge_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, middles, cells):
+    """Return the highest cost on the edges of a footprint at a pose; OUTSIDE if a corner is outside the grid.
 
-    `middles` (25,) as `middle_offsets` returns it. Each edge is a line of cells from the cell of one corner to that of the
-    next one (Bresenham): it can miss cells that the footprint overlaps, see `overlapped_cost`.
+    `corners` (2, n): x and y of the corners in the robot's frame (m). `middles` (25,) as `middle_offsets` returns it; `cells`
+    (2, n) int32 is scratch. Each edge is a line of cells from the cell of one corner to that of the next one (Bresenham): it can
+    miss cells that the footprint overlaps, see `overlapped_cost`.
     """
-    nx = costs.shape[1]
+    ny, nx = costs.shape
     flat = costs.ravel()
-    number = placed.shape[1]
+    c, s = math.cos(yaw), math.sin(yaw)
+    number = corners.shape[1]
+    outside = 0
+    # as in `place_footprint`; integers of 32 bits, because the loop is then vectorized
+    for j in range(np.uint64(number)):
+        vx, vy = corners[0, j], corners[1, j]
+        fx = ((x + (vx * c - vy * s)) - origin_x) / resolution
+        fy = ((y + (vx * s + vy * c)) - origin_y) / resolution
+        inside = (fx >= 0.0) & (fy >= 0.0) & (fx < nx) & (fy < ny)
+        outside += not inside
+        cells[0, j] = np.int32(fx if inside else 0.0)
+        cells[1, j] = np.int32(fy if inside else 0.0)
+    if outside > 0:
+        return np.int64(OUTSIDE)
     highest = np.uint8(0)
-    x0, y0 = np.int64(placed[0, number - 1]), np.int64(placed[1, number - 1])
+    x0, y0 = np.int64(cells[0, number - 1]), np.int64(cells[1, number - 1])
     # starts with the closing edge: the order does not change the highest cost
     for j in range(number):
-        x1, y1 = np.int64(placed[0, j]), np.int64(placed[1, j])
+        x1, y1 = np.int64(cells[0, j]), np.int64(cells[1, j])
         dx, dy = x1 - x0, y1 - y0
         cell = y0 * nx + x0
         highest = max(highest, flat[cell])
@@ -149,15 +163,10 @@ def overlaps_lethal(costs, placed):
 
 
 @kernel
-def collision_cost(costs, placed, middles, near):
-    """Return `edge_cost`, or 254 if the footprint overlaps a lethal cell elsewhere (checked if an obstacle is `near`).
-
-    Unknown cells count on the edges only: the floor under a robot can be unknown.
-    """
-    cost = edge_cost(costs, placed, middles)
-    if near and cost < 254 and overlaps_lethal(costs, placed):
-        return np.int64(254)
-    return cost
+def footprint_overlaps_lethal(costs, origin_x, origin_y, resolution, corners, x, y, yaw, placed):
+    """Return True if a footprint inside the grid overlaps a lethal cell; `placed` (2, n) is scratch."""
+    place_footprint(costs, origin_x, origin_y, resolution, corners, x, y, yaw, placed)
+    return overlaps_lethal(costs, placed)
 
 
 @kernel
@@ -173,12 +182,12 @@ def pose_cost(costs, origin_x, origin_y, resolution, vertices, x, y, yaw, interi
     corners = vertices.T.copy()
     middles = np.empty(25, np.int64)
     middle_offsets(nx, middles)
-    placed = np.empty(corners.shape)
-    if not place_footprint(costs, origin_x, origin_y, resolution, corners, x, y, yaw, placed):
-        return OUTSIDE
-    highest = edge_cost(costs, placed, middles)
-    if not interior:
+    cells = np.empty(corners.shape, np.int32)
+    highest = edge_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, middles, cells)
+    if highest == OUTSIDE or not interior:
         return highest
+    placed = np.empty(corners.shape)
+    place_footprint(costs, origin_x, origin_y, resolution, corners, x, y, yaw, placed)
     highest = max(highest, np.int64(costs[int(cy), int(cx)]))
     return overlapped_cost(costs, placed, highest)
 

@@ -43,6 +43,9 @@ class CostmapUpdater:
         self._state: RobotState | None = None
         """The robot's state at `_state_at` (s)."""
         self._state_at = -math.inf
+        self._transform: Transform2D | None = None
+        self._transform_of: tuple[str, str, float] = "", "", -math.inf
+        """Frame of the plan, frame of the local costmap and time (s) of `_transform`."""
         self._robot = navigation.robot
         self._global_costmap = navigation.global_costmap
         self._local_costmap = navigation.local_costmap
@@ -86,7 +89,7 @@ class CostmapUpdater:
 
     def observe(self, now: float, tick: TickResult) -> None:
         """Pass new sensor data of the robot to both costmaps."""
-        self._state = None
+        self._state = self._transform = None
         robot = self._robot
         try:
             scans = tuple(call(robot, robot.scans))
@@ -140,7 +143,10 @@ class CostmapUpdater:
         source, target = plan.path.frame, self._local_costmap.frame
         if source == target:
             return None
-        return lookup_transform(self._robot, target, source, now, self._tolerance_s)
+        if self._transform is None or self._transform_of != (source, target, now):
+            self._transform = lookup_transform(self._robot, target, source, now, self._tolerance_s)
+            self._transform_of = source, target, now
+        return self._transform
 
     def _largest_tolerance(self) -> float:
         return max(transform_tolerance(self._local_costmap), transform_tolerance(self._global_costmap))

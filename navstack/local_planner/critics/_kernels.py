@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from navstack.core.footprint_kernels import collision_cost, middle_offsets, place_footprint
+from navstack.core.footprint_kernels import edge_cost, footprint_overlaps_lethal, middle_offsets
 from navstack.core.jit import kernel
 
 # codes of the critics
@@ -116,7 +116,7 @@ def obstacle_scores(
     flat = costs.ravel()
     number = len(vertices)
     corners = np.empty((2, number))
-    placed = np.empty((2, number))
+    corner_cells, placed = np.empty((2, number), np.int32), np.empty((2, number))
     middles = np.empty(25, np.int64)
     middle_offsets(costs.shape[1], middles)
     around = np.empty(poses.shape[1], np.uint8)
@@ -143,9 +143,10 @@ def obstacle_scores(
         done = -1
         if not sum_scores and cells[k, first] >= 0:
             x, y, yaw = poses[k, first, 0], poses[k, first, 1], poses[k, first, 2]
-            cost = np.int64(256)
-            if place_footprint(costs, origin_x, origin_y, resolution, corners, x, y, yaw, placed):
-                cost = collision_cost(costs, placed, middles, most >= 254)
+            cost = edge_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, middles, corner_cells)
+            if most >= 254 and cost < 254:
+                if footprint_overlaps_lethal(costs, origin_x, origin_y, resolution, corners, x, y, yaw, placed):
+                    cost = np.int64(254)
             if cost < 254:  # the loop below finds a collision in order: an earlier point may collide, too
                 highest = max(cost, np.int64(flat[cells[k, first]]))
                 done = first
@@ -155,8 +156,10 @@ def obstacle_scores(
             cost = np.int64(256)
             if cells[k, i] >= 0:
                 x, y, yaw = poses[k, i, 0], poses[k, i, 1], poses[k, i, 2]
-                if place_footprint(costs, origin_x, origin_y, resolution, corners, x, y, yaw, placed):
-                    cost = collision_cost(costs, placed, middles, around[i] >= 254)
+                cost = edge_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, middles, corner_cells)
+                if around[i] >= 254 and cost < 254:
+                    if footprint_overlaps_lethal(costs, origin_x, origin_y, resolution, corners, x, y, yaw, placed):
+                        cost = np.int64(254)
             if cost >= 254:
                 first_collision[k] = i
                 break

@@ -211,10 +211,10 @@ def perimeter_cost(costs, origin_x, origin_y, resolution, vertices, x, y, yaw, s
         corners[1, j] = scale * vertices[j, 1]
     middles = np.empty(25, np.int64)
     middle_offsets(costs.shape[1], middles)
-    placed = np.empty((2, number))
-    inside = place_footprint(costs, origin_x, origin_y, resolution, corners, x, y, yaw, placed)
-    highest = edge_cost(costs, placed, middles) if inside else 256
+    cells, placed = np.empty((2, number), np.int32), np.empty((2, number))
+    highest = edge_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, middles, cells)
     if highest < 254:
+        place_footprint(costs, origin_x, origin_y, resolution, corners, x, y, yaw, placed)
         return ON_LETHAL if overlaps_lethal(costs, placed) else highest
     return collision_reason(costs, origin_x, origin_y, resolution, corners, x, y, yaw)
 
