@@ -10,7 +10,16 @@ from importlib.metadata import entry_points
 from typing import Any, Generic, NamedTuple, TypeVar, cast
 
 from navstack.core.errors import UnknownPluginError
-from navstack.interfaces import Critic, GlobalPlanner, Layer, LocalPlanner, RecoveryBehavior
+from navstack.interfaces import (
+    Critic,
+    GlobalPlanner,
+    GoalChecker,
+    Layer,
+    LocalPlanner,
+    PathHandler,
+    ProgressChecker,
+    RecoveryBehavior,
+)
 
 T = TypeVar("T")
 C = TypeVar("C", bound="type[Any]")
@@ -142,13 +151,19 @@ RECOVERY_BEHAVIORS: Registry[RecoveryBehavior] = Registry(
     "recovery behavior", "navstack.recovery_behaviors", "navstack.recovery"
 )
 
-REGISTRIES: tuple[
-    Registry[Layer] | Registry[GlobalPlanner] | Registry[LocalPlanner] | Registry[Critic] | Registry[RecoveryBehavior],
-    ...,
-] = (
+GOAL_CHECKERS: Registry[GoalChecker] = Registry("goal checker", "navstack.goal_checkers", "navstack.local_planner")
+PROGRESS_CHECKERS: Registry[ProgressChecker] = Registry(
+    "progress checker", "navstack.progress_checkers", "navstack.local_planner"
+)
+PATH_HANDLERS: Registry[PathHandler] = Registry("path handler", "navstack.path_handlers", "navstack.local_planner")
+
+REGISTRIES: tuple[Registry[Any], ...] = (
     LAYERS,
     GLOBAL_PLANNERS,
     LOCAL_PLANNERS,
     CRITICS,
+    GOAL_CHECKERS,
+    PROGRESS_CHECKERS,
+    PATH_HANDLERS,
     RECOVERY_BEHAVIORS,
 )

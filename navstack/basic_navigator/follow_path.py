@@ -9,7 +9,7 @@ from navstack.core.errors import InvalidPathError, NavError
 from navstack.interfaces import ControlInput, Plan, RecoveryBehavior, RecoveryContext, RecoveryStatus, RecoveryStep
 from navstack.move_base import MoveBase, plugin_calls
 from navstack.move_base.errors import NoProgressError
-from navstack.move_base.progress import Progress, ProgressChecker
+from navstack.move_base.progress import OscillationChecker, Progress
 from navstack.move_base.schedule import EPSILON_S
 from navstack.move_base.speed_limiter import SpeedLimiter
 
@@ -29,7 +29,7 @@ class FollowPath(RecoveryBehavior):
         self._move_base = move_base
         self._plan = Plan(path, 0.0, path[-1])
         self._limiter = SpeedLimiter((move_base.local_costmap, move_base.global_costmap), move_base.local_planner)
-        self._progress = ProgressChecker(move_base.params.oscillation_distance)
+        self._progress = OscillationChecker(move_base.params.oscillation_distance)
         self._last_command = 0.0
         self._last_progress = 0.0
 

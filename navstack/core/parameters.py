@@ -42,10 +42,17 @@ class ParamModel(BaseModel):
     def child_models(cls, values: Mapping[str, Any]) -> dict[str, type[ParamModel]]:
         """Return the names of the namespaces below this one and their models, for this namespace's raw values.
 
+        `values` has the namespaces below, too, as dictionaries: the type of a plugin may be written there.
         The loader stores the loaded children, by name, in the field that `CHILD_FIELD` names.
         """
         del values
         return {}
+
+    @classmethod
+    def shared_children(cls, values: Mapping[str, Any]) -> frozenset[str]:
+        """Return those of `child_models` that may stand beside this namespace instead of below it."""
+        del values
+        return frozenset()
 
     def check(self, context: CheckContext) -> Iterator[Issue]:
         """Yield the combinations of parameters, these and the robot's others, that do not work together.

@@ -30,7 +30,7 @@ from navstack.core.parameter_checks import CheckContext, Issue, LayerTraits
 from navstack.core.parameters import ParamModel, param
 from navstack.costmap._inflation_kernels import inflate
 from navstack.costmap.regions import EVERYWHERE
-from navstack.interfaces import CellExplanation, Layer, LayerContext
+from navstack.interfaces import CellExplanation, Inflation, Layer, LayerContext
 from navstack.plugins import LAYERS
 
 MAX_CELLS = 253
@@ -215,6 +215,12 @@ class InflationLayer(Layer):
         np.maximum(old, costs, out=old)
         write = unknown & (costs >= self._unknown_from)
         old[write] = costs[write]
+
+    @property
+    def inflation(self) -> Inflation | None:
+        """The costs in force; None while the layer is disabled."""
+        p = self.params
+        return Inflation(self.inscribed_radius, p.inflation_radius, p.cost_scaling_factor) if p.enabled else None
 
     def explain(self, ix: int, iy: int, master: Costmap) -> CellExplanation:
         """Explain the cost by the distance to the nearest lethal cell."""

@@ -4,15 +4,24 @@ Parameters are passed to the constructor, data as arguments, failures as excepti
 """
 
 from navstack.interfaces.cell_explanation import CellExplanation, CellProvenance, LayerShare
-from navstack.interfaces.costmap import CostmapServer, Layer, LayerContext
+from navstack.interfaces.costmap import CostmapServer, Inflation, Layer, LayerContext
 from navstack.interfaces.critic import Critic, DistanceGrid, RejectionDetail, ScoringContext
 from navstack.interfaces.global_planner import GlobalPlanner, Plan
-from navstack.interfaces.local_planner import ControlDiagnostics, ControlInput, GoalChecker, LocalPlan, LocalPlanner
+from navstack.interfaces.local_planner import ControlDiagnostics, ControlInput, LocalPlan, LocalPlanner
+from navstack.interfaces.path_following import (
+    Approach,
+    GoalChecker,
+    LocalPath,
+    PathHandler,
+    PluginSection,
+    ProgressChecker,
+)
 from navstack.interfaces.recovery import RecoveryBehavior, RecoveryContext, RecoveryStatus, RecoveryStep
 from navstack.interfaces.robot import Robot
 from navstack.interfaces.rollouts import RolloutCells, Rollouts, TrajectoryGenerator, VelocityLimits
 
 __all__ = [
+    "Approach",
     "CellExplanation",
     "CellProvenance",
     "ControlDiagnostics",
@@ -22,12 +31,17 @@ __all__ = [
     "DistanceGrid",
     "GlobalPlanner",
     "GoalChecker",
+    "Inflation",
     "Layer",
     "LayerContext",
     "LayerShare",
+    "LocalPath",
     "LocalPlan",
     "LocalPlanner",
+    "PathHandler",
     "Plan",
+    "PluginSection",
+    "ProgressChecker",
     "RecoveryBehavior",
     "RecoveryContext",
     "RecoveryStatus",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 from navstack.core import (
     Bounds,
@@ -22,6 +22,17 @@ from navstack.core.errors import NavError
 from navstack.core.parameter_checks import LayerTraits
 from navstack.core.parameters import ParamModel
 from navstack.interfaces.cell_explanation import CellExplanation, CellProvenance
+
+
+class Inflation(NamedTuple):
+    """The costs that a layer writes around lethal cells: trunc(252 * exp(-cost_scaling_factor * (d - inscribed_radius)))."""
+
+    inscribed_radius: float
+    """Up to this distance the cost is 253 (m)."""
+    inflation_radius: float
+    """Beyond this distance the cost is 0 (m)."""
+    cost_scaling_factor: float
+    """Rate of the decay (1/m)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +127,11 @@ class Layer(ABC):
         `max_speed` (m/s) is the robot's unlimited speed, for limits in percent.
         """
         del x, y, max_speed
+        return None
+
+    @property
+    def inflation(self) -> Inflation | None:
+        """The costs that this layer writes around obstacles; None for a layer that does not inflate."""
         return None
 
     @property

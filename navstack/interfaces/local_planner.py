@@ -1,4 +1,4 @@
-"""Local planners, their goal checker, and the input and output of a control cycle."""
+"""Local planners, and the input and output of a control cycle."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from navstack.core import (
     Twist2D,
 )
 from navstack.core.parameters import ParamModel
+from navstack.interfaces.costmap import Inflation
 from navstack.interfaces.critic import RejectionDetail
 from navstack.interfaces.rollouts import Rollouts, VelocityLimits
 
@@ -33,6 +34,10 @@ class ControlInput:
     footprint: Footprint
     plan_to_costmap: Transform2D = field(default_factory=Transform2D)
     """Pose of the plan's frame in the costmap's frame."""
+    inflation: Inflation | None = None
+    """The costs around obstacles in the costmap; None if they are not inflated."""
+    track_unknown_space: bool = False
+    """True if unknown cells of the costmap are unknown, not obstacles."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,29 +86,6 @@ class LocalPlan:
             "total": None if self.best < 0 or self.totals is None else float(self.totals[self.best]),
             "notes": list(self.notes),
         }
-
-
-class GoalChecker(ABC):
-    """Decides whether the robot is at its goal. Poses are in one frame."""
-
-    def reset(self) -> None:  # noqa: B027
-        """Called with every new goal."""
-
-    @abstractmethod
-    def at_position(self, pose: Pose2D, goal: Pose2D) -> bool:
-        """True within the position tolerance."""
-
-    @abstractmethod
-    def at_heading(self, pose: Pose2D, goal: Pose2D) -> bool:
-        """True within the heading tolerance."""
-
-    @abstractmethod
-    def stopped(self, velocity: Twist2D) -> bool:
-        """True if the robot counts as stopped."""
-
-    def reached(self, pose: Pose2D, goal: Pose2D, velocity: Twist2D) -> bool:
-        """True at position and heading, and stopped."""
-        return self.at_position(pose, goal) and self.at_heading(pose, goal) and self.stopped(velocity)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,6 +1,15 @@
 """Local planners: velocity commands from a plan, a pose and a costmap. Importing this package registers them and critics."""
 
+from navstack.local_planner import goal_checkers, path_handlers, progress_checkers
 from navstack.local_planner.dwa import DWAParams, DWAPlanner
 from navstack.local_planner.trajectory_rollout import TrajectoryPlanner, TrajectoryPlannerParams
 
-__all__ = ["DWAParams", "DWAPlanner", "TrajectoryPlanner", "TrajectoryPlannerParams"]
+__all__ = [
+    "DWAParams",
+    "DWAPlanner",
+    "TrajectoryPlanner",
+    "TrajectoryPlannerParams",
+    "goal_checkers",
+    "path_handlers",
+    "progress_checkers",
+]

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from navstack.core import Pose2D, Twist2D, angle_between
-from navstack.interfaces import GoalChecker
+from navstack.core import Twist2D, angle_between
+from navstack.interfaces import Approach, GoalChecker
 
 
-class SimpleGoalChecker(GoalChecker):
+class LatchingGoalChecker(GoalChecker):
     """Compares position, heading and speed with tolerances.
 
     Stateful with `latch`: once the position was reached, it counts as reached until `reset`.
@@ -16,8 +16,8 @@ class SimpleGoalChecker(GoalChecker):
         self, xy_tolerance: float, yaw_tolerance: float, trans_stopped: float, theta_stopped: float, *, latch: bool
     ) -> None:
         """Tolerances in m and rad, stopped speeds in m/s and rad/s."""
-        self.xy_tolerance = xy_tolerance
-        self.yaw_tolerance = yaw_tolerance
+        self._xy_tolerance = xy_tolerance
+        self._yaw_tolerance = yaw_tolerance
         self.trans_stopped = trans_stopped
         self.theta_stopped = theta_stopped
         self._latch = latch
@@ -27,17 +27,27 @@ class SimpleGoalChecker(GoalChecker):
         """Release the latch."""
         self._latched = False
 
-    def at_position(self, pose: Pose2D, goal: Pose2D) -> bool:
+    @property
+    def xy_tolerance(self) -> float:
+        """M."""
+        return self._xy_tolerance
+
+    @property
+    def yaw_tolerance(self) -> float:
+        """Rad."""
+        return self._yaw_tolerance
+
+    def at_position(self, approach: Approach) -> bool:
         """Within the position tolerance, or latched there."""
         if self._latched:
             return True
-        reached = pose.distance_to(goal) <= self.xy_tolerance
+        reached = approach.pose.distance_to(approach.goal) <= self._xy_tolerance
         self._latched = self._latch and reached
         return reached
 
-    def at_heading(self, pose: Pose2D, goal: Pose2D) -> bool:
+    def at_heading(self, approach: Approach) -> bool:
         """Within the heading tolerance."""
-        return abs(angle_between(pose.yaw, goal.yaw)) <= self.yaw_tolerance
+        return abs(angle_between(approach.pose.yaw, approach.goal.yaw)) <= self._yaw_tolerance
 
     def stopped(self, velocity: Twist2D) -> bool:
         """At most the stopped speed on each axis."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from navstack.core import Costmap, Footprint, Path, Pose2D, RobotState, Twist2D, angle_between
 from navstack.core.errors import ControlError, InvalidPathError, NoValidControlError
 from navstack.interfaces import (
+    Approach,
     ControlDiagnostics,
     ControlInput,
     Critic,
@@ -24,7 +25,7 @@ from navstack.interfaces import (
     VelocityLimits,
 )
 from navstack.local_planner.critics.obstacle import ObstacleCritic
-from navstack.local_planner.path_handler import PathHandler
+from navstack.local_planner.nearby_plan import NearbyPlan
 from navstack.local_planner.rejection_report import rejection_details, rejection_report
 from navstack.local_planner.scoring import ScoreTable, score
 from navstack.local_planner.stop_rotate import braking_twist, turning_twist
@@ -57,7 +58,7 @@ class SamplingPlanner(LocalPlanner):
         self._names = tuple(critic.name for critic in critics)
         self._collision_check = collision_check
         self._period = control_period(params.controller_frequency)
-        self._path = PathHandler()
+        self._path = NearbyPlan()
         self._goal: Pose2D | None = None
         self._rotating = False
         self._limits: VelocityLimits
@@ -118,7 +119,7 @@ class SamplingPlanner(LocalPlanner):
         if self._goal is None:
             return False
         goal = inputs.plan_to_costmap.apply(self._goal)
-        return self.goal_checker.reached(inputs.state.pose, goal, inputs.state.velocity)
+        return self.goal_checker.reached(Approach(inputs.state.pose, goal, inputs.state.velocity))
 
     # --- the command ------------------------------------------------------------------------------------------------
 
@@ -141,7 +142,7 @@ class SamplingPlanner(LocalPlanner):
             state.pose, inputs.plan_to_costmap, inputs.costmap.geometry, prune=self.params.prune_plan
         )
         goal = inputs.plan_to_costmap.apply(self._goal)
-        if self.goal_checker.at_position(state.pose, goal):
+        if self.goal_checker.at_position(Approach(state.pose, goal)):
             return self._stop_and_rotate(inputs, plan, goal)
         return self.search(state, inputs.costmap, inputs.footprint, plan, goal)
 
@@ -247,7 +248,7 @@ class SamplingPlanner(LocalPlanner):
 
     def _stop_and_rotate(self, inputs: ControlInput, plan: NDArray[np.float64], goal: Pose2D) -> LocalPlan:
         state = inputs.state
-        if self.goal_checker.at_heading(state.pose, goal):
+        if self.goal_checker.at_heading(Approach(state.pose, goal)):
             self._rotating = False
             return LocalPlan(
                 Twist2D(),

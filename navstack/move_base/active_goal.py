@@ -11,7 +11,7 @@ from navstack.move_base.errors import GoalCanceledError, InvalidGoalError, Shutd
 from navstack.move_base.goal import Goal, GoalHandle, GoalResult
 from navstack.move_base.goal_statistics import GoalStatistics
 from navstack.move_base.goal_status import GoalStatus
-from navstack.move_base.progress import ProgressChecker
+from navstack.move_base.progress import OscillationChecker
 from navstack.move_base.states import Outcome
 
 
@@ -20,7 +20,7 @@ class ActiveGoal:
     """State of the active goal."""
 
     handle: GoalHandle
-    progress: ProgressChecker
+    progress: OscillationChecker
     deadline: float = math.inf
     """Time at which its time limit ends (s)."""
     statistics: GoalStatistics = field(default_factory=GoalStatistics)

@@ -16,7 +16,7 @@ from navstack.move_base.goal_lifecycle import GoalLifecycle
 from navstack.move_base.navigation import Navigation
 from navstack.move_base.plan_requests import PlanRequests
 from navstack.move_base.pose_tracker import PoseTracker
-from navstack.move_base.progress import ProgressChecker
+from navstack.move_base.progress import OscillationChecker
 from navstack.move_base.recovery_sequence import RecoverySequence
 from navstack.move_base.schedule import EPSILON_S, Schedule
 from navstack.move_base.speed_limiter import SpeedLimiter
@@ -50,6 +50,8 @@ class ControlCycle:
         self._plan_requests = plan_requests
         self._recovery = recovery
         self._tracker = PoseTracker(navigation)
+        self.progress_checker = navigation.params.make_progress_checker()
+        """The progress checker of the parameters, beside oscillation_timeout; None without one."""
 
     def reset_control_patience(self, now: float) -> None:
         """Restart controller_patience at `now` (s)."""
@@ -62,6 +64,8 @@ class ControlCycle:
         goal = self._navigation.goal
         if goal is not None:
             goal.last_progress = now
+        if self.progress_checker is not None:
+            self.progress_checker.reset()
 
     def run(self, now: float) -> None:
         """Run the cycle of `now` (s)."""
@@ -95,7 +99,7 @@ class ControlCycle:
         navigation = self._navigation
         goal.frame = navigation.global_costmap.frame
         goal.pose = None
-        goal.progress = ProgressChecker(navigation.params.oscillation_distance)
+        goal.progress = OscillationChecker(navigation.params.oscillation_distance)
         navigation.plan = navigation.new_plan = None
         navigation.apply(NavEvent.FRAME_CHANGED, now)
 
@@ -133,7 +137,13 @@ class ControlCycle:
             error = exc
         timeout = navigation.params.oscillation_timeout
         if timeout > 0.0 and now >= goal.last_progress + timeout - EPSILON_S:
-            self._report_no_progress(goal, now)
+            distance = navigation.params.oscillation_distance
+            text = f"moved less than {distance:g} m in {timeout:g} s"
+            self._report_no_progress(goal, text, now, oscillation_timeout=timeout, oscillation_distance=distance)
+            return
+        checker = self.progress_checker
+        if checker is not None and navigation.pose is not None and not checker.makes_progress(navigation.pose, now):
+            self._report_no_progress(goal, checker.failure, now)
             return
         try:
             if error is not None:
@@ -160,15 +170,9 @@ class ControlCycle:
             text = "no speed limit" if limit is None else f"speed limit {limit:.2f} m/s"
             self._navigation.events.info(now, f"speed mask: {text}", max_vel_trans=limit)
 
-    def _report_no_progress(self, goal: ActiveGoal, now: float) -> None:
+    def _report_no_progress(self, goal: ActiveGoal, text: str, now: float, **data: float) -> None:
         navigation = self._navigation
-        timeout, distance = navigation.params.oscillation_timeout, navigation.params.oscillation_distance
-        error = NoProgressError(
-            f"the robot moved less than {distance:g} m in {timeout:g} s",
-            oscillation_timeout=timeout,
-            oscillation_distance=distance,
-            pose=navigation.pose,
-        )
+        error = NoProgressError(f"the robot {text}", **data, pose=navigation.pose)
         goal.statistics.add_failure(error, now)
         navigation.events.failure(now, "control_failed", error)
         navigation.apply(NavEvent.OSCILLATING, now, error)

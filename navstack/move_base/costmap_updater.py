@@ -155,10 +155,10 @@ class CostmapUpdater:
         """Return the local planner's input for `plan` at `now` (s). Raises NavError."""
         costmap = self._local_costmap
         state = self.local_state(now)
-        transform = self.plan_transform(plan, now)
-        if transform is None:
-            return ControlInput(state, costmap.master, costmap.footprint)
-        return ControlInput(state, costmap.master, costmap.footprint, transform)
+        transform = self.plan_transform(plan, now) or Transform2D()
+        inflation = next((found for layer in costmap.layers if (found := layer.inflation) is not None), None)
+        unknown = bool(getattr(getattr(costmap, "params", None), "track_unknown_space", False))
+        return ControlInput(state, costmap.master, costmap.footprint, transform, inflation, unknown)
 
     def _update(
         self, costmap: CostmapServer, now: float, before: NavError | None

@@ -14,7 +14,7 @@ from navstack.move_base.errors import GoalReplacedError, GoalTimeLimitError
 from navstack.move_base.goal_status import GoalStatus
 from navstack.move_base.navigation import Navigation
 from navstack.move_base.planning import Planning
-from navstack.move_base.progress import ProgressChecker
+from navstack.move_base.progress import OscillationChecker
 from navstack.move_base.schedule import EPSILON_S
 from navstack.move_base.states import NavEvent, Outcome
 
@@ -34,7 +34,7 @@ class GoalLifecycle:
         navigation = self._navigation
         handle = self._server.accept(now)
         limit = self.time_limit_s if handle.goal.time_limit_s is None else handle.goal.time_limit_s
-        progress = ProgressChecker(navigation.params.oscillation_distance)
+        progress = OscillationChecker(navigation.params.oscillation_distance)
         goal = navigation.goal = ActiveGoal(handle, progress, now + limit)
         navigation.drop_plans()
         self._planning.abandon()

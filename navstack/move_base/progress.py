@@ -19,7 +19,7 @@ class Progress(Enum):
     MOVED = "moved"
 
 
-class ProgressChecker:
+class OscillationChecker:
     """Progress is a motion of `distance` (m) from the place of the last progress, or a turn to a new heading there.
 
     ROS differs: C++ counts distance only, so that a slow turn in place is "oscillating" (parity 24). Here a turn counts in

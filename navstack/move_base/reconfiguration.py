@@ -9,7 +9,7 @@ from navstack.interfaces import GlobalPlanner, LocalPlanner
 from navstack.move_base import plugin_calls
 from navstack.move_base.navigation import Navigation
 from navstack.move_base.parts import Parts
-from navstack.move_base.progress import ProgressChecker
+from navstack.move_base.progress import OscillationChecker
 from navstack.move_base.recovery_sequence import context_of
 from navstack.move_base.speed_limiter import SpeedLimiter
 from navstack.move_base.states import Mode, NavEvent
@@ -63,6 +63,8 @@ def _set_params(parts: Parts, params: MoveBaseParams, now: float) -> None:
     may_plan = navigation.state.mode in (Mode.PLANNING, Mode.CONTROLLING)
     parts.plan_requests.schedule.set_params(params, now, may_plan=may_plan)
     if params.oscillation_distance != before.oscillation_distance and navigation.goal is not None:
-        navigation.goal.progress = ProgressChecker(params.oscillation_distance)
+        navigation.goal.progress = OscillationChecker(params.oscillation_distance)
+    if params.sections != before.sections:
+        parts.control.progress_checker = params.make_progress_checker()
     if params.shutdown_costmaps != before.shutdown_costmaps:
         parts.costmaps.enable(not navigation.is_idle or not params.shutdown_costmaps, now)

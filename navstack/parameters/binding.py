@@ -53,7 +53,7 @@ class Binder:
         values: dict[str, Any] = {n: self.navstack[n] for n in sorted(model.FROM_NAVSTACK) if n in self.navstack}
         values.update(fixed or {})
         raw = {n: plain(w.node) for n, w in written.items()} | {n: _raw(v) for n, v in values.items()}
-        below = self._children(model, space, raw, values, strictness)
+        below = self._children(model, space, raw, values, strictness) if model.CHILD_FIELD is not None else True
         nested = self._nested(model, space, values, strictness)
         # validated even after an error below, so that every wrong value is reported
         made = self._validator.validate(model, space, written, values, strictness)
@@ -147,14 +147,27 @@ class Binder:
         """Bind the namespaces whose names depend on values into `values`; False after an error."""
         good = True
         children: dict[str, ParamModel] = {}
-        for name, child_model in model.child_models(raw).items():
-            made = self.bind(child_model, self.child(space, name, strictness), strictness=strictness)
+        outer = _namespaces(space.parent) if space.parent is not None else {}
+        raw = {**_namespaces(space), **raw}
+        shared = model.shared_children({**outer, **raw})
+        models = model.child_models({**{n: v for n, v in outer.items() if n in shared}, **raw})
+        for name, child_model in models.items():
+            beside = space.parent if name in shared and space.space(name) is None else None
+            holder = beside if beside is not None and beside.space(name) is not None else space
+            made = self.bind(child_model, self.child(holder, name, strictness), strictness=strictness)
             good = good and made is not None
             if made is not None:
                 children[name] = made
-        if model.CHILD_FIELD is not None:
-            values[model.CHILD_FIELD] = children
+            if holder is not space:
+                self._share_origins(holder.join(name), space.join(name))
+        assert model.CHILD_FIELD is not None
+        values[model.CHILD_FIELD] = children
         return good
+
+    def _share_origins(self, there: str, here: str) -> None:
+        """Record the locations of the values below `there` also below `here`, the namespace that they are used in."""
+        found = {name: at for name, at in self.origins.items() if name.startswith(f"{there}/")}
+        self.origins.update({here + name[len(there) :]: at for name, at in found.items()})
 
     def _nested(self, model: type[ParamModel], space: Space, values: dict[str, Any], strictness: Strictness) -> bool:
         """Bind the fields that are namespaces into `values`; False after an error."""
@@ -170,6 +183,11 @@ class Binder:
             if made is not None:
                 values[name] = made
         return good
+
+
+def _namespaces(space: Space) -> dict[str, Any]:
+    """The namespaces below one, as dictionaries."""
+    return {name: child.as_dict() for name, child in space.children.items() if isinstance(child, Space)}
 
 
 def _raw(value: Any) -> Any:

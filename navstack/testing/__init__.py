@@ -14,17 +14,31 @@ from navstack.testing.critic import CriticContract, critic_contract
 from navstack.testing.global_planner import GlobalPlannerContract, global_planner_contract
 from navstack.testing.layer import LayerContract, layer_contract
 from navstack.testing.local_planner import LocalPlannerContract, local_planner_contract
+from navstack.testing.path_following import (
+    GoalCheckerContract,
+    PathHandlerContract,
+    ProgressCheckerContract,
+    goal_checker_contract,
+    path_handler_contract,
+    progress_checker_contract,
+)
 from navstack.testing.recovery import RecoveryContract, recovery_contract
 
 __all__ = [
     "CriticContract",
     "GlobalPlannerContract",
+    "GoalCheckerContract",
     "LayerContract",
     "LocalPlannerContract",
+    "PathHandlerContract",
+    "ProgressCheckerContract",
     "RecoveryContract",
     "critic_contract",
     "global_planner_contract",
+    "goal_checker_contract",
     "layer_contract",
     "local_planner_contract",
+    "path_handler_contract",
+    "progress_checker_contract",
     "recovery_contract",
 ]

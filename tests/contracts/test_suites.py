@@ -4,12 +4,24 @@ from __future__ import annotations
 
 from typing import Any
 
-from navstack.plugins import CRITICS, GLOBAL_PLANNERS, LAYERS, LOCAL_PLANNERS, RECOVERY_BEHAVIORS
+from navstack.plugins import (
+    CRITICS,
+    GLOBAL_PLANNERS,
+    GOAL_CHECKERS,
+    LAYERS,
+    LOCAL_PLANNERS,
+    PATH_HANDLERS,
+    PROGRESS_CHECKERS,
+    RECOVERY_BEHAVIORS,
+)
 from navstack.testing import (
     critic_contract,
     global_planner_contract,
+    goal_checker_contract,
     layer_contract,
     local_planner_contract,
+    path_handler_contract,
+    progress_checker_contract,
     recovery_contract,
 )
 
@@ -66,6 +78,9 @@ SUITES: dict[str, type[Any]] = {
         for e in LOCAL_PLANNERS
     },
     **{f"TestCritic_{e.name}": critic_contract(e.cls) for e in CRITICS},
+    **{f"TestGoalChecker_{e.name}": goal_checker_contract(e.cls) for e in GOAL_CHECKERS},
+    **{f"TestProgressChecker_{e.name}": progress_checker_contract(e.cls) for e in PROGRESS_CHECKERS},
+    **{f"TestPathHandler_{e.name}": path_handler_contract(e.cls) for e in PATH_HANDLERS},
     **{f"TestRecovery_{e.name}": recovery_contract(e.cls) for e in RECOVERY_BEHAVIORS},
 }
 globals().update(SUITES)
@@ -73,5 +88,6 @@ globals().update(SUITES)
 
 def test_every_kind_is_tested() -> None:
     assert {name.split("_")[0] for name in SUITES} == {
-        *("TestLayer", "TestGlobalPlanner", "TestLocalPlanner", "TestCritic", "TestRecovery")
+        *("TestLayer", "TestGlobalPlanner", "TestLocalPlanner", "TestCritic", "TestRecovery"),
+        *("TestGoalChecker", "TestProgressChecker", "TestPathHandler"),
     }

@@ -148,6 +148,20 @@ def test_oscillation() -> None:
     assert office.is_stopped()
 
 
+def test_a_progress_checker_of_nav2() -> None:
+    """Beside oscillation_timeout, which is off: a robot that only turns is failed."""
+    office = Office(
+        "DWAPlannerROS/max_vel_x=0.0",
+        "progress_checker/plugin=nav2_controller::SimpleProgressChecker",
+        "progress_checker/movement_time_allowance=3.0",
+    )
+    handle = office.run(office.move_base.send_goal(FAR), 200.0)
+    assert (handle.result.error_code, handle.result.error_name) == (105, "FAILED_TO_MAKE_PROGRESS")
+    assert "moved less than 0.5 m in 3 s" in handle.result.message
+    assert handle.result.recoveries == 3
+    assert office.is_stopped()
+
+
 def test_stale_sensors() -> None:
     office = Office(
         "global_costmap/obstacle_layer/scan/expected_update_rate=0.5",

@@ -21,7 +21,7 @@ from navstack.local_planner.dwa.default_critics import DEFAULT_CRITICS
 from navstack.local_planner.dwa.fused_scoring import FusedScorer
 from navstack.local_planner.dwa.generator import DWAGenerator
 from navstack.local_planner.dwa.params import DWAParams
-from navstack.local_planner.goal_checker import SimpleGoalChecker
+from navstack.local_planner.goal_checker import LatchingGoalChecker
 from navstack.local_planner.overlap import Overlap
 from navstack.local_planner.sampling_planner import SamplingPlanner, control_period
 from navstack.local_planner.scoring import ScoreTable, score
@@ -71,7 +71,7 @@ class DWAPlanner(SamplingPlanner):
         obstacle = next((c for c in critics if isinstance(c, ObstacleCritic)), None) or ObstacleCritic(
             "obstacle", ObstacleParams(scaling_speed=p.scaling_speed, max_scaling_factor=p.max_scaling_factor)
         )
-        checker = SimpleGoalChecker(
+        checker = LatchingGoalChecker(
             p.xy_goal_tolerance,
             p.yaw_goal_tolerance,
             p.trans_stopped_vel,

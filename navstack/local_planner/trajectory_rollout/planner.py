@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from navstack.core import Costmap, Footprint, Pose2D, RobotState, Twist2D
 from navstack.core.parameters import ParamModel
 from navstack.interfaces import ControlInput, Critic, LocalPlan, Rollouts, ScoringContext, VelocityLimits
-from navstack.local_planner.goal_checker import SimpleGoalChecker
+from navstack.local_planner.goal_checker import LatchingGoalChecker
 from navstack.local_planner.map_grid import MapGrid
 from navstack.local_planner.sampling_planner import SamplingPlanner, control_period
 from navstack.local_planner.scoring import ScoreTable, score
@@ -87,7 +87,7 @@ class TrajectoryPlanner(SamplingPlanner):
             critics += [path, self._goal_distance]
         self._order = np.array(order)
         self._attractor = p.simple_attractor
-        checker = SimpleGoalChecker(
+        checker = LatchingGoalChecker(
             p.xy_goal_tolerance, p.yaw_goal_tolerance, STOPPED, STOPPED, latch=p.latch_xy_goal_tolerance
         )
         self._y_vels = y_speeds(p.y_vels)

@@ -8,6 +8,12 @@ from typing import Any, ClassVar, Final
 from pydantic import field_validator
 
 from navstack.core.parameters import ParamModel, PluginSpec, param
+from navstack.interfaces import ProgressChecker
+from navstack.parameters.sections import first_of, section_model
+from navstack.plugins import PROGRESS_CHECKERS
+
+PROGRESS_CHECKER: Final = "progress_checker"
+DEFAULT_PROGRESS_CHECKER: Final = "nav2_controller::SimpleProgressChecker"
 
 SLOWEST_HZ: Final = 0.001
 """Minimum control frequency: a goal ends in a control cycle, so at a lower one it would not end."""
@@ -25,6 +31,8 @@ class MoveBaseParams(ParamModel):
     NO_EFFECT: ClassVar[Mapping[str, str]] = {
         "restore_defaults": "a button of dynamic_reconfigure, not a parameter",
     }
+
+    CHILD_FIELD: ClassVar[str | None] = "sections"
 
     # lower values have the effect of the lowest one; move_base uses values over the sliders until the first reconfiguration
     CLAMPED: ClassVar[frozenset[str]] = frozenset(
@@ -95,6 +103,29 @@ class MoveBaseParams(ParamModel):
         ge=0.0,
         ros_differs="ROS uses the constant local_costmap/circumscribed_radius (0.46) for every footprint",
     )
+
+    progress_checker_plugins: list[str] | None = param(
+        None,
+        "namespace of a progress checker, as in Nav2's controller_server; if not set, that of `progress_checker` if it is "
+        "written; the first of the list is used, an empty list switches it off",
+    )
+    sections: dict[str, Any] = param({}, "parameters of the progress checker, from its namespace")
+
+    @classmethod
+    def child_models(cls, values: Mapping[str, Any]) -> dict[str, type[ParamModel]]:
+        """The model of the progress checker, if there is one."""
+        if values.get("progress_checker_plugins") is None and not isinstance(values.get(PROGRESS_CHECKER), Mapping):
+            return {}
+        if values.get("progress_checker_plugins") == []:
+            return {}
+        name = first_of(values, "progress_checker_plugins", PROGRESS_CHECKER)
+        return {name: section_model(PROGRESS_CHECKERS, values, name, DEFAULT_PROGRESS_CHECKER)}
+
+    def make_progress_checker(self) -> ProgressChecker | None:
+        """The progress checker of these parameters; None without one."""
+        for params in self.sections.values():
+            return PROGRESS_CHECKERS.get(params.plugin or DEFAULT_PROGRESS_CHECKER).cls(params)
+        return None
 
     @field_validator("controller_frequency")
     @classmethod

@@ -23,7 +23,18 @@ from navstack.parameters.namespaces import layer_names, planner_namespaces
 from navstack.parameters.report.document import plain_value, value_text
 from navstack.parameters.report.schema import children_of
 from navstack.parameters.safety_sections import SAFETY_MODELS
-from navstack.plugins import CRITICS, GLOBAL_PLANNERS, LAYERS, LOCAL_PLANNERS, RECOVERY_BEHAVIORS, PluginEntry
+from navstack.plugins import (
+    CRITICS,
+    GLOBAL_PLANNERS,
+    GOAL_CHECKERS,
+    LAYERS,
+    LOCAL_PLANNERS,
+    PATH_HANDLERS,
+    PROGRESS_CHECKERS,
+    RECOVERY_BEHAVIORS,
+    REGISTRIES,
+    PluginEntry,
+)
 
 _HEAD = """# Parameters
 
@@ -53,7 +64,8 @@ def reference() -> str:
 def _sections() -> Iterator[str]:
     yield _section("move_base", "the root of the YAML", MoveBaseParams)
     yield _section("Costmap", "`global_costmap`, `local_costmap`", CostmapParams)
-    listed: set[type[ParamModel]] = set()
+    # models with a section of their own
+    listed: set[type[ParamModel]] = {entry.cls.Params for registry in REGISTRIES for entry in registry}
     for entry in LAYERS:
         if entry.origin != "navstack":
             continue
@@ -64,6 +76,9 @@ def _sections() -> Iterator[str]:
                 yield _plugin(title, entry, f"`{planner_namespaces(entry)[0]}`", listed)
     for title, registry, where in (
         ("Critic", CRITICS, "`<planner>/<name>`"),
+        ("Goal checker", GOAL_CHECKERS, "`goal_checker` beside or below the local planner"),
+        ("Progress checker", PROGRESS_CHECKERS, "`progress_checker`"),
+        ("Path handler", PATH_HANDLERS, "`PathHandler` beside or below the local planner"),
         ("Recovery behavior", RECOVERY_BEHAVIORS, "`<name>`"),
     ):
         for entry in registry:

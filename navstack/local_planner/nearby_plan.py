@@ -1,4 +1,4 @@
-"""The plan as the local planner uses it: pruned, cut to the local costmap, in the costmap's frame."""
+"""The plan as DWA and trajectory rollout use it: pruned, cut to the local costmap, in the costmap's frame."""
 
 from __future__ import annotations
 
@@ -14,7 +14,36 @@ PRUNE_DISTANCE_M = 1.0
 """Leading poses farther from the robot than this count as passed (prunePlan of base_local_planner)."""
 
 
-class PathHandler:
+def check_path(plan: Path) -> None:
+    """Raise InvalidPathError if a plan is empty or not finite."""
+    if len(plan) == 0:
+        raise InvalidPathError("the plan is empty: a local planner needs at least one pose to follow", poses=0)
+    if not np.isfinite(plan.poses).all():
+        first = int(np.flatnonzero(~np.isfinite(plan.poses).all(axis=1))[0])
+        raise InvalidPathError(
+            f"pose {first} of the plan is not finite: {plan.poses[first].tolist()}",
+            pose=first,
+            value=plan.poses[first],
+        )
+
+
+def no_plan() -> InvalidPathError:
+    """The error of a local planner without a plan."""
+    return InvalidPathError("the local planner has no plan to follow: call set_plan first", poses=0)
+
+
+def out_of_reach(plan: NDArray[np.float64], robot: Pose2D, reach: float) -> InvalidPathError:
+    """The error of a plan without a pose near the robot, which is given in the plan's frame; `reach` (m) is half the window."""
+    nearest = float(np.hypot(plan[:, 0] - robot.x, plan[:, 1] - robot.y).min())
+    return InvalidPathError(
+        f"the plan is out of reach: its nearest pose is {nearest:.2f} m from the robot, the local costmap covers "
+        f"{reach:.2f} m",
+        nearest_m=nearest,
+        reach_m=reach,
+    )
+
+
+class NearbyPlan:
     """Holds the plan that is being followed."""
 
     def __init__(self) -> None:
@@ -23,15 +52,7 @@ class PathHandler:
 
     def set_plan(self, plan: Path) -> None:
         """Replace the plan; raises InvalidPathError if it is empty or not finite."""
-        if len(plan) == 0:
-            raise InvalidPathError("the plan is empty: a local planner needs at least one pose to follow", poses=0)
-        if not np.isfinite(plan.poses).all():
-            first = int(np.flatnonzero(~np.isfinite(plan.poses).all(axis=1))[0])
-            raise InvalidPathError(
-                f"pose {first} of the plan is not finite: {plan.poses[first].tolist()}",
-                pose=first,
-                value=plan.poses[first],
-            )
+        check_path(plan)
         self._plan = np.array(plan.poses, np.float64, order="C")
         self._begin = 0
 
@@ -45,7 +66,7 @@ class PathHandler:
         """
         plan = self._plan
         if plan is None:
-            raise InvalidPathError("the local planner has no plan to follow: call set_plan first", poses=0)
+            raise no_plan()
         reach = 0.5 * max(geometry.nx, geometry.ny) * geometry.resolution
         robot_in_plan = robot if to_costmap.is_identity() else to_costmap.inverse().apply(robot)
         out = np.empty((len(plan) - self._begin, 3))
@@ -54,13 +75,7 @@ class PathHandler:
         )
         nearby = out[:count]
         if count == 0:
-            nearest = float(np.hypot(plan[:, 0] - robot_in_plan.x, plan[:, 1] - robot_in_plan.y).min())
-            raise InvalidPathError(
-                f"the plan is out of reach: its nearest pose is {nearest:.2f} m from the robot, the local costmap covers "
-                f"{reach:.2f} m",
-                nearest_m=nearest,
-                reach_m=reach,
-            )
+            raise out_of_reach(plan, robot_in_plan, reach)
         if prune:
             near = np.hypot(nearby[:, 0] - robot.x, nearby[:, 1] - robot.y) < PRUNE_DISTANCE_M
             passed = int(near.argmax()) if near.any() else count

@@ -1,0 +1,252 @@
+"""Base of the controllers that follow a path as Nav2's do: path handler, goal checker, and the order of a cycle."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from navstack.core import Costmap, Footprint, Path, Pose2D, RobotState, Twist2D
+from navstack.core.errors import ControlError
+from navstack.core.parameter_checks import CheckContext, Issue
+from navstack.core.parameters import ParamModel, param
+from navstack.interfaces import (
+    Approach,
+    ControlInput,
+    GoalChecker,
+    Inflation,
+    LocalPath,
+    LocalPlan,
+    LocalPlanner,
+    PathHandler,
+)
+from navstack.local_planner.nearby_plan import no_plan
+from navstack.local_planner.path_handlers.feasible import FeasiblePathHandlerParams
+from navstack.local_planner.sampling_planner import SAME_GOAL, control_period
+from navstack.parameters.sections import first_of, make_section, section_model
+from navstack.plugins import GOAL_CHECKERS, PATH_HANDLERS
+
+GOAL_CHECKER = "nav2_controller::SimpleGoalChecker"
+PATH_HANDLER = "nav2_controller::FeasiblePathHandler"
+MOVED_TO_PATH_HANDLER = (
+    "prune_distance",
+    "max_robot_pose_search_dist",
+    "enforce_path_inversion",
+    "inversion_xy_tolerance",
+    "inversion_yaw_tolerance",
+)
+"""Parameters of the path handler that Nav2 up to Kilted has in the controller's namespace."""
+
+
+class PathFollowerParams(ParamModel):
+    """Parameters that all controllers of this kind have.
+
+    The namespaces `goal_checker` and `PathHandler` may stand in the controller's namespace or beside it, as in Nav2's
+    controller_server.
+    """
+
+    SEARCHED: ClassVar[frozenset[str]] = frozenset(
+        {"controller_frequency", "goal_checker_plugins", "path_handler_plugins"}
+    )
+    NO_EFFECT: ClassVar[Mapping[str, str]] = {
+        "plugin": "base_local_planner selects the controller",
+        "transform_tolerance": "the transform_tolerance of the costmaps is used",
+    }
+    CHILD_FIELD: ClassVar[str | None] = "sections"
+
+    controller_frequency: float = param(20.0, "control cycles per second; 0 counts as 20", unit="Hz", ge=0.0)
+    goal_checker_plugins: list[str] = param(
+        ["goal_checker"], "namespace of the goal checker; the first of the list is used"
+    )
+    path_handler_plugins: list[str] = param(
+        ["PathHandler"], "namespace of the path handler; the first of the list is used"
+    )
+    prune_distance: float | None = param(None, "as PathHandler/prune_distance (Nav2 up to Kilted)", unit="m", gt=0.0)
+    max_robot_pose_search_dist: float | None = param(
+        None, "as PathHandler/max_robot_pose_search_dist (Nav2 up to Kilted)", unit="m"
+    )
+    enforce_path_inversion: bool | None = param(None, "as PathHandler/enforce_path_inversion (Nav2 up to Kilted)")
+    inversion_xy_tolerance: float | None = param(
+        None, "as PathHandler/inversion_xy_tolerance (Nav2 up to Kilted)", unit="m", ge=0.0
+    )
+    inversion_yaw_tolerance: float | None = param(
+        None, "as PathHandler/inversion_yaw_tolerance (Nav2 up to Kilted)", unit="rad", ge=0.0
+    )
+    sections: dict[str, Any] = param({}, "parameters of goal checker and path handler, from their namespaces")
+
+    @classmethod
+    def child_models(cls, values: Mapping[str, Any]) -> dict[str, type[ParamModel]]:
+        """Models of the goal checker and the path handler, by namespace."""
+        checker = first_of(values, "goal_checker_plugins", "goal_checker")
+        handler = first_of(values, "path_handler_plugins", "PathHandler")
+        return {
+            checker: section_model(GOAL_CHECKERS, values, checker, GOAL_CHECKER),
+            handler: section_model(PATH_HANDLERS, values, handler, PATH_HANDLER),
+        }
+
+    @classmethod
+    def shared_children(cls, values: Mapping[str, Any]) -> frozenset[str]:
+        """Goal checker and path handler may stand beside the controller."""
+        return frozenset(PathFollowerParams.child_models(values))
+
+    def make_goal_checker(self) -> GoalChecker:
+        """The goal checker of these parameters."""
+        name = first_of({"_": self.goal_checker_plugins}, "_", "goal_checker")
+        return make_section(GOAL_CHECKERS, self.sections, name, GOAL_CHECKER)
+
+    def make_path_handler(self) -> PathHandler:
+        """The path handler of these parameters; what stands in the controller's namespace counts if it is not in its own."""
+        name = first_of({"_": self.path_handler_plugins}, "_", "PathHandler")
+        sections = dict(self.sections)
+        own = sections.get(name) or FeasiblePathHandlerParams()
+        if isinstance(own, FeasiblePathHandlerParams):
+            moved = {n: getattr(self, n) for n in MOVED_TO_PATH_HANDLER if getattr(self, n) is not None}
+            sections[name] = own.model_copy(update={n: v for n, v in moved.items() if n not in own.model_fields_set})
+        return make_section(PATH_HANDLERS, sections, name, PATH_HANDLER)
+
+    def check(self, context: CheckContext) -> Iterator[Issue]:
+        """Yield what keeps the controller from its goal, whatever it computes."""
+        for key in ("goal_checker_plugins", "path_handler_plugins"):
+            listed = getattr(self, key)
+            if len(listed) != 1:
+                used = f'"{listed[0]}", the first, is used' if listed else "the default is used"
+                message = f"{key} lists {len(listed)} plugins, but a controller has one: {used}; list one"
+                yield Issue("warning", "one-plugin", (key,), message)
+        tolerance = self.make_goal_checker().xy_tolerance
+        resolution = context.local_costmap.resolution
+        if tolerance < resolution:
+            message = (
+                f"the goal checker's tolerance of {tolerance:g} m is smaller than a cell of the local costmap "
+                f"({resolution:g} m), so the robot may circle around its goal; set it to {resolution:g} m or more"
+            )
+            yield Issue("warning", "tolerance-under-cell", ("/goal_checker/xy_goal_tolerance",), message)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Following:
+    """What a controller computes its command from. Poses are in the costmap's frame."""
+
+    state: RobotState
+    path: LocalPath
+    goal: Pose2D
+    """The final goal."""
+    costmap: Costmap
+    footprint: Footprint
+    inflation: Inflation | None
+    """The costs around obstacles; None if they are not inflated."""
+    track_unknown_space: bool
+    at_position: bool
+    """True at the goal's position, by the goal checker."""
+    new_goal: bool
+    """True in the first cycle towards a goal."""
+    new_plan: bool
+    """True in the first cycle with a plan."""
+
+
+class PathFollower(LocalPlanner):
+    """A controller that is a function from state, path and costmap to a command: `follow`.
+
+    State between cycles: the plan, the goal checker, and what the controller adds.
+    """
+
+    params: PathFollowerParams
+
+    def __init__(self, params: PathFollowerParams) -> None:
+        super().__init__(params)
+        self.period = control_period(params.controller_frequency)
+        """Seconds between two commands."""
+        self.goal_checker = params.make_goal_checker()
+        self.path_handler = params.make_path_handler()
+        self._goal: Pose2D | None = None
+        self._new_goal = self._new_plan = False
+        self._seen: ControlInput | None = None
+        self._approach: tuple[LocalPath, Approach, bool] | None = None
+
+    # --- plan and goal ----------------------------------------------------------------------------------------------
+
+    def set_plan(self, plan: Path, goal: Pose2D) -> None:
+        """Follow `plan` to `goal`; with the same goal as before it is a replan, and a latched position remains latched."""
+        if not goal.is_finite():
+            raise ControlError(f"the goal {tuple(goal)} is not finite", goal=list(goal))
+        self.path_handler.set_plan(plan)
+        before, self._goal = self._goal, Pose2D(*goal)
+        self._new_plan, self._seen = True, None
+        # ROS differs: in Nav2 every replan releases the latch (parity 17)
+        if before is None or any(abs(a - b) > SAME_GOAL for a, b in zip(before, goal)):
+            self._new_goal = True
+            self.goal_checker.reset()
+
+    def reset(self) -> None:
+        """Forget the previous goal, and with it a latched position."""
+        self._goal = None
+
+    def goal_reached(self, inputs: ControlInput) -> bool:
+        """By the goal checker."""
+        if self._goal is None:
+            return False
+        _, approach, at_position = self._look(inputs)
+        checker = self.goal_checker
+        return at_position and checker.at_heading(approach) and checker.stopped(approach.velocity)
+
+    # --- the command ------------------------------------------------------------------------------------------------
+
+    def compute_command(self, inputs: ControlInput) -> LocalPlan:
+        """Follow the path; stand still at the goal.
+
+        Raises InvalidPathError if no part of the plan is near, and what `follow` raises.
+        """
+        state = inputs.state
+        if not (state.pose.is_finite() and state.velocity.is_finite()):
+            raise ControlError(
+                f"the robot's pose {tuple(state.pose)} or velocity {tuple(state.velocity)} is not finite",
+                pose=list(state.pose),
+                velocity=list(state.velocity),
+            )
+        if self._goal is None:
+            raise no_plan()
+        path, approach, at_position = self._look(inputs)
+        local_plan = Path(path.poses, inputs.costmap.frame)
+        if at_position and self.goal_checker.at_heading(approach) and self.goal_checker.stopped(state.velocity):
+            self.arrived()
+            return LocalPlan(Twist2D(), "arrived", local_plan=local_plan)
+        now = Following(
+            state,
+            path,
+            approach.goal,
+            inputs.costmap,
+            inputs.footprint,
+            inputs.inflation,
+            inputs.track_unknown_space,
+            at_position,
+            self._new_goal,
+            self._new_plan,
+        )
+        self._new_goal = self._new_plan = False
+        return self.follow(now)
+
+    @abstractmethod
+    def follow(self, now: Following) -> LocalPlan:
+        """Return the command, with the local path as its `local_plan`. Raises NoValidControlError."""
+
+    def arrived(self) -> None:
+        """Called when the robot is at its goal and is commanded to stand still."""
+
+    def _look(self, inputs: ControlInput) -> tuple[LocalPath, Approach, bool]:
+        """Local path, what the goal checker sees, and its answer for the position: asked once per cycle."""
+        if self._seen is inputs and self._approach is not None:
+            return self._approach
+        assert self._goal is not None
+        state, transform = inputs.state, inputs.plan_to_costmap
+        path = self.path_handler.local_path(state.pose, transform, inputs.costmap.geometry)
+        approach = Approach(state.pose, transform.apply(self._goal), state.velocity, path.poses, path.remaining_m)
+        self._seen, self._approach = inputs, (path, approach, self.goal_checker.at_position(approach))
+        return self._approach
+
+
+def check_speed(**limits: float | None) -> None:
+    """Raise ControlError for a speed limit (m/s, rad/s) that is negative or not finite."""
+    for name, value in limits.items():
+        if value is not None and not (math.isfinite(value) and value >= 0.0):
+            raise ControlError(f"{name} must be a finite speed of at least 0, not {value}", limit=name, value=value)
