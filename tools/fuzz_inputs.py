@@ -7,8 +7,9 @@ Each input is a valid file with seeded changes: bytes, lines and encodings; node
 exchanged, nested or repeated by aliases and substitutions; headers of arrays, archives and images forged; pipes, devices, links
 and folders in the place of files. It is read by the reader that the commands use, a share of the inputs by a whole command.
 
-Anything but a result or a NavError counts as a traceback. Also counted: reads over 5 s, and reads during which the memory of
-the process grows by more than 1 GB; both are measured for each input. `--keep` stores the offending inputs. Exit code 1 if
+Anything but a result or a NavError counts as a traceback. Also counted: reads over 5 s (without the time in which other
+processes had the processor), and reads during which the memory of the process grows by more than 1 GB; both are measured for
+each input. `--keep` stores the offending inputs. Exit code 1 if
 there is any.
 """
 
@@ -57,8 +58,8 @@ def _read_one(plan: Plan, number: int) -> int:
     with tempfile.TemporaryDirectory(prefix="navstack_fuzz_") as name:
         kind = plan.kinds[number % len(plan.kinds)]
         made = Inputs(Path(name), commands=plan.commands).make(kind, random.Random(f"{plan.seed}/{number}"))
-        wall, cpu, grown, failure = measured(made.read)
-        print(f"{kind} ({made.reader}): {wall:.2f} s ({cpu:.2f} s of the processor), {grown / 1e6:.0f} MB")
+        wall, seconds, grown, failure = measured(made.read)
+        print(f"{kind} ({made.reader}): {seconds:.2f} s ({wall:.2f} s with other processes), {grown / 1e6:.0f} MB")
         if failure is not None and not isinstance(failure, NavError):
             raise failure
         print(f"{type(failure).__name__}: {failure}" if failure is not None else "accepted")

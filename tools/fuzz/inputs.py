@@ -51,7 +51,8 @@ _SMALL_SCENARIO: Final = (
 )
 _LAUNCH: Final = (
     '<launch>\n<arg name="f" default="odom"/>\n<include file="$(find x)/y.launch"><arg name="a" value="1"/></include>\n'
-    '<group ns="g" if="false"/>\n<node pkg="move_base" type="move_base" name="move_base">\n{files}'
+    '<group ns="g" if="false"/>\n<node pkg="move_base" type="move_base" name="move_base">\n'
+    '<rosparam file="common.yaml" command="load" ns="local_costmap" />\n<rosparam file="planner.yaml" command="load" />\n'
     '<param name="controller_frequency" value="5.0" type="double"/>\n<rosparam>\nplanner_patience: 5.0\n</rosparam>\n'
     '<param name="local_costmap/global_frame" value="$(arg f)"/>\n<remap from="scan" to="/s"/>\n</node>\n</launch>\n'
 )

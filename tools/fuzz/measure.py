@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Final
 
 _CLEAR: Final = Path("/proc/self/clear_refs")
+_SCHEDULE: Final = Path("/proc/thread-self/schedstat")
 _ADDRESS_SPACE: Final = 8_000_000_000
 """Limit of a process that reads inputs: protects the machine; what is counted as too large is far below."""
 
@@ -36,13 +37,25 @@ def limit_address_space() -> None:
     resource.setrlimit(resource.RLIMIT_AS, (limit, hard))
 
 
+def _queued() -> float:
+    """Return how long this thread has waited for a processor that others used (s); 0 where the system does not say."""
+    try:
+        return int(_SCHEDULE.read_bytes().split()[1]) * 1e-9
+    except (OSError, ValueError, IndexError):
+        return 0.0
+
+
 def measured(call: Callable[[], object]) -> tuple[float, float, int, Exception | None]:
-    """Return the wall time (s), the time of the processor (s), the growth of the peak memory (bytes) and the exception."""
+    """Return the wall time (s), the part without waiting for the processor (s), the growth of memory (bytes), the exception.
+
+    The growth is that of the peak of the resident memory.
+    """
     reset_peak()
     before, failure = peak_bytes(), None
-    wall, cpu = time.perf_counter(), time.process_time()
+    queued, started = _queued(), time.perf_counter()
     try:
         call()
     except Exception as exc:
         failure = exc
-    return time.perf_counter() - wall, time.process_time() - cpu, peak_bytes() - before, failure
+    wall = time.perf_counter() - started
+    return wall, max(0.0, wall - (_queued() - queued)), peak_bytes() - before, failure
