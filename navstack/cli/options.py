@@ -10,6 +10,8 @@ from typing import Annotated, Any, get_type_hints
 
 import typer
 
+from navstack.cli.out_path import file_in, folder_only
+
 
 def _starting_with(names: Iterable[str], incomplete: str) -> list[str]:
     return [name for name in names if name.startswith(incomplete)]
@@ -91,15 +93,39 @@ CostmapName = Annotated[str, typer.Option("--costmap", metavar="global|local", h
 
 # output
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document to stdout.")]
-PictureFile = Annotated[
-    Path | None, typer.Option("--out", metavar="FILE", help="Write a picture (.png, .svg or .pdf).")
-]
-TextFile = Annotated[
-    Path | None, typer.Option("--out", metavar="FILE", help="Write to this file. [default: print to stdout]")
-]
 RunOutput = Annotated[
-    Path, typer.Option("--out", metavar="DIR", help="Output folder: record, log, summary and picture.")
+    Path,
+    typer.Option("--out", metavar="DIR", help="Output folder: record, log, summary and picture.", callback=folder_only),
 ]
+
+
+def picture_file(default: str) -> Any:
+    """`--out` of a command that draws a picture; in a folder it is called `default`."""
+    return typer.Option(
+        "--out",
+        metavar="FILE|DIR",
+        help=f"Write a picture (.png, .svg or .pdf); in a folder: {default}.",
+        callback=file_in(default),
+    )
+
+
+def text_file(default: str) -> Any:
+    """`--out` of a command that writes a text; in a folder the file is called `default`."""
+    return typer.Option(
+        "--out",
+        metavar="FILE|DIR",
+        help=f"Write to this file; in a folder: {default}. [default: print to stdout]",
+        callback=file_in(default),
+    )
+
+
+def both_files(picture: str, document: str) -> Any:
+    """`--out` of a command that writes a picture and a document: one of them, or both in a folder."""
+    return typer.Option(
+        "--out",
+        metavar="DIR|FILE",
+        help=f"Folder for {picture} and {document}; or one file: a picture (.png, .svg, .pdf) or the document (.json).",
+    )
 
 
 def with_options(**groups: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:

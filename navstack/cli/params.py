@@ -100,7 +100,7 @@ def schema(
         str | None,
         typer.Option("--namespace", metavar="NAME", help="Only this namespace: local_costmap, DWAPlannerROS, .."),
     ] = None,
-    out: options.TextFile = None,
+    out: Annotated[Path | None, options.text_file("navstack.schema.json")] = None,
 ) -> None:
     """Print the JSON Schema of the YAML for editors: names, types, ranges, descriptions."""
     import json
@@ -130,7 +130,7 @@ def _part_of_schema(document: dict[str, Any], namespace: str) -> dict[str, Any]:
 
 
 @app.command("reference")
-def reference(out: options.TextFile = None) -> None:
+def reference(out: Annotated[Path | None, options.text_file("parameters.md")] = None) -> None:
     """Print the parameter reference as Markdown: default, unit, range, meaning, differences from ROS."""
     from navstack.parameters.report import reference as text
 
@@ -140,7 +140,10 @@ def reference(out: options.TextFile = None) -> None:
 @app.command("migrate")
 def migrate(
     params: options.ParamsArgument,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="New folder for the migrated files.")],
+    out: Annotated[
+        Path,
+        typer.Option("--out", metavar="DIR", help="New folder for the migrated files.", callback=options.folder_only),
+    ],
     set_: options.Set = [],
     distro: options.Distro = None,
     allow_missing: options.AllowMissing = False,

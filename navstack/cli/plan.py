@@ -52,25 +52,23 @@ class _Query(NamedTuple):
 @options.with_options(chosen=PlanOptions)
 def plan(
     chosen: PlanOptions,
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Output folder for plan.png and plan.json.")
-    ] = None,
+    out: Annotated[Path | None, options.both_files("plan.png", "plan.json")] = None,
     json_: options.Json = False,
 ) -> None:
     """Plan a path on a map with the global costmap and planner of a parameter set.
 
     Exit codes: 0 a path was found, 1 no path was found between valid poses, 2 invalid input.
     """
+    from navstack.cli.out_path import chosen_files
     from navstack.cli.output import print_note
-    from navstack.core.files import ensure_directory
 
     query, planners = _load(chosen)
-    folder = ensure_directory(out) if out is not None else None
+    files = chosen_files(out, {"picture": "plan.png", "plan": "plan.json"}) if out is not None else {}
     if chosen.compare is not None:
-        _compare(query, planners, folder, json_)
+        _compare(query, planners, files, json_)
     else:
-        _plan(query, planners[0] if planners else None, folder, json_)
-    if folder is None and not json_:
+        _plan(query, planners[0] if planners else None, files, json_)
+    if out is None and not json_:
         print_note("--out DIR writes the path and a picture of it")
 
 
@@ -110,19 +108,20 @@ def _planner_names(compare: str | None, planner: str | None) -> list[str]:
     return names
 
 
-def _plan(query: _Query, choice: PluginChoice[GlobalPlanner] | None, folder: Path | None, json_: bool) -> None:
+def _plan(query: _Query, choice: PluginChoice[GlobalPlanner] | None, chosen: dict[str, Path], json_: bool) -> None:
     from navstack.bringup import plan_on_map
     from navstack.cli.output import loading_kernels, print_files, print_json, print_note
     from navstack.core.files import write_json
 
     with loading_kernels(quiet=json_):
         found = plan_on_map(
-            query.configuration, query.grid, query.start, query.goal, planner=choice, keep_potential=folder is not None
+            query.configuration, query.grid, query.start, query.goal, planner=choice, keep_potential=bool(chosen)
         )
     document = _document(found, _planning_ms(query, found, choice or query.configuration.global_planner))
-    if folder is not None:
-        document["files"] = _draw(query, [found], folder)
-        write_json(folder / "plan.json", document)
+    if chosen:
+        document["files"] = _write(query, [found], chosen)
+        if "plan" in chosen:
+            write_json(chosen["plan"], document)
     if json_:
         print_json(document)
         return
@@ -132,7 +131,7 @@ def _plan(query: _Query, choice: PluginChoice[GlobalPlanner] | None, folder: Pat
     print_files(document.get("files", {}))
 
 
-def _compare(query: _Query, choices: list[PluginChoice[GlobalPlanner]], folder: Path | None, json_: bool) -> None:
+def _compare(query: _Query, choices: list[PluginChoice[GlobalPlanner]], chosen: dict[str, Path], json_: bool) -> None:
     """Runs several planners on the same costmap. Raises the first error if every planner fails."""
     import json
 
@@ -140,11 +139,12 @@ def _compare(query: _Query, choices: list[PluginChoice[GlobalPlanner]], folder: 
     from navstack.core.errors import jsonable
     from navstack.core.files import write_json
 
-    found, documents = _plans(query, choices, keep_potential=folder is not None, quiet=json_)
+    found, documents = _plans(query, choices, keep_potential=bool(chosen), quiet=json_)
     files: dict[str, str] = {}
-    if folder is not None:
-        files = _draw(query, found, folder)
-        write_json(folder / "plan.json", documents)
+    if chosen:
+        files = _write(query, found, chosen)
+        if "plan" in chosen:
+            write_json(chosen["plan"], documents)
     if json_:
         typer.echo(json.dumps(jsonable(documents), allow_nan=False))
         return
@@ -194,11 +194,16 @@ def _planning_ms(query: _Query, found: PlannedPath, choice: PluginChoice[GlobalP
     return (time.perf_counter() - began) * 1e3
 
 
-def _draw(query: _Query, found: list[PlannedPath], folder: Path) -> dict[str, str]:
-    """Writes plan.png; returns the names of all files of this command."""
+def _write(query: _Query, found: list[PlannedPath], chosen: dict[str, Path]) -> dict[str, str]:
+    """Writes the picture if it is among the chosen files; returns the names of these."""
+    if "picture" in chosen:
+        _draw(query, found, chosen["picture"])
+    return {what: str(file) for what, file in chosen.items()}
+
+
+def _draw(query: _Query, found: list[PlannedPath], picture: Path) -> None:
     from navstack.plot import plot_plan
 
-    picture = folder / "plan.png"
     plot_plan(
         found[0].costmap.master,
         {one.planner: one.plan for one in found},
@@ -208,7 +213,6 @@ def _draw(query: _Query, found: list[PlannedPath], folder: Path) -> dict[str, st
         footprint=found[0].costmap.footprint,
         title=f"{query.map.stem}: {', '.join(one.planner for one in found)}",
     )
-    return {"picture": str(picture), "plan": str(folder / "plan.json")}
 
 
 def _print_table(documents: list[dict[str, Any]], title: str) -> None:

@@ -22,8 +22,9 @@ def plot(
         Path | None,
         typer.Option(
             "--out",
-            metavar="FILE",
-            help="Write a picture (.png, .svg or .pdf). [default: run.png beside the record, or MAP.png]",
+            metavar="FILE|DIR",
+            help="Write a picture (.png, .svg or .pdf); in a folder: run.png or MAP.png. "
+            "[default: run.png beside the record, or MAP.png]",
         ),
     ] = None,
     animate: Annotated[
@@ -39,6 +40,7 @@ def plot(
     json_: options.Json = False,
 ) -> None:
     """Draw a recorded run (map, costmaps, paths, footprints, goals), or a map with its places, grid and coordinates."""
+    from navstack.cli.out_path import file_in
     from navstack.cli.output import counting_bar, print_files, print_json
     from navstack.core.errors import InputError
     from navstack.map_io import map_names
@@ -54,7 +56,7 @@ def plot(
         return
     record = Record.load(run)
     folder = run if run.is_dir() else run.parent
-    picture = out or folder / "run.png"
+    picture = file_in("run.png")(out) or folder / "run.png"
     plot_run(record, picture)
     files = {"picture": str(picture)}
     if animate or animation is not None:
@@ -71,6 +73,7 @@ def plot(
 def _draw_map(source: str, out: Path | None) -> Path:
     """Draws a map, with the places of NAME.places.yaml beside it."""
     from navstack.cli.arguments import map_of
+    from navstack.cli.out_path import file_in
     from navstack.core.files import is_file
     from navstack.places import load_places
     from navstack.plot import plot_map
@@ -78,4 +81,5 @@ def _draw_map(source: str, out: Path | None) -> Path:
     file, grid = map_of(source)
     beside = file.with_name(f"{file.stem}.places.yaml")
     places = load_places(beside).places if is_file(beside) else {}
-    return plot_map(grid, out or Path(f"{file.stem}.png"), places=places, title=file.name)
+    picture = file_in(f"{file.stem}.png")(out) or Path(f"{file.stem}.png")
+    return plot_map(grid, picture, places=places, title=file.name)

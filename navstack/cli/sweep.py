@@ -28,9 +28,12 @@ def sweep(
         typer.Option("--scheduler", metavar="ADDRESS", help="Run on this Dask cluster, such as tcp://host:8786."),
     ] = None,
     resume: Resume = False,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for runs.jsonl and summary.json.")] = Path(
-        "navstack_sweep"
-    ),
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out", metavar="DIR", help="Folder for runs.jsonl and summary.json.", callback=options.folder_only
+        ),
+    ] = Path("navstack_sweep"),
     json_: options.Json = False,
 ) -> int:
     """Drive a grid or a sample of parameter values over scenarios: a line of JSON per run.

@@ -59,7 +59,13 @@ Revert = Annotated[
     typer.Option("--revert/--keep-all", help="Revert changes that make no difference, or keep all changes."),
 ]
 Out = Annotated[
-    Path, typer.Option("--out", metavar="DIR", help="Folder for the tuned YAML files, the report and the study.")
+    Path,
+    typer.Option(
+        "--out",
+        metavar="DIR",
+        help="Folder for the tuned YAML files, the report and the study.",
+        callback=options.folder_only,
+    ),
 ]
 
 

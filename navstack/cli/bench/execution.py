@@ -32,7 +32,10 @@ class BenchOutput(NamedTuple):
     """Where the results of a benchmark go."""
 
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Folder for results, tables and pictures.")
+        Path | None,
+        typer.Option(
+            "--out", metavar="DIR", help="Folder for results, tables and pictures.", callback=options.folder_only
+        ),
     ] = None
     resume: Annotated[bool, typer.Option("--resume", help="Continue the benchmark whose results are in --out.")] = False
     json_: options.Json = False

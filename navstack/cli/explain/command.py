@@ -19,7 +19,7 @@ def command(
     all_: Annotated[
         bool, typer.Option("--all", help="Print all samples, also rejected ones, instead of the best 12.")
     ] = False,
-    out: options.PictureFile = None,
+    out: Annotated[Path | None, options.picture_file("command.png")] = None,
     json_: options.Json = False,
 ) -> None:
     """Explain a velocity command: the samples, which critic rejected them and where, and the costs of the others.

@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from navstack.cli import options
 
 if TYPE_CHECKING:
@@ -16,7 +14,7 @@ if TYPE_CHECKING:
 
 def costmap(
     run: options.RunFolder,
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Write a picture (.png, .svg or .pdf).")],
+    out: Annotated[Path, options.picture_file("costmap.png")],
     time: options.Time = None,
     costmap: options.CostmapName = "global",
     json_: options.Json = False,

@@ -20,7 +20,7 @@ def goal(
     number: Annotated[
         int | None, typer.Option("--goal", metavar="N", help="Number of the goal, from 1. [default: all goals]", min=1)
     ] = None,
-    out: options.PictureFile = None,
+    out: Annotated[Path | None, options.picture_file("goal.png")] = None,
     json_: options.Json = False,
 ) -> None:
     """Explain the outcome of a goal: states, plans, failures with their reasons, recoveries, times without progress."""

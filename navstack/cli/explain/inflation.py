@@ -23,15 +23,14 @@ def inflation(
             "--map", metavar="MAP.yaml", help="Map whose resolution the global costmap takes. [default: no map]"
         ),
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Output folder for inflation.png and inflation.json.")
-    ] = None,
+    out: Annotated[Path | None, options.both_files("inflation.png", "inflation.json")] = None,
     json_: options.Json = False,
 ) -> None:
     """Print cost against distance to the nearest obstacle for both costmaps of a parameter set."""
     from navstack.cli.arguments import map_of
+    from navstack.cli.out_path import chosen_files
     from navstack.cli.output import print_json
-    from navstack.core.files import ensure_directory, write_json
+    from navstack.core.files import write_json
     from navstack.explain import inflation_curves
     from navstack.parameters.configuration import load_configuration
 
@@ -40,11 +39,12 @@ def inflation(
     curves = inflation_curves(configuration, map_resolution=resolution)
     document: dict[str, Any] = {"curves": [curve.as_dict() for curve in curves]}
     if out is not None:
-        folder = ensure_directory(out)
-        picture, text = folder / "inflation.png", folder / "inflation.json"
-        _draw(curves, picture, [Path(p).name for p in params])
-        document["files"] = {"picture": str(picture), "curves": str(text)}
-        write_json(text, document)
+        chosen = chosen_files(out, {"picture": "inflation.png", "curves": "inflation.json"})
+        document["files"] = {what: str(file) for what, file in chosen.items()}
+        if "picture" in chosen:
+            _draw(curves, chosen["picture"], [Path(p).name for p in params])
+        if "curves" in chosen:
+            write_json(chosen["curves"], document)
     if json_:
         print_json(document)
     else:

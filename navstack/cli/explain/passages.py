@@ -55,9 +55,7 @@ class PassageOptions(NamedTuple):
 @options.with_options(chosen=PassageOptions)
 def passages(
     chosen: PassageOptions,
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Output folder for passages.png and passages.json.")
-    ] = None,
+    out: Annotated[Path | None, options.both_files("passages.png", "passages.json")] = None,
     json_: options.Json = False,
 ) -> None:
     """List the doors, corridors and gaps between obstacles of a map: passable, passable at high cost, or not passable."""
@@ -98,13 +96,16 @@ def _document(report: PassageReport, name: str) -> dict[str, Any]:
 
 
 def _write(report: PassageReport, document: dict[str, Any], name: str, out: Path) -> dict[str, str]:
-    """Writes picture and document; returns the names of the files."""
-    from navstack.core.files import ensure_directory, write_json
+    """Writes picture and document, or the one that is asked for; returns the names of the files."""
+    from navstack.cli.out_path import chosen_files
+    from navstack.core.files import write_json
 
-    folder = ensure_directory(out)
-    files = {"picture": str(folder / "passages.png"), "passages": str(folder / "passages.json")}
-    _draw(report, folder / "passages.png", name)
-    write_json(folder / "passages.json", {**document, "files": files})
+    chosen = chosen_files(out, {"picture": "passages.png", "passages": "passages.json"})
+    files = {what: str(file) for what, file in chosen.items()}
+    if "picture" in chosen:
+        _draw(report, chosen["picture"], name)
+    if "passages" in chosen:
+        write_json(chosen["passages"], {**document, "files": files})
     return files
 
 
