@@ -124,7 +124,20 @@ class Trajectory:
 
     def poses(self, times: FloatArray) -> FloatArray:
         """Return (m, 3) poses x, y (m), yaw (rad) at times (m,) s."""
-        return np.array([self.at(t).pose for t in times.tolist()]).reshape(-1, 3)
+        inside = np.clip(times, 0.0, self.duration)
+        k = np.clip(np.searchsorted(self.t, inside, side="right") - 1, 0, len(self.t) - 2)
+        h = (self.t[k + 1] - self.t[k])[:, None]
+        u = (inside - self.t[k])[:, None] / h
+        p0, p1 = self.position[k, :2], self.position[k + 1, :2]
+        m0, m1 = h * self.velocity[k, :2], h * self.velocity[k + 1, :2]
+        c2, c3 = 3.0 * (p1 - p0) - 2.0 * m0 - m1, 2.0 * (p0 - p1) + m0 + m1
+        v = (m0 + u * (2.0 * c2 + 3.0 * u * c3)) / h
+        out = np.empty((len(times), 3))
+        out[:, :2] = p0 + u * (m0 + u * (c2 + u * c3))
+        standing = self.yaw[k] + u[:, 0] * (self.yaw[k + 1] - self.yaw[k])
+        yaw = np.where(np.hypot(v[:, 0], v[:, 1]) > STANDING_M_S, np.arctan2(v[:, 1], v[:, 0]), standing)
+        out[:, 2] = -(np.remainder(np.pi - yaw, 2.0 * np.pi) - np.pi)
+        return out
 
     def transformed(self, transform: Transform2D, frame: str) -> Trajectory:
         """Return the trajectory in `frame`; `transform` is the pose of this trajectory's frame in it."""

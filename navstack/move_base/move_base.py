@@ -28,6 +28,7 @@ from navstack.move_base.errors import BusyError
 from navstack.move_base.events import EventPublisher
 from navstack.move_base.feedback import Feedback, feedback_of
 from navstack.move_base.goal import GoalHandle, Quaternion, make_goal
+from navstack.move_base.motion_runner import ACTIVITY
 from navstack.move_base.navigation import Navigation
 from navstack.move_base.parts import connect_parts
 from navstack.move_base.planning import InlinePlanning, Planning
@@ -77,6 +78,8 @@ class MoveBase:
         self._plan_requests = parts.plan_requests
         self._recovery = parts.recovery
         self._control = parts.control
+        self.motions = parts.motions
+        """Motions and commands from outside, while no goal is active."""
         self._parts = parts
         self._now = 0.0
         self._has_ticked = False
@@ -96,7 +99,7 @@ class MoveBase:
         if not self._has_ticked:
             return now
         if self._navigation.is_idle:
-            idle = min(self._costmaps.due, self._command.due)
+            idle = min(self._costmaps.due, self._command.due, self.motions.due)
             return now if self.server.is_new_goal_available else max(now, idle)
         control = self._control.schedule if self._recovery.runner.running is None else self._recovery.runner
         return max(now, min(self._costmaps.due, control.due, self._plan_requests.due, self._command.due))
@@ -117,12 +120,15 @@ class MoveBase:
             self._plan_requests.receive(now)
             self._recover_or_control(now)
             self._plan_requests.request_if_due(now)
+        else:
+            self.motions.run(now)
         self._command.flush(now)
         self._command.abort_after_error(now)
 
     def shutdown(self) -> None:
         """End every goal ("node has been killed") and stop the robot. Later goals end at once."""
         self._is_shut_down = True
+        self.motions.cancel()
         self._navigation.apply(NavEvent.SHUTDOWN, self._now)
         self._accept_waiting_goal(self._now)
         self._command.halt(self._now)
@@ -142,6 +148,7 @@ class MoveBase:
         navigation = self._navigation
         if navigation.goal is not None or not self.server.is_new_goal_available:
             return
+        self.motions.cancel()
         goal = self._parts.goals.accept(now)
         if self._is_shut_down:
             navigation.apply(NavEvent.GOAL_ACCEPTED, now)
@@ -283,6 +290,11 @@ class MoveBase:
     def state(self) -> Mode:
         """IDLE, PLANNING, CONTROLLING or CLEARING."""
         return self._navigation.state.mode
+
+    @property
+    def activity(self) -> str:
+        """The name of `state`, or MOTION while a motion runs: what the robot is doing, for records."""
+        return ACTIVITY if self.motions.running is not None else self._navigation.state.mode.name
 
     @property
     def trigger(self) -> Trigger:

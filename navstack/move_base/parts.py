@@ -9,6 +9,7 @@ from navstack.move_base.command_output import CommandOutput
 from navstack.move_base.control_cycle import ControlCycle
 from navstack.move_base.costmap_updater import CostmapUpdater
 from navstack.move_base.goal_lifecycle import GoalLifecycle
+from navstack.move_base.motion_runner import MotionRunner
 from navstack.move_base.navigation import Navigation
 from navstack.move_base.plan_requests import PlanRequests
 from navstack.move_base.planning import Planning
@@ -31,6 +32,7 @@ class Parts:
     plan_requests: PlanRequests
     recovery: RecoverySequence
     control: ControlCycle
+    motions: MotionRunner
 
 
 def connect_parts(
@@ -53,7 +55,8 @@ def connect_parts(
     schedule = Schedule(navigation.params.controller_frequency)
     recovery = RecoverySequence(navigation, schedule, command, costmaps, goals, sensors, recovery_time_limit_s)
     control = ControlCycle(navigation, schedule, command, costmaps, goals, sensors, plan_requests, recovery)
-    parts = Parts(navigation, server, planning, costmaps, command, goals, plan_requests, recovery, control)
+    motions = MotionRunner(navigation, server, command, costmaps, lambda: recovery.context)
+    parts = Parts(navigation, server, planning, costmaps, command, goals, plan_requests, recovery, control, motions)
     _connect_actions(parts)
     return parts
 

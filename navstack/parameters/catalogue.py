@@ -9,6 +9,7 @@ from navstack.parameters.binding import Binder
 from navstack.parameters.configuration_types import NavstackParams
 from navstack.parameters.model_fields import iter_names
 from navstack.parameters.models.costmap import CostmapParams
+from navstack.parameters.models.motion import MotionParams
 from navstack.parameters.models.move_base import MoveBaseParams
 from navstack.parameters.models.sim import SimParams
 from navstack.parameters.namespaces import layer_names, planner_namespaces
@@ -61,6 +62,7 @@ def catalogue_of(binder: Binder) -> Catalogue:
         catalogue.add(entry.name, entry.cls.Params)
     catalogue.add("navstack", NavstackParams)
     catalogue.add("navstack/sim", SimParams)
+    catalogue.add("navstack/motion", MotionParams)
     for name, model in SAFETY_MODELS.items():
         if any(space.path == name for space, _ in binder.bound):
             catalogue.add(name, model)

@@ -11,6 +11,7 @@ from navstack.core.parameters import ParamModel, param
 from navstack.interfaces import GlobalPlanner, Layer, LocalPlanner, RecoveryBehavior
 from navstack.parameters.findings import Finding, Location
 from navstack.parameters.models.costmap import CostmapParams
+from navstack.parameters.models.motion import MotionParams
 from navstack.parameters.models.move_base import MoveBaseParams
 from navstack.parameters.models.sim import SimParams
 from navstack.parameters.safety_sections import SafetyConfiguration
@@ -32,6 +33,7 @@ class NavstackParams(ParamModel):
         ge=0.0,
     )
     sim: SimParams = param(SimParams(), "the simulated robot")
+    motion: MotionParams = param(MotionParams(), "motions and teleop")
 
 
 @dataclass(frozen=True, slots=True)

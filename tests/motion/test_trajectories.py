@@ -152,6 +152,18 @@ def test_between_samples_the_trajectory_is_the_curve(time: float) -> None:
     assert at.speed == pytest.approx(math.hypot(vx, vy), abs=1e-5)
 
 
+@pytest.mark.parametrize("name", CURVES)
+def test_many_poses_are_those_of_single_times(name: str) -> None:
+    it: Trajectory = CURVES[name](0.1)
+    times = np.linspace(-1.0, it.duration + 1.0, 333)
+    single = np.array([it.at(t).pose for t in times.tolist()])
+    many = it.poses(times)
+    assert many[:, :2] == pytest.approx(single[:, :2], abs=1e-12)
+    assert np.cos(many[:, 2] - single[:, 2]) == pytest.approx(1.0, abs=1e-12)
+    assert (many[:, 2] > -np.pi).all()
+    assert (many[:, 2] <= np.pi).all()
+
+
 def test_placing_a_trajectory_keeps_its_speeds() -> None:
     it = heart(1.0, 40.0).moved_to(Pose2D(3.0, -1.0, 2.5), "odom")
     assert it.start == pytest.approx((3.0, -1.0, 2.5), abs=1e-12)

@@ -1,0 +1,215 @@
+"""follow: a timed trajectory or a path, with a tracking controller."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import Path, Pose2D, RobotState, Transform2D, angle_between
+from navstack.interfaces import RecoveryContext, RecoveryStep
+from navstack.motion.base import BasicMotion
+from navstack.motion.errors import InvalidMotionError, TrackingLostError
+from navstack.motion.feasibility import require_feasible
+from navstack.motion.obstacles import turning
+from navstack.motion.ramp import braking_speed
+from navstack.motion.timing import MotionLimits, from_path
+from navstack.motion.tracking import TrackingError, track, tracking_error
+from navstack.motion.trajectory import Trajectory
+from navstack.parameters.models.motion import MotionParams
+
+SETTLE_S = 2.0
+"""Time after the end of a trajectory in which the robot comes to rest (s)."""
+DEFAULT_ACCELERATION = 1.0
+"""For a robot without a limit of acceleration (m/s², rad/s²)."""
+
+
+class FollowTrajectory(BasicMotion):
+    """Follows a timed trajectory. The robot first turns to its initial heading; then the clock of the trajectory starts.
+
+    The trajectory is in the frame `measured_in`, or with `here` moved so that it begins at the robot. The reference of a cycle is
+    that of its middle: a command is held for the cycle.
+    """
+
+    def __init__(
+        self,
+        trajectory: Trajectory,
+        params: MotionParams | None = None,
+        name: str = "follow",
+        *,
+        here: bool = False,
+        measured_in: str = "map",
+        check_feasibility: bool = True,
+    ) -> None:
+        super().__init__(name, params or MotionParams())
+        self.trajectory = trajectory
+        """As given; after the first step in the motion's frame."""
+        self.measured_in, self.here, self.check_feasibility = measured_in, here, check_feasibility
+        self.errors: list[tuple[float, TrackingError]] = []
+        """Time on the trajectory's clock (s) and error of each cycle, as the robot knows it."""
+        self._given = trajectory
+        self._clock: float | None = None
+        self._now = 0.0
+
+    def describe(self) -> dict[str, Any]:
+        """Return the trajectory in the frame in which it is followed."""
+        return {"follow": self.trajectory.name or "trajectory", "trajectory": self.trajectory.as_dict()}
+
+    @property
+    def clock(self) -> float | None:
+        """Time at which the trajectory's clock started (s); None before."""
+        return self._clock
+
+    @property
+    def limits(self) -> MotionLimits:
+        """Speeds and accelerations."""
+        limits = super().limits
+        fastest = min(limits.max_speed, self.params.follow_speed or math.inf)
+        return replace(limits, max_speed=fastest)
+
+    def start(self, context: RecoveryContext, now: float) -> None:
+        """Start from the pose of the first step. Raises InfeasibleTrajectoryError for a trajectory the robot cannot follow."""
+        super().start(context, now)
+        self.trajectory, self._clock, self.errors = self._given, None, []
+        if self.check_feasibility:
+            require_feasible(self._given, self.limits)
+
+    def begin(self, pose: Pose2D, state: RobotState) -> float:
+        """Place the trajectory. Raises InvalidMotionError if it begins too far away."""
+        del state
+        if self.here:
+            self.trajectory = self._given.moved_to(pose, self.frame)
+        else:
+            self.trajectory = replace(self._given, frame=self.frame)
+        away = pose.distance_to(self.trajectory.start)
+        if away > self.params.max_tracking_error:
+            x, y, yaw = self.trajectory.start
+            raise InvalidMotionError(
+                f"{self.name}: the trajectory begins at ({x:.2f}, {y:.2f}, {yaw:.2f}) in {self.frame}, {away:.2f} m from the "
+                f"robot; drive there first, or begin it at the robot",
+                distance_m=away,
+            )
+        self.target = self.trajectory.end
+        count = max(2, math.ceil(self.trajectory.length / 0.05))
+        times = np.linspace(0.0, self.trajectory.duration, count)
+        self.reference = Path(self.trajectory.poses(times), self.frame)
+        limits = self.limits
+        turn = abs(angle_between(pose.yaw, self.trajectory.start.yaw)) / min(
+            self.params.speed_radian, limits.max_turn_rate
+        )
+        return turn + self.trajectory.duration + SETTLE_S
+
+    def command(self, pose: Pose2D, state: RobotState, now: float, dt: float) -> RecoveryStep:
+        """Return the next step."""
+        self._now = now
+        if self._clock is None:
+            step = self._align(pose, state, dt)
+            if step is not None:
+                return step
+            self._clock = now
+        t = now - self._clock
+        end = self.trajectory.duration
+        error = tracking_error(pose, self.trajectory.at(t).pose)
+        self.errors.append((t, error))
+        data = {"time_s": t, "left_s": max(end - t, 0.0), "error_m": error.distance, "error_rad": error.yaw}
+        if error.distance > self.params.max_tracking_error:
+            raise TrackingLostError(
+                f"{self.name} is {error.distance:.2f} m from the trajectory after {t:.1f} of {end:.1f} s, more than "
+                f"max_tracking_error, {self.params.max_tracking_error:g} m",
+                **data,
+            )
+        if t >= end and (self.is_standing(state) or t >= end + SETTLE_S):
+            return self.done(data | self.error_summary())
+        reference = self.trajectory.at(t + 0.5 * dt) if t + 0.5 * dt < end else self.trajectory.at(end + dt)
+        speed, rate = track(error, reference.speed, reference.turn_rate, self.params)
+        twist = self._ramp.towards(*self._saturated(speed, rate), dt)
+        note = (
+            f"{t:.2f} of {end:.2f} s: reference {reference.speed:.3f} m/s, {reference.turn_rate:.3f} rad/s; error "
+            f"{error.x:+.3f} m along, {error.y:+.3f} m across, {math.degrees(error.yaw):+.1f} degrees"
+        )
+        return self.running(twist, data, note)
+
+    def ahead(self, pose: Pose2D, now: float, *, whole: bool) -> NDArray[np.float64]:
+        """Return the trajectory from the present time on, seen from the robot."""
+        trajectory, costmap = self.trajectory, self.context.local_costmap
+        if self._clock is None and not whole:
+            left = angle_between(pose.yaw, trajectory.start.yaw)
+            reach = min(abs(left), self.params.speed_radian * self.params.simulate_ahead_time)
+            return turning(math.copysign(reach, left))
+        first = 0.0 if self._clock is None else now - self._clock
+        last = trajectory.duration if whole else min(first + self.params.simulate_ahead_time, trajectory.duration)
+        step = 0.5 * costmap.master.geometry.resolution
+        fastest = max(float(np.hypot(*trajectory.velocity[:, :2].T).max()), 1e-3)
+        count = max(2, math.ceil((last - first) * fastest / step) + 1)
+        poses = trajectory.poses(np.linspace(first, max(last, first), count))
+        seen = Transform2D(*pose).inverse().apply_poses(poses)
+        return np.concatenate((np.zeros((1, 3)), seen))
+
+    def error_summary(self) -> dict[str, float]:
+        """Return mean and largest distance from the trajectory (m), as the robot knows it."""
+        distances = [error.distance for _, error in self.errors] or [0.0]
+        return {"error_mean_m": float(np.mean(distances)), "error_max_m": max(distances)}
+
+    def summary(self) -> str:
+        """Return the time followed and the errors."""
+        t = 0.0 if self._clock is None else min(self._now - self._clock, self.trajectory.duration)
+        found = self.error_summary()
+        return (
+            f"{self.name} followed {self._given.name or 'the trajectory'} for {t:.1f} of {self._given.duration:.1f} s, mean "
+            f"error {found['error_mean_m']:.3f} m, largest {found['error_max_m']:.3f} m"
+        )
+
+    def _align(self, pose: Pose2D, state: RobotState, dt: float) -> RecoveryStep | None:
+        """Return a step of the turn to the initial heading; None at its end."""
+        limits, p = self.limits, self.params
+        left = angle_between(pose.yaw, self.trajectory.start.yaw)
+        if abs(left) <= p.tolerance_radian and self.is_standing(state):
+            return None
+        fastest = min(p.speed_radian, limits.max_turn_rate, 0.5 * math.pi * p.frequency)
+        rate = min(fastest, braking_speed(abs(left), limits.max_turn_acceleration, dt))
+        if abs(left) <= p.tolerance_radian:
+            rate = 0.0
+        twist = self._ramp.towards(0.0, math.copysign(rate, left), dt)
+        note = f"turning to the initial heading, {math.degrees(left):.1f} degrees left"
+        return self.running(twist, {"left_s": self.trajectory.duration}, note)
+
+    def _saturated(self, speed: float, rate: float) -> tuple[float, float]:
+        """Return speed and turn rate within the limits; one factor keeps the curvature."""
+        limits = self.limits
+        over = max(abs(speed) / limits.max_speed, abs(rate) / limits.max_turn_rate, 1.0)
+        return speed / over, rate / over
+
+
+class FollowPath(FollowTrajectory):
+    """Follows a path without times: it is smoothed and timed within the robot's limits, then followed."""
+
+    def __init__(
+        self,
+        path: Path,
+        params: MotionParams | None = None,
+        name: str = "follow_path",
+        *,
+        here: bool = False,
+        measured_in: str = "map",
+        smoothing_m: float = 0.05,
+    ) -> None:
+        """`path` in the frame `measured_in`; `smoothing_m` as in `from_path`. Raises InvalidTrajectoryError."""
+        self._path, self._smoothing = path, smoothing_m
+        slow = MotionLimits(0.1, 1.0, DEFAULT_ACCELERATION, DEFAULT_ACCELERATION)
+        trajectory = from_path(path, slow, smoothing_m=smoothing_m)  # checks the path; timed again at the start
+        super().__init__(trajectory, params, name, here=here, measured_in=measured_in, check_feasibility=False)
+
+    def start(self, context: RecoveryContext, now: float) -> None:
+        """Time the path within the limits of the robot. Raises InfeasibleTrajectoryError."""
+        self._context = context
+        limits = self.limits
+        finite = replace(
+            limits,
+            max_acceleration=min(limits.max_acceleration, DEFAULT_ACCELERATION),
+            max_turn_acceleration=min(limits.max_turn_acceleration, 2.0 * DEFAULT_ACCELERATION),
+        )
+        self._given = from_path(self._path, finite, smoothing_m=self._smoothing, name=self.name)
+        super().start(context, now)
