@@ -11,6 +11,7 @@ from navstack.move_base import plugin_calls
 from navstack.move_base.navigation import Navigation
 from navstack.move_base.states import NavEvent
 from navstack.safety import CommandChain
+from navstack.safety.chain import NAVIGATION
 
 ZERO: Final = Twist2D()
 
@@ -66,13 +67,21 @@ class CommandOutput:
             except NavError as exc:
                 self._report(exc, now)
 
-    def send(self, twist: Twist2D, now: float) -> None:
-        """Send a command at `now` (s)."""
+    @property
+    def has_sources(self) -> bool:
+        """True if a multiplexer chooses between the sources of commands."""
+        return self._chain is not None
+
+    def send(self, twist: Twist2D, now: float, source: str = NAVIGATION) -> None:
+        """Send a command at `now` (s); `source` names its input of the multiplexer (`navigation`, `motion`, `teleop`)."""
         navigation = self._navigation
         self.last = navigation.last_tick.command = twist
         self.time = now
         try:
-            plugin_calls.send_command(navigation.robot, twist)
+            if self._chain is not None and source != NAVIGATION:
+                plugin_calls.call(self._chain, self._chain.send, source, twist, now)
+            else:
+                plugin_calls.send_command(navigation.robot, twist)
         except NavError as exc:
             self._report(exc, now)
 

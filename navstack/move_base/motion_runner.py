@@ -5,22 +5,24 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 from navstack.core import Path, Pose2D, Transform2D, Twist2D
 from navstack.core.errors import InputError, NavError
 from navstack.interfaces import Motion, Plan, RecoveryContext, RecoveryStatus
 from navstack.move_base import plugin_calls
 from navstack.move_base.action_server import SimpleActionServer
-from navstack.move_base.command_output import CommandOutput
+from navstack.move_base.command_output import ZERO, CommandOutput
 from navstack.move_base.costmap_updater import CostmapUpdater
 from navstack.move_base.errors import BusyError, GoalCanceledError, StaleSensorsError
 from navstack.move_base.goal_status import GoalStatus
 from navstack.move_base.navigation import Navigation
 from navstack.move_base.schedule import EPSILON_S, Schedule
 
-ACTIVITY = "MOTION"
+ACTIVITY: Final = "MOTION"
 """State of the robot while a motion runs, in records."""
+SOURCE: Final = "motion"
+"""Input of the command multiplexer."""
 
 
 @dataclass(slots=True, eq=False)
@@ -116,14 +118,16 @@ class MotionRunner:
     def drive(self, twist: Twist2D) -> None:
         """Drive at a velocity that comes from outside (teleop) until the next command; a running motion is cancelled.
 
-        Raises BusyError while a goal is active, InputError for a velocity that is not finite, and the robot's error.
+        With a command multiplexer, teleop overrides an active goal for its time-out. Without one this raises BusyError while a
+        goal is active. Raises InputError for a velocity that is not finite, and the robot's error.
         """
         if not twist.is_finite():
             raise InputError(f"the command {tuple(twist)} is not finite", command=twist)
-        self._require_idle("a command from outside")
+        if not self._command.has_sources:
+            self._require_idle("a command from outside")
         self.cancel()
         self._command.error = None
-        self._command.send(twist, self._navigation.last_tick.time)
+        self._command.send(twist, self._navigation.last_tick.time, "teleop")
         if self._command.error is not None:
             raise self._command.error
 
@@ -146,7 +150,7 @@ class MotionRunner:
         handle.data = {key: value for key, value in step.data.items() if key != "notes"}
         if step.status is RecoveryStatus.RUNNING:
             self._navigation.last_tick.local_plan = motion.local_plan
-            self._command.send(step.twist, now)
+            self._command.send(step.twist, now, SOURCE)
             if self._command.error is not None:
                 self._end(handle, now, self._command.error)
             return
@@ -178,8 +182,12 @@ class MotionRunner:
                 costmap=costmap.name,
                 since=self._stale_since,
             )
-        self._command.stop_if_moving(now)
+        self._stop(now)
         return True
+
+    def _stop(self, now: float) -> None:
+        if self._command.last != ZERO:
+            self._command.send(ZERO, now, SOURCE)
 
     def _end(self, handle: MotionHandle, now: float, error: NavError | None) -> None:
         canceled = isinstance(error, GoalCanceledError)
@@ -190,7 +198,7 @@ class MotionRunner:
         handle.text = error.message if error is not None else handle.text
         handle.ended_at = now
         self.running = None
-        self._command.stop_if_moving(now)
+        self._stop(now)
         if self._navigation.is_idle:
             self._costmaps.enable(not self._navigation.params.shutdown_costmaps, now)
         self._publish_end(handle, now)
