@@ -7,7 +7,7 @@ from navstack.interfaces.cell_explanation import CellExplanation, CellProvenance
 from navstack.interfaces.costmap import CostmapServer, Inflation, Layer, LayerContext
 from navstack.interfaces.critic import Critic, DistanceGrid, RejectionDetail, ScoringContext
 from navstack.interfaces.global_planner import GlobalPlanner, Plan
-from navstack.interfaces.local_planner import ControlDiagnostics, ControlInput, GoalChecker, LocalPlan, LocalPlanner
+from navstack.interfaces.local_planner import ControlDiagnostics, ControlInput, LocalPlan, LocalPlanner
 from navstack.interfaces.motion import Motion
 from navstack.interfaces.path_following import (
     Approach,
