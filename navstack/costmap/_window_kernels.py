@@ -17,23 +17,35 @@ def fill_window(cells, x0, y0, x1, y1, value):
 
 
 @kernel
+def raise_row(master, layer):
+    """Write the larger cost into a row of the master; a function of its own because its loop vectorizes there."""
+    for x in range(master.size):
+        ours, theirs = layer[x], master[x]
+        # adding 1 in a byte maps unknown (255) to 0 and keeps the order of the other costs
+        larger = np.uint8(ours + np.uint8(1)) > np.uint8(theirs + np.uint8(1))
+        master[x] = ours if larger else theirs
+
+
+@kernel
+def overwrite_row(master, layer):
+    """Write the known cells of a row of the layer into the master."""
+    for x in range(master.size):
+        ours, theirs = layer[x], master[x]
+        master[x] = theirs if ours == np.uint8(255) else ours
+
+
+@kernel
 def combine_max(master, layer, x0, y0, x1, y1):
     """Write the larger cost into the window of the master; skip unknown cells of the layer, overwrite those of the master."""
     for y in range(y0, y1):
-        for x in range(x0, x1):
-            ours, theirs = layer[y, x], master[y, x]
-            # adding 1 in a byte maps unknown (255) to 0 and keeps the order of the other costs
-            if np.uint8(ours + np.uint8(1)) > np.uint8(theirs + np.uint8(1)):
-                master[y, x] = ours
+        raise_row(master[y, x0:x1], layer[y, x0:x1])
 
 
 @kernel
 def combine_overwrite(master, layer, x0, y0, x1, y1):
     """Write the known cells of the layer into the window of the master."""
     for y in range(y0, y1):
-        for x in range(x0, x1):
-            ours = layer[y, x]
-            master[y, x] = master[y, x] if ours == 255 else ours
+        overwrite_row(master[y, x0:x1], layer[y, x0:x1])
 
 
 @kernel
