@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from navstack.parameters.configuration import Configuration
-    from navstack.scenario import GoalOutcome
+    from navstack.scenario import GoalOutcome, RunResult
 
 
 class Verbosity(IntEnum):
@@ -112,6 +112,14 @@ def reason_of(goal: GoalOutcome, limit_s: float) -> str:
     expired = goal.state == "PREEMPTED" and goal.time_s >= limit_s
     limit = f"; time limit of {limit_s:g} s exceeded" if expired else ""
     return f"{goal.error_name} ({goal.error_code}): {goal.message}{limit}"
+
+
+def print_advice(result: RunResult) -> None:
+    """Prints the findings that may explain why goals failed, and what to try."""
+    from rich.markup import escape
+
+    for text in result.advice:
+        stdout().print(f"[yellow]possible cause:[/] {escape(text)}")
 
 
 def print_json(document: Mapping[str, Any]) -> None:

@@ -142,7 +142,7 @@ def _print_reasons(out: Console, result: RunResult, limit_s: float) -> None:
     """Why goals failed, and which conditions the run met."""
     from rich.markup import escape
 
-    from navstack.cli.output import reason_of
+    from navstack.cli.output import print_advice, reason_of
 
     for goal in result.goals:
         if not goal.succeeded:
@@ -151,6 +151,7 @@ def _print_reasons(out: Console, result: RunResult, limit_s: float) -> None:
     for warning in result.warnings:
         often = f" ({warning.count} times)" if warning.count > 1 else ""
         out.print(f"[yellow]warning[/] at {warning.time:.1f} s{often}: {escape(warning.text)}")
+    print_advice(result)
     for condition in result.conditions:
         mark = "[green]met[/]" if condition.holds else "[bold red]not met[/]"
         out.print(f"condition {condition.condition} {mark}: {escape(condition.text)}")

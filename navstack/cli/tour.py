@@ -84,7 +84,7 @@ def _drive(scenario: Scenario, names: tuple[str, ...], interrupt: Interrupt, *, 
 def _print(result: TourResult, files: dict[str, str], limit_s: float) -> None:
     from rich.markup import escape
 
-    from navstack.cli.output import print_files, reason_of, stdout, titled_table
+    from navstack.cli.output import print_advice, print_files, reason_of, stdout, titled_table
 
     out = stdout()
     table = titled_table("tour", left=("place", "state"), right=("time", "driven", "recoveries"))
@@ -101,6 +101,7 @@ def _print(result: TourResult, files: dict[str, str], limit_s: float) -> None:
     for name, goal in zip(result.names, result.run.goals):
         if not goal.succeeded:
             out.print(escape(f"{name}: {reason_of(goal, limit_s)}"))
+    print_advice(result.run)
     out.print(_totals(result))
     print_files(files)
 

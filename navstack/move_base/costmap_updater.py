@@ -9,7 +9,7 @@ from navstack.core import RobotState, Transform2D, Window
 from navstack.core.errors import NavError
 from navstack.interfaces import ControlInput, CostmapServer, Plan
 from navstack.move_base.navigation import Navigation
-from navstack.move_base.odometry_check import OdometryCheck
+from navstack.move_base.odometry_check import OdometryCheck, check_age
 from navstack.move_base.plugin_calls import call, lookup_transform, robot_pose, robot_state, transform_tolerance
 from navstack.move_base.schedule import EPSILON_S, Schedule
 from navstack.move_base.tick_result import TickResult
@@ -118,7 +118,8 @@ class CostmapUpdater:
     def local_state(self, now: float) -> RobotState:
         """Return the robot's pose in the local costmap's frame at `now` (s), and its velocity.
 
-        Raises NavError if the pose is not known at that time, OdometryError if the odometry is impossible.
+        Raises NavError if the pose is not known at that time, StaleOdometryError if the odometry is older than
+        transform_tolerance, OdometryError if it is impossible.
         """
         if self._state is not None and self._state_at == now:
             return self._state
@@ -126,6 +127,7 @@ class CostmapUpdater:
         costmap = self._local_costmap
         pose = robot_pose(costmap, now)
         state = robot_state(self._robot)
+        check_age(state, now, transform_tolerance(costmap))
         checked = RobotState(pose, state.velocity, state.stamp, costmap.frame)
         navigation = self._navigation
         # commands rest on the pose of the transform if that is the odometry's; a single jump must not end the goal

@@ -68,6 +68,13 @@ class OdometryError(NavError):
     name = "IMPOSSIBLE_ODOMETRY"
 
 
+class StaleOdometryError(NavError):
+    """The odometry is older than transform_tolerance: its velocity is not that of the robot now."""
+
+    code = 9023
+    name = "ODOMETRY_STALE"
+
+
 class RecoveryTimeoutError(NavError):
     """A recovery behavior did not end within its time limit."""
 

@@ -1,4 +1,4 @@
-"""Rejects impossible odometry: velocities far beyond the limits of the local planner, and poses that jump.
+"""Rejects odometry that is old or impossible: velocities far beyond the limits of the local planner, and poses that jump.
 
 ROS differs: C++ uses every odometry message as it is.
 """
@@ -11,7 +11,7 @@ from typing import Final
 from navstack.core import Pose2D, RobotState, angle_between
 from navstack.interfaces import LocalPlanner
 from navstack.move_base import plugin_calls
-from navstack.move_base.errors import OdometryError
+from navstack.move_base.errors import OdometryError, StaleOdometryError
 
 FACTOR: Final = 3.0
 """A robot may be this many times faster than the local planner's limits: pushed, downhill, or driven by another node."""
@@ -107,6 +107,23 @@ class OdometryCheck:
                 after=list(pose),
                 elapsed_s=elapsed,
             )
+
+
+def check_age(state: RobotState, now: float, tolerance_s: float) -> None:
+    """Check that the odometry is at most `tolerance_s` (s) old at `now` (s); one without a stamp (0) counts as new.
+
+    Raises StaleOdometryError.
+    """
+    age = now - state.stamp
+    if age <= tolerance_s or state.stamp == 0.0:
+        return
+    raise StaleOdometryError(
+        f'the odometry in "{state.frame}" is {age:.3g} s old (stamp {state.stamp:.3f} s), more than transform_tolerance = '
+        f"{tolerance_s:g} s; check that its source still publishes, and that its clock is this one",
+        age_s=age,
+        stamp=state.stamp,
+        transform_tolerance=tolerance_s,
+    )
 
 
 def _possible(limit: float, margin: float) -> float:

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 from navstack.core import Pose2D
+from navstack.parameters.findings import Finding
 from navstack.record import RunRecorder
 from navstack.record.metrics import RunMetrics
 from navstack.record.timings import Timings
 from navstack.scenario.success import ConditionResult
 from navstack.scenario.warnings import RunWarning
+
+EXPLAIN_FAILURES: Final = frozenset({"scoring-scale"})
+"""Rules of `navstack check` whose finding explains robots that stop or turn in place."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +58,13 @@ class GoalOutcome:
         }
 
 
+def advice_for(goals: Sequence[GoalOutcome], findings: Sequence[Finding]) -> tuple[str, ...]:
+    """Return the findings of the rules that explain failed goals, with file and line; none if no goal failed."""
+    if all(goal.succeeded for goal in goals):
+        return ()
+    return tuple(f"{f.location}: {f.message}" for f in findings if f.rule in EXPLAIN_FAILURES)
+
+
 @dataclass(frozen=True, slots=True)
 class RunResult:
     """How a run ended. Only `wall_s` and `timings` vary between repetitions; both exclude loading and warm-up."""
@@ -71,6 +83,8 @@ class RunResult:
     """Minimum distance between the unpadded footprint and an obstacle, measured at the control cycles."""
     warnings: tuple[RunWarning, ...] = ()
     """Warnings about sensors, transforms and odometry."""
+    advice: tuple[str, ...] = ()
+    """Findings about the parameters that may explain the goals that failed, with what to try; empty if none failed."""
 
     @property
     def succeeded(self) -> bool:
@@ -97,4 +111,5 @@ class RunResult:
             "collisions": self.collisions,
             "seed": self.seed,
             "warnings": [warning.as_dict() for warning in self.warnings],
+            "advice": list(self.advice),
         }

@@ -18,7 +18,7 @@ from navstack.scenario.goal_sequence import GoalSequence, SentGoal
 from navstack.scenario.interactions import effect_ends
 from navstack.scenario.interventions import Interventions
 from navstack.scenario.measurements import RunMeasurements
-from navstack.scenario.outcome import GoalOutcome, RunResult
+from navstack.scenario.outcome import GoalOutcome, RunResult, advice_for
 from navstack.scenario.recording import new_recorder, record_tick
 from navstack.scenario.scenario import Scenario
 from navstack.scenario.success import SuccessConditions
@@ -199,6 +199,7 @@ class Run:
             timings=self.timings,
             min_clearance_m=self._measurements.min_clearance(),
             warnings=self._warnings.warnings(),
+            advice=advice_for(self.outcomes, self.scenario.configuration.findings),
         )
 
     def metrics(self) -> RunMetrics:

@@ -49,6 +49,7 @@ def test_simulate_prints_only_json_to_stdout(in_folder: Path, capfd: pytest.Capt
         "collisions",
         "seed",
         "warnings",
+        "advice",
         "files",
     }
     assert document["seed"] == 7
@@ -160,3 +161,26 @@ def test_states_are_a_picture_or_a_table(in_folder: Path, capfd: pytest.CaptureF
     assert run(["info", "--states", "states.doc"]) == 2
     assert "one of .png, .svg, .pdf for a picture, or .md for a table" in capfd.readouterr().err
     assert not Path("states.doc").exists()
+
+
+@pytest.mark.parametrize("command", ["simulate", "tour"])
+def test_a_failed_goal_names_weights_of_another_scale(
+    command: str, in_folder: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """The weights of the packaged robot suit the scoring of indigo; a goal that succeeds gets no advice."""
+    where = ["--start", "3,3", "--goal", "5,3"] if command == "simulate" else ["--loops", "1"]
+    limit = ["--time-limit", "0.5"]
+    assert run([command, "office", *where, *limit, "--distro", "noetic", "--json"]) == 1
+    (advice,) = json.loads(capfd.readouterr().out)["advice"]
+    assert "dwa_local_planner_params.yaml" in advice
+    assert "set navstack/ros_distro to indigo (--distro indigo)" in advice
+    assert run([command, "office", *where, *limit, "--distro", "noetic"]) == 1
+    assert f"possible cause: {advice}" in capfd.readouterr().out
+    assert run([command, "office", *where, *limit, "--distro", "indigo", "--json"]) == 1
+    assert json.loads(capfd.readouterr().out)["advice"] == []
+
+
+def test_a_goal_that_is_reached_gets_no_advice(in_folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    where = ["--start", "3,3", "--goal", "3.4,3"]
+    assert run(["simulate", "office", *where, "--distro", "noetic", "--json"]) == 0
+    assert json.loads(capfd.readouterr().out)["advice"] == []

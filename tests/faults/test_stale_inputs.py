@@ -134,6 +134,48 @@ def test_poses_that_keep_jumping_end_the_goal(what: str, jump: Pose2D) -> None:
     assert handle.result.ended_at == pytest.approx(LOST_AT + PATIENCE, abs=0.65)
 
 
+@pytest.mark.parametrize("stamp", ["kept", "nan"])
+def test_odometry_that_stops_stops_the_robot_and_ends_the_goal(stamp: str) -> None:
+    """The transforms go on, so only the stamp of the velocity shows it."""
+    bench = Bench()
+    state = bench.robot.state
+    old: list[RobotState] = []
+
+    def stuck() -> RobotState:
+        if bench.robot.time <= LOST_AT:
+            return state()._replace(stamp=bench.robot.time)
+        old.append(state()._replace(stamp=math.nan if stamp == "nan" else LOST_AT))
+        return old[0]
+
+    bench.robot.state = stuck  # type: ignore[method-assign]
+    handle = run(bench)
+    assert (handle.status, handle.result.error_name) == (GoalStatus.ABORTED, "ODOMETRY_STALE")
+    assert "transform_tolerance = 0.3 s" in handle.result.message
+    tolerance = 0.3 if stamp == "kept" else 0.0
+    assert last_motion(bench) <= LOST_AT + tolerance + 0.2 + 1e-6
+    assert handle.result.ended_at == pytest.approx(LOST_AT + tolerance + PATIENCE, abs=0.45)
+
+
+def test_odometry_that_returns_is_used_again() -> None:
+    bench = Bench()
+    state = bench.robot.state
+
+    def late() -> RobotState:
+        now = bench.robot.time
+        return state()._replace(stamp=LOST_AT if LOST_AT < now < LOST_AT + 2.0 else now)
+
+    bench.robot.state = late  # type: ignore[method-assign]
+    assert run(bench).status is GoalStatus.SUCCEEDED
+    assert [t for t, twist in bench.robot.commands if twist == Twist2D() and LOST_AT < t < LOST_AT + 2.0]
+
+
+def test_odometry_without_a_stamp_counts_as_new() -> None:
+    bench = Bench()
+    state = bench.robot.state
+    bench.robot.state = lambda: state()._replace(stamp=0.0)  # type: ignore[method-assign]
+    assert run(bench).status is GoalStatus.SUCCEEDED
+
+
 def test_the_robot_drives_on_after_a_single_jump() -> None:
     bench = Bench()
     robot = bench.robot

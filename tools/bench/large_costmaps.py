@@ -45,7 +45,8 @@ local_costmap:
 navstack:
   sim:
     lasers: [front, left, right]
-    front: &l {topic: front, frame: front_link, fov: 4.7, beams: 720, range_max: 12.0, frequency: 20.0, range_min: 0.1, x: 0.2, y: 0.0, yaw: 0.0, height: 0.3}
+    front: &l {topic: front, frame: front_link, fov: 4.7, beams: 720, range_max: 12.0, frequency: 20.0,
+               range_min: 0.1, x: 0.2, y: 0.0, yaw: 0.0, height: 0.3}
     left: {<<: *l, topic: left, frame: left_link, x: 0.0, y: 0.15, yaw: 1.57}
     right: {<<: *l, topic: right, frame: right_link, x: 0.0, y: -0.15, yaw: -1.57}
 """
@@ -79,7 +80,9 @@ def scenario_of(name: str, folder: Path) -> Scenario:
     file = folder / "robot.yaml"
     file.write_text(text)
     places = load_places("office")
-    return Scenario(load_map(packaged_map_file("office", ".yaml")), load_configuration([str(file)]), places.start, places.goals[:1])
+    return Scenario(
+        load_map(packaged_map_file("office", ".yaml")), load_configuration([str(file)]), places.start, places.goals[:1]
+    )
 
 
 def main() -> None:
