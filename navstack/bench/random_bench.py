@@ -1,4 +1,4 @@
-"""Random scenarios by the thousand: how they end, and which invariants they violate."""
+"""Random scenarios by the thousand: how they end, and which invariants they violate; or which footprints collide."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 
 from navstack.bench.table import Column, Table
 from navstack.jobs import Job, JobResult
+from navstack.scenario.suites.footprint_scenarios import FOOTPRINTS, check_footprint
 from navstack.scenario.suites.random_check import check_random
 
 
@@ -50,3 +51,71 @@ def random_tables(results: Sequence[JobResult]) -> list[Table]:
         rows = [{"number": str(number), "fault": fault} for number, fault in faults]
         tables.append(Table("violations", (Column("number", "scenario"), Column("fault", "violation")), rows))
     return tables
+
+
+@dataclass(frozen=True, slots=True)
+class FootprintTask:
+    """Runs the footprint scenario of a number."""
+
+    def __call__(self, number: int) -> dict[str, Any]:
+        """The end of the run and its collision, for JSON."""
+        return asdict(check_footprint(number))
+
+
+def footprint_tables(results: Sequence[JobResult]) -> list[Table]:
+    """How the runs of each footprint ended, and a row for each collision."""
+    values = [result.value for result in results if not result.failed]
+    rows: list[dict[str, Any]] = []
+    for name in FOOTPRINTS:
+        for reverses in (False, True):
+            group = [v for v in values if v["footprint"] == name and v["reverses"] == reverses]
+            if group:
+                rows.append({"footprint": name, "reverses": "yes" if reverses else "no", **_counts(group)})
+    rows.append({"footprint": "all", "reverses": "", **_counts(values)})
+    columns = (
+        Column("footprint", "footprint"),
+        Column("reverses", "may reverse"),
+        Column("runs", "runs"),
+        Column("succeeded", "succeeded"),
+        Column("collisions", "collisions"),
+        Column("hours", "hours simulated", 2),
+    )
+    tables = [Table("footprints", columns, rows)]
+    collided = [value for value in values if value["collision"] is not None]
+    if collided:
+        tables.append(_collision_table(collided))
+    return tables
+
+
+def _counts(values: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    return {
+        "runs": len(values),
+        "succeeded": sum(value["state"] == "SUCCEEDED" for value in values),
+        "collisions": sum(value["collision"] is not None for value in values),
+        "hours": sum(float(value["simulated_s"]) for value in values) / 3600.0,
+    }
+
+
+def _collision_table(values: Sequence[dict[str, Any]]) -> Table:
+    columns = (
+        Column("number", "scenario"),
+        Column("footprint", "footprint"),
+        Column("time", "time (s)", 2),
+        Column("pose", "pose"),
+        Column("obstacle", "obstacle"),
+    )
+    rows = [
+        {
+            "number": str(value["number"]),
+            "footprint": value["footprint"],
+            "time": value["collision"]["time"],
+            "pose": _numbers(value["collision"]["pose"]),
+            "obstacle": f"{value['collision']['kind']} at {_numbers(value['collision']['at'])}",
+        }
+        for value in values
+    ]
+    return Table("collisions", columns, rows)
+
+
+def _numbers(values: Sequence[float]) -> str:
+    return f"({', '.join(f'{value:.3f}' for value in values)})"

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from navstack.bench.random_bench import RandomTask, random_jobs, random_tables
+from navstack.bench.random_bench import RandomTask, footprint_tables, random_jobs, random_tables
 from navstack.cli.app import run
 from navstack.jobs import JobResult
+from navstack.scenario.suites.footprint_scenarios import FOOTPRINTS, footprint_scenario, kind_of
 
 
 def value(number: int, outcome: str, faults: list[str]) -> JobResult:
@@ -45,3 +46,51 @@ def test_the_command_runs_saves_and_resumes(tmp_path: Path, capfd: pytest.Captur
     assert (tmp_path / "results.jsonl").read_bytes() == before
     job = random_jobs(5, 1)[0]
     assert RandomTask(1.0)(job.input)["number"] == 5
+
+
+# --- footprints among static obstacles --------------------------------------------------------------------------------
+
+
+def test_a_footprint_scenario_depends_on_its_number_only() -> None:
+    first, second = (footprint_scenario(9).build() for _ in range(2))
+    assert first.as_dict() == second.as_dict()
+    assert {kind_of(number) for number in range(8)} == {(name, r) for name in FOOTPRINTS for r in (False, True)}
+
+
+def test_no_footprint_touches_an_obstacle(capfd: pytest.CaptureFixture[str]) -> None:
+    assert run(["bench", "random", "24", "--footprints", "--processes", "1", "--json"]) == 0
+    document = json.loads(capfd.readouterr().out)
+    assert document["failed"] == [] and list(document["tables"]) == ["footprints"]
+    total = document["tables"]["footprints"][-1]
+    assert (total["footprint"], total["runs"], total["collisions"]) == ("all", 24, 0)
+    assert total["succeeded"] >= 20
+
+
+def test_collisions_are_listed_with_their_scenario() -> None:
+    collision = {"time": 3.25, "pose": [1.0, 2.0, 0.5], "kind": "disc", "index": 0, "at": [1.5, 2.0], "name": ""}
+    ends = [("SUCCEEDED", None), ("COLLISION", collision)]
+    fields = {"number": 4, "footprint": "L", "reverses": True, "simulated_s": 1800.0}
+    results = [JobResult(f"random {s}", {**fields, "state": s, "collision": c}) for s, c in ends]
+    counts, collisions = footprint_tables(results)
+    assert counts.rows[0] == {
+        "footprint": "L",
+        "reverses": "yes",
+        "runs": 2,
+        "succeeded": 1,
+        "collisions": 1,
+        "hours": 1.0,
+    }
+    assert collisions.rows == [
+        {
+            "number": "4",
+            "footprint": "L",
+            "time": 3.25,
+            "pose": "(1.000, 2.000, 0.500)",
+            "obstacle": "disc at (1.500, 2.000)",
+        }
+    ]
+
+
+def test_footprints_have_their_own_time_limits(capfd: pytest.CaptureFixture[str]) -> None:
+    assert run(["bench", "random", "1", "--footprints", "--time-limit", "5"]) == 2
+    assert "leave --time-limit out" in capfd.readouterr().err

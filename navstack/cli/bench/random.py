@@ -1,4 +1,4 @@
-"""`navstack bench random`: random scenarios and their invariant violations."""
+"""`navstack bench random`: random scenarios and their invariant violations, or collisions of four footprints."""
 
 from __future__ import annotations
 
@@ -15,20 +15,52 @@ def random(
     count: Annotated[int, typer.Argument(metavar="N", help="Number of scenarios.", min=1, max=10_000_000)] = 1000,
     first: Annotated[int, typer.Option("--first", help="Number of the first scenario.", min=0)] = 0,
     time_limit: Annotated[
-        float, typer.Option("--time-limit", help="Simulated seconds allowed per goal.", min=0.5)
-    ] = 20.0,
+        float | None, typer.Option("--time-limit", help="Simulated seconds allowed per goal; 20 by default.", min=0.5)
+    ] = None,
+    footprints: Annotated[
+        bool,
+        typer.Option(
+            "--footprints",
+            help="Four footprints among static obstacles that the lidar sees all round: no collision is allowed. "
+            "It has its own time limits.",
+        ),
+    ] = False,
     processes: Processes = None,
     *,
     output: BenchOutput,
 ) -> int:
     """Run random scenarios (maps, robots, parameters, noise, obstacles) and check the invariants: no exception, every goal
     ends in a terminal state, no success with a collision. The exit code is 1 if a scenario violates one of them.
+
+    A scenario depends on its number only: `navstack bench random 1 --first N` repeats it.
     """
     from navstack.bench.random_bench import RandomTask, random_jobs, random_tables
+    from navstack.core.errors import InputError
 
-    what = {"bench": "random", "time_limit_s": time_limit}
-    results = output.run(RandomTask(time_limit), random_jobs(first, count), what, processes=processes)
+    if footprints:
+        if time_limit is not None:
+            raise InputError(
+                "--footprints has its own time limits; leave --time-limit out",
+                argument="--time-limit",
+                value=time_limit,
+            )
+        return _footprints(count, first, processes, output)
+    limit = 20.0 if time_limit is None else time_limit
+    what = {"bench": "random", "time_limit_s": limit}
+    results = output.run(RandomTask(limit), random_jobs(first, count), what, processes=processes)
     tables = random_tables(results)
     document = {**what, "first": first, "count": count, "tables": {table.title: table for table in tables}}
     code = output.report(document, tables, results)
     return code or int(any(result.value["faults"] for result in results if not result.failed))
+
+
+def _footprints(count: int, first: int, processes: int | None, output: BenchOutput) -> int:
+    """The exit code is 1 after a collision."""
+    from navstack.bench.random_bench import FootprintTask, footprint_tables, random_jobs
+
+    what = {"bench": "random", "scenarios": "footprints"}
+    results = output.run(FootprintTask(), random_jobs(first, count), what, processes=processes)
+    tables = footprint_tables(results)
+    document = {**what, "first": first, "count": count, "tables": {table.title: table for table in tables}}
+    code = output.report(document, tables, results)
+    return code or int(any(result.value["collision"] is not None for result in results if not result.failed))
