@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -13,6 +13,7 @@ from navstack.cli import options
 
 if TYPE_CHECKING:
     from navstack.parameters.findings import Finding
+    from navstack.parameters.fix import KeyFixes
 
 
 class Severity(StrEnum):
@@ -46,24 +47,72 @@ def check(
         Severity, typer.Option("--severity", help="Print findings of at least this severity.")
     ] = Severity.info,
     allow_missing: options.AllowMissing = False,
+    fix: Annotated[
+        bool,
+        typer.Option(
+            "--fix", help="Correct renamed and misspelt keys in the files; layout and comments stay as they are."
+        ),
+    ] = False,
+    diff: Annotated[bool, typer.Option("--diff", help="Only show what --fix would change, as a unified diff.")] = False,
     json_: options.Json = False,
 ) -> int:
     """Check parameters or a scenario file, and report every finding with file, line and column.
 
-    Exit codes: 0 no errors, 2 errors.
+    Exit codes: 0 no errors, 2 errors; with --fix those that remain.
     """
     from navstack.cli.output import print_json
 
-    findings = _findings(params, set_, distro, allow_missing)
+    document: dict[str, Any] = {}
+    if fix or diff:
+        fixes = _fixes(params, set_, distro, allow_missing)
+        if not diff:
+            fixes.save()
+        findings = list(fixes.findings)
+        document = _document(fixes)
+        if not json_:
+            _print_fixes(fixes, diff=diff)
+    else:
+        findings = _findings(params, set_, distro, allow_missing)
     if strict:
         findings = [replace(f, severity="error") if f.severity == "warning" else f for f in findings]
     ranks = list(SEVERITY_STYLE)
     shown = [f for f in findings if ranks.index(f.severity) <= ranks.index(severity.value)]
     if json_:
-        print_json({"findings": [f.as_dict() for f in shown]})
-    else:
+        print_json({**document, "findings": [f.as_dict() for f in shown]})
+    elif not diff:
         _print(shown)
     return 2 if any(f.severity == "error" for f in findings) else 0
+
+
+def _fixes(params: list[str], overrides: list[str], distro: str | None, allow_missing: bool) -> KeyFixes:
+    from navstack.core.errors import InputError
+    from navstack.parameters.fix import fix_keys
+
+    if len(params) == 1 and _scenario(params[0]) is not None:
+        raise InputError(f"--fix corrects parameter files, but {params[0]} is a scenario; name its parameters")
+    return fix_keys(params, overrides=overrides, distro=distro, allow_missing=allow_missing)
+
+
+def _document(fixes: KeyFixes) -> dict[str, Any]:
+    from dataclasses import asdict
+
+    return {"fixes": [asdict(f) for f in fixes.fixes], "kept": [asdict(k) for k in fixes.kept], "diff": fixes.diff()}
+
+
+def _print_fixes(fixes: KeyFixes, *, diff: bool) -> None:
+    """Prints the corrections (or the diff), and to stderr why other keys stay."""
+    from navstack.cli.output import print_note, stdout
+
+    out = stdout()
+    if diff:
+        out.print(fixes.diff(), markup=False, end="")
+    else:
+        for one in fixes.fixes:
+            out.print(one.text, markup=False)
+        count, files = len(fixes.fixes), len(fixes.texts)
+        out.print(f"{count} key{'' if count == 1 else 's'} corrected in {files} file{'' if files == 1 else 's'}")
+    for key in fixes.kept:
+        print_note(f"{key.file}:{key.line}: {key.old} is not changed: {key.reason}")
 
 
 def _findings(params: list[str], overrides: list[str], distro: str | None, allow_missing: bool) -> list[Finding]:

@@ -130,7 +130,7 @@ class Binder:
                 message = (
                     f"{old} is the former name of {new}{ros if self._validator.of_ros else ''}; rename it to {new}"
                 )
-                self._validator.add_finding("info", "renamed", leaf.at, leaf.path, message, new)
+                self._validator.add_finding("info", "renamed", leaf.at, leaf.path, message, new, new)
                 return leaf
         return None
 

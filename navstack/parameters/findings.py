@@ -39,6 +39,8 @@ class Finding:
     """What is wrong with which value, then how to fix it."""
     suggestion: str | None = None
     """The name or value to write instead, if known."""
+    replacement: str | None = None
+    """The key to write instead, if no other one can be meant; `navstack check --fix` writes it."""
 
     @property
     def location(self) -> Location:
@@ -59,14 +61,21 @@ class Finding:
             "key": self.key,
             "message": self.message,
             "suggestion": self.suggestion,
+            "replacement": self.replacement,
         }
 
 
 def finding(
-    severity: Severity, rule: str, at: Location, key: str, message: str, suggestion: str | None = None
+    severity: Severity,
+    rule: str,
+    at: Location,
+    key: str,
+    message: str,
+    suggestion: str | None = None,
+    replacement: str | None = None,
 ) -> Finding:
     """Make a finding at a location. Line breaks and control characters of the user's text are escaped."""
-    return Finding(severity, rule, at.file, at.line, at.column, _line(key), _line(message), suggestion)
+    return Finding(severity, rule, at.file, at.line, at.column, _line(key), _line(message), suggestion, replacement)
 
 
 def _line(text: str) -> str:

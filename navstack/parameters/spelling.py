@@ -9,6 +9,8 @@ from collections.abc import Iterable
 _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z0-9]+")
 MIN_WORD = 3
 """Shorter words are abbreviations: x for y."""
+_MOST_EDITS = 8
+"""A name with so many wrong letters is another name."""
 _SEPARATORS = re.compile(r"[_\-. ]")
 
 
@@ -28,6 +30,38 @@ def nearest(name: str, known: Iterable[str], cutoff: float = 0.75) -> str | None
             return n
     close = difflib.get_close_matches(name.lower(), list(by_lower), n=3, cutoff=cutoff)
     return next((by_lower[c] for c in close if _is_near(name, by_lower[c])), None)
+
+
+def is_certain(name: str, found: str, known: Iterable[str]) -> bool:
+    """Return True if the known name `found` is clearly nearer to a misspelt one than all others in `known`.
+
+    Nearer: by one edit (a letter more, less, exchanged or swapped with its neighbour), by half as many again from two edits on.
+    """
+    edits = _edits(name, found, _MOST_EDITS)
+    limit = edits + max(1, (edits + 1) // 2) - 1
+    return edits < _MOST_EDITS and all(_edits(name, other, limit + 1) > limit for other in set(known) - {found})
+
+
+def _edits(name: str, known: str, limit: int) -> int:
+    """Number of edits between two names, at most `limit`; 0 for the same words with other separators, case or order."""
+    one, other = name.lower(), known.lower()
+    if _SEPARATORS.sub("", one) == _SEPARATORS.sub("", other) or sorted(one.split("_")) == sorted(other.split("_")):
+        return 0
+    if abs(len(one) - len(other)) >= limit:
+        return limit
+    # optimal string alignment, row by row
+    before: list[int] = []
+    row = list(range(len(other) + 1))
+    for i, letter in enumerate(one):
+        earlier, before, row = before, row, [i + 1]
+        for j, wanted in enumerate(other):
+            cost = min(before[j] + (letter != wanted), before[j + 1] + 1, row[j] + 1)
+            if i and j and letter == other[j - 1] and one[i - 1] == wanted:
+                cost = min(cost, earlier[j - 1] + 1)
+            row.append(cost)
+        if min(row) >= limit:
+            return limit
+    return min(row[-1], limit)
 
 
 def _is_near(name: str, known: str) -> bool:

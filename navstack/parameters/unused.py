@@ -10,7 +10,7 @@ from navstack.parameters.catalogue import Catalogue
 from navstack.parameters.findings import Finding, Location, Severity, finding
 from navstack.parameters.foreign import FOREIGN_PARAMETERS, FOREIGN_PLANNERS, REMOVED_PARAMETERS
 from navstack.parameters.model_fields import iter_names
-from navstack.parameters.spelling import nearest
+from navstack.parameters.spelling import is_certain, nearest
 from navstack.parameters.tree import COSTMAPS, Leaf, Space
 from navstack.parameters.value_messages import show
 
@@ -50,9 +50,15 @@ class _UnusedCheck:
         return self.findings
 
     def _add(
-        self, severity: Severity, rule: str, what: Leaf | Space, message: str, suggestion: str | None = None
+        self,
+        severity: Severity,
+        rule: str,
+        what: Leaf | Space,
+        message: str,
+        suggestion: str | None = None,
+        replacement: str | None = None,
     ) -> None:
-        self.findings.append(finding(severity, rule, what.at, what.path, message, suggestion))
+        self.findings.append(finding(severity, rule, what.at, what.path, message, suggestion, replacement))
 
     def _nearest(self, name: str, known: Iterable[str], cutoff: float = 0.75) -> str | None:
         if self._guesses <= 0:
@@ -113,7 +119,7 @@ class _UnusedCheck:
             message = (
                 f"{name} = {show(leaf.value)} is not a parameter of {where} and has no effect; did you mean {new}?"
             )
-            self._add("warning", "unknown", leaf, message, new)
+            self._add("warning", "unknown", leaf, message, new, new if _is_certain(name, close, models) else None)
             return
         if name in REMOVED_PARAMETERS:
             self._add("info", "no-effect", leaf, f"{name} of {where} has no effect: {REMOVED_PARAMETERS[name]}")
@@ -240,7 +246,8 @@ class _UnusedCheck:
         if close is None or close == name:
             return False
         message = f"{name} is not a namespace of {where} and has no effect; did you mean {close}?"
-        self._add("warning", "unknown-namespace", space, message, close)
+        certain = close if is_certain(name, close, known) else None
+        self._add("warning", "unknown-namespace", space, message, close, certain)
         models = self.models.get(parent.join(close), [])
         model = known.get(close) or (models[0] if models else None)
         if model is not None:
@@ -263,6 +270,13 @@ class _UnusedCheck:
         for child in space.children.values():
             if isinstance(child, Leaf) and not any(child.name in iter_names(m) for m in models):
                 self._leaf(space, child, models)
+
+
+def _is_certain(name: str, close: str, models: Sequence[type[ParamModel]]) -> bool:
+    """True if no other parameter of the models can be meant; former names of one parameter mean the same."""
+    current = {n: next((m.RENAMED[n] for m in models if n in m.RENAMED), n) for m in models for n in iter_names(m)}
+    others = [n for n, meant in current.items() if meant != current.get(close, close)]
+    return is_certain(name, close, others)
 
 
 def _contains_used(space: Space) -> bool:

@@ -45,10 +45,17 @@ class Validator:
         self.of_ros = of_ros
 
     def add_finding(
-        self, severity: Severity, rule: str, at: Location, key: str, message: str, suggestion: str | None = None
+        self,
+        severity: Severity,
+        rule: str,
+        at: Location,
+        key: str,
+        message: str,
+        suggestion: str | None = None,
+        replacement: str | None = None,
     ) -> None:
         """Add a finding."""
-        self.findings.append(finding(severity, rule, at, key, message, suggestion))
+        self.findings.append(finding(severity, rule, at, key, message, suggestion, replacement))
 
     def _is_of_ros(self, path: str) -> bool:
         """False for parameters that ROS does not read."""

@@ -56,6 +56,28 @@ class YamlEditor:
                 return True
         return False
 
+    def rename(self, line: int, column: int, old: str, new: str) -> str:
+        """Replaces the last part of a key at a position (from 1; column 0: the only such key of the line).
+
+        Returns why that is impossible, empty if it is done.
+        """
+        column += 1 if column and line == 1 and self._text.startswith(_BYTE_ORDER_MARK) else 0
+        found = [
+            p for p in self.pairs() if p.at[0] == line and column in (0, p.at[1]) and _last_part(p.key.value) == old
+        ]
+        if len(found) != 1:
+            return "the key is not a plain key of the file (it may come from an alias)"
+        mapping, key, _ = found[0]
+        wanted = key.value[: len(key.value) - len(old)] + new
+        if any(k.value == wanted for k, _ in mapping.value):
+            return f"{new} is set as well; remove one of them"
+        start, end = key.start_mark.index, key.end_mark.index
+        at = self._text.rfind(old, start, end)
+        if self._text[start:end].strip("'\"") != key.value or at < 0:
+            return "the key is written with an anchor, a tag or escapes"
+        self._replaced[at, at + len(old)] = new
+        return ""
+
     def add(self, mapping: Any, path: Sequence[str], value: Any) -> bool:
         """Adds a value to a mapping, in the namespaces `path[:-1]` below it; False if the key exists already."""
         *namespaces, name = path
@@ -134,6 +156,10 @@ def _pairs(mapping: Any) -> Iterator[Pair]:
         yield Pair(mapping, key, value)
         if value.id == "mapping":
             yield from _pairs(value)
+
+
+def _last_part(key: Any) -> str:
+    return key.rstrip("/").rpartition("/")[2] if isinstance(key, str) else ""
 
 
 def _line_and_column(mark: Any) -> tuple[int, int]:

@@ -6,6 +6,9 @@ and files that expand beyond the limits are rejected. Uses libyaml's parser wher
 
 from __future__ import annotations
 
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +17,7 @@ import yaml
 from yaml.reader import ReaderError
 
 from navstack.core.bounded_reading import NotRegularFileError, TooLargeError, read_bytes
+from navstack.core.files import resolved
 from navstack.parameters.findings import Finding, Location, finding
 from navstack.parameters.yaml_builder import NodeBuilder, RejectedYamlError
 from navstack.parameters.yaml_nodes import DictNode, ListNode, Node, ScalarNode, plain, relocate, shortened
@@ -30,6 +34,7 @@ __all__ = [
     "Node",
     "ScalarNode",
     "YamlFile",
+    "edited_files",
     "parse_value",
     "parse_yaml",
     "plain",
@@ -37,6 +42,19 @@ __all__ = [
     "relocate",
     "scalar",
 ]
+
+
+_EDITED: ContextVar[Mapping[Path, bytes]] = ContextVar("_EDITED")
+
+
+@contextmanager
+def edited_files(contents: Mapping[Path, bytes]) -> Generator[None]:
+    """Read these contents (by absolute path without links) instead of the files, to check an edit before it is written."""
+    token = _EDITED.set(contents)
+    try:
+        yield
+    finally:
+        _EDITED.reset(token)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +72,10 @@ def read_yaml(path: Path, shown: str | None = None, *, any_key: bool = False) ->
     """
     name = shown or str(path)
     try:
-        data = read_bytes(path, MAX_BYTES)
+        edited = _EDITED.get(None)
+        data = edited.get(resolved(path)) if edited else None
+        if data is None:
+            data = read_bytes(path, MAX_BYTES)
     except TooLargeError as exc:
         return _unread(name, "too-large", f"{exc.strerror}, too large for a parameter file")
     except NotRegularFileError as exc:

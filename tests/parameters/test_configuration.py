@@ -438,7 +438,9 @@ def test_the_error_lists_every_reason_with_its_location(tmp_path: Path) -> None:
     assert lines[1].startswith(f"{path}:2:23: controller_frequency")
     assert lines[2].startswith(f"{path}:4:22: xy_goal_tolerance")
     findings = json.loads(json.dumps(caught.value.as_dict()))["findings"]
-    assert {"severity", "rule", "file", "line", "column", "key", "message", "suggestion"} == findings[0].keys()
+    assert {"severity", "rule", "file", "line", "column", "key", "message", "suggestion", "replacement"} == findings[
+        0
+    ].keys()
     # warnings are listed as well
     assert any(f["suggestion"] == "sim_time" for f in findings)
     assert findings == sorted(findings, key=lambda f: (f["file"], f["line"], f["column"]))
