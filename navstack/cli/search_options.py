@@ -45,6 +45,16 @@ class SearchArguments(NamedTuple):
     keep: Annotated[
         list[str], typer.Option("--keep", metavar="NAME", help="Do not search this parameter (repeatable).")
     ] = []
+    limit_factor: Annotated[
+        float,
+        typer.Option(
+            "--limit-factor",
+            metavar="F",
+            help="Search speeds and accelerations up to F times their present values, if your robot can do that.",
+            min=1.0,
+            max=100.0,
+        ),
+    ] = 1.0
     set_: options.Set = []
     distro: options.Distro = None
     allow_missing: options.AllowMissing = False
@@ -82,6 +92,7 @@ class SearchArguments(NamedTuple):
                 space=self.space,
                 param=tuple(self.param),
                 keep=tuple(self.keep),
+                limit_factor=self.limit_factor,
                 overrides=tuple(self.set_),
                 distro=self.distro,
                 allow_missing=self.allow_missing,

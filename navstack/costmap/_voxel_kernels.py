@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from navstack.core.jit import kernel
+from navstack.core.line_kernels import FIXED
 
 VOXEL_GRID = np.dtype(
     [
@@ -31,6 +32,31 @@ def bits_set(n):
         n &= n - 1
         count += 1
     return count
+
+
+@kernel
+def clear_level_ray(columns, costs, offset, line, steps, level, levels):
+    """Clear the voxels of a ray that stays in one level, from the column `offset` on, and the costs of columns without marks.
+
+    `line`: see `line_start`. As the general loop of `clear_voxel_rays`, for a mark threshold of 0 and columns that are known
+    however many voxels are not. Each voxel takes one addition and no branch, as in `clear_line`.
+    """
+    length, add, major, minor = line
+    seen = np.uint32(1 << level)
+    kept = ~np.uint32(1 << (level + levels))
+    marks = np.uint32(((1 << levels) - 1) << levels)
+    slope = at = 0
+    if length > 0:
+        scale = (1 << FIXED) / length
+        slope = int(add * scale) + 1
+        at = int((length // 2) * scale) + 1
+    for _ in range(steps + 1):
+        cell = np.uint64(offset + (at >> FIXED) * minor)
+        word = (np.uint32(columns[cell]) | seen) & kept
+        columns[cell] = word
+        costs[cell] = costs[cell] if word & marks else np.uint8(0)
+        offset += major
+        at += slope
 
 
 @kernel
@@ -114,6 +140,11 @@ def clear_voxel_rays(costs, columns, points, count, grid, sx, sy, sz, reach, rea
         step_x, step_y, step_z = 1 if ix1 > ix0 else -1, nx if iy1 > iy0 else -nx, 1 if iz1 > iz0 else -1
         error_x = error_y = error_z = dominant // 2
         offset, level = iy0 * nx + ix0, iz0
+        if span_z == 0 and mark_threshold == 0 and unknown_threshold >= levels:
+            along_x = span_x >= span_y
+            line = dominant, span_y if along_x else span_x, step_x if along_x else step_y, step_y if along_x else step_x
+            clear_level_ray(flat_columns, flat_costs, offset, line, steps, level, levels)
+            continue
         for _ in range(steps + 1):
             old = int(flat_columns[np.uint64(offset)])
             word = (old | (1 << level)) & ~(1 << (level + levels))

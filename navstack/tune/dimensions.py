@@ -111,6 +111,11 @@ def _limits_robot(dimension: Dimension) -> bool:
     return dimension.unit in _SPEED_UNITS and last.startswith(("max_", "acc_", "decel_"))
 
 
+def beyond_limit(dimension: Dimension, parameter: Parameter, factor: float) -> Dimension:
+    """A limit of the robot, searched up to `factor` times its present value, within the bounds of the model."""
+    return replace(dimension, high=max(dimension.high, min(dimension.high * factor, _limits(parameter.info)[1])))
+
+
 def with_range(parameter: Parameter, low: float, high: float, log: bool, where: str) -> Dimension:
     """A range given by the user. Raises InputError for an empty range and one outside the bounds of the model."""
     made = without_range(parameter, where)

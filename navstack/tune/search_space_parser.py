@@ -23,7 +23,7 @@ from navstack.parameters.findings import Location
 from navstack.parameters.spelling import nearest
 from navstack.parameters.yaml_reader import DictNode, ListNode, Node, ScalarNode, plain, read_yaml, scalar
 from navstack.tune.default_ranges import SPACES, default_space
-from navstack.tune.dimensions import from_metadata, tied, with_choices, with_range
+from navstack.tune.dimensions import beyond_limit, from_metadata, tied, with_choices, with_range
 from navstack.tune.parameter_lookup import ParameterLookup
 from navstack.tune.space import Dimension, SearchSpace
 
@@ -38,11 +38,12 @@ def parse_search_space(
     space: str | None = None,
     params: Sequence[str] = (),
     keep: Sequence[str] = (),
+    limit_factor: float = 1.0,
 ) -> SearchSpace:
     """The space given by `space`, with the dimensions of `params` added or replaced, without the parameters of `keep`.
 
-    `space`: one of `default_ranges.SPACES`, or a YAML file; by default `auto`, or empty if `params` is given. Raises
-    InputError.
+    `space`: one of `default_ranges.SPACES`, or a YAML file; by default `auto`, or empty if `params` is given. Speeds and
+    accelerations without a given range are searched up to `limit_factor` times their present values. Raises InputError.
     """
     lookup = ParameterLookup(configuration)
     found: dict[str, Dimension] = {}
@@ -52,6 +53,10 @@ def parse_search_space(
         found = {dimension.name: dimension for dimension in _space(configuration, lookup, space)}
     for text in params:
         _replace(found, _from_text(lookup, text))
+    for dimension in list(found.values()):
+        if dimension.robot and limit_factor > 1.0:
+            (parameter,) = lookup.find(dimension.name, "--limit-factor")
+            found[dimension.name] = beyond_limit(dimension, parameter, limit_factor)
     for pattern in keep:
         for parameter in lookup.find(pattern, f'--keep "{pattern}"'):
             left = [_without(d, parameter.name) for d in found.values()]

@@ -27,6 +27,8 @@ class SearchOptions:
     space: str | None = None
     param: tuple[str, ...] = ()
     keep: tuple[str, ...] = ()
+    limit_factor: float = 1.0
+    """Speeds and accelerations are searched up to this many times their present values."""
     overrides: tuple[str, ...] = ()
     distro: str | None = None
     allow_missing: bool = False
@@ -98,7 +100,9 @@ def prepare(options: SearchOptions) -> Setup:
         distro=options.distro,
         allow_missing=options.allow_missing,
     )
-    space = parse_search_space(base, space=options.space, params=options.param, keep=options.keep)
+    space = parse_search_space(
+        base, space=options.space, params=options.param, keep=options.keep, limit_factor=options.limit_factor
+    )
     chosen = tuple(n for n in names if n in options.scenarios) if options.scenarios else names
     return Setup(options, suite, base, space, chosen)
 

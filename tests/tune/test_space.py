@@ -231,3 +231,19 @@ def test_speeds_and_accelerations_never_exceed_those_of_the_yaml() -> None:
         load_configuration(["turtlebot"]), space="auto", params=["DWAPlannerROS/acc_lim_x=0.5:2.5"]
     )
     assert {d.name: d.high for d in given}["DWAPlannerROS/acc_lim_x"] == 2.5  # a given range may exceed them
+
+
+def test_the_limits_of_the_robot_are_exceeded_by_a_factor_only(turtlebot: Configuration) -> None:
+    """Given ranges stay as they are, and all other parameters too."""
+    named = ["DWAPlannerROS/acc_lim_theta=0.5:9.0"]
+    one = {d.name: d for d in parse_search_space(turtlebot, space="auto", params=named)}
+    three = {d.name: d for d in parse_search_space(turtlebot, space="auto", params=named, limit_factor=3.0)}
+    assert list(one) == list(three)
+    for name, dimension in one.items():
+        if dimension.robot:
+            assert three[name].high == pytest.approx(3.0 * dimension.high)
+            assert three[name].low == dimension.low
+        else:
+            assert three[name] == dimension
+    assert one["DWAPlannerROS/acc_lim_x"].robot
+    assert three["DWAPlannerROS/acc_lim_theta"].high == 9.0
