@@ -4,6 +4,21 @@ from navstack.plot.animate import animate_run
 from navstack.plot.costmap import plot_costmap
 from navstack.plot.map import plot_map
 from navstack.plot.plan import plot_plan
+from navstack.plot.recorded_costmap import plot_costmap_at
+from navstack.plot.reports import plot_command, plot_goal_reports, plot_inflation_curves, plot_passage_report
 from navstack.plot.run import plot_run
+from navstack.plot.states import plot_states
 
-__all__ = ["animate_run", "plot_costmap", "plot_map", "plot_plan", "plot_run"]
+__all__ = [
+    "animate_run",
+    "plot_command",
+    "plot_costmap",
+    "plot_costmap_at",
+    "plot_goal_reports",
+    "plot_inflation_curves",
+    "plot_map",
+    "plot_passage_report",
+    "plot_plan",
+    "plot_run",
+    "plot_states",
+]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 from navstack.plot import canvas, colors
@@ -21,22 +20,23 @@ _SCORE_LINES = ((2.0, "0.5"), (4.0, "0.25"), (8.0, "0.125, the minimum of a succ
 """Multiples of the optimal time, and the score of a run that takes so long."""
 
 
-def _figure(size: tuple[float, float], title: str) -> tuple[Any, Any]:
-    figure = canvas.new_figure(*size, layout="constrained")
-    axes: Any = figure.add_subplot()
-    axes.set_title(title)
-    return figure, axes
-
-
-def plot_success(rows: Sequence[Row], path: str | os.PathLike[str], *, title: str, dpi: float = 130.0) -> Path:
+def plot_success(
+    rows: Sequence[Row],
+    path: str | os.PathLike[str] | None = None,
+    *,
+    ax: Any = None,
+    title: str,
+    dpi: float = 130.0,
+) -> Any:
     """Draws a bar per world with the shares of the outcomes, and the single run of C++ as a square above it.
 
-    Raises OutputError. Returns the file.
+    Draws to a .png, .svg or .pdf, into the axes `ax`, or a new figure. Raises OutputError. Returns the file; without a path
+    the axes.
     """
-    out = Path(path)
-    canvas.check_format(out)
+    canvas.check_target(path, ax)
     with canvas.style():
-        figure, axes = _figure((max(6.0, 2.6 + 0.19 * len(rows)), 3.6), title)
+        axes = canvas.chart_axes(path, ax, max(6.0, 2.6 + 0.19 * len(rows)), 3.6)
+        axes.set_title(title)
         at = list(range(len(rows)))
         below = [0.0] * len(rows)
         for key, label, color in _OUTCOMES:
@@ -52,7 +52,7 @@ def plot_success(rows: Sequence[Row], path: str | os.PathLike[str], *, title: st
         axes.set_xlabel("world")
         axes.set_ylabel("share of runs")
         axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.0)
-        return canvas.save(figure, out, dpi)
+        return canvas.finish(axes.figure, axes, path, dpi)
 
 
 def _draw_cpp_outcomes(axes: Any, rows: Sequence[Row]) -> None:
@@ -68,15 +68,23 @@ def _cpp_outcome(row: Row) -> str | None:
     return outcome if outcome in (None, "success", "collision") else "other"
 
 
-def plot_times(rows: Sequence[Row], path: str | os.PathLike[str], *, title: str, dpi: float = 130.0) -> Path:
+def plot_times(
+    rows: Sequence[Row],
+    path: str | os.PathLike[str] | None = None,
+    *,
+    ax: Any = None,
+    title: str,
+    dpi: float = 130.0,
+) -> Any:
     """Draws the time of each world's successes against the time of the shortest path at 2 m/s, with lines of equal score.
 
-    Raises OutputError. Returns the file.
+    Draws to a .png, .svg or .pdf, into the axes `ax`, or a new figure. Raises OutputError. Returns the file; without a path
+    the axes.
     """
-    out = Path(path)
-    canvas.check_format(out)
+    canvas.check_target(path, ax)
     with canvas.style():
-        figure, axes = _figure((7.6, 4.4), title)
+        axes = canvas.chart_axes(path, ax, 7.6, 4.4)
+        axes.set_title(title)
         optimal = [row["optimal_time_s"] for row in rows]
         low, high = min(optimal) - 0.1, max(optimal) + 0.1
         _draw_score_lines(axes, low, high)
@@ -93,7 +101,7 @@ def plot_times(rows: Sequence[Row], path: str | os.PathLike[str], *, title: str,
         axes.set_xlabel("time of the shortest path at 2 m/s (s)")
         axes.set_ylabel("time of the successes (s)")
         axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.0)
-        return canvas.save(figure, out, dpi)
+        return canvas.finish(axes.figure, axes, path, dpi)
 
 
 def _draw_score_lines(axes: Any, low: float, high: float) -> None:

@@ -89,11 +89,58 @@ def new_figure(width_in: float, height_in: float, *, layout: Literal["constraine
     return figure
 
 
-def managed_figure(width_in: float, height_in: float) -> Any:
+def managed_figure(width_in: float, height_in: float, *, layout: Literal["constrained"] | None = None) -> Any:
     """Returns an empty figure of pyplot, which notebooks display and `matplotlib.pyplot.show` shows."""
     import matplotlib.pyplot as plt
 
-    return plt.figure(figsize=(width_in, height_in))
+    return plt.figure(figsize=(width_in, height_in), layout=layout)
+
+
+def figure_for(
+    path: str | os.PathLike[str] | None,
+    width_in: float,
+    height_in: float,
+    *,
+    layout: Literal["constrained"] | None = None,
+) -> Any:
+    """Returns an empty figure: of pyplot without a path, otherwise for a file."""
+    new = managed_figure if path is None else new_figure
+    return new(width_in, height_in, layout=layout)
+
+
+def chart_axes(path: str | os.PathLike[str] | None, ax: Any, width_in: float, height_in: float) -> Any:
+    """Returns the axes of a chart: `ax`, or those of a new figure."""
+    if ax is not None:
+        return ax
+    return figure_for(path, width_in, height_in, layout="constrained").add_subplot()
+
+
+def stacked_axes(ax: Any, heights: Sequence[float]) -> list[Any]:
+    """Returns one axes per panel, from top to bottom: the given ones, or single axes divided in proportion to `heights`.
+
+    Raises InputError for another number of axes.
+    """
+    given = [ax] if hasattr(ax, "inset_axes") else list(ax)
+    if len(given) == len(heights):
+        return given
+    if len(given) != 1:
+        raise InputError(
+            f"the picture has {len(heights)} panels, but ax has {len(given)} axes; give one or {len(heights)}"
+        )
+    ax.set_axis_off()
+    gap = 0.25 / len(heights)
+    scale = (1.0 - gap * (len(heights) - 1)) / sum(heights)
+    found: list[Any] = []
+    top = 1.0
+    for height in heights:
+        found.append(ax.inset_axes((0.0, top - scale * height, 1.0, scale * height)))
+        top -= scale * height + gap
+    return found
+
+
+def finish(figure: Any, axes: Any, path: str | os.PathLike[str] | None, dpi: float) -> Any:
+    """Writes the figure and returns the file; without a path returns the axes."""
+    return axes if path is None else save(figure, Path(path), dpi)
 
 
 def check_target(path: str | os.PathLike[str] | None, ax: Any) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import textwrap
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 from navstack.plot import canvas, colors
@@ -15,17 +14,22 @@ Times = Sequence[tuple[float | None, float | None]]
 
 
 def plot_pairs(
-    pairs: Times, path: str | os.PathLike[str], *, title: str, names: tuple[str, str], dpi: float = 130.0
-) -> Path:
+    pairs: Times,
+    path: str | os.PathLike[str] | None = None,
+    *,
+    ax: Any = None,
+    title: str,
+    names: tuple[str, str],
+    dpi: float = 130.0,
+) -> Any:
     """Draws one point per pair: time with A on the x axis, time with B on the y axis, failures on the margins.
 
-    Raises OutputError. Returns the file.
+    Draws to a .png, .svg or .pdf, into the axes `ax`, or a new figure. Raises OutputError. Returns the file; without a path
+    the axes.
     """
-    out = Path(path)
-    canvas.check_format(out)
+    canvas.check_target(path, ax)
     with canvas.style():
-        figure = canvas.new_figure(7.6, 4.8, layout="constrained")
-        axes: Any = figure.add_subplot()
+        axes = canvas.chart_axes(path, ax, 6.4, 4.8)
         axes.set_title(title)
         known = [t for pair in pairs for t in pair if t is not None]
         top = 1.08 * max(known, default=1.0)
@@ -48,7 +52,7 @@ def plot_pairs(
         axes.set_xlabel(_wrapped(f"time with A, {names[0]} (s)"))
         axes.set_ylabel(_wrapped(f"time with B, {names[1]} (s)"))
         axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0)
-        return canvas.save(figure, out, dpi)
+        return canvas.finish(axes.figure, axes, path, dpi)
 
 
 def _wrapped(label: str) -> str:

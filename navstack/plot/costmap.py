@@ -87,6 +87,6 @@ def _draw_inputs(
             entries.append((legend.disc(colors.GOAL), "goal"))
         else:
             text = f"goal {np.hypot(*(at - [goal.x, goal.y])):.1f} m beyond"
-            axes.plot(*at, "o", ms=9, mfc="white", mec=colors.GOAL, mew=2.0, zorder=8)
+            axes.plot(*at, "o", ms=9, mfc="white", mec=colors.GOAL, mew=2.0, zorder=8, clip_on=False)
             entries.append((legend.disc(colors.GOAL, hollow=True), text))
     return entries

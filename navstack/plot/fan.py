@@ -154,7 +154,7 @@ def _draw_legal(axes: Any, fan: Fan, shapes: Shapes, scale: CostScale) -> Entrie
             drawing.draw_line(axes, shapes[k], scale.color(float(fan.totals[k])), width=1.5, zorder=4.0)
     if not len(legal):
         return []
-    return [(_line(scale.color(scale.low), "-", ""), f"{len(legal)} legal, coloured by cost (below)")]
+    return [(_line(scale.color(scale.low), "-", ""), f"{len(legal)} legal, by cost (below)")]
 
 
 def _draw_surroundings(

@@ -18,12 +18,16 @@ _LONGEST_LABEL = 26
 Entries = list[tuple[Any, str]]
 
 
-def add_legends(figure: Any, panels: Sequence[Any], tracks: Sequence[GoalTrack], x: float) -> None:
-    """Adds a legend beside each of the three panels; `x` is its left edge as a share of the figure."""
+def add_legends(panels: Sequence[Any], tracks: Sequence[GoalTrack], figure: Any = None, x: float = 0.0) -> None:
+    """Adds a legend beside each of the three panels, `x` its left edge as a share of the figure; inside without a figure."""
     for axes, entries in zip(panels, (_distance(tracks), _velocity(), _lanes(tracks)), strict=True):
+        handles, labels = [handle for handle, _ in entries], [label for _, label in entries]
+        if figure is None:
+            axes.legend(handles, labels, loc="best", handlelength=1.8, fontsize=6)
+            continue
         figure.legend(
-            [handle for handle, _ in entries],
-            [label for _, label in entries],
+            handles,
+            labels,
             loc="upper left",
             bbox_to_anchor=(x, axes.get_position().y1),
             borderaxespad=0.0,

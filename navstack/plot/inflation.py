@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -36,19 +35,34 @@ class Curve:
 _COLORS = (colors.BLUE, colors.VERMILLION)
 
 
-def plot_inflation(curves: Sequence[Curve], path: str | os.PathLike[str], *, title: str, dpi: float = 130.0) -> Path:
+def plot_inflation(
+    curves: Sequence[Curve],
+    path: str | os.PathLike[str] | None = None,
+    *,
+    ax: Any = None,
+    title: str,
+    dpi: float = 130.0,
+) -> Any:
     """Draws cost against distance to a .png, .svg or .pdf, with one panel per curve and lines at the radii.
 
-    Raises OutputError. Returns the file.
+    Draws into the axes `ax` (one, or one per curve), or a new figure. Raises OutputError, and InputError for another number of
+    axes. Returns the file; without a path the list of the panels' axes.
     """
-    out = Path(path)
-    canvas.check_format(out)
+    canvas.check_target(path, ax)
+    reach = max(float(curve.distances[-1]) for curve in curves)
     with canvas.style():
+        if ax is not None:
+            panels = canvas.stacked_axes(ax, [1.0] * len(curves))
+            for i, (axes, curve) in enumerate(zip(panels, curves, strict=True)):
+                _panel(axes, curve, _COLORS[i % len(_COLORS)], reach)
+                axes.set_title(f"{title}\n{curve.label}" if i == 0 else curve.label, fontsize=9.0)
+                axes.legend(loc="upper right", fontsize=7)
+            return panels
+        panels: list[Any] = []
         panel, above, below = 3.7, 0.4, 0.55
         height = above + len(curves) * panel
-        figure = canvas.new_figure(9.2, height)
+        figure = canvas.figure_for(path, 9.2, height)
         figure.text(0.075, 1.0 - 0.3 / height, title, fontsize=12, fontweight="bold", va="baseline")
-        reach = max(float(curve.distances[-1]) for curve in curves)
         for i, curve in enumerate(curves):
             bottom = (len(curves) - 1 - i) * panel + below
             axes: Any = figure.add_axes((0.075, bottom / height, 0.66, (panel - below - 0.3) / height))
@@ -57,7 +71,8 @@ def plot_inflation(curves: Sequence[Curve], path: str | os.PathLike[str], *, tit
                 f"{curve.label}   {curve.subtitle}", fontsize=8.5, fontweight="normal", color="#666666", pad=6
             )
             axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0, labelspacing=0.8)
-        return canvas.save(figure, out, dpi)
+            panels.append(axes)
+        return canvas.finish(figure, panels, path, dpi)
 
 
 def _panel(axes: Any, curve: Curve, color: str, reach: float) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping
 from typing import Any
@@ -61,9 +62,11 @@ def _draw_place(axes: Any, name: str, pose: Pose2D, points_per_m: float) -> None
     axes.annotate(
         name,
         (pose.x, pose.y),
-        xytext=(0, 7),
+        # not over the arrow
+        xytext=(0, -7 if math.sin(pose.yaw) > 0.5 else 7),
         textcoords="offset points",
         ha="center",
+        va="top" if math.sin(pose.yaw) > 0.5 else "bottom",
         fontsize=8,
         fontweight="bold",
         zorder=9,

@@ -109,9 +109,7 @@ class Picture:
             "handler_map": handlers(),
         }
         if not self._own:
-            return self.axes.legend(
-                handles, labels, bbox_to_anchor=(0.0, -0.14), ncols=1 if self._beside else 4, fontsize=7, **options
-            )
+            return self._legend_in_given_axes(handles, labels, options)
         renderer = self.canvas.get_renderer()
         legend: Any = None
         box = self.figure.bbox
@@ -124,7 +122,7 @@ class Picture:
                 break
         wide, high = box.width / self.figure.dpi, box.height / self.figure.dpi + extra_in
         if self._beside:
-            self._right = 0.12 + max(wide, 3.0 if extra_in else 0.0) + 0.12
+            self._right = 0.12 + max(wide, 2.1 if extra_in else 0.0) + 0.12
             self._bottom += max(0.0, high - self._height - 0.4)
         else:
             self._bottom += high + 0.12
@@ -137,6 +135,16 @@ class Picture:
         )
         legend.set_bbox_to_anchor(at, transform=self.figure.transFigure)
         return legend
+
+    def _legend_in_given_axes(self, handles: Sequence[Any], labels: Sequence[str], options: dict[str, Any]) -> Any:
+        """Adds a small legend below the label of the x axis; a constrained layout makes room for it."""
+        from matplotlib.transforms import ScaledTranslation
+
+        below = self.axes.transAxes + ScaledTranslation(0.0, -38.0 / 72.0, self.figure.dpi_scale_trans)
+        options |= {"columnspacing": 1.0, "labelspacing": 0.4, "handlelength": 1.8, "fontsize": 6.5}
+        return self.axes.legend(
+            handles, labels, bbox_to_anchor=(0.0, 0.0), bbox_transform=below, ncols=min(3, len(labels)), **options
+        )
 
     def finish(self, path: str | os.PathLike[str] | None, dpi: float) -> Any:
         """Writes the picture and returns the file; without a path returns the axes."""

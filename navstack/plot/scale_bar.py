@@ -46,7 +46,7 @@ def draw_scale_bar(picture: Any, legend: Any, scale: CostScale) -> None:
     box = legend.get_window_extent().transformed(figure.transFigure.inverted())
     height = 0.13 / figure.get_figheight()
     bar = figure.add_axes(
-        (box.x0 + 0.01, max(box.y0 - 3.2 * height, 0.02 + 1.2 * height), 2.4 / figure.get_figwidth(), height)
+        (box.x0 + 0.01, max(box.y0 - 3.2 * height, 0.02 + 1.2 * height), 1.7 / figure.get_figwidth(), height)
     )
     rgba = np.array([[_rgba(share) for share in np.linspace(0.0, 1.0, 128)]])
     bar.imshow(rgba[..., :3], aspect="auto", extent=(0.0, 1.0, 0.0, 1.0))

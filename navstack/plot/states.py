@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 from typing import Any
 
 from navstack.move_base.states import Mode
@@ -36,6 +35,7 @@ _ARROWS: dict[tuple[Mode, Mode], tuple[Any, Any, Any, str]] = {
     (Mode.CLEARING, Mode.IDLE): ((8.7, 2.0), (1.2, 4.18), (4.2, 1.72), "left"),
 }
 """Start, end, position and alignment of the label of each arrow, in the coordinates of the picture."""
+_WIDTH_IN = 12.4
 _HALF_WIDTH, _HALF_HEIGHT = 1.2, 0.42
 
 
@@ -64,14 +64,17 @@ def edges() -> tuple[Edges, Edges, dict[Mode, list[str]]]:
     return own, common, loops
 
 
-def plot_states(path: str | os.PathLike[str], *, dpi: float = 130.0) -> Path:
-    """Draws the state machine to a .png, .svg or .pdf; raises OutputError. Returns the file."""
-    out = Path(path)
-    canvas.check_format(out)
+def plot_states(path: str | os.PathLike[str] | None = None, *, ax: Any = None, dpi: float = 130.0) -> Any:
+    """Draws the state machine to a .png, .svg or .pdf, into the axes `ax`, or a new figure.
+
+    Raises OutputError. Returns the file; without a path the axes.
+    """
+    canvas.check_target(path, ax)
     own, common, loops = edges()
     with canvas.style():
-        figure = canvas.new_figure(12.4, 7.2)
-        axes: Any = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+        axes = ax
+        if axes is None:
+            axes = canvas.figure_for(path, _WIDTH_IN, 7.2).add_axes((0.0, 0.0, 1.0, 1.0))
         axes.set_xlim(0.0, 15.5)
         axes.set_ylim(0.0, 9.0)
         axes.axis("off")
@@ -87,7 +90,12 @@ def plot_states(path: str | os.PathLike[str], *, dpi: float = 130.0) -> Path:
             _box(axes, mode, loops[mode])
         _draw_transitions(axes, own)
         _draw_common(axes, common)
-        return canvas.save(figure, out, dpi)
+        if ax is not None:
+            # the texts have the size that fits the width of a figure of its own
+            shrink = min(1.0, axes.get_window_extent().width / axes.figure.dpi / _WIDTH_IN)
+            for text in axes.texts:
+                text.set_fontsize(shrink * text.get_fontsize())
+        return canvas.finish(axes.figure, axes, path, dpi)
 
 
 def _draw_transitions(axes: Any, own: Edges) -> None:

@@ -24,13 +24,15 @@ _STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }
 h1 { font-size: 1.6rem; } h2 { font-size: 1.2rem; margin-top: 2.2rem; }
 table { border-collapse: collapse; font-size: 0.9rem; } td, th { padding: 0.2rem 0.8rem 0.2rem 0; text-align: left; }
-table { display: block; max-width: 100%; overflow-x: auto; } p, li, code, td { overflow-wrap: anywhere; }
+table { display: block; max-width: 100%; overflow-x: auto; } p, li, code { overflow-wrap: anywhere; }
 td.n { white-space: nowrap; }
 th { border-bottom: 1px solid #888; } td.n, th.n { text-align: right; } tr:nth-child(even) td { background: #f6f6f6; }
 .verdict { font-size: 1.1rem; border-left: 4px solid #0072B2; padding: 0.4rem 0 0.4rem 1rem; }
 .nothing { border-color: #E69F00; } .dim { color: #666; } code { font-size: 0.9em; }
 img { max-width: 100%; } .pair { display: flex; gap: 1rem; flex-wrap: wrap; } .pair figure { flex: 1 1 20rem; margin: 0; }
 figcaption { font-size: 0.85rem; color: #444; }
+@media (max-width: 40rem) { body { margin: 1rem auto; } table { font-size: 0.75rem; } td.n { white-space: normal; }
+td, th { padding-right: 0.35rem; vertical-align: top; } }
 """
 
 
@@ -94,6 +96,11 @@ def _e(text: object) -> str:
     return re.sub(r"`([^`]+)`", r"<code>\1</code>", html.escape(str(text)))
 
 
+def _name(text: str) -> str:
+    """A name for a cell of a table, which may be divided after a slash or an underscore."""
+    return re.sub(r"([/_])", r"\1<wbr>", _e(text))
+
+
 def _head(header: ReportHeader) -> Iterator[str]:
     yield "<!DOCTYPE html>"
     yield '<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
@@ -122,7 +129,7 @@ def _changes(tuning: TuningResult, rewritten: RewrittenFiles) -> Iterator[str]:
     for c in rewritten.changes:
         before = "default" if c.old is None else value_text(c.old)
         values = f"<td class=n>{_e(before)}</td><td class=n>{_e(value_text(c.new))}</td>"
-        yield f"<tr><td>{_e(c.name)}</td>{values}<td class=dim>{_e(c.place or 'new line')}</td></tr>"
+        yield f"<tr><td>{_name(c.name)}</td>{values}<td class=dim>{_name(c.place or 'new line')}</td></tr>"
     yield "</table>"
     if tuning.reverted:
         names = [_with_importance(name, tuning.importance) for name in tuning.reverted]
@@ -202,7 +209,7 @@ def _front(tuning: TuningResult) -> Iterator[str]:
     for t in tuning.front:
         cells = "".join(f"<td class=n>{v:.4g}</td>" for v in t.values)
         values = ", ".join(f"{name.rpartition('/')[2]} {value_text(v)}" for name, v in t.candidate.items())
-        yield f"<tr><td>{t.number}</td>{cells}<td class=dim>{_e(values)}</td></tr>"
+        yield f"<tr><td>{t.number}</td>{cells}<td class=dim>{_name(values)}</td></tr>"
     yield "</table>"
 
 
@@ -217,7 +224,7 @@ def _search(tuning: TuningResult, charts: Mapping[str, Path]) -> Iterator[str]:
         best = value_text(tuning.best.candidate[d.name]) if tuning.best is not None else ""
         also = f"; with {', '.join(n for n, _ in d.ties)}" if d.ties else ""
         yield (
-            f"<tr><td>{_e(d.name)}</td><td>{_e(d.range_text())}</td><td class=n>{_e(present)}</td><td class=n>{_e(best)}</td>"
+            f"<tr><td>{_name(d.name)}</td><td>{_e(d.range_text())}</td><td class=n>{_e(present)}</td><td class=n>{_e(best)}</td>"
             f"<td class=dim>{_e(d.meaning + also)}</td></tr>"
         )
     yield "</table>"
@@ -241,7 +248,7 @@ def sensitivity_page(found: Sequence[Perturbation], header: ReportHeader, chart:
             f"<td class=n>{_e(_difference_text(one.comparison, name, digits))}</td>"
             for name, digits in (("score", 3), ("success", 2), ("time", 1))
         )
-        yield f"<tr><td>{_e(one.dimension.name)}</td><td>{_e(one.what)}</td>{cells}</tr>"
+        yield f"<tr><td>{_name(one.dimension.name)}</td><td>{_e(one.what)}</td>{cells}</tr>"
     yield f"</table><p class=dim>{_e(OBJECTIVES['score'].meaning)}.</p></body></html>"
 
 

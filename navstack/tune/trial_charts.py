@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeGuard
 
 from navstack.plot import canvas, colors
 from navstack.tune.chart_canvas import DASHED, DPI, new_figure
@@ -91,13 +91,19 @@ def slices(tuning: TuningResult, path: Path, names: Sequence[str]) -> Path:
         for i, name in enumerate(names):
             axes: Any = figure.add_subplot(rows, columns, i + 1)
             _draw_slice(axes, tuning, dimensions[name])
+            axes.set_xlabel(_axis_label(dimensions[name], names), fontsize=8)
             if i % columns == 0:
                 axes.set_ylabel(objective.label, fontsize=8)
         first = figure.axes[0]
-        first.plot([], [], "o", color=colors.BLUE, ms=4, label=_COMPLETE)
-        first.plot([], [], "x", color=colors.FAINT, ms=4, label="pruned")
-        first.plot([], [], color=colors.ORANGE, lw=1.4, ls=DASHED, label="before")
-        first.plot([], [], color=colors.VERMILLION, lw=1.4, label="tuned")
+        shown = [t for t in tuning.trials if t.values[0] < NO_SUCCESS]
+        if any(t.complete for t in shown):
+            first.plot([], [], "o", color=colors.BLUE, ms=4, label=_COMPLETE)
+        if not all(t.complete for t in shown):
+            first.plot([], [], "x", color=colors.FAINT, ms=4, label="pruned")
+        if any(_is_number(dimensions[name].present) for name in names):
+            first.plot([], [], color=colors.ORANGE, lw=1.4, ls=DASHED, label="before")
+        if any(_is_number(tuning.candidate.get(name)) for name in names):
+            first.plot([], [], color=colors.VERMILLION, lw=1.4, label="tuned")
         figure.legend(loc="outside lower center", fontsize=8, ncols=4)
         return canvas.save(figure, path, DPI)
 
@@ -113,13 +119,23 @@ def _draw_slice(axes: Any, tuning: TuningResult, d: Dimension) -> None:
         # the default labels of a log scale need mathtext, which the style disables
         axes.xaxis.set_major_formatter(_plain_number)
         axes.xaxis.set_minor_formatter("")
-    if d.present is not None and not isinstance(d.present, str):
+    if _is_number(d.present):
         axes.axvline(float(d.present), color=colors.ORANGE, lw=1.4, ls=DASHED)
     tuned = tuning.candidate.get(d.name)
-    if tuned is not None and not isinstance(tuned, str):
+    if _is_number(tuned):
         axes.axvline(float(tuned), color=colors.VERMILLION, lw=1.4)
-    axes.set_xlabel(f"{d.name.rpartition('/')[2]}{f' ({d.unit})' if d.unit else ''}", fontsize=8)
     axes.tick_params(labelsize=7)
+
+
+def _is_number(value: Any) -> TypeGuard[float]:
+    return value is not None and not isinstance(value, str)
+
+
+def _axis_label(d: Dimension, names: Sequence[str]) -> str:
+    """The last part of the name, or the whole name if another parameter has the same last part."""
+    last = d.name.rpartition("/")[2]
+    shown = last if sum(name.rpartition("/")[2] == last for name in names) == 1 else d.name
+    return f"{shown} ({d.unit})" if d.unit else shown
 
 
 def _plain_number(value: float, position: int) -> str:
@@ -166,7 +182,8 @@ def _draw_trials(axes: Any, tuning: TuningResult, two: Sequence[Objective]) -> l
         (good, {"marker": "o", "ls": "none", "color": colors.SKY, "ms": 5}, f"{highest:.0%} success"),
         (front, {"marker": "D", "ls": "-", "color": colors.BLUE, "ms": 6, "lw": 1.0}, "Pareto front"),
     ):
-        axes.plot([p[0] for p in some], [p[1] for p in some], label=label, **style)
+        if some:
+            axes.plot([p[0] for p in some], [p[1] for p in some], label=label, **style)
     return good
 
 

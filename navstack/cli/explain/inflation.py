@@ -11,7 +11,6 @@ from navstack.cli import options
 
 if TYPE_CHECKING:
     from navstack.explain import InflationCurve
-    from navstack.plot.inflation import Curve
 
 
 def inflation(
@@ -33,6 +32,7 @@ def inflation(
     from navstack.core.files import write_json
     from navstack.explain import inflation_curves
     from navstack.parameters.configuration import load_configuration
+    from navstack.plot import plot_inflation_curves
 
     resolution = map_of(map_)[1].geometry.resolution if map_ is not None else None
     configuration = load_configuration(params, overrides=set_)
@@ -42,39 +42,14 @@ def inflation(
         chosen = chosen_files(out, {"picture": "inflation.png", "curves": "inflation.json"})
         document["files"] = {what: str(file) for what, file in chosen.items()}
         if "picture" in chosen:
-            _draw(curves, chosen["picture"], [Path(p).name for p in params])
+            title = f"inflation: {', '.join(Path(p).name for p in params)}"
+            plot_inflation_curves(curves, chosen["picture"], title=title)
         if "curves" in chosen:
             write_json(chosen["curves"], document)
     if json_:
         print_json(document)
     else:
         _print(curves, document.get("files", {}))
-
-
-def _draw(curves: list[InflationCurve], picture: Path, names: list[str]) -> None:
-    from navstack.plot.inflation import plot_inflation
-
-    plot_inflation([_drawn(curve) for curve in curves], picture, title=f"inflation: {', '.join(names)}")
-
-
-def _drawn(curve: InflationCurve) -> Curve:
-    import numpy as np
-
-    from navstack.plot.inflation import Curve
-
-    reach = max(curve.cells[-1], curve.circumscribed_radius + curve.resolution)
-    distances = np.linspace(0.0, 1.05 * reach, 1200)
-    return Curve(
-        label=f"{' and '.join(curve.costmaps)} costmap{'s' if len(curve.costmaps) > 1 else ''}",
-        distances=distances,
-        costs=curve.at(distances).astype(np.float64),
-        cells=curve.cells,
-        cell_costs=curve.cell_costs.astype(np.float64),
-        inscribed=curve.inscribed_radius,
-        circumscribed=curve.circumscribed_radius,
-        inflation=curve.inflation_radius,
-        subtitle=f"cost_scaling_factor {curve.cost_scaling_factor:g} / m   cells of {curve.resolution:g} m",
-    )
 
 
 def _print(curves: list[InflationCurve], files: dict[str, str]) -> None:

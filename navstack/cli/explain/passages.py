@@ -99,11 +99,12 @@ def _write(report: PassageReport, document: dict[str, Any], name: str, out: Path
     """Writes picture and document, or the one that is asked for; returns the names of the files."""
     from navstack.cli.out_path import chosen_files
     from navstack.core.files import write_json
+    from navstack.plot import plot_passage_report
 
     chosen = chosen_files(out, {"picture": "passages.png", "passages": "passages.json"})
     files = {what: str(file) for what, file in chosen.items()}
     if "picture" in chosen:
-        _draw(report, chosen["picture"], name)
+        plot_passage_report(report, chosen["picture"], name=name)
     if "passages" in chosen:
         write_json(chosen["passages"], {**document, "files": files})
     return files
@@ -117,18 +118,3 @@ def _note_unknown_walls(report: PassageReport, name: str) -> None:
             f"{100.0 * report.unknown_border:.0f} % of the cells that border free space in {name} are unknown, not "
             "occupied, so no layer inflates them; --unknown treats them as walls"
         )
-
-
-def _draw(report: PassageReport, picture: Path, name: str) -> None:
-    from navstack.explain.printing import passage_counts
-    from navstack.plot.passages import Bar, plot_passages
-
-    plot_passages(
-        report.costmap,
-        [Bar(i, passage.ends, passage.rating) for i, passage in enumerate(report.passages, 1)],
-        picture,
-        title=f"passages of {name}: {passage_counts(report)}",
-        subtitle=f"{report.costmap_name} costmap: inscribed radius {report.inscribed_radius:.3f} m, inflation radius "
-        f"{report.inflation_radius:g} m   minimum width {report.widths.minimum:.2f} m, low-cost width "
-        f"{report.widths.low_cost:.2f} m",
-    )
