@@ -203,12 +203,12 @@ def test_command_prints_draws_and_writes(
 
 
 def test_picture_shows_failures_and_plans(tmp_path: Path, unreachable: Record) -> None:
-    from navstack.cli.explain.goal import draw
+    from navstack.plot import plot_goal_reports
 
     path = tmp_path / "wall.png"
-    draw(unreachable, explain_goals(unreachable), path)
+    plot_goal_reports(explain_goals(unreachable), path, record=unreachable)
     again = tmp_path / "again.png"
-    draw(unreachable, explain_goals(unreachable), again)
+    plot_goal_reports(explain_goals(unreachable), again, record=unreachable)
     assert path.read_bytes() == again.read_bytes()
     with Image.open(path) as image:
         shown = {rgb for n, rgb in image.convert("RGB").getcolors(1 << 24) or () if n > 50}
