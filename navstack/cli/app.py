@@ -17,6 +17,7 @@ from typing import Annotated, Any, Final
 import typer
 
 from navstack.cli import bench, check, explain, info, internal_error, params, plan, plot, simulate, sweep, tour, tune
+from navstack.cli.interrupts import raised_terminations
 
 EXIT_GOAL_FAILED = 1
 EXIT_WRONG_INPUT = 2
@@ -87,7 +88,10 @@ def run(arguments: list[str]) -> int:
     set_verbosity(Verbosity.NORMAL)
     started = time.monotonic()
     try:
-        code = _run(arguments)
+        with raised_terminations() as terminated:
+            code = _run(arguments)
+        if terminated():
+            code = terminated.exit_code
     except Exception as exc:
         code = internal_error.report(exc, arguments)
     if verbosity() is Verbosity.VERBOSE:
@@ -104,7 +108,8 @@ def _run(arguments: list[str]) -> int:
         sys.stdout.flush()  # at the exit, an error could no longer be reported
         return code if isinstance(code, int) else 0
     except (typer.Abort, KeyboardInterrupt):
-        print("interrupted", file=sys.stderr)
+        with contextlib.suppress(OSError):  # a closed terminal
+            print("interrupted", file=sys.stderr)
         return EXIT_INTERRUPTED
     except typer.TyperException as exc:
         return _usage_error(exc, as_json)

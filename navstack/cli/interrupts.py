@@ -29,6 +29,35 @@ class Interrupt:
 
 
 @contextmanager
+def raised_terminations() -> Generator[Interrupt]:
+    """SIGTERM and SIGHUP end a command as Ctrl-C does, so that it removes files that it has begun: by KeyboardInterrupt.
+
+    Yields what tells which signal it was. A second signal of the kind ends the process at once. Handlers of others and
+    ignored signals (nohup) stay.
+    """
+    flag = Interrupt()
+    if threading.current_thread() is not threading.main_thread():
+        yield flag
+        return
+    numbers = [number for name in _NAMES[1:] if (number := getattr(signal, name, None)) is not None]
+    replaced = [number for number in numbers if signal.getsignal(number) is signal.SIG_DFL]
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        del frame
+        flag.signal = number
+        signal.signal(number, signal.SIG_DFL)
+        raise KeyboardInterrupt
+
+    for number in replaced:
+        signal.signal(number, handle)
+    try:
+        yield flag
+    finally:
+        for number in replaced:
+            signal.signal(number, signal.SIG_DFL)
+
+
+@contextmanager
 def interrupt_flag() -> Generator[Interrupt]:
     """Yields an object that is True after SIGINT, SIGTERM or SIGHUP; a second signal of the kind ends the command at once."""
     flag = Interrupt()

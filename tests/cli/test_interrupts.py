@@ -6,6 +6,8 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -48,6 +50,39 @@ def test_a_stopped_run_is_complete() -> None:
     assert [goal.state for goal in result.goals] == ["PREEMPTED"]
     assert result.recorder is not None
     assert len(result.recorder.record().results) == 1
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_leaves_no_part_of_a_film(
+    number: signal.Signals, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The signal arrives while the frames are written."""
+    from navstack.cli import output
+    from tests.record import synthetic
+
+    folder = synthetic.record_run(3.0).save(tmp_path)["record"].parent
+    (folder / "run.gif").write_bytes(b"an earlier film")
+
+    @contextmanager
+    def signalling_bar(what: str, *, quiet: bool) -> Generator[Callable[[int, int], None]]:
+        yield lambda done, total: os.kill(os.getpid(), number)
+
+    monkeypatch.setattr(output, "counting_bar", signalling_bar)
+    before = sorted(folder.iterdir())
+    handlers = [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
+    assert run(["plot", str(folder), "--animate", "--out", str(tmp_path / "run.png")]) == 128 + number
+    assert sorted(path for path in folder.iterdir() if path.name != "run.png") == before
+    assert (folder / "run.gif").read_bytes() == b"an earlier film"
+    assert [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)] == handlers
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_ends_a_plan(number: signal.Signals, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from navstack import bringup
+
+    monkeypatch.setattr(bringup, "plan_on_map", lambda *_, **__: os.kill(os.getpid(), number))
+    assert run(["plan", "office", "--start", "1,7.45", "--goal", "3,7.45", "--out", str(tmp_path)]) == 128 + number
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_second_signal_ends_the_command() -> None:
