@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from navstack.core.parameters import ParamModel
 from navstack.parameters.binding import Binder
@@ -39,6 +39,8 @@ class _UnusedCheck:
         self.findings: list[Finding] = []
         self.read = {_source(leaf) for leaf in root.leaves() if leaf.used}
         """Values that were read in one namespace count as used in others (a file loaded into both costmaps)."""
+        self.present = set(_present(root))
+        """Values in namespaces that are read: those without effect are reported there."""
         self.recovery_names = {n for m in catalogue.recoveries for n in iter_names(m)}
         self.models: dict[str, list[type[ParamModel]]] = {}
         for space, model in binder.bound:
@@ -79,6 +81,19 @@ class _UnusedCheck:
                 # a layer of a file for both costmaps that the other one uses: its misspelt names are reported there
                 if leaves and not any(_source(leaf) in self.read for leaf in leaves):
                     self._unknown_namespace(space, child)
+                    continue
+                for leaf in leaves:
+                    if _source(leaf) not in self.present:
+                        self._beside_shared(space, child, leaf)
+
+    def _beside_shared(self, parent: Space, space: Space, leaf: Leaf) -> None:
+        """Report a value in a namespace that only the other costmap uses: the costmap's own file added it."""
+        name = leaf.path.removeprefix(f"{space.path}/")
+        message = (
+            f"{name} of {space.path} has no effect because {parent.name or 'move_base'} does not use {space.name}; list "
+            f"{space.name} under plugins of {parent.name or 'move_base'}, or remove this line"
+        )
+        self._add("warning", "layer-not-listed", leaf, message)
 
     # --- parameters ---------------------------------------------------------------------------------------------------
 
@@ -277,6 +292,15 @@ def _is_certain(name: str, close: str, models: Sequence[type[ParamModel]]) -> bo
     current = {n: next((m.RENAMED[n] for m in models if n in m.RENAMED), n) for m in models for n in iter_names(m)}
     others = [n for n, meant in current.items() if meant != current.get(close, close)]
     return is_certain(name, close, others)
+
+
+def _present(space: Space) -> Iterator[Location | int]:
+    """The values in a namespace and in those below it that are read."""
+    for child in space.children.values():
+        if isinstance(child, Leaf):
+            yield _source(child)
+        elif child.used or _contains_used(child):
+            yield from _present(child)
 
 
 def _contains_used(space: Space) -> bool:

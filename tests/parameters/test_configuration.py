@@ -291,6 +291,18 @@ def test_a_layer_that_the_other_costmap_uses_is_not_to_be_removed(tmp_path: Path
     assert [(f.rule, f.suggestion) for f in findings] == [("unknown", "enabled")]
 
 
+def test_a_value_that_one_costmap_adds_to_a_layer_of_the_other_is_reported(tmp_path: Path) -> None:
+    common, local = tmp_path / "costmap_common_params.yaml", tmp_path / "local_costmap_params.yaml"
+    common.write_text("static_layer: {enabled: true, enabeld: true}\n")
+    local.write_text("local_costmap:\n  static_layer: {map_topic: other}\n")
+    found = [f for f in check(str(common), str(local), robot()) if f.line and f.file in (str(common), str(local))]
+    assert [(f.rule, Path(f.file).name, f.line) for f in found] == [
+        ("unknown", common.name, 1),
+        ("layer-not-listed", local.name, 2),
+    ]
+    assert "map_topic of local_costmap/static_layer has no effect" in found[1].message
+
+
 def test_planners_of_other_packages_are_noted_once() -> None:
     findings = check(robot(TebLocalPlannerROS={"max_vel_x": 0.4, "weight_obstacle": 50}))
     assert [(f.severity, f.key) for f in findings if f.rule == "not-in-use"] == [("info", "TebLocalPlannerROS")]
