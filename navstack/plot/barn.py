@@ -41,7 +41,8 @@ def plot_success(
         below = [0.0] * len(rows)
         for key, label, color in _OUTCOMES:
             shares = [row[key] / row["runs"] for row in rows]
-            axes.bar(at, shares, bottom=below, color=color, width=0.8, label=label)
+            # an empty label has no entry in the legend
+            axes.bar(at, shares, bottom=below, color=color, width=0.8, label=label if any(shares) else "")
             below = [b + s for b, s in zip(below, shares, strict=True)]
         if any("cpp_outcome" in row for row in rows):
             _draw_cpp_outcomes(axes, rows)
@@ -94,8 +95,10 @@ def plot_times(
             times = [row["cpp_time_s"] for row in cpp]
             axes.plot([row["optimal_time_s"] for row in cpp], times, "o", label="C++, one run", **hollow)
         won = [row for row in rows if row["success"] > 0]
-        times = [row["time_s"] for row in won]
-        axes.plot([row["optimal_time_s"] for row in won], times, "o", ms=4.0, color=colors.BLUE, label="navstack, mean")
+        if won:
+            times = [row["time_s"] for row in won]
+            blue = {"ms": 4.0, "color": colors.BLUE, "label": "navstack, mean"}
+            axes.plot([row["optimal_time_s"] for row in won], times, "o", **blue)
         axes.set_xlim(low, high)
         axes.set_ylim(bottom=0.0)
         axes.set_xlabel("time of the shortest path at 2 m/s (s)")

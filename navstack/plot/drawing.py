@@ -159,6 +159,13 @@ def draw_rings(axes: Any, points: NDArray[np.float64], color: str, **options: An
     )
 
 
+def ring_handle(color: str) -> Any:
+    """Handle of the legend: a small diamond."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], ls="none", marker="D", ms=6.5, mfc="none", mec=color, mew=1.8)
+
+
 def draw_heading(axes: Any, pose: Pose2D, color: str, points_per_m: float) -> None:
     """Draws a small disc with an arrow for the heading."""
     _arrow(axes, pose, pose.yaw, color, 4.5 / points_per_m, 6.0)

@@ -19,6 +19,8 @@ from navstack.plot.run import area_of_run, draw_ends, draw_map, incidents
 from navstack.record import Record
 
 Entries = list[tuple[Any, str]]
+_CURRENT_S = 0.5
+"""Largest age of a trajectory that is shown (s): some control cycles."""
 
 
 class Film:
@@ -77,7 +79,7 @@ class Film:
             axes.draw_artist(artist)
         self._marks.press(surface)
         incidents_, collisions = self._incidents.markers
-        for artist in (incidents_, collisions, *self._robot.body):
+        for artist in (*self._robot.body, incidents_, collisions):
             axes.draw_artist(artist)
         self._picture.figure.draw_artist(self._status)
         return np.asarray(surface.buffer_rgba())[:, :, :3].copy()
@@ -130,7 +132,8 @@ class _RobotArtists:
         points = np.empty((0, 3)) if plan is None else record.to_global(plan.frame, plan.t).apply_poses(plan.poses)
         self._plan.set_data(*points[:, :2].T)
         local = record.local_plan_at(t)
-        trajectory = None if local is None else local.plan.trajectory
+        # an older one is no longer driven: the robot plans, recovers or has arrived
+        trajectory = None if local is None or t - local.t > _CURRENT_S else local.plan.trajectory
         points = np.empty((0, 3)) if trajectory is None else self._local_frame(t).apply_poses(trajectory)
         self._local.set_data(*points[:, :2].T)
         scans = [scan.points for scan in record.scans_at(t)]
@@ -158,7 +161,8 @@ class _IncidentArtists:
     def entries(self) -> Entries:
         """Returns the entries of the legend."""
         occurred = (len(self._points) > 0, len(self._record.collisions) > 0)
-        named = zip(occurred, self.markers, ("recovery", "collision"), strict=True)
+        handles = (drawing.ring_handle(colors.RECOVERY), self.markers[1])
+        named = zip(occurred, handles, ("recovery", "collision"), strict=True)
         return [(marker, name) for any_, marker, name in named if any_]
 
     def move_to(self, t: float) -> None:

@@ -233,7 +233,8 @@ def _draw_incidents(axes: Any, record: Record, entries: list[tuple[Any, str]]) -
     recoveries = incidents(record)
     if recoveries and len(record.times):
         at = _positions(record, [event.time for event in recoveries])
-        (marks,) = drawing.draw_rings(axes, at, colors.RECOVERY)
+        drawing.draw_rings(axes, at, colors.RECOVERY)
+        marks = drawing.ring_handle(colors.RECOVERY)
         entries.append((marks, f"recovery ({len(recoveries)})" if len(recoveries) > 1 else "recovery"))
     collisions = record.collisions
     if len(collisions):

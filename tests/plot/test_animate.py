@@ -60,6 +60,21 @@ def test_the_driven_path_grows(film):
     assert (shown[-1][:3] == 255).all()
 
 
+def test_a_film_shows_recoveries_over_the_robot_and_trajectories_while_they_are_driven():
+    from navstack.plot import canvas
+    from navstack.plot.film import Film
+
+    record = synthetic.record_run(6.0).record()
+    (at,) = (event.time for event in record.events_of("recovery"))
+    with canvas.style():
+        film = Film(record, "", 90.0)
+        before, after = count(film.frame(at - 0.05), colors.RECOVERY), count(film.frame(at), colors.RECOVERY)
+        assert after > before + 60  # the diamond around the robot, above its footprint
+        last = float(record.local_plan_times[-1])
+        driven, stale = count(film.frame(last), colors.GREEN), count(film.frame(last + 5.0), colors.GREEN)
+        assert driven > stale + 60
+
+
 def test_a_film_shows_the_scans(tmp_path):
     with_scans = frames(animate_run(synthetic.record_run(3.0, scans=True).record(), tmp_path / "a.gif", fps=2))
     without = frames(animate_run(synthetic.record_run(3.0).record(), tmp_path / "b.gif", fps=2))

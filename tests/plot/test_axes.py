@@ -99,6 +99,13 @@ def test_a_file_is_returned_and_not_mixed_with_axes(
         drawings[name](path=file, ax=Figure().subplots())
 
 
+def test_legends_have_no_entries_without_marks() -> None:
+    lost = [{**WORLDS[0], "success": 0, "collision": 2, "cpp_outcome": "success", "cpp_time_s": 9.0}]
+    for function, entries in ((plot_success, {"collision", "C++: success"}), (plot_times, {"C++, one run"})):
+        axes = function(lost, title="t", ax=Figure().subplots())
+        assert {text.get_text() for text in axes.get_legend().get_texts()} == entries
+
+
 @pytest.mark.parametrize("name", ["goals", "inflation"])
 def test_panels_can_be_given_one_by_one(drawings: dict[str, Callable[..., Any]], name: str) -> None:
     axes = list(np.ravel(Figure().subplots(PANELS[name], 1)))
