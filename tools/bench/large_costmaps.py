@@ -1,6 +1,6 @@
 """Real-time factor with large, fine costmaps: 10 x 10 m at 0.025 m, updates and control at 20 Hz, three lidars.
 
-    python tools/bench/large_costmaps.py [NAME ..] [--repeat 3] [--profile]
+    python tools/bench/large_costmaps.py [NAME ..] [--repeat 3] [--stages] [--profile]
 
 Drives one goal on the packaged map of the office with one set of parameters per name. The factor is simulated time over processor
 time, with recording, after a warm-up; the median and the best of the runs, and the calibration of the machine if it is available
@@ -17,6 +17,7 @@ from pathlib import Path
 
 from reference import Reference
 
+from navstack.bench.stage_times import stage_times
 from navstack.map_io import load_map, packaged_map_file
 from navstack.parameters.configuration import load_configuration
 from navstack.places import load_places
@@ -67,7 +68,6 @@ LARGE = {
 CONFIGURATIONS: dict[str, dict[str, str]] = {
     "obstacle": LARGE,
     "voxel": {**LARGE, "LAYER": "costmap_2d::VoxelLayer"},
-    "wide inflation": {**LARGE, "INFLATION": "2.0", "SIM_TIME": "3.0"},
     "coarse": {**LARGE, "RESOLUTION": "0.05"},
 }
 
@@ -89,6 +89,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", help=f"of {', '.join(CONFIGURATIONS)}; all by default")
     parser.add_argument("--repeat", type=int, default=3)
+    parser.add_argument("--stages", action="store_true", help="print the time of each stage: the fastest of the runs")
     parser.add_argument("--profile", action="store_true", help="print a profile of each")
     args = parser.parse_args()
     for name in args.names or CONFIGURATIONS:
@@ -106,6 +107,10 @@ def main() -> None:
             f"best {max(factors):.0f}; {Reference().text()}",
             flush=True,
         )
+        if args.stages:
+            times = stage_times(scenario, args.repeat)
+            for stage, found in sorted(times["stages"].items(), key=lambda item: -item[1]["seconds"]):
+                print(f"    {stage:16} {1e3 * found['seconds'] / times['simulated_s']:6.2f} ms per simulated second")
         if args.profile:
             import cProfile
             import pstats
