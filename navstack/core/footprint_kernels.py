@@ -18,24 +18,6 @@ BORDER = 1e-9
 
 
 @kernel
-def middle_offsets(nx, out):
-    """Tabulate into `out` (25,) the flat offset from the first to the middle cell of each edge of at most two steps.
-
-    The index is `5 * (dy + 2) + dx + 2` of the last cell relative to the first. Shorter edges have no middle cell: offset 0.
-    """
-    for dy in range(-2, 3):
-        for dx in range(-2, 3):
-            step_x = 1 if dx >= 0 else -1
-            step_y = nx if dy >= 0 else -nx
-            offset = 0
-            if abs(dx) == 2:
-                offset = step_x + (step_y if dy != 0 else 0)
-            elif abs(dy) == 2:
-                offset = step_y + (step_x if dx != 0 else 0)
-            out[5 * (dy + 2) + dx + 2] = offset
-
-
-@kernel
 def place_footprint(costs, origin_x, origin_y, resolution, corners, x, y, yaw, placed):
     """Write the corners of a footprint at a pose to `placed` (2, n), in cells of the grid; return False if one is outside it.
 
@@ -56,15 +38,14 @@ def place_footprint(costs, origin_x, origin_y, resolution, corners, x, y, yaw, p
 
 
 @kernel
-def edge_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, middles, cells):
+def edge_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, cells):
     """Return the highest cost on the edges of a footprint at a pose; OUTSIDE if a corner is outside the grid.
 
-    `corners` (2, n): x and y of the corners in the robot's frame (m). `middles` (25,) as `middle_offsets` returns it; `cells`
-    (2, n) int32 is scratch. Each edge is a line of cells from the cell of one corner to that of the next one (Bresenham): it can
-    miss cells that the footprint overlaps, see `overlapped_cost`.
+    `corners` (2, n): x and y of the corners in the robot's frame (m). `cells` (2, n) int32 is scratch. Each edge is a line of
+    cells from the cell of one corner to that of the next one (Bresenham): it can miss cells that the footprint overlaps, see
+    `overlapped_cost`.
     """
     ny, nx = costs.shape
-    flat = costs.ravel()
     c, s = math.cos(yaw), math.sin(yaw)
     number = corners.shape[1]
     outside = 0
@@ -80,23 +61,45 @@ def edge_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, middles
     if outside > 0:
         return np.int64(OUTSIDE)
     highest = np.uint8(0)
+    longest = 0
     x0, y0 = np.int64(cells[0, number - 1]), np.int64(cells[1, number - 1])
-    # starts with the closing edge: the order does not change the highest cost
-    for j in range(number):
+    # starts with the closing edge: the order does not change the highest cost; unsigned indices are not checked for wrapping
+    for j in range(np.uint64(number)):
         x1, y1 = np.int64(cells[0, j]), np.int64(cells[1, j])
         dx, dy = x1 - x0, y1 - y0
-        cell = y0 * nx + x0
-        highest = max(highest, flat[cell])
-        if max(abs(dx), abs(dy)) <= 2:
-            highest = max(highest, flat[cell + middles[5 * (dy + 2) + dx + 2]])
-        else:
+        steps = max(abs(dx), abs(dy))
+        longest = max(longest, steps)
+        # an edge of two steps has one cell between its ends
+        two = steps == 2
+        middle_x = x0 + ((dx > 0) - (dx < 0) if two else 0)
+        middle_y = y0 + ((dy > 0) - (dy < 0) if two else 0)
+        highest = max(highest, costs[np.uint64(y0), np.uint64(x0)])
+        highest = max(highest, costs[np.uint64(middle_y), np.uint64(middle_x)])
+        x0, y0 = x1, y1
+    if longest > 2:
+        highest = max(highest, long_edge_cost(costs.ravel(), nx, cells))
+    return np.int64(highest)
+
+
+@kernel
+def long_edge_cost(flat, nx, cells):
+    """Return the highest cost between the ends of the edges of more than two steps; `flat`: costs of a grid `nx` cells wide.
+
+    `cells` (2, n): ix and iy of the corners.
+    """
+    number = cells.shape[1]
+    highest = np.uint8(0)
+    x0, y0 = np.int64(cells[0, number - 1]), np.int64(cells[1, number - 1])
+    for j in range(number):
+        x1, y1 = np.int64(cells[0, j]), np.int64(cells[1, j])
+        if max(abs(x1 - x0), abs(y1 - y0)) > 2:
             line = line_start(x0, y0, x1, y1, nx)
-            error = line[0] // 2
+            cell, error = y0 * nx + x0, line[0] // 2
             for _ in range(line[0] - 1):
                 cell, error = line_next(cell, error, line)
                 highest = max(highest, flat[cell])
         x0, y0 = x1, y1
-    return np.int64(highest)
+    return highest
 
 
 @kernel
@@ -180,10 +183,8 @@ def pose_cost(costs, origin_x, origin_y, resolution, vertices, x, y, yaw, interi
     if not (cx >= 0.0 and cy >= 0.0 and cx < nx and cy < ny):
         return OUTSIDE
     corners = vertices.T.copy()
-    middles = np.empty(25, np.int64)
-    middle_offsets(nx, middles)
     cells = np.empty(corners.shape, np.int32)
-    highest = edge_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, middles, cells)
+    highest = edge_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, cells)
     if highest == OUTSIDE or not interior:
         return highest
     placed = np.empty(corners.shape)

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from navstack.core.footprint_kernels import edge_cost, footprint_overlaps_lethal, middle_offsets
+from navstack.core.footprint_kernels import edge_cost, footprint_overlaps_lethal
 from navstack.core.jit import kernel
 
 # codes of the critics
@@ -113,12 +113,10 @@ def obstacle_scores(
     origin_x, origin_y, resolution = settings.origin_x, settings.origin_y, settings.resolution
     sum_scores = settings.sum_scores
     bound_footprint_costs(costs, settings, commands, alive, boxes[len(counts)], bounds)
-    flat = costs.ravel()
+    flat, flat_bounds = costs.ravel(), bounds.reshape(3, costs.size)
     number = len(vertices)
     corners = np.empty((2, number))
     corner_cells, placed = np.empty((2, number), np.int32), np.empty((2, number))
-    middles = np.empty(25, np.int64)
-    middle_offsets(costs.shape[1], middles)
     around = np.empty(poses.shape[1], np.uint8)
     for k in range(len(counts)):
         first_collision[k] = -1
@@ -129,11 +127,11 @@ def obstacle_scores(
         for j in range(number):
             corners[0, j] = scale * vertices[j, 0]
             corners[1, j] = scale * vertices[j, 1]
-        bound = bounds[0 if scale == 1.0 else 1].ravel()
+        bound = 0 if scale == 1.0 else 1
         # start at the point with the highest bound: after it most other points cannot raise the maximum
         most, first = np.uint8(0), 0
         for i in range(n):
-            around[i] = 255 if cells[k, i] < 0 else bound[cells[k, i]]
+            around[i] = 255 if cells[k, i] < 0 else flat_bounds[bound, cells[k, i]]
             if around[i] > most:
                 most, first = around[i], i
         if most == 0:
@@ -143,7 +141,7 @@ def obstacle_scores(
         done = -1
         if not sum_scores and cells[k, first] >= 0:
             x, y, yaw = poses[k, first, 0], poses[k, first, 1], poses[k, first, 2]
-            cost = edge_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, middles, corner_cells)
+            cost = edge_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, corner_cells)
             if most >= 254 and cost < 254:
                 if footprint_overlaps_lethal(costs, origin_x, origin_y, resolution, corners, x, y, yaw, placed):
                     cost = np.int64(254)
@@ -156,7 +154,7 @@ def obstacle_scores(
             cost = np.int64(256)
             if cells[k, i] >= 0:
                 x, y, yaw = poses[k, i, 0], poses[k, i, 1], poses[k, i, 2]
-                cost = edge_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, middles, corner_cells)
+                cost = edge_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, corner_cells)
                 if around[i] >= 254 and cost < 254:
                     if footprint_overlaps_lethal(costs, origin_x, origin_y, resolution, corners, x, y, yaw, placed):
                         cost = np.int64(254)

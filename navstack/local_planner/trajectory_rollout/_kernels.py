@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from navstack.core.footprint_kernels import edge_cost, middle_offsets, overlaps_lethal, place_footprint
+from navstack.core.footprint_kernels import edge_cost, overlaps_lethal, place_footprint
 from navstack.core.jit import kernel
 from navstack.core.line_kernels import line_next, line_start
 from navstack.local_planner._map_grid_kernels import BLOCKED, FREE_UNREACHED, STATE_SIZE, grid_value
@@ -209,10 +209,8 @@ def perimeter_cost(costs, origin_x, origin_y, resolution, vertices, x, y, yaw, s
     for j in range(number):
         corners[0, j] = scale * vertices[j, 0]
         corners[1, j] = scale * vertices[j, 1]
-    middles = np.empty(25, np.int64)
-    middle_offsets(costs.shape[1], middles)
     cells, placed = np.empty((2, number), np.int32), np.empty((2, number))
-    highest = edge_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, middles, cells)
+    highest = edge_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, cells)
     if highest < 254:
         place_footprint(costs, origin_x, origin_y, resolution, corners, x, y, yaw, placed)
         return ON_LETHAL if overlaps_lethal(costs, placed) else highest
