@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 
@@ -98,12 +99,18 @@ class IdealRobot:
         self.twist = twist
 
 
+class HasFrames(Protocol):
+    """A robot that publishes its frames."""
+
+    frames: FrameTree
+
+
 class EmptyCostmap:
     """A costmap of 10 m x 10 m without layers, obstacles or sensors."""
 
     limits_speed = False
 
-    def __init__(self, name: str, frame: str, robot: IdealRobot) -> None:
+    def __init__(self, name: str, frame: str, robot: HasFrames) -> None:
         self.name = name
         self.frame = frame
         self.robot_base_frame = "base_link"

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,6 +21,7 @@ from navstack.core.errors import NoValidPathError
 from navstack.global_planner import GlobalPlannerParams, GlobalPlannerROS
 from navstack.global_planner._search.cost_interpreter import global_planner_costs
 from tests.conftest import golden_files
+from tests.golden.plan_cases import Case, cases
 
 POTENTIAL_TOLERANCE = 1e-6
 COST_TOLERANCE = 0.005
@@ -31,26 +32,6 @@ COMBINATIONS = [
     for calculator in ("lin", "quad")
     for traceback in ("gradient", "grid")
 ]
-
-
-class Case(NamedTuple):
-    file: Path
-    prefix: str
-
-    def __str__(self) -> str:
-        return f"{self.file.stem}/{self.prefix}".rstrip("/")
-
-    def load(self) -> dict[str, NDArray[Any]]:
-        with np.load(self.file) as z:
-            return {k.removeprefix(self.prefix): z[k] for k in z.files if k.startswith(self.prefix)}
-
-
-def cases() -> Iterator[Case]:
-    for file in golden_files("gp_*.npz"):
-        with np.load(file) as z:
-            for key in z.files:
-                if key.endswith("query"):
-                    yield Case(file, key.removesuffix("query"))
 
 
 def costmap_of(data: dict[str, NDArray[Any]], golden_dir: Path) -> Costmap:
@@ -100,7 +81,7 @@ def path_cost(cells: NDArray[Any], steps: NDArray[np.float32], costs: NDArray[np
 
 
 @pytest.mark.parametrize("combination", COMBINATIONS, ids="-".join)
-@pytest.mark.parametrize("case", list(cases()), ids=str)
+@pytest.mark.parametrize("case", list(cases("gp_*.npz")), ids=str)
 def test_every_combination(case: Case, combination: tuple[str, str, str], golden_dir: Path) -> None:
     expander, calculator, traceback = combination
     data = case.load()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,31 +23,12 @@ from navstack.global_planner._search.propagation import propagate_navfn
 from navstack.global_planner._search.traceback import navfn_path
 from navstack.global_planner._search.wavefront import Wavefront
 from tests.conftest import GOLDEN_PART, golden_files
+from tests.golden.plan_cases import Case, cases
 
 POTENTIAL_TOLERANCE = 1e-6
 PATH_TOLERANCE_CELLS = 0.51
 CPP_UNREACHED = 1e10
 ASTAR_TOLERANCE = 0.01
-
-
-class Case(NamedTuple):
-    file: Path
-    prefix: str
-
-    def __str__(self) -> str:
-        return f"{self.file.stem}/{self.prefix}".rstrip("/")
-
-    def load(self) -> dict[str, NDArray[Any]]:
-        with np.load(self.file) as z:
-            return {k.removeprefix(self.prefix): z[k] for k in z.files if k.startswith(self.prefix)}
-
-
-def cases() -> Iterator[Case]:
-    for file in golden_files("navfn_*.npz"):
-        with np.load(file) as z:
-            for key in z.files:
-                if key.endswith("query"):
-                    yield Case(file, key.removesuffix("query"))
 
 
 def raw_costs() -> WaveCosts:
@@ -73,7 +54,7 @@ def hausdorff(a: NDArray[Any], b: NDArray[Any]) -> float:
 
 
 @pytest.mark.parametrize("stop", [False, True], ids=["full", "at_start"])
-@pytest.mark.parametrize("case", list(cases()), ids=str)
+@pytest.mark.parametrize("case", list(cases("navfn_*.npz")), ids=str)
 def test_dijkstra(case: Case, stop: bool, golden_dir: Path) -> None:
     data = case.load()
     nx, ny, mode, sx, sy, gx, gy = (int(v) for v in data["query"])
@@ -110,7 +91,7 @@ def test_dijkstra(case: Case, stop: bool, golden_dir: Path) -> None:
 
 
 # raw costs (mode 0) are not those of a costmap, for which A* is designed
-@pytest.mark.parametrize("case", [c for c in cases() if int(c.load()["query"][2]) != 0], ids=str)
+@pytest.mark.parametrize("case", [c for c in cases("navfn_*.npz") if int(c.load()["query"][2]) != 0], ids=str)
 def test_astar_costs_what_dijkstra_does(case: Case, golden_dir: Path) -> None:
     data = case.load()
     nx, ny, mode, sx, sy, gx, gy = (int(v) for v in data["query"])

@@ -25,7 +25,7 @@ from navstack.core import (
     angle_between,
     normalize_angle,
 )
-from navstack.core.errors import GoalOccupiedError, NavError, NoValidControlError
+from navstack.core.errors import GoalOccupiedError, NoValidControlError
 from navstack.core.parameters import ParamModel
 from navstack.interfaces import (
     ControlInput,
@@ -42,6 +42,7 @@ from navstack.interfaces import (
     VelocityLimits,
 )
 from navstack.move_base import GoalHandle, MoveBase, MoveBaseParams, Planning
+from navstack.testing import doubles
 
 NOTHING = object()
 """Result of `behave` for a plugin that returns None."""
@@ -126,50 +127,27 @@ class EmptyLayer(Layer):
         return 7
 
 
-class EmptyCostmap:
-    """A free costmap of 10 m x 10 m."""
+class EmptyCostmap(doubles.EmptyCostmap):
+    """The empty costmap with a padded footprint and layers; its updates are recorded, stale or failing on demand."""
 
     def __init__(self, name: str, frame: str, robot: KinematicRobot) -> None:
-        self.name = name
-        self.frame = frame
-        self.robot_base_frame = "base_link"
-        self.master = Costmap(GridGeometry(200, 200, 0.05, -5.0, -5.0), frame=frame)
+        super().__init__(name, frame, robot)
         self.footprint = Footprint.from_radius(0.18, 0.01)
         self.layers = [EmptyLayer("static_layer", False), EmptyLayer("obstacle_layer", True)]
-        self.robot = robot
         self.updates: list[float] = []
         self.stale: Callable[[float], bool] = lambda now: False
         self.fails: Callable[[float], None] = lambda now: None
 
-    def observe(self, data: SensorData) -> None:
-        del data
-
-    def robot_pose(self, now: float | None = None) -> Pose2D:
-        t = self.robot.frames.lookup(self.frame, "base_link", now, 0.3)
-        return Pose2D(*t)
-
     def update(self, now: float) -> Window:
         self.fails(now)
         self.updates.append(now)
-        return self.master.geometry.window
+        return super().update(now)
 
     def is_current(self, now: float) -> bool:
         return not self.stale(now)
 
-    def problems(self) -> Sequence[NavError]:
-        return ()
-
     def reset(self) -> int:
         return sum(layer.reset() for layer in self.layers)
-
-    def explain(self, ix: int, iy: int) -> None:
-        del ix, iy
-
-    limits_speed = False
-
-    def speed_limit(self, x: float, y: float, max_speed: float) -> float | None:
-        del x, y, max_speed
-        return None
 
 
 class StraightPlanner(GlobalPlanner):
