@@ -33,7 +33,7 @@ LEVELS: tuple[tuple[str, ...], ...] = (
     ("record", "jobs", "statistics"),
     ("scenario",),
     ("plot", "explain", "bench"),
-    ("tune",),
+    ("tune", "live"),
     ("cli",),
 )
 LEVEL_OF = {name: level for level, names in enumerate(LEVELS) for name in names}

@@ -16,7 +16,21 @@ from typing import Annotated, Any, Final
 
 import typer
 
-from navstack.cli import bench, check, explain, info, internal_error, params, plan, plot, simulate, sweep, tour, tune
+from navstack.cli import (
+    bench,
+    check,
+    explain,
+    info,
+    internal_error,
+    live,
+    params,
+    plan,
+    plot,
+    simulate,
+    sweep,
+    tour,
+    tune,
+)
 from navstack.cli.interrupts import raised_terminations
 
 EXIT_GOAL_FAILED = 1
@@ -39,6 +53,7 @@ app = typer.Typer(
 )
 app.command("plan")(plan.plan)
 app.command("simulate")(simulate.simulate)
+app.command("live")(live.live)
 app.command("tour")(tour.tour)
 app.command("plot")(plot.plot)
 app.command("check")(check.check)

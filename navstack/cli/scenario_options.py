@@ -54,8 +54,8 @@ class ScenarioOptions(NamedTuple):
         ),
     ] = None
 
-    def build(self) -> Scenario:
-        """Loads the scenario and prints the warnings of its parameters.
+    def build(self, *, goals_needed: bool = True) -> Scenario:
+        """Loads the scenario and prints the warnings of its parameters. A map may have no goals unless they are needed.
 
         Raises InputError, MapError, ParameterError or ScenarioError.
         """
@@ -66,7 +66,7 @@ class ScenarioOptions(NamedTuple):
         file = scenario_file(self.map_)
         if file is not None:
             return self._from_file(file, start, goals)
-        return self._from_map(start, goals)
+        return self._from_map(start, goals, goals_needed)
 
     def _from_file(self, file: Path, start: Pose2D | None, goals: tuple[Pose2D, ...]) -> Scenario:
         from navstack.cli.arguments import parse_obstacles
@@ -91,16 +91,17 @@ class ScenarioOptions(NamedTuple):
         spec.check_start(scenario)
         return scenario
 
-    def _from_map(self, start: Pose2D | None, goals: tuple[Pose2D, ...]) -> Scenario:
+    def _from_map(self, start: Pose2D | None, goals: tuple[Pose2D, ...], goals_needed: bool) -> Scenario:
         from navstack.cli.arguments import map_of, note_off_the_map, parse_obstacles
         from navstack.cli.output import print_warnings
+        from navstack.map_io import map_names
         from navstack.parameters.configuration import load_configuration
         from navstack.parameters.sources import short_name
         from navstack.scenario import Scenario, shipped_scenarios
 
         obstacles, shapes = parse_obstacles(self.obstacle)
         path, grid = map_of(self.map_, others=shipped_scenarios(), what="scenario")
-        if start is None or not goals:
+        if start is None or (not goals and (goals_needed or self.map_ in map_names())):
             start, goals = self._packaged_poses(path, grid, start, goals)
         params = self.params or ["turtlebot"]
         configuration = load_configuration(

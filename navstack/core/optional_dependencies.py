@@ -7,6 +7,8 @@ from typing import Any, Final
 
 from navstack.core.errors import InputError
 
+_EXTRAS: Final = {"aiohttp": "live"}
+"""Name of the extra that contains a module, if it is not `tune`."""
 _PACKAGES: Final = {"ruamel.yaml": "ruamel.yaml", "distributed": "dask[distributed]"}
 """Name of the package, where it is not the first part of the module's name."""
 
@@ -19,10 +21,11 @@ def require(module: str, purpose: str) -> Any:
     try:
         return importlib.import_module(module)
     except ImportError as exc:
+        extra = _EXTRAS.get(module, "tune")
         package = _PACKAGES.get(module, module.partition(".")[0])
         raise InputError(
-            f"{purpose} needs {package}, which is not installed; install the extra `tune`: pip install '.[tune]' in a clone of "
-            "navstack",
+            f"{purpose} needs {package}, which is not installed; install the extra `{extra}`: pip install '.[{extra}]' in a "
+            "clone of navstack",
             module=module,
-            install="navstack[tune]",
+            install=f"navstack[{extra}]",
         ) from exc

@@ -23,7 +23,8 @@ _SLACK_S = 1e-3
 class Replay:
     """The state of a run at one time: costmaps, planners and robot."""
 
-    record: Record
+    record: Record | None
+    """The record; None for a run that goes on."""
     run: Run
     time: float
     """Time of the last control cycle (s)."""

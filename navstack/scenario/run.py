@@ -167,6 +167,7 @@ class Run:
         if self.done and self.recorder is not None:
             self.recorder.set_clearance_source(self._measurements.clearances)
         self.interventions.apply(item)
+        self.done = False
         self._goes_on_until = max(self._goes_on_until, effect_ends(item))
         self.goals.finish_ended()
 

@@ -1,0 +1,186 @@
+"""`navstack live`: watch a simulated robot drive and take part, in the browser."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+
+import typer
+
+from navstack.cli import options
+from navstack.cli.scenario_options import ScenarioOptions
+
+if TYPE_CHECKING:
+    from navstack.live.session import Origin, Session
+    from navstack.scenario import Scenario
+
+PORT = 8765
+
+
+class LiveOptions(NamedTuple):
+    """How the session is shown."""
+
+    versus: Annotated[
+        list[str],
+        typer.Option(
+            "--versus",
+            metavar="PARAMS",
+            help="Drive a second robot with these parameters in the same world (repeatable).",
+        ),
+    ] = []
+    speed: Annotated[
+        str, typer.Option("--speed", metavar="FACTOR|max", help="Factor of real time; max is as fast as possible.")
+    ] = "1"
+    save_to: Annotated[
+        Path | None, typer.Option("--save-to", metavar="DIR", help="The only folder that the page can save into.")
+    ] = None
+    host: Annotated[
+        str, typer.Option("--host", help="Address to listen on. Beyond loopback, the printed address has a token.")
+    ] = "127.0.0.1"
+    port: Annotated[int, typer.Option("--port", help="Port; 0 is any free one.", min=0, max=65535)] = PORT
+    read_only: Annotated[bool, typer.Option("--read-only", help="Pages can look, but not take part.")] = False
+    no_open: Annotated[bool, typer.Option("--no-open", help="Do not open a browser.")] = False
+
+
+@options.with_options(chosen=ScenarioOptions, live=LiveOptions)
+def live(chosen: ScenarioOptions, live: LiveOptions) -> int:
+    """Watch a robot drive in the browser, and take part: goals, obstacles, parameters, driving by hand, why.
+
+    Opens a map, a scenario file or a recorded run (with a time line). Without arguments, a turtlebot drives through a packaged
+    office. Needs the extra `live` (aiohttp).
+
+    Exit codes: 0 stopped by the user, 2 invalid input.
+    """
+    from navstack.core.optional_dependencies import require
+
+    require("aiohttp", "navstack live")
+    from navstack.cli.output import loading_kernels
+    from navstack.live.stage import Options, Stage
+    from navstack.scenario import warm_up
+
+    sessions, fixed = _sessions(chosen, live)
+    with loading_kernels():
+        warm_up(sessions[0].scenario)
+    labels = ("",) if len(sessions) == 1 else (_label(chosen.params) or "first", _label(live.versus))
+    stage = Stage(sessions, Options(save_to=live.save_to, fixed=fixed, labels=labels))
+    return _serve(stage, live)
+
+
+def _label(params: list[str]) -> str:
+    from navstack.parameters.sources import short_name
+
+    return ", ".join(short_name(name) for name in params)
+
+
+def _sessions(chosen: ScenarioOptions, live: LiveOptions) -> tuple[list[Session], bool]:
+    """The sessions, and True for a recorded run."""
+    from navstack.core.errors import InputError
+    from navstack.live.session import Session
+
+    speed = _speed(live.speed)
+    run = Path(chosen.map_)
+    if run.suffix == ".npz" or run.joinpath("run.npz").is_file():
+        if live.versus:
+            raise InputError("--versus needs a scenario or a map, not a recorded run")
+        return [_recorded(run, speed)], True
+    scenario, origin = _open(chosen)
+    sessions = [Session(scenario, origin=origin, speed=speed)]
+    if live.versus:
+        other, other_origin = _open(chosen._replace(params=live.versus))
+        sessions.append(Session(other, origin=other_origin, speed=speed))
+    return sessions, False
+
+
+def _recorded(run: Path, speed: float | None) -> Session:
+    """A session of a recorded run, which is simulated again. Raises RecordError if that gives another run."""
+    from navstack.explain import replay
+    from navstack.live.session import Session
+    from navstack.record import Record
+    from navstack.scenario import Scenario
+
+    record = Record.load(run)
+    replay(record)
+    session = Session(Scenario.from_record(record), speed=speed)
+    session.end = float(record.times[-1])
+    session.pause(True)
+    return session
+
+
+def _open(chosen: ScenarioOptions) -> tuple[Scenario, Origin]:
+    from navstack.cli.arguments import map_of, scenario_file
+    from navstack.live.session import Origin
+    from navstack.map_io import map_names
+    from navstack.scenario import read_scenario, shipped_scenarios
+
+    file = scenario_file(chosen.map_)
+    if file is not None:
+        parts = read_scenario(file).parts
+        sources = chosen.params or [source for source in parts.sources if isinstance(source, str)]
+        return chosen.build(), Origin(parts.map_file, tuple(sources))
+    path, grid = map_of(chosen.map_, others=shipped_scenarios(), what="scenario")
+    if chosen.map_ not in map_names() and chosen.start is None:
+        from navstack.live.start import free_pose
+
+        x, y = free_pose(grid)
+        chosen = chosen._replace(start=f"{x!r},{y!r}")
+    return chosen.build(goals_needed=False), Origin(path, tuple(chosen.params or ["turtlebot"]))
+
+
+def _speed(text: str) -> float | None:
+    from navstack.core.errors import InputError
+    from navstack.live.session import MAX_SPEED
+
+    if text == "max":
+        return None
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if not 0.0 < value <= MAX_SPEED:
+        raise InputError(f'--speed "{text}" is not a factor above 0, at most {MAX_SPEED:g}, or max', argument="--speed")
+    return value
+
+
+def _serve(stage: Any, live: LiveOptions) -> int:
+    import asyncio
+    import signal
+
+    from navstack.live.security import Gate
+    from navstack.live.server import LiveServer, serve
+
+    server = LiveServer(stage, Gate(live.host), read_only=live.read_only)
+
+    async def main() -> None:
+        stop = asyncio.Event()
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            if sys.platform != "win32":
+                loop.add_signal_handler(number, stop.set)
+        await serve(server, live.host, live.port, ready=lambda address: _ready(address, live), stop=stop)
+
+    with contextlib.suppress(KeyboardInterrupt):
+        asyncio.run(main())
+    return 0
+
+
+def _ready(address: str, live: LiveOptions) -> None:
+    from navstack.cli.output import print_note, stdout
+
+    stdout().print(f"navstack live: {address}", markup=False)
+    sys.stdout.flush()
+    if live.no_open:
+        return
+    if not _has_display():
+        print_note("there is no display here; open the address in a browser (Ctrl+C ends the session)")
+        return
+    import webbrowser
+
+    if not webbrowser.open(address):
+        print_note("no browser could be opened; open the address yourself (Ctrl+C ends the session)")
+
+
+def _has_display() -> bool:
+    return sys.platform in ("darwin", "win32") or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

@@ -1,0 +1,296 @@
+"""The protocol between server and page: every message as a model. The page reads the JSON schema of these models.
+
+A page sends `Request`s as JSON; the server answers each with an `Answer` of the same `id`. Frames are binary (`frame.py`).
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Final, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+from navstack.core.bounded_reading import short_repr
+from navstack.core.errors import InputError
+from navstack.sim import Shape
+
+PROTOCOL: Final = 1
+"""Version of the protocol: server and page must have the same."""
+
+Finite = Annotated[float, Field(ge=-1e6, le=1e6)]
+Time = Annotated[float, Field(ge=0.0, le=1e7)]
+Pose = Annotated[list[Finite], Field(min_length=2, max_length=3)]
+Name = Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z0-9_][A-Za-z0-9_. -]*$")]
+
+
+class Message(BaseModel):
+    """Base of all messages: strict, no unknown keys, no NaN."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+class _Request(Message):
+    id: Annotated[int, Field(ge=0, le=2**53)] = 0
+
+
+class Hello(_Request):
+    """First message of a page."""
+
+    type: Literal["hello"]
+    protocol: int
+
+
+class Layers(_Request):
+    """Which layers the page shows, and at most how many frames per second it takes."""
+
+    type: Literal["layers"]
+    layers: Annotated[list[Literal["global", "local", "scan", "trajectories", "potential"]], Field(max_length=5)]
+    rate: Annotated[float, Field(ge=1.0, le=60.0)] = 30.0
+
+
+class Acknowledge(_Request):
+    """The page has drawn the frame with this number."""
+
+    type: Literal["ack"]
+    frame: Annotated[int, Field(ge=0, le=2**53)]
+
+
+class Goal(_Request):
+    """Drive to this pose now."""
+
+    type: Literal["goal"]
+    pose: Pose
+
+
+class SetQueue(_Request):
+    """Replace the queue of goals."""
+
+    type: Literal["queue"]
+    goals: Annotated[list[Pose], Field(max_length=200)]
+    loop: bool = False
+
+
+class CancelGoal(_Request):
+    """Cancel the goal and empty the queue."""
+
+    type: Literal["cancel"]
+
+
+class Put(_Request):
+    """Add or move an obstacle."""
+
+    type: Literal["put"]
+    shape: Shape
+
+
+class Remove(_Request):
+    """Remove an obstacle."""
+
+    type: Literal["remove"]
+    name: Annotated[str, Field(min_length=1, max_length=200)]
+
+
+class Place(_Request):
+    """Put the robot somewhere."""
+
+    type: Literal["place"]
+    pose: Pose
+
+
+class Set(_Request):
+    """Change parameters, or replace all of them by a packaged set."""
+
+    type: Literal["set"]
+    values: Annotated[dict[Annotated[str, Field(max_length=200)], Any], Field(max_length=50)] = {}
+    params: Annotated[str, Field(max_length=100)] | None = None
+
+
+class DriveByHand(_Request):
+    """Drive by hand for a moment; the page repeats this while a key is down."""
+
+    type: Literal["drive"]
+    velocity: Annotated[list[Annotated[float, Field(ge=-20.0, le=20.0)]], Field(min_length=3, max_length=3)]
+    seconds: Annotated[float, Field(gt=0.0, le=2.0)] = 0.6
+
+
+class Clear(_Request):
+    """Reset both costmaps."""
+
+    type: Literal["clear_costmaps"]
+
+
+class GoOn(_Request):
+    """Let a finished run go on."""
+
+    type: Literal["wait"]
+    duration: Annotated[float, Field(gt=0.0, le=3600.0)] = 60.0
+
+
+class Pause(_Request):
+    """Stop or continue the time."""
+
+    type: Literal["pause"]
+    paused: bool
+
+
+class Step(_Request):
+    """Pause and simulate one control cycle."""
+
+    type: Literal["step"]
+
+
+class Speed(_Request):
+    """Factor of real time; null is as fast as possible."""
+
+    type: Literal["speed"]
+    factor: Annotated[float, Field(ge=0.01, le=1000.0)] | None
+
+
+class Seek(_Request):
+    """Go to a time that has been simulated."""
+
+    type: Literal["seek"]
+    time: Time
+
+
+class Restart(_Request):
+    """Begin again without any interaction."""
+
+    type: Literal["restart"]
+
+
+class ExplainCell(_Request):
+    """Why this cell has its cost."""
+
+    type: Literal["explain_cell"]
+    x: Finite
+    y: Finite
+    costmap: Literal["global", "local"] = "global"
+
+
+class ExplainCommand(_Request):
+    """Why this command, who rejected the others; with `sample`, about one trajectory."""
+
+    type: Literal["explain_command"]
+    time: Time | None = None
+    sample: Annotated[int, Field(ge=0, le=100_000)] | None = None
+
+
+class ExplainGoal(_Request):
+    """What happened to a goal."""
+
+    type: Literal["explain_goal"]
+    number: Annotated[int, Field(ge=1, le=1_000_000)]
+
+
+class ExplainPassage(_Request):
+    """Can the robot pass this opening."""
+
+    type: Literal["explain_passage"]
+    x: Finite
+    y: Finite
+
+
+class Parameters(_Request):
+    """List all parameters."""
+
+    type: Literal["parameters"]
+
+
+class Difference(_Request):
+    """Show what saving the parameters would change."""
+
+    type: Literal["difference"]
+
+
+class Save(_Request):
+    """Write into the folder of the session: the scenario, the changed parameters, or the goals as places or tour."""
+
+    type: Literal["save"]
+    what: Literal["scenario", "run", "parameters", "places", "tour"]
+    name: Name
+    places: Annotated[dict[Name, Pose], Field(max_length=200)] = {}
+
+
+Request = Annotated[
+    Hello
+    | Layers
+    | Acknowledge
+    | Goal
+    | SetQueue
+    | CancelGoal
+    | Put
+    | Remove
+    | Place
+    | Set
+    | DriveByHand
+    | Clear
+    | GoOn
+    | Pause
+    | Step
+    | Speed
+    | Seek
+    | Restart
+    | ExplainCell
+    | ExplainCommand
+    | ExplainGoal
+    | ExplainPassage
+    | Parameters
+    | Difference
+    | Save,
+    Field(discriminator="type"),
+]
+_REQUEST: TypeAdapter[Any] = TypeAdapter(Request)
+
+READ_ONLY: Final = frozenset(
+    {
+        *("hello", "layers", "ack", "parameters", "difference"),
+        *("explain_cell", "explain_command", "explain_goal", "explain_passage"),
+    }
+)
+"""Requests that change nothing: all that a viewer may send."""
+TIME: Final = frozenset({"pause", "step", "speed", "seek"})
+"""Requests that change the time but not the run."""
+
+
+class Answer(Message):
+    """Answer to a request."""
+
+    type: Literal["answer"] = "answer"
+    id: int
+    ok: bool
+    text: str = ""
+    """A sentence or a report for the person; the reason of a refusal."""
+    code: int = 0
+    """Code of the error, 0 without one."""
+    data: Any = None
+
+
+class Notice(Message):
+    """Something that every page should show."""
+
+    type: Literal["notice"] = "notice"
+    text: str
+    severity: Literal["info", "warning", "error"] = "info"
+
+
+def read_request(text: str | bytes) -> Any:
+    """Returns the request in a JSON text. Raises InputError with the reason."""
+    try:
+        return _REQUEST.validate_json(text)
+    except ValidationError as exc:
+        error = exc.errors(include_url=False, include_context=False)[0]
+        where = ".".join(str(step) for step in error["loc"])
+        given = "" if error["type"] in ("missing", "json_invalid") else f" ({short_repr(error['input'])})"
+        raise InputError(f"not a request: {where}{given}: {error['msg']}"[:500]) from None
+    except RecursionError:
+        raise InputError("not a request: nested too deeply") from None
+
+
+def schema() -> dict[str, Any]:
+    """Returns the JSON schema of all messages, for the page."""
+    return {
+        "protocol": PROTOCOL,
+        "request": _REQUEST.json_schema(),
+        "answer": Answer.model_json_schema(),
+        "notice": Notice.model_json_schema(),
+    }

@@ -1,0 +1,189 @@
+// Connects everything.
+import { Camera } from './camera.js';
+import { Theme } from './colors.js';
+import { Connection } from './connection.js';
+import { $, copy, poseText, setIcon, toast } from './dom.js';
+import { helpText } from './help.js';
+import { Layers } from './layers.js';
+import { Panel, Save, Why } from './panel.js';
+import { Parameters } from './parameters.js';
+import { Scene } from './scene.js';
+import { Store } from './store.js';
+import { Teleop } from './teleop.js';
+import { Timeline } from './timeline.js';
+import { Tools } from './tools.js';
+import { showVersus } from './versus.js';
+
+class App {
+  constructor() {
+    this.store = new Store();
+    this.camera = new Camera();
+    this.theme = new Theme(() => this.changed());
+    this.layers = new Layers(() => { this.sendLayers(); this.changed(); });
+    this.connection = new Connection({
+      frame: (header, blobs) => this.frame(header, blobs),
+      status: (kind, text) => this.status(kind, text),
+      notice: (notice) => toast(notice.text, notice.severity),
+      connected: () => { this.sendLayers(); if (this.panel.shown === 'parameters') this.parameters.load(); },
+    });
+    this.scene = new Scene($('scene'), this.store, this.camera, this.layers, this.theme);
+    this.why = new Why(this);
+    this.save = new Save(this);
+    this.teleop = new Teleop(this);
+    this.tools = new Tools(this);
+    this.timeline = new Timeline(this);
+    this.parameters = new Parameters(this);
+    this.panel = new Panel(this);
+    this.layers.build($('tab-layers'));
+    this.follow = false;
+    this.toast = toast;
+    this.buttons();
+    addEventListener('keydown', (event) => this.key(event));
+    if (matchMedia('(max-width: 760px)').matches) this.togglePanel();
+    this.connection.start();
+    requestAnimationFrame((now) => this.loop(now));
+  }
+
+  get readOnly() { return !!(this.store.world?.read_only || this.store.world?.fixed); }
+
+  frame(header, blobs) {
+    this.store.frame(header, blobs, performance.now());
+    if (header.type === 'world') {
+      this.scene.loadMap();
+      $('title').textContent = header.name;
+      document.title = `${header.name} – navstack live`;
+      document.body.classList.toggle('read-only', this.readOnly);
+      for (const name of ['goal', 'pose', 'disc', 'box', 'wall', 'person', 'delete', 'drive']) $(`tool-${name}`).disabled = this.readOnly;
+      for (const id of ['restart', 'back', 'play', 'step', 'speed', 'timeline']) $(id).disabled = header.read_only;
+      this.panel.world(header);
+      this.parameters.world(header);
+    }
+    this.changed();
+  }
+
+  status(kind, text) {
+    $('link').textContent = text;
+    $('link').className = `chip ${kind}`;
+    this.changed();
+  }
+
+  changed() { this.dirty = true; }
+
+  loop(now) {
+    const side = this.store.main;
+    if (side?.moving) this.dirty = true;
+    if (this.dirty || this.scene.needed) {
+      this.dirty = this.scene.needed = false;
+      if (side?.pose && this.follow) [this.camera.x, this.camera.y] = side.poseAt(now);
+      this.scene.draw(now);
+      this.texts(side, now);
+    }
+    requestAnimationFrame((time) => this.loop(time));
+  }
+
+  texts(side, now) {
+    const set = (id, text) => { if ($(id).textContent !== text) $(id).textContent = text; };
+    set('hint', this.tools.hint());
+    const bar = this.camera.bar();
+    $('scale').firstChild.style.width = `${bar.pixels}px`;
+    set('scale', '');
+    if (!side?.pose) return;
+    const clock = side.clockAt(now), point = this.tools.pointer;
+    set('clock', `${clock.toFixed(1)} s`);
+    set('factor', side.paused || side.done ? '' : `${side.factor >= 10 ? side.factor.toFixed(0) : side.factor.toFixed(1)}×`);
+    const state = side.seeking ? 'simulating' : side.by_hand ? 'by hand' : side.done ? 'done' : side.paused ? 'paused' : side.recovery || side.state.toLowerCase();
+    set('state', state);
+    set('where', point ? `${point[0].toFixed(2)}, ${point[1].toFixed(2)} m` : '');
+    if (this.playing !== (side.paused || side.done)) {
+      this.playing = side.paused || side.done;
+      setIcon($('play'), this.playing ? 'play' : 'pause');
+      $('play').setAttribute('aria-label', this.playing ? 'Continue' : 'Pause');
+    }
+    const speed = side.speed === null ? 'max' : String(side.speed);
+    if ($('speed').value !== speed && document.activeElement !== $('speed')) $('speed').value = speed;
+    this.timeline.update(side, clock);
+    this.panel.update(side, clock);
+    showVersus(this.store);
+  }
+
+  // --- actions ------------------------------------------------------------------------------------------------------
+
+  async act(message) {
+    try {
+      return await this.connection.request(message);
+    } catch (error) {
+      toast(error.message, 'error');
+      return null;
+    }
+  }
+
+  goal(pose, append) {
+    const goals = this.store.main.goals;
+    if (append && (goals.under_way.length || goals.waiting.length)) return this.act({ type: 'queue', goals: [...goals.waiting, pose], loop: goals.loop });
+    return this.act({ type: 'goal', pose });
+  }
+
+  copyPose(pose) { copy(poseText(pose)); }
+
+  sendLayers() {
+    if (this.connection.open) this.connection.request({ type: 'layers', layers: this.layers.wanted(), rate: 30 }).catch(() => {});
+  }
+
+  play() {
+    const side = this.store.main;
+    if (!side) return;
+    if (side.done && !this.readOnly) this.act({ type: 'wait', duration: 60 }).then(() => side.paused && this.act({ type: 'pause', paused: false }));
+    else this.act({ type: 'pause', paused: !side.paused });
+  }
+
+  back(seconds) { const side = this.store.main; if (side) this.timeline.seek(Math.max(0, side.t - seconds)); }
+
+  togglePanel() {
+    const hidden = document.body.classList.toggle('no-panel');
+    $('sheet-button').setAttribute('aria-expanded', String(!hidden));
+  }
+
+  help() { helpText($('help')); $('help').showModal(); }
+
+  zoom(factor) { this.camera.zoom(factor); this.changed(); }
+
+  fit() { this.follow = false; this.camera.fit(this.scene.extent); this.followButton(); }
+
+  followButton() { $('follow').setAttribute('aria-pressed', String(this.follow)); this.changed(); }
+
+  buttons() {
+    const on = (id, action) => $(id).addEventListener('click', action);
+    on('play', () => this.play());
+    on('step', () => this.act({ type: 'step' }));
+    on('back', () => this.back(5));
+    on('restart', () => this.restart());
+    on('help-button', () => this.help());
+    on('sheet-button', () => this.togglePanel());
+    on('zoom-in', () => this.zoom(1.4));
+    on('zoom-out', () => this.zoom(1 / 1.4));
+    on('fit', () => this.fit());
+    on('follow', () => { this.follow = !this.follow; this.followButton(); });
+    on('help', (event) => { if (event.target === $('help')) $('help').close(); });
+    $('speed').addEventListener('change', (event) => this.act({ type: 'speed', factor: event.target.value === 'max' ? null : Number(event.target.value) }));
+  }
+
+  /** A recorded run goes to its start; a session begins again. */
+  restart() { return this.store.world?.fixed ? this.timeline.seek(0) : this.act({ type: 'restart' }); }
+
+  key(event) {
+    const typing = event.target.closest?.('input:not([type="checkbox"]):not([type="range"]), select, textarea, dialog');
+    if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (this.teleop.key(event)) { event.preventDefault(); return; }
+    const onButton = event.target.closest?.('button, summary, input');
+    const actions = {
+      ' ': () => this.play(), n: () => this.act({ type: 'step' }), PageUp: () => this.back(5), Home: () => this.restart(), '+': () => this.zoom(1.25), '-': () => this.zoom(0.8),
+      0: () => this.fit(), f: () => { this.follow = !this.follow; this.followButton(); }, '?': () => this.help(), s: () => this.save.open('scenario', 'Save the session as a scenario'),
+      Escape: () => { this.tools.cross = null; if (this.teleop.on) this.tools.choose('drive'); this.tools.choose('why'); },
+    };
+    if ((onButton && (event.key === ' ' || event.key === 'Enter')) || (event.target.type === 'range' && /^(Arrow|Page|Home|End)/.test(event.key))) return;
+    if (this.tools.key(event)) event.preventDefault();
+    else if (actions[event.key]) { event.preventDefault(); actions[event.key](); }
+  }
+}
+
+window.navstack = new App();

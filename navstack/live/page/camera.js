@@ -1,0 +1,34 @@
+// Map coordinates (m, y up) <-> pixels of the canvas.
+export class Camera {
+  constructor() { this.x = 0; this.y = 0; this.scale = 40; this.width = 1; this.height = 1; this.set = false; }
+
+  resize(width, height) { this.width = width; this.height = height; }
+
+  fit([left, right, bottom, top]) {
+    this.x = (left + right) / 2;
+    this.y = (bottom + top) / 2;
+    this.scale = Math.max(4, 0.94 * Math.min(this.width / (right - left), this.height / (top - bottom)));
+    this.set = true;
+  }
+
+  toScreen(x, y) { return [this.width / 2 + (x - this.x) * this.scale, this.height / 2 - (y - this.y) * this.scale]; }
+
+  toMap(u, v) { return [this.x + (u - this.width / 2) / this.scale, this.y - (v - this.height / 2) / this.scale]; }
+
+  zoom(factor, u = this.width / 2, v = this.height / 2) {
+    const [x, y] = this.toMap(u, v);
+    this.scale = Math.min(1500, Math.max(2, this.scale * factor));
+    const [x2, y2] = this.toMap(u, v);
+    this.x += x - x2;
+    this.y += y - y2;
+  }
+
+  pan(du, dv) { this.x -= du / this.scale; this.y += dv / this.scale; }
+
+  /** Length for the scale bar: metres (1, 2 or 5 times a power of ten) and pixels. */
+  bar() {
+    const wanted = 90 / this.scale, power = 10 ** Math.floor(Math.log10(wanted));
+    const metres = [5, 2, 1].map((k) => k * power).find((m) => m <= wanted) ?? power;
+    return { metres, pixels: metres * this.scale };
+  }
+}

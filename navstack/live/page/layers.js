@@ -1,0 +1,50 @@
+// Which layers are shown, how opaque, and in which colours; kept in the browser.
+import { el } from './dom.js';
+
+const LAYERS = [
+  ['map', 'Map', true, 1], ['global', 'Global costmap', false, 0.6], ['local', 'Local costmap', true, 0.75], ['scan', 'Laser scans', true, 1],
+  ['footprint', 'Robot and footprints', true, 1], ['plan', 'Plan', true, 1], ['former', 'Former plans', false, 1], ['trajectory', 'Chosen trajectory', true, 1],
+  ['trajectories', 'Trajectories by score', false, 0.8], ['potential', 'Potential', false, 0.6], ['goals', 'Goals', true, 1], ['trail', 'Driven path', true, 0.9],
+  ['shapes', 'Obstacles', true, 1], ['people', 'People and doors', true, 1],
+];
+const SERVER = ['global', 'local', 'scan', 'trajectories', 'potential'];
+const KEY = 'navstack-live-layers';
+
+export class Layers {
+  constructor(changed) {
+    this.changed = changed;
+    this.scheme = 'rviz';
+    this.items = new Map(LAYERS.map(([name, label, on, opacity]) => [name, { name, label, on, opacity }]));
+    try {
+      const saved = JSON.parse(localStorage.getItem(KEY) ?? '{}');
+      if (saved.scheme === 'cividis') this.scheme = 'cividis';
+      for (const [name, values] of Object.entries(saved.items ?? {})) if (this.items.has(name)) Object.assign(this.items.get(name), { on: !!values.on, opacity: Number(values.opacity) || 0.1 });
+    } catch { /* storage is blocked or damaged: defaults */ }
+  }
+
+  get(name) { return this.items.get(name); }
+
+  /** Layers that the server has to send. */
+  wanted() { return SERVER.filter((name) => this.get(name).on); }
+
+  store() {
+    try { localStorage.setItem(KEY, JSON.stringify({ scheme: this.scheme, items: Object.fromEntries(this.items) })); } catch { /* blocked */ }
+    this.changed();
+  }
+
+  toggle(name, on) { this.get(name).on = on; this.store(); }
+
+  build(section) {
+    const rows = [...this.items.values()].map((layer) => el('div', { className: 'layer' },
+      el('input', { type: 'checkbox', id: `layer-${layer.name}`, checked: layer.on, onchange: (e) => this.toggle(layer.name, e.target.checked) }),
+      el('label', { htmlFor: `layer-${layer.name}` }, layer.label),
+      el('input', { type: 'range', min: 0.1, max: 1, step: 0.05, value: layer.opacity, 'aria-label': `${layer.label}: opacity`, title: 'Opacity',
+        oninput: (e) => { layer.opacity = Number(e.target.value); this.store(); } })));
+    section.replaceChildren(
+      el('h2', {}, 'Layers and opacity'), ...rows,
+      el('h2', {}, 'Colours of costs and scores'),
+      el('select', { id: 'scheme', 'aria-label': 'Colours of costs and scores', onchange: (e) => { this.scheme = e.target.value; this.store(); } },
+        el('option', { value: 'rviz', selected: this.scheme === 'rviz' }, 'As in RViz'),
+        el('option', { value: 'cividis', selected: this.scheme === 'cividis' }, 'For colour-blind people (cividis)')));
+  }
+}

@@ -1,0 +1,167 @@
+// The panel: robot, goals, layers, parameters, why.
+import { Chart } from './charts.js';
+import { $, button, copy, el, fixed, poseText, refresh, toast } from './dom.js';
+
+const TABS = [['robot', 'Robot'], ['goals', 'Goals'], ['layers', 'Layers'], ['parameters', 'Parameters'], ['why', 'Why']];
+const STATES = { SUCCEEDED: 'good', ABORTED: 'bad', REJECTED: 'bad', LOST: 'bad', PREEMPTED: 'warn', RECALLED: 'warn' };
+const EVENTS = { plan_failed: 'warn', control_failed: 'warn', recovery: 'warn', warning: 'warn', collision: 'bad' };
+
+export class Panel {
+  constructor(app) {
+    this.app = app;
+    $('tabs').append(...TABS.map(([name, label]) => el('button', { type: 'button', role: 'tab', id: `show-${name}`, 'aria-controls': `tab-${name}`, onclick: () => this.show(name) }, label)));
+    $('tabs').addEventListener('keydown', (event) => {
+      const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+      if (!step) return;
+      const at = TABS.findIndex(([name]) => name === this.shown), next = TABS[(at + step + TABS.length) % TABS.length][0];
+      this.show(next);
+      $(`show-${next}`).focus();
+      event.stopPropagation();
+    });
+    this.buildRobot();
+    this.buildGoals();
+    $('tab-why').append(el('p', { className: 'empty' }, 'Click a cell, a trajectory, a goal, an opening or a chart: here is why.'));
+    this.show('robot');
+  }
+
+  show(name) {
+    this.shown = name;
+    for (const [other] of TABS) {
+      $(`tab-${other}`).hidden = other !== name;
+      $(`show-${other}`).setAttribute('aria-selected', String(other === name));
+      $(`show-${other}`).tabIndex = other === name ? 0 : -1;
+    }
+    if (name === 'parameters') this.app.parameters.load();
+  }
+
+  buildRobot() {
+    const { theme, why } = this.app, chart = (label) => el('canvas', { className: 'chart', role: 'img', 'aria-label': label, title: 'Click: why this command' });
+    this.numbers = el('div', { className: 'numbers' });
+    const canvases = [chart('Speed over time'), chart('Turning over time'), chart('Clearance over time')], picked = (time) => why.command(time);
+    this.charts = [
+      new Chart(canvases[0], theme, 'm/s', [['speed', 'chart1', 2], ['command', 'chart2', 4, true]], picked),
+      new Chart(canvases[1], theme, 'rad/s', [['turning', 'chart1', 3], ['command', 'chart2', 5, true]], picked),
+      new Chart(canvases[2], theme, 'm', [['clearance', 'chart3', 1]], picked),
+    ];
+    this.events = el('ul', { className: 'list events', id: 'events' });
+    $('tab-robot').append(this.numbers, el('h2', {}, 'Over time'), ...canvases,
+      el('div', { className: 'row wrap' },
+        el('button', { type: 'button', className: 'outline', id: 'why-command', onclick: () => why.command(null) }, 'Why this command?'),
+        el('button', { type: 'button', className: 'outline', id: 'clear', onclick: () => this.app.act({ type: 'clear_costmaps' }) }, 'Clear costmaps')),
+      el('h2', {}, 'Events'), this.events);
+  }
+
+  buildGoals() {
+    const app = this.app;
+    this.queue = el('ul', { className: 'list', id: 'queue' });
+    this.ended = el('ul', { className: 'list', id: 'ended' });
+    this.loop = el('input', { type: 'checkbox', id: 'loop', onchange: () => this.setQueue(app.store.main.goals.waiting) });
+    this.places = el('select', { id: 'places', 'aria-label': 'Place', onchange: (e) => {
+      const pose = app.store.world.places[e.target.value];
+      if (pose) app.act({ type: 'queue', goals: [...app.store.main.goals.waiting, pose], loop: this.loop.checked });
+      e.target.value = '';
+    } });
+    $('tab-goals').append(
+      el('h2', {}, 'Goal and queue'), this.queue,
+      el('div', { className: 'row wrap' },
+        el('label', { className: 'row' }, this.loop, 'repeat the queue'),
+        el('button', { type: 'button', className: 'outline', id: 'cancel', onclick: () => app.act({ type: 'cancel' }) }, 'Cancel all')),
+      el('div', { className: 'row wrap' }, this.places,
+        el('button', { type: 'button', className: 'outline', onclick: () => app.save.goals('places') }, 'Save as places'),
+        el('button', { type: 'button', className: 'outline', onclick: () => app.save.goals('tour') }, 'Save as tour')),
+      el('h2', {}, 'Ended goals'), this.ended);
+  }
+
+  setQueue(goals) { this.app.act({ type: 'queue', goals: goals.map((pose) => [...pose]), loop: this.loop.checked }); }
+
+  world(world) {
+    this.places.replaceChildren(el('option', { value: '' }, 'Add a place …'), ...Object.keys(world.places).map((name) => el('option', { value: name }, name)));
+    this.places.hidden = !Object.keys(world.places).length;
+  }
+
+  update(side, clock) {
+    if (this.shown === 'robot') this.updateRobot(side, clock);
+    if (this.shown === 'goals') this.updateGoals(side.goals);
+  }
+
+  updateRobot(side, clock) {
+    const last = side.samples.at(-1), clearance = last?.[1];
+    const values = [
+      ['speed', `${fixed(side.velocity[0], 2)} m/s`], ['turning', `${fixed(side.velocity[2], 2)} rad/s`], ['clearance', `${fixed(clearance, 2)} m`],
+      ['command', `${fixed(side.command[0], 2)} m/s`], ['command', `${fixed(side.command[2], 2)} rad/s`], ['driven', `${fixed(side.length, 1)} m`],
+      ['state', side.recovery || side.state.toLowerCase()], ['position', `${fixed(side.pose[0], 2)}, ${fixed(side.pose[1], 2)}`], ['collisions', String(side.collisions)],
+    ];
+    refresh(this.numbers, JSON.stringify(values), () => values.map(([label, value]) => el('div', { className: 'number' }, el('span', {}, label), el('b', {}, value))));
+    for (const chart of this.charts) chart.draw(side.samples, clock);
+    const events = side.events.filter((event) => event[1] <= side.t + 1e-6).slice(-60);
+    refresh(this.events, `${side.restarts} ${events.at(-1)?.[0]} ${events.length}`, () => events.reverse().map(([, time, kind, text]) => el('li', {},
+      el('time', {}, `${time.toFixed(1)} s`), el('span', { className: EVENTS[kind] ?? '' }, text || kind))));
+  }
+
+  updateGoals(goals) {
+    if (document.activeElement !== this.loop) this.loop.checked = goals.loop;
+    refresh(this.queue, JSON.stringify([goals.under_way, goals.waiting]), () => {
+      const rows = goals.under_way.map((goal) => el('li', {}, el('span', {}, `▶ goal ${goal.number}: ${poseText(goal.pose)}`),
+        button('why', 'What happened to this goal', () => this.app.why.goal(goal.number)), button('copy', 'Copy x,y,yaw', () => copy(poseText(goal.pose)))));
+      const move = (from, to) => { const list = [...goals.waiting]; list.splice(to, 0, ...list.splice(from, 1)); this.setQueue(list); };
+      goals.waiting.forEach((pose, i) => rows.push(el('li', { draggable: true,
+        ondragstart: (e) => e.dataTransfer.setData('text/plain', String(i)), ondragover: (e) => e.preventDefault(),
+        ondrop: (e) => { e.preventDefault(); move(Number(e.dataTransfer.getData('text/plain')), i); } },
+      el('span', {}, `${i + 1}. ${poseText(pose)}`),
+      button('up', 'Earlier', () => move(i, i - 1), { disabled: i === 0 }), button('down', 'Later', () => move(i, i + 1), { disabled: i === goals.waiting.length - 1 }),
+      button('copy', 'Copy x,y,yaw', () => copy(poseText(pose))), button('close', 'Remove', () => this.setQueue(goals.waiting.filter((_, k) => k !== i))))));
+      return rows.length ? rows : [el('li', { className: 'empty' }, el('span', {}, 'No goal. Choose the flag and press on the map, drag for the heading; with Shift it joins the queue.'))];
+    });
+    refresh(this.ended, JSON.stringify(goals.ended), () => (goals.ended.length ? [...goals.ended].reverse().map((goal) => el('li', {},
+      el('span', {}, `goal ${goal.number} `, el('span', { className: `chip ${STATES[goal.state] ?? ''}` }, goal.state), ` ${goal.time.toFixed(1)} s`),
+      button('why', 'What happened to this goal', () => this.app.why.goal(goal.number)))) : [el('li', { className: 'empty' }, el('span', {}, 'None yet.'))]));
+  }
+}
+
+/** Questions and their answers. */
+export class Why {
+  constructor(app) { this.app = app; }
+
+  async ask(message, title, pose) {
+    const { panel, connection } = this.app, section = $('tab-why');
+    panel.show('why');
+    const text = el('pre', { id: 'answer', tabindex: 0 }, 'simulating again to find out …');
+    section.replaceChildren(el('h2', {}, title), ...(pose ? [el('div', { className: 'row' }, el('code', { id: 'pose-text' }, poseText(pose)), button('copy', 'Copy x,y,yaw', () => copy(poseText(pose))))] : []), text);
+    try {
+      const answer = await connection.request(message);
+      text.textContent = answer.text;
+    } catch (error) {
+      text.textContent = error.message;
+    }
+  }
+
+  cell(x, y, costmap) { return this.ask({ type: 'explain_cell', x, y, costmap }, `Why this cost? (${costmap} costmap)`, [x, y, 0]); }
+  command(time) { return this.ask({ type: 'explain_command', time: time === null ? null : Math.max(0, time) }, 'Why this command?'); }
+  sample(sample, time) { return this.ask({ type: 'explain_command', time, sample }, 'Why (not) this trajectory?'); }
+  goal(number) { return this.ask({ type: 'explain_goal', number }, 'What happened to this goal?'); }
+  passage(x, y) { return this.ask({ type: 'explain_passage', x, y }, 'Can the robot pass?', [x, y, 0]); }
+}
+
+/** The dialog that asks for a name and saves. */
+export class Save {
+  constructor(app) { this.app = app; }
+
+  open(what, title, extra = {}) {
+    const dialog = $('save'), { world } = this.app.store;
+    if (!world?.save_to) { toast('Nothing can be saved: start navstack live with --save-to DIR.', 'warning'); return; }
+    const name = el('input', { type: 'text', id: 'save-name', value: what === 'parameters' ? 'params' : what === 'run' ? 'run' : 'my_' + what, pattern: '[A-Za-z0-9_][A-Za-z0-9_. \\-]*', required: true });
+    const form = el('form', { method: 'dialog', onsubmit: async () => {
+      try { toast((await this.app.connection.request({ type: 'save', what, name: name.value, ...extra })).text); } catch (error) { toast(error.message, 'error'); }
+    } }, el('h1', {}, title), el('p', {}, `Folder: ${world.save_to}`), el('div', { className: 'row' }, el('label', { htmlFor: 'save-name' }, 'Name'), name),
+    el('p', { className: 'row' }, el('button', { className: 'primary', id: 'save-do' }, 'Save'), el('button', { type: 'button', className: 'outline', onclick: () => dialog.close() }, 'Cancel')));
+    dialog.replaceChildren(form);
+    dialog.showModal();
+    name.select();
+  }
+
+  goals(what) {
+    const { goals } = this.app.store.main, poses = [...goals.ended.map((g) => g.pose), ...goals.under_way.map((g) => g.pose), ...goals.waiting];
+    if (!poses.length) { toast('There are no goals to save.', 'warning'); return; }
+    this.open(what, what === 'tour' ? 'Save the goals as a tour' : 'Save the goals as places', { places: Object.fromEntries(poses.map((pose, i) => [`place_${i + 1}`, [...pose]])) });
+  }
+}

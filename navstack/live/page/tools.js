@@ -1,0 +1,286 @@
+// What pointers and keys do on the map: goals, poses, obstacles, questions; panning and zooming.
+import { $, button, el } from './dom.js';
+
+export const TOOLS = [
+  ['why', 'Ask and select (V)', 'v', 'Click a cell, a trajectory or a goal: why. Drag an obstacle to move it, drag the map to pan.'],
+  ['goal', 'Goal (G)', 'g', 'Press, and drag for the heading. With Shift the goal joins the queue.'],
+  ['pose', 'Put the robot here (R)', 'r', 'Press, and drag for the heading: the robot is put there and told so.'],
+  ['passage', 'Can the robot pass? (Y)', 'y', 'Click an opening: can the robot pass?'],
+  null,
+  ['disc', 'Add a disc (D)', 'd', 'Press, and drag for the radius.'],
+  ['box', 'Add a box (B)', 'b', 'Drag from corner to corner.'],
+  ['wall', 'Add a wall (A)', 'a', 'Drag from end to end.'],
+  ['person', 'Add a person (P)', 'p', 'Press, and drag to where the person walks.'],
+  ['delete', 'Remove an obstacle (Delete)', 'Delete', 'Click an obstacle to remove it.'],
+  null,
+  ['drive', 'Drive by hand (T)', 't', ''],
+  ['copy', 'Copy a pose as x,y,yaw (C)', 'c', 'Press, and drag for the heading: copies x,y,yaw for the command line.'],
+];
+const CLICK_PX = 6, NEAR_PX = 12;
+const POSES = ['goal', 'pose', 'copy'];
+
+export class Tools {
+  constructor(app) {
+    this.app = app;
+    this.tool = 'why';
+    this.pointers = new Map();
+    this.cross = null; // keyboard: { x, y, yaw }
+    for (const item of TOOLS) {
+      if (!item) { $('tools').append(el('hr')); continue; }
+      const [name, label] = item;
+      $('tools').append(button(name, label, () => this.choose(name), { id: `tool-${name}`, 'aria-pressed': 'false' }));
+    }
+    const canvas = this.canvas = $('scene');
+    canvas.addEventListener('pointerdown', (e) => this.down(e));
+    canvas.addEventListener('pointermove', (e) => this.move(e));
+    canvas.addEventListener('pointerup', (e) => this.up(e));
+    canvas.addEventListener('pointercancel', (e) => { this.pointers.delete(e.pointerId); this.drag = null; app.changed(); });
+    canvas.addEventListener('pointerleave', () => { this.pointer = null; app.changed(); });
+    canvas.addEventListener('contextmenu', (e) => e.preventDefault());
+    canvas.addEventListener('wheel', (e) => { e.preventDefault(); app.camera.zoom(1.0015 ** -e.deltaY, e.offsetX, e.offsetY); app.changed(); }, { passive: false });
+    app.scene.overlay = (context, px) => this.draw(context, px);
+    this.choose('why');
+  }
+
+  choose(name) {
+    if (name === 'drive') { this.app.teleop.toggle(); } else this.tool = name;
+    for (const item of TOOLS) if (item) $(`tool-${item[0]}`).setAttribute('aria-pressed', String(item[0] === 'drive' ? this.app.teleop.on : item[0] === this.tool));
+    this.drag = null;
+    this.app.changed();
+  }
+
+  hint() {
+    if (this.app.teleop.on) return this.app.teleop.hint();
+    return this.tool === 'why' ? '' : TOOLS.find((item) => item?.[0] === this.tool)[3];
+  }
+
+  at(event) { const box = this.canvas.getBoundingClientRect(); return this.app.camera.toMap(event.clientX - box.left, event.clientY - box.top); }
+
+  down(event) {
+    this.canvas.setPointerCapture?.(event.pointerId);
+    this.canvas.focus({ preventScroll: true });
+    this.pointers.set(event.pointerId, [event.clientX, event.clientY]);
+    if (this.pointers.size === 2) { this.drag = null; this.pinch = this.spread(); return; }
+    if (this.pointers.size > 2) return;
+    const [x, y] = this.at(event), pan = event.button === 1 || event.button === 2;
+    const shape = pan ? null : this.shapeAt(x, y);
+    const kind = pan || (this.tool === 'why' && !(shape && this.canMove(shape))) ? 'pan' : this.tool === 'why' ? 'shape' : 'tool';
+    this.drag = { kind, x, y, x2: x, y2: y, u: event.clientX, v: event.clientY, shape, moved: false, shift: event.shiftKey };
+    this.cross = null;
+    this.app.scene.selected = shape?.name ?? null;
+    this.app.changed();
+  }
+
+  move(event) {
+    this.pointer = this.at(event);
+    const before = this.pointers.get(event.pointerId), drag = this.drag;
+    if (before) this.pointers.set(event.pointerId, [event.clientX, event.clientY]);
+    if (this.pointers.size === 2) { this.zoomByPinch(); return; }
+    if (drag && before) {
+      drag.moved ||= Math.hypot(event.clientX - drag.u, event.clientY - drag.v) > CLICK_PX;
+      if (drag.kind === 'pan' && drag.moved) { this.app.camera.pan(event.clientX - before[0], event.clientY - before[1]); this.app.follow = false; }
+      [drag.x2, drag.y2] = this.pointer;
+      this.canvas.classList.toggle('pan', drag.kind === 'pan' && drag.moved);
+    }
+    this.app.changed();
+  }
+
+  up(event) {
+    const drag = this.drag;
+    this.pointers.delete(event.pointerId);
+    this.canvas.classList.remove('pan');
+    this.drag = null;
+    this.app.changed();
+    if (!drag) return;
+    drag.shift ||= event.shiftKey;
+    if (drag.kind === 'pan' && !drag.moved && event.button === 0) this.ask(drag.x, drag.y);
+    else if (drag.kind === 'shape' && drag.moved) this.moveShape(drag.shape, drag.x2 - drag.x, drag.y2 - drag.y);
+    else if (drag.kind === 'shape') this.ask(drag.x, drag.y);
+    else if (drag.kind === 'tool') this.use(drag);
+  }
+
+  spread() {
+    const [a, b] = [...this.pointers.values()];
+    return { distance: Math.hypot(a[0] - b[0], a[1] - b[1]), u: (a[0] + b[0]) / 2, v: (a[1] + b[1]) / 2 };
+  }
+
+  zoomByPinch() {
+    const now = this.spread(), box = this.canvas.getBoundingClientRect();
+    if (this.pinch) {
+      this.app.camera.pan(now.u - this.pinch.u, now.v - this.pinch.v);
+      this.app.camera.zoom(now.distance / Math.max(this.pinch.distance, 1), now.u - box.left, now.v - box.top);
+    }
+    this.pinch = now;
+    this.app.follow = false;
+    this.app.changed();
+  }
+
+  // --- what a tool does ---------------------------------------------------------------------------------------------
+
+  pose(drag) { return [drag.x, drag.y, drag.moved ? Math.atan2(drag.y2 - drag.y, drag.x2 - drag.x) : drag.yaw ?? this.defaultYaw(drag)]; }
+
+  /** Heading of a click without a drag: from the robot to the goal. */
+  defaultYaw(drag) {
+    const pose = this.app.store.main?.pose;
+    return pose && this.tool === 'goal' ? Math.atan2(drag.y - pose[1], drag.x - pose[0]) : 0;
+  }
+
+  use(drag) {
+    const { app } = this, pose = this.pose(drag);
+    switch (this.tool) {
+      case 'goal': app.goal(pose, drag.shift); break;
+      case 'pose': app.act({ type: 'place', pose }); break;
+      case 'copy': app.copyPose(pose); break;
+      case 'passage': app.why.passage(drag.x, drag.y); break;
+      case 'delete': if (drag.shape) app.act({ type: 'remove', name: drag.shape.name }); else app.toast('There is no obstacle here; only obstacles besides the map can be removed.', 'warning'); break;
+      default: app.act({ type: 'put', shape: { name: this.freeName(this.tool), ...this.shape(this.tool, drag) } });
+    }
+  }
+
+  freeName(kind) {
+    const names = new Set(this.app.store.main.shapes.map((shape) => shape.name));
+    for (let number = 1; ; number++) if (!names.has(`${kind} ${number}`)) return `${kind} ${number}`;
+  }
+
+  shape(kind, { x, y, x2, y2, moved }) {
+    const round = (v) => Math.round(v * 1000) / 1000;
+    if (kind === 'disc') return { radius: moved ? Math.max(0.03, round(Math.hypot(x2 - x, y2 - y))) : 0.25, pose: [round(x), round(y), 0] };
+    if (kind === 'box') {
+      return moved ? { box: [Math.max(0.05, round(Math.abs(x2 - x))), Math.max(0.05, round(Math.abs(y2 - y)))], pose: [round((x + x2) / 2), round((y + y2) / 2), 0] }
+        : { box: [0.5, 0.5], pose: [round(x), round(y), 0] };
+    }
+    if (kind === 'wall') {
+      const [a, b] = moved ? [[x, y], [x2, y2]] : [[x - 0.5, y], [x + 0.5, y]];
+      return { box: [Math.max(0.1, round(Math.hypot(b[0] - a[0], b[1] - a[1]))), 0.06], pose: [round((a[0] + b[0]) / 2), round((a[1] + b[1]) / 2), Math.atan2(b[1] - a[1], b[0] - a[0])] };
+    }
+    const goal = moved ? [round(x2), round(y2)] : [round(x + 3), round(y)];
+    return { radius: 0.25, pose: [round(x), round(y), 0], motion: { kind: 'pedestrian', goals: [goal, [round(x), round(y)]] } };
+  }
+
+  canMove(shape) { return shape.kind === 'still' && !this.app.readOnly; }
+
+  moveShape(shape, dx, dy) {
+    const { name, radius, box, polygon, segment, pose, height } = shape;
+    const values = Object.fromEntries(Object.entries({ name, radius, box, polygon, segment, height }).filter(([, v]) => v !== undefined));
+    this.app.act({ type: 'put', shape: { ...values, pose: [pose[0] + dx, pose[1] + dy, pose[2] ?? 0] } });
+  }
+
+  shapeAt(x, y) {
+    const side = this.app.store.main;
+    if (!side) return null;
+    const near = 4 / this.app.camera.scale;
+    return [...side.shapes].reverse().find((shape) => {
+      const outline = this.app.scene.outline(side, shape);
+      if (outline.circle) return Math.hypot(x - outline.circle[0], y - outline.circle[1]) <= outline.circle[2] + near;
+      return inside(outline.points, x, y);
+    }) ?? null;
+  }
+
+  ask(x, y) {
+    const { app } = this, side = app.store.main, near = NEAR_PX / app.camera.scale;
+    if (!side) return;
+    const goals = [...side.goals.under_way, ...[...side.goals.ended].reverse()];
+    const goal = app.layers.get('goals').on && goals.find((g) => Math.hypot(g.pose[0] - x, g.pose[1] - y) < near);
+    if (goal) { app.why.goal(goal.number); return; }
+    const sample = app.layers.get('trajectories').on ? this.sampleAt(side, x, y, near) : null;
+    if (sample !== null) { app.why.sample(sample, side.trajectories.t); return; }
+    const [u, v] = toOdom(side, x, y);
+    app.why.cell(x, y, app.layers.get('local').on && side.grids.local.at(u, v) !== null ? 'local' : 'global');
+  }
+
+  /** Number of the trajectory whose end or line is nearest to a point; null if none is near. */
+  sampleAt(side, x, y, near) {
+    const t = side.trajectories;
+    if (!t) return null;
+    const [u, v] = toOdom(side, x, y);
+    let best = near, found = null;
+    for (let row = 0; row < t.rows; row++) {
+      for (let k = 1; k < t.points; k++) {
+        const i = (row * t.points + k) * 2, d = Math.hypot(t.origin[0] + t.xy[i] / 100 - u, t.origin[1] + t.xy[i + 1] / 100 - v);
+        if (d < best) { best = d; found = t.samples[row]; }
+      }
+    }
+    return found;
+  }
+
+  // --- keyboard -----------------------------------------------------------------------------------------------------
+
+  /** Handles a key of the map; true if it was one. */
+  key(event) {
+    const tool = TOOLS.find((item) => item && (item[2] === event.key.toLowerCase() || item[2] === event.key));
+    if (event.target === this.canvas && this.crossKey(event)) return true;
+    if (event.key === 'Delete' && this.app.scene.selected) { this.app.act({ type: 'remove', name: this.app.scene.selected }); this.app.scene.selected = null; return true; }
+    if (tool) { this.choose(tool[0]); return true; }
+    return false;
+  }
+
+  crossKey(event) {
+    const { camera } = this.app, step = (event.shiftKey ? 5 : 0.5) * 20 / camera.scale;
+    const moves = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+    if (event.key in moves) {
+      this.cross ??= { x: camera.x, y: camera.y, yaw: 0 };
+      this.cross.x += moves[event.key][0] * step;
+      this.cross.y += moves[event.key][1] * step;
+      const [u, v] = camera.toScreen(this.cross.x, this.cross.y);
+      if (u < 30 || v < 30 || u > camera.width - 30 || v > camera.height - 30) { camera.x = this.cross.x; camera.y = this.cross.y; }
+    } else if (event.key === '[' || event.key === ']') {
+      this.cross ??= { x: camera.x, y: camera.y, yaw: 0 };
+      this.cross.yaw += (event.key === '[' ? 1 : -1) * Math.PI / 12;
+    } else if (event.key === 'Enter' && this.cross) {
+      const { x, y, yaw } = this.cross;
+      if (this.tool === 'why') this.ask(x, y);
+      else this.use({ x, y, x2: x, y2: y, yaw, moved: false, shift: event.shiftKey, shape: this.shapeAt(x, y) });
+    } else return false;
+    this.pointer = this.cross && [this.cross.x, this.cross.y];
+    this.app.changed();
+    return true;
+  }
+
+  // --- preview ------------------------------------------------------------------------------------------------------
+
+  draw(context, px) {
+    const { scene, theme } = this.app, drag = this.drag;
+    if (drag?.kind === 'tool') {
+      if (POSES.includes(this.tool)) scene.arrow(this.pose(drag), this.tool === 'pose' ? theme.robot : theme.accent, '', { size: 20 });
+      else if (['disc', 'box', 'wall', 'person'].includes(this.tool)) {
+        const shape = this.shape(this.tool, drag);
+        scene.drawShape(outlineOf(shape), this.tool === 'person' ? 'pedestrian' : 'still', true);
+        if (this.tool === 'person') scene.line([...shape.pose.slice(0, 2), ...shape.motion.goals[0]], theme.person, 1.5, [4, 4]);
+      }
+    } else if (drag?.kind === 'shape' && drag.moved) {
+      const side = this.app.store.main;
+      context.save();
+      context.translate(drag.x2 - drag.x, drag.y2 - drag.y);
+      context.globalAlpha = 0.6;
+      scene.drawShape(scene.outline(side, drag.shape), 'still', true);
+      context.restore();
+    }
+    if (this.cross) {
+      const { x, y, yaw } = this.cross, r = 14 * px;
+      scene.line([x - r, y, x + r, y], theme.accent, 2);
+      scene.line([x, y - r, x, y + r], theme.accent, 2);
+      if (POSES.includes(this.tool)) scene.arrow([x, y, yaw], theme.accent, '', { size: 18, hollow: true });
+    }
+  }
+}
+
+function toOdom(side, x, y) {
+  const [ox, oy, yaw] = side.odom, dx = x - ox, dy = y - oy, cos = Math.cos(yaw), sin = Math.sin(yaw);
+  return [cos * dx + sin * dy, cos * dy - sin * dx];
+}
+
+function outlineOf(shape) {
+  const [x, y, yaw] = shape.pose;
+  if (shape.radius) return { circle: [x, y, shape.radius] };
+  const [a, b] = shape.box.map((v) => v / 2), cos = Math.cos(yaw), sin = Math.sin(yaw);
+  return { points: [[-a, -b], [a, -b], [a, b], [-a, b]].flatMap(([u, v]) => [x + cos * u - sin * v, y + sin * u + cos * v]) };
+}
+
+function inside(points, x, y) {
+  let result = false;
+  for (let i = 0, j = points.length - 2; i < points.length; j = i, i += 2) {
+    const [xi, yi, xj, yj] = [points[i], points[i + 1], points[j], points[j + 1]];
+    if (yi > y !== yj > y && x < (xj - xi) * (y - yi) / (yj - yi) + xi) result = !result;
+  }
+  return result;
+}

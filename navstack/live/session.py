@@ -1,0 +1,301 @@
+"""A running simulation that a person can pause, rewind and take part in. Knows nothing of the web and reads no clock.
+
+The session drives a `Run`. What a person does becomes an interaction with the simulated time at which it was done; the
+scenario with these interactions gives the same run again, so going back in time is to simulate again from the start.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import struct
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from navstack.core.errors import InputError, InternalError
+from navstack.live.history import History
+from navstack.parameters.configuration import Configuration
+from navstack.record import RunRecorder
+from navstack.scenario import Run, Scenario
+from navstack.scenario.file.writer import write_scenario
+from navstack.scenario.interactions import INTERACTION, Drive
+
+MAX_SPEED = 1000.0
+"""Largest factor of real time; faster is "as fast as possible"."""
+BACKLOG_S = 0.25
+"""Real time that a slow session may fall behind before it drops the rest (s)."""
+MAX_INTERACTIONS = 100_000
+CHECK_TIME = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """Where a scenario came from, to write it to a file again."""
+
+    map_file: Path | None = None
+    sources: tuple[str, ...] = ()
+    """The parameters' `--params`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Twin:
+    """A session at one moment, to be simulated again."""
+
+    scenario: Scenario
+    """With the interactions so far."""
+    origin: Origin
+    cycles: int
+    digest: bytes
+    """Digest of all cycles."""
+    configuration: Configuration
+    """The parameters in force."""
+
+    def recorded(self) -> RunRecorder:
+        """Simulates the run again, with its record. Raises InternalError if it differs from the session."""
+        again = Run(self.scenario)
+        digest = hashlib.blake2b()
+        for _ in range(self.cycles):
+            again.step()
+            digest.update(_digest_of(again))
+        if digest.digest() != self.digest:
+            raise InternalError(
+                "the run simulated again differs from the session; this is a bug in navstack, please report it with the "
+                "saved scenario"
+            )
+        assert again.recorder is not None
+        return again.recorder
+
+    def save_scenario(self, path: Path) -> Scenario:
+        """Writes the session as a scenario file and returns what it loads to. Raises OutputError."""
+        return write_scenario(self.scenario, path, map_file=self.origin.map_file, sources=self.origin.sources)
+
+
+class Session:
+    """One robot in one world. `advance` drives it in real time; `interact` changes it."""
+
+    def __init__(self, scenario: Scenario, *, origin: Origin | None = None, speed: float | None = 1.0) -> None:
+        """`speed` is the factor of real time; None is as fast as possible."""
+        self.scenario = replace(scenario, interactions=())
+        self.origin = origin or Origin()
+        self.interactions: list[Any] = list(scenario.interactions)
+        """Everything that a person did, in order, also what is still to come after a rewind."""
+        self.paused = False
+        self.speed = speed
+        self.end = 0.0
+        """Latest time that has been simulated (s)."""
+        self.changes = 0
+        """Grows with everything a person does, so that pages see at once that something has changed."""
+        self.restarts = 0
+        """Grows with every rewind."""
+        self.cycles = 0
+        """Number of control cycles since the start of the run."""
+        self.factor = 0.0
+        """Measured factor of real time."""
+        self._seek: float | None = None
+        self._clock = 0.0
+        self._start()
+
+    # --- time -------------------------------------------------------------------------------------------------------
+
+    @property
+    def time(self) -> float:
+        """Simulated time (s)."""
+        return self.run.robot.time
+
+    @property
+    def clock(self) -> float:
+        """Simulated time that a page shows (s): it runs evenly, between the last two cycles."""
+        return self.time if self.paused or self.is_done or self.speed is None else min(self._clock, self.time)
+
+    @property
+    def is_done(self) -> bool:
+        """True when there is nothing left to do; an interaction continues the run."""
+        return self.run.done
+
+    @property
+    def is_seeking(self) -> bool:
+        """True while the session simulates up to a requested time."""
+        return self._seek is not None
+
+    def advance(self, elapsed_s: float, *, budget_s: float, timer: Callable[[], float]) -> bool:
+        """Simulates what is due after `elapsed_s` of real time, for at most about `budget_s` (by `timer`); True if anything was.
+
+        A session that cannot keep up gets slower; it never catches up in a rush.
+        """
+        started = timer()
+        if self._seek is not None:
+            return self._advance_seek(started + budget_s, timer)
+        if self.paused or self.is_done:
+            self._clock = self.time
+            self.factor = 0.0
+            return False
+        if self.speed is None:
+            target = math.inf
+        else:
+            target = self._clock = min(self._clock + elapsed_s * self.speed, self.time + BACKLOG_S * self.speed)
+        before = self.time
+        while self.time < target and self._step() and timer() < started + budget_s:
+            pass
+        if self.speed is None:
+            self._clock = self.time
+        self._measure(self.time - before, elapsed_s)
+        return self.time > before
+
+    def pause(self, paused: bool) -> None:
+        """Stops or continues the time."""
+        self.paused = paused
+        self._clock = self.time
+        self.changes += 1
+
+    def set_speed(self, speed: float | None) -> None:
+        """Sets the factor of real time; None is as fast as possible. Raises InputError."""
+        if speed is not None and not 0.0 < speed <= MAX_SPEED:
+            raise InputError(f"the speed {speed:g} is not a factor above 0, at most {MAX_SPEED:g}")
+        self.speed = speed
+        self._clock = self.time
+        self.changes += 1
+
+    def step_once(self) -> None:
+        """Pauses, and simulates one control cycle."""
+        self.pause(True)
+        self._step()
+
+    def seek(self, time: float) -> None:
+        """Goes to the first cycle at or after `time` (s); the calls of `advance` that follow carry it out.
+
+        What a person did after that time is done again unless an interaction comes first.
+        """
+        if not 0.0 <= time <= 1e7:
+            raise InputError(f"cannot go to {time:g} s; give a time from 0 s")
+        self.changes += 1
+        time = min(time, max(self.end, self.time))
+        if time < self.time:
+            self._start()
+        self._seek = time
+
+    def finish_seek(self) -> None:
+        """Carries out a seek without a break."""
+        while self._seek is not None:
+            self._advance_seek(math.inf, lambda: 0.0)
+
+    def restart(self) -> None:
+        """Begins again without any interaction."""
+        self.interactions.clear()
+        self.end = 0.0
+        self._seek = None
+        self.changes += 1
+        self._start()
+
+    # --- interactions -----------------------------------------------------------------------------------------------
+
+    def interact(self, action: dict[str, Any]) -> Any:
+        """Carries out an interaction now; `action` has its fields without the time (for `drive`, `seconds` instead of `until`).
+
+        Interactions that were to come after a rewind are dropped. Raises NavError if it is refused, ValueError if it is none;
+        nothing has changed then.
+        """
+        if self._seek is not None:
+            raise InputError(f"the session is on its way to {self._seek:.1f} s; wait until it is there")
+        if len(self.interactions) >= MAX_INTERACTIONS:
+            raise InputError(f"the session has {MAX_INTERACTIONS} interactions; save it and start a new one")
+        data: dict[str, Any] = {**action, "time": self.time}
+        if data.get("kind") == "drive" and "seconds" in data:
+            data["until"] = self.time + data.pop("seconds")
+        item = INTERACTION.validate_python(data)
+        self.run.interact(item)
+        del self.interactions[len(self.interactions) - len(self.run.upcoming) :]
+        self.run.drop_upcoming()
+        self.end = self.time
+        self._add(item)
+        self.changes += 1
+        return item
+
+    def current_scenario(self) -> Scenario:
+        """Returns the scenario with what has been done so far."""
+        return replace(self.scenario, interactions=tuple(self.interactions))
+
+    def twin(self) -> Twin:
+        """Returns what is needed to simulate the run again up to now, also in another thread."""
+        return Twin(
+            self.current_scenario(),
+            self.origin,
+            self.cycles,
+            self._digest.digest(),
+            self.run.interventions.configuration,
+        )
+
+    def recorded(self) -> RunRecorder:
+        """Simulates the run again up to now, with its record."""
+        return self.twin().recorded()
+
+    def save_scenario(self, path: Path) -> Scenario:
+        """Writes the session as a scenario file and returns what it loads to. Raises OutputError."""
+        return self.twin().save_scenario(path)
+
+    @property
+    def shapes(self) -> Sequence[Any]:
+        """The obstacles in the world."""
+        return tuple(self.run.interventions.shapes.values())
+
+    # --- inside -----------------------------------------------------------------------------------------------------
+
+    def _start(self) -> None:
+        self.history = History()
+        self.run = Run(
+            replace(self.scenario, interactions=tuple(self.interactions)),
+            record=False,
+            measure=False,
+            listeners=[self.history],
+        )
+        self.cycles = 0
+        self.restarts += 1
+        self._digest = hashlib.blake2b()
+        self._clock = 0.0
+
+    def _step(self) -> bool:
+        """Simulates until the time advances; False if the run is done. Interactions are allowed only between such steps."""
+        before = self.time
+        while self.run.step():
+            self.cycles += 1
+            self._digest.update(_digest_of(self.run))
+            self.history.add(self.run)
+            if self.time > before:
+                self.end = max(self.end, self.time)
+                return True
+        return False
+
+    def _advance_seek(self, until: float, timer: Callable[[], float]) -> bool:
+        assert self._seek is not None
+        while self.time < self._seek - CHECK_TIME:
+            if not self._step():
+                break
+            if timer() >= until:
+                return True
+        self._seek = None
+        self._clock = self.time
+        return True
+
+    def _add(self, item: Any) -> None:
+        """Keeps an interaction; while the same key is held down, driving by hand is one interaction that gets longer."""
+        last = self.interactions[-1] if self.interactions else None
+        if (
+            isinstance(item, Drive)
+            and isinstance(last, Drive)
+            and last.velocity == item.velocity
+            and item.time < last.until <= item.until
+        ):
+            self.interactions[-1] = last.model_copy(update={"until": item.until})
+            return
+        self.interactions.append(item)
+
+    def _measure(self, simulated_s: float, elapsed_s: float) -> None:
+        if elapsed_s > 0.0:
+            weight = min(elapsed_s, 1.0)
+            self.factor += weight * (simulated_s / elapsed_s - self.factor)
+
+
+def _digest_of(run: Run) -> bytes:
+    """Bytes that differ if a cycle differs."""
+    return struct.pack("<7d", run.robot.time, *run.robot.pose, *run.move_base.command)

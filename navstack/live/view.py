@@ -1,0 +1,257 @@
+"""What one page sees of a session: `frame` returns what has changed since the last call."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import Pose2D, Transform2D
+from navstack.core.errors import NavError
+from navstack.costmap import LayeredCostmap
+from navstack.live.frame import Frame
+from navstack.live.grids import GridView
+from navstack.live.potential import PotentialView
+from navstack.live.session import Session
+from navstack.live.trajectories import trajectories_of
+from navstack.sim import PedestrianMotion, Shape
+
+LAYERS: Final = ("global", "local", "scan", "trajectories", "potential")
+"""Layers that a page asks for; the others are always sent."""
+SAMPLES_PER_FRAME: Final = 300
+PLAN_SPACING_M: Final = 0.05
+OUTCOMES: Final = 50
+
+
+class SessionView:
+    """The differences between a session and what a page knows of it."""
+
+    def __init__(self, session: Session) -> None:
+        self.session = session
+        self.layers: frozenset[str] = frozenset()
+        self._restarts = -1
+        self._mark: tuple[Any, ...] = ()
+        self._known: dict[str, Any] = {}
+        self._grids = {"global": GridView(), "local": GridView()}
+        self._potential = PotentialView()
+        self._event = -1
+        self._sampled = -math.inf
+        self._cycle = -1
+
+    def set_layers(self, layers: frozenset[str]) -> None:
+        """Chooses the layers that frames contain; new ones are sent in full."""
+        for name in layers - self.layers:
+            if name in self._grids:
+                self._grids[name].forget()
+            self._known.pop(name, None)
+        self.layers = layers
+        self._mark = ()
+
+    @property
+    def is_current(self) -> bool:
+        """True if nothing has happened since the last frame."""
+        return self._mark == self._marks()
+
+    def frame(self, header: Frame) -> dict[str, Any]:
+        """Returns the entries of the next frame; blobs go into `header`."""
+        session = self.session
+        if session.restarts != self._restarts:
+            self._forget()
+        self._mark = self._marks()
+        run = session.run
+        robot, move_base = run.robot, run.move_base
+        velocity = robot.state().velocity
+        entries: dict[str, Any] = {
+            "t": session.time,
+            "clock": session.clock,
+            "end": session.end,
+            "cycle": session.cycles,
+            "paused": session.paused,
+            "seeking": session.is_seeking,
+            "done": session.is_done,
+            "speed": session.speed,
+            "factor": round(session.factor, 2),
+            "restarts": session.restarts,
+            "pose": _rounded(robot.pose, 4),
+            "odom": _rounded(_map_to_odom(session), 5),
+            "velocity": _rounded(velocity, 3),
+            "command": _rounded(move_base.command if robot.by_hand is None else robot.by_hand, 3),
+            "by_hand": robot.by_hand is not None,
+            "state": move_base.state.name,
+            "recovery": move_base.recovery or "",
+            "collisions": len(robot.collisions),
+            "length": round(run.path_length, 3),
+        }
+        self._if_changed(entries, "goals", self._goals())
+        self._if_changed(entries, "shapes", [_shape(shape) for shape in session.shapes])
+        self._if_changed(entries, "interactions", self._interactions())
+        self._add_moving(entries)
+        self._add_history(entries)
+        self._add_layers(entries, header)
+        self._cycle = session.cycles
+        return entries
+
+    # --- inside -----------------------------------------------------------------------------------------------------
+
+    def _marks(self) -> tuple[Any, ...]:
+        s = self.session
+        return (s.cycles, s.changes, s.restarts, s.is_seeking, s.is_done, s.paused)
+
+    def _forget(self) -> None:
+        self._known.clear()
+        self._restarts = self.session.restarts
+        self._event, self._sampled, self._cycle = -1, -math.inf, -1
+        for grid in self._grids.values():
+            grid.forget()
+
+    def _if_changed(self, entries: dict[str, Any], name: str, value: Any) -> None:
+        if name not in self._known or self._known[name] != value:
+            self._known[name] = value
+            entries[name] = value
+
+    def _goals(self) -> dict[str, Any]:
+        goals = self.session.run.goals
+        first = max(0, len(goals.outcomes) - OUTCOMES)
+        return {
+            "under_way": [
+                {"number": sent.index + 1, "pose": list(sent.pose), "state": sent.handle.status.name}
+                for sent in goals.under_way
+            ],
+            "waiting": [list(pose) for pose in goals.waiting],
+            "loop": goals.loop,
+            "ended": [
+                {
+                    "number": number,
+                    "pose": list(o.goal),
+                    "state": o.state,
+                    "time": round(o.time_s, 2),
+                    "text": o.message,
+                }
+                for number, o in enumerate(goals.outcomes[first:], first + 1)
+            ],
+        }
+
+    def _interactions(self) -> list[list[Any]]:
+        """Times and kinds, for the marks on the time line."""
+        return [[item.time, item.kind] for item in self.session.interactions[-500:]]
+
+    def _add_moving(self, entries: dict[str, Any]) -> None:
+        """Adds where the moving obstacles are now."""
+        world, solids = self.session.run.robot.world, self.session.run.robot.solids
+        if not world.moves:
+            return
+        entries["discs"] = [
+            [world.name_of("disc", k), *_rounded(disc, 3)] for k, disc in enumerate(solids.discs.tolist())
+        ]
+        entries["polygons"] = [
+            [world.name_of("polygon", k), *_rounded(solids.polygon(k).ravel().tolist(), 3)]
+            for k in range(len(solids.circles))
+        ]
+
+    def _add_history(self, entries: dict[str, Any]) -> None:
+        history = self.session.history
+        new = [sample for sample in history.samples if sample.t > self._sampled]
+        if new:
+            self._sampled = new[-1].t
+            stride = max(1, math.ceil(len(new) / SAMPLES_PER_FRAME))
+            entries["samples"] = [_sample(sample) for sample in new[::-1][::stride][::-1]]
+        events = list(history.events_after(self._event))
+        if events:
+            self._event = events[-1].number
+            entries["events"] = [[e.number, round(e.time, 3), e.kind, e.text] for e in events[-100:]]
+        if self._known.get("trail") != history.trail_version:
+            self._known["trail"] = history.trail_version
+            entries["trail"] = [[round(x, 2), round(y, 2)] for x, y in _new_part(history.trail)]
+        if self._known.get("plan") != history.plan_count:
+            before = self._known.get("plan", 0)
+            self._known["plan"] = history.plan_count
+            entries["plans"] = [[number, _points(poses)] for number, poses in history.plans if number > before]
+        local = self.session.run.move_base.local_plan
+        if local is not None and local.trajectory is not None and self.session.cycles != self._cycle:
+            entries["trajectory"] = _points(local.trajectory, 0.02)
+
+    def _add_layers(self, entries: dict[str, Any], frame: Frame) -> None:
+        move_base = self.session.run.move_base
+        costmaps: dict[str, Any] = {}
+        for name, costmap in (("global", move_base.global_costmap), ("local", move_base.local_costmap)):
+            if name in self.layers and isinstance(costmap, LayeredCostmap) and costmap.updated_at is not None:
+                change = self._grids[name].update(costmap.master, frame)
+                if change is not None:
+                    costmaps[name] = change
+        if costmaps:
+            entries["costmaps"] = costmaps
+        if self.session.cycles == self._cycle and "scan" in self._known:
+            return
+        if "scan" in self.layers:
+            self._known["scan"] = True
+            entries["scan"] = frame.blob(_scan_points(self.session))
+        if "trajectories" in self.layers:
+            entries["trajectories"] = trajectories_of(move_base.local_planner, frame)
+        if "potential" in self.layers:
+            potential = self._potential.update(self.session, frame)
+            if potential is not None:
+                entries["potential"] = potential
+
+
+def _new_part(trail: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    return trail[:: max(1, len(trail) // 400)]
+
+
+def _sample(sample: Any) -> list[Any]:
+    clearance = None if not math.isfinite(sample.clearance) else round(sample.clearance, 3)
+    numbers = _rounded((sample.vx, sample.wz, sample.command_vx, sample.command_wz), 3)
+    return [round(sample.t, 3), clearance, *numbers, sample.state]
+
+
+def _shape(shape: Shape) -> dict[str, Any]:
+    """A shape as the page draws and edits it."""
+    entry = shape.model_dump(mode="json", exclude_none=True, exclude={"motion", "thickness"})
+    entry["kind"] = shape.motion.kind
+    if isinstance(shape.motion, PedestrianMotion):
+        entry["goals"] = shape.motion.goals
+    entry["outline"] = [_rounded(point, 4) for point in shape.outline()]
+    return entry
+
+
+def _map_to_odom(session: Session) -> Transform2D:
+    robot = session.run.robot
+    try:
+        return robot.frames.lookup(robot.map_frame, session.run.move_base.local_costmap.frame)
+    except NavError:
+        return Transform2D()
+
+
+def _scan_points(session: Session) -> NDArray[np.int16]:
+    """(n, 2) hits of the last scans in cm, relative to the robot's pose at the time of the frame (its axes)."""
+    robot = session.run.robot
+    points: list[NDArray[np.float64]] = []
+    for scan in session.history.scans.values():
+        ranges = np.asarray(scan.ranges, np.float64)
+        good = np.isfinite(ranges) & (ranges >= scan.range_min) & (ranges <= scan.range_max)
+        angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
+        local = np.column_stack((ranges * np.cos(angles), ranges * np.sin(angles)))[good]
+        try:
+            pose = robot.frames.lookup(robot.base_frame, scan.frame)
+        except NavError:
+            continue
+        points.append(pose.apply_points(local))
+    found = np.concatenate(points) if points else np.empty((0, 2))
+    return np.clip(np.rint(found * 100.0), -32767, 32767).astype("<i2")
+
+
+def _points(poses: NDArray[np.float64], spacing: float = PLAN_SPACING_M) -> list[float]:
+    """x, y, x, y, .. (m) of the poses (n, 3) that are at least `spacing` apart, and the last one."""
+    if not len(poses):
+        return []
+    steps = np.hypot(*np.diff(poses[:, :2], axis=0).T) if len(poses) > 1 else np.empty(0)
+    along = np.concatenate(([0.0], np.cumsum(steps)))
+    marks = np.floor(along / spacing)
+    keep = np.concatenate(([True], marks[1:] != marks[:-1]))
+    keep[-1] = True
+    return np.round(poses[keep, :2], 2).ravel().tolist()
+
+
+def _rounded(values: Pose2D | Any, digits: int) -> list[float]:
+    return [round(float(value), digits) for value in values]
