@@ -47,6 +47,7 @@ class Twin:
     """With the interactions so far."""
     origin: Origin
     cycles: int
+    done: bool
     digest: bytes
     """Digest of all cycles."""
     configuration: Configuration
@@ -64,6 +65,8 @@ class Twin:
                 "the run simulated again differs from the session; this is a bug in navstack, please report it with the "
                 "saved scenario"
             )
+        if self.done:
+            again.step()  # finishes the record
         assert again.recorder is not None
         return again.recorder
 
@@ -218,10 +221,12 @@ class Session:
 
     def twin(self) -> Twin:
         """Returns what is needed to simulate the run again up to now, also in another thread."""
+        done = self.interactions[: len(self.interactions) - len(self.run.upcoming)]
         return Twin(
-            self.current_scenario(),
+            replace(self.scenario, interactions=tuple(done)),
             self.origin,
             self.cycles,
+            self.is_done,
             self._digest.digest(),
             self.run.interventions.configuration,
         )

@@ -85,8 +85,9 @@ class App {
     const set = (id, text) => { if ($(id).textContent !== text) $(id).textContent = text; };
     set('hint', this.tools.hint());
     const bar = this.camera.bar();
-    $('scale').firstChild.style.width = `${bar.pixels}px`;
-    set('scale', '');
+    const [line, label] = $('scale').children, length = bar.metres >= 1 ? `${bar.metres} m` : `${Math.round(bar.metres * 100)} cm`;
+    line.style.width = `${bar.pixels}px`;
+    if (label.textContent !== length) label.textContent = length;
     if (!side?.pose) return;
     const clock = side.clockAt(now), point = this.tools.pointer;
     set('clock', `${clock.toFixed(1)} s`);

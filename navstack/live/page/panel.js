@@ -87,11 +87,11 @@ export class Panel {
   updateRobot(side, clock) {
     const last = side.samples.at(-1), clearance = last?.[1];
     const values = [
-      ['speed', `${fixed(side.velocity[0], 2)} m/s`], ['turning', `${fixed(side.velocity[2], 2)} rad/s`], ['clearance', `${fixed(clearance, 2)} m`],
-      ['command', `${fixed(side.command[0], 2)} m/s`], ['command', `${fixed(side.command[2], 2)} rad/s`], ['driven', `${fixed(side.length, 1)} m`],
-      ['state', side.recovery || side.state.toLowerCase()], ['position', `${fixed(side.pose[0], 2)}, ${fixed(side.pose[1], 2)}`], ['collisions', String(side.collisions)],
+      ['speed', fixed(side.velocity[0], 2), 'm/s'], ['turning', fixed(side.velocity[2], 2), 'rad/s'], ['clearance', fixed(clearance, 2), 'm'],
+      ['command', fixed(side.command[0], 2), 'm/s'], ['command', fixed(side.command[2], 2), 'rad/s'], ['driven', fixed(side.length, 1), 'm'],
+      ['x', fixed(side.pose[0], 2), 'm'], ['y', fixed(side.pose[1], 2), 'm'], ['collisions', String(side.collisions), ''],
     ];
-    refresh(this.numbers, JSON.stringify(values), () => values.map(([label, value]) => el('div', { className: 'number' }, el('span', {}, label), el('b', {}, value))));
+    refresh(this.numbers, JSON.stringify(values), () => values.map(([label, value, unit]) => el('div', { className: 'number' }, el('span', {}, label), el('b', {}, value), ' ', el('i', {}, unit))));
     for (const chart of this.charts) chart.draw(side.samples, clock);
     const events = side.events.filter((event) => event[1] <= side.t + 1e-6).slice(-60);
     refresh(this.events, `${side.restarts} ${events.at(-1)?.[0]} ${events.length}`, () => events.reverse().map(([, time, kind, text]) => el('li', {},

@@ -215,7 +215,7 @@ export class Scene {
     c.lineTo(size * 1.1 * px, -size * 0.32 * px);
     c.stroke();
     c.restore();
-    if (label) this.text(label, x, y + size * 1.25 * px, color);
+    if (label) this.text(label, x - Math.cos(yaw) * size * 1.3 * px, y - Math.sin(yaw) * size * 1.3 * px, color);
   }
 
   text(text, x, y, color, size = 12) {
