@@ -11,9 +11,10 @@ from typing import Literal
 from navstack.core import Pose2D
 from navstack.core.errors import InputError
 from navstack.map_io import map_names, packaged_map_file
+from navstack.motion.steps import GoToStep, Step, is_step, read_step
 from navstack.move_base.goal import is_planar, yaw_of
 from navstack.parameters.findings import Location
-from navstack.parameters.yaml_reader import DictNode, ListNode, Node, ScalarNode, read_yaml
+from navstack.parameters.yaml_reader import DictNode, ListNode, Node, ScalarNode, plain, read_yaml
 
 Order = Literal["given", "sorted", "random"]
 
@@ -31,6 +32,8 @@ class Places:
     """The start pose; None if the file has none."""
     goal_names: tuple[str, ...]
     """Names of the places of the suggested tour; all places if the file suggests none."""
+    steps: tuple[Step, ...] = ()
+    """Goals and motions of the suggested tour in order, if there are motions in it; `goal_names` are its places then."""
 
     @property
     def start(self) -> Pose2D:
@@ -125,7 +128,7 @@ def load_places(source: str | Path) -> Places:
           lounge: {x: 19.6, y: 5.2, yaw: 3.14}
           office: {position: {x: 6.2, y: 12.0}, orientation: {z: 0.7071, w: 0.7071}}
         start: [0.8, 7.45, 0]                # a pose, or the name of a place
-        goals: [office, kitchen]             # names or poses; default: every place
+        goals: [office, kitchen]             # names, poses or steps ({move: 0.5}); default: every place
 
     A string without a suffix is the name of a packaged map. Raises MapError for an unknown name, and InputError, whose
     message begins with file:line:column, for a file with errors.
@@ -140,8 +143,29 @@ def load_places(source: str | Path) -> Places:
     root = file.root
     places = _named_poses(root)
     start = _place_or_pose(root.items["start"][1], places, "start")[1] if "start" in root.items else None
-    goal_names = _goal_names(root.items["goals"][1], places) if "goals" in root.items else tuple(places)
-    return Places(places, start, goal_names)
+    listing = root.items["goals"][1] if "goals" in root.items else None
+    if listing is None:
+        return Places(places, start, tuple(places))
+    if isinstance(listing, ListNode) and any(is_step_node(node) for node in listing.items):
+        steps = tuple(_step(node, places, i, path.parent) for i, node in enumerate(listing.items, 1))
+        return Places(places, start, tuple(s.place for s in steps if isinstance(s, GoToStep)), steps)
+    return Places(places, start, _goal_names(listing, places))
+
+
+def is_step_node(node: Node) -> bool:
+    """Return True for a YAML mapping that is a step, such as {move: 0.5}."""
+    return isinstance(node, DictNode) and is_step(node.items)
+
+
+def _step(node: Node, places: dict[str, Pose2D], number: int, folder: Path) -> Step:
+    """Return a step, or the goal of a place or pose as one."""
+    if not is_step_node(node):
+        name, pose = _place_or_pose(node, places, f"goal {number}")
+        return GoToStep(goto=list(pose), place=name or "")
+    try:
+        return read_step(plain(node), places=places, folder=folder)
+    except InputError as exc:
+        raise _error(node.at, f"step {number}: {exc.message}") from None
 
 
 def _named_poses(root: DictNode) -> dict[str, Pose2D]:

@@ -23,6 +23,7 @@ from navstack.cli import (
     info,
     internal_error,
     live,
+    motions,
     params,
     plan,
     plot,
@@ -55,6 +56,11 @@ app.command("plan")(plan.plan)
 app.command("simulate")(simulate.simulate)
 app.command("live")(live.live)
 app.command("tour")(tour.tour)
+# a negative distance or angle is an argument, not an option
+_NEGATIVE: Final[dict[str, Any]] = {"ignore_unknown_options": True}
+app.command("move", context_settings=_NEGATIVE)(motions.move)
+app.command("turn", context_settings=_NEGATIVE)(motions.turn)
+app.command("follow")(motions.follow)
 app.command("plot")(plot.plot)
 app.command("check")(check.check)
 app.command("info")(info.info)

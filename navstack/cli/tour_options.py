@@ -12,6 +12,7 @@ from navstack.cli import options
 
 if TYPE_CHECKING:
     from navstack.core import Pose2D
+    from navstack.motion.steps import Step
     from navstack.places import Places
     from navstack.scenario import Scenario
 
@@ -41,6 +42,15 @@ class TourOptions(NamedTuple):
         list[str], typer.Option("--place", metavar="NAME", help="Visit only these places, in this order (repeatable).")
     ] = []
     every: Annotated[bool, typer.Option("--all", help="Visit every place of the file instead of its goals.")] = False
+    step: Annotated[
+        list[str],
+        typer.Option(
+            "--step",
+            metavar="STEP",
+            help="Do these steps instead, in this order (repeatable): kitchen, '{move: 0.5}', '{turn: 90 deg}', "
+            "'{follow: heart}', '{wait: 2}', '{drive_to: [x, y, yaw]}'.",
+        ),
+    ] = []
     order: Annotated[
         TourOrder, typer.Option("--order", help="Order of the visits: as given, by name, or shuffled by the seed.")
     ] = TourOrder.given
@@ -69,6 +79,7 @@ class TourOptions(NamedTuple):
         """
         from navstack.cli.arguments import map_of, parse_obstacles
         from navstack.cli.output import print_warnings
+        from navstack.motion.steps import step_text
         from navstack.parameters.configuration import load_configuration
         from navstack.places import load_places
         from navstack.scenario import Scenario
@@ -76,7 +87,9 @@ class TourOptions(NamedTuple):
         file, map_name = self._files()
         places = load_places(file)
         path, grid = map_of(map_name)
-        names, start = self._names(file, places), self._start(file, places)
+        steps = self._steps(places)
+        names = tuple(step_text(step) for step in steps) or self._names(file, places)
+        start = self._start(file, places)
         configuration = load_configuration(self.params, overrides=self.set_, distro=self.distro)
         print_warnings(configuration)
         obstacles, shapes = parse_obstacles(self.obstacle)
@@ -84,7 +97,8 @@ class TourOptions(NamedTuple):
             map=grid,
             configuration=configuration,
             start=start,
-            goals=tuple(places.places[name] for name in names),
+            goals=() if steps else tuple(places.places[name] for name in names),
+            steps=steps,
             obstacles=obstacles,
             shapes=shapes,
             seed=self.seed,
@@ -99,6 +113,22 @@ class TourOptions(NamedTuple):
             },
         )
         return scenario, names
+
+    def _steps(self, places: Places) -> tuple[Step, ...]:
+        """The steps of `--step`, or those of the file, as often as `--loops`; empty for a tour of places only."""
+        from navstack.core.errors import InputError
+
+        if self.step and (self.place or self.every):
+            raise InputError("give either --step, or --place and --all", argument="--step")
+        listed = tuple(_parsed_step(text, places) for text in self.step)
+        if not listed and not self.place and not self.every:
+            listed = places.steps
+        if listed and self.order is not TourOrder.given:
+            raise InputError(
+                f"--order {self.order.value} is for tours of places only: the steps of this tour depend on their order",
+                argument="--order",
+            )
+        return listed * self.loops
 
     def _files(self) -> tuple[Path, str]:
         """The file of the places, and the file or packaged name of their map."""
@@ -142,3 +172,21 @@ class TourOptions(NamedTuple):
             )
         names = tuple(self.place) or (tuple(places.places) if self.every else places.goal_names)
         return visit_order(names, self.order.value, loops=self.loops, seed=self.seed)
+
+
+def _parsed_step(text: str, places: Places) -> Step:
+    """A step of the command line: the name of a place, or a mapping in YAML. Raises InputError."""
+    import yaml
+
+    from navstack.core.errors import InputError
+    from navstack.motion.steps import EXAMPLES, read_step
+
+    try:
+        value = yaml.safe_load(text)
+    except yaml.YAMLError:
+        value = None
+    if isinstance(value, dict):
+        return read_step({str(key): item for key, item in value.items()}, places=places.places)
+    if value is None or isinstance(value, list):
+        raise InputError(f'--step "{text}" is neither the name of a place nor a step: {EXAMPLES}', argument="--step")
+    return read_step({"goto": text.strip()}, places=places.places)

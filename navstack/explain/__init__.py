@@ -9,6 +9,7 @@ from navstack.explain.goal import GoalReport, explain_goal, explain_goals
 from navstack.explain.inflation import InflationCurve, inflation_curves
 from navstack.explain.passages import Passage, PassageReport, find_passages
 from navstack.explain.replay import Replay, replay
+from navstack.explain.tracking import TrackingReport, explain_tracking
 
 __all__ = [
     "CellReport",
@@ -18,10 +19,12 @@ __all__ = [
     "Passage",
     "PassageReport",
     "Replay",
+    "TrackingReport",
     "explain_cell",
     "explain_command",
     "explain_goal",
     "explain_goals",
+    "explain_tracking",
     "find_passages",
     "inflation_curves",
     "replay",

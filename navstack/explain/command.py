@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -81,6 +81,8 @@ class _Cycle:
     plan: LocalPlan
     details: ControlDiagnostics | None = None
     """None if the local planner has no diagnostics of this cycle."""
+    reasons: str = ""
+    """Why a motion gave its command; empty for a local planner."""
 
 
 def explain_command(record: Record, time: float | None = None) -> CommandReport:
@@ -99,7 +101,7 @@ def explain_command(record: Record, time: float | None = None) -> CommandReport:
         requested=requested,
         planner=cycle.planner,
         state=str(record.states[record.index_at(replayed.time)]),
-        summary=summary_of(cycle.planner, plan, samples, rejections, details.rule if details else ""),
+        summary=cycle.reasons or summary_of(cycle.planner, plan, samples, rejections, details.rule if details else ""),
         plan=plan,
         samples=samples,
         rejections=rejections,
@@ -113,6 +115,8 @@ def explain_command(record: Record, time: float | None = None) -> CommandReport:
 
 def _replay_cycle(record: Record, requested: float) -> _Cycle:
     replayed = replay(record, _last_search(record, requested))
+    if replayed.run.move_base.motions.running is not None:
+        return _motion_cycle(record, replayed)
     planner = replayed.run.move_base.local_planner
     name = type(planner).__name__
     details = planner.diagnostics()
@@ -126,6 +130,14 @@ def _replay_cycle(record: Record, requested: float) -> _Cycle:
             time=replayed.time,
         )
     return _Cycle(replayed, name, recorded.plan)
+
+
+def _motion_cycle(record: Record, replayed: Replay) -> _Cycle:
+    """The cycle of a motion: its reasons are the notes of its command."""
+    recorded = record.local_plan_at(replayed.time)
+    assert recorded is not None
+    plan = replace(recorded.plan, notes=())
+    return _Cycle(replayed, f"motion {plan.mode}", plan, reasons="; ".join(recorded.plan.notes))
 
 
 def _last_search(record: Record, time: float) -> float:

@@ -54,7 +54,10 @@ def print_goal(out: Console, report: GoalReport) -> None:
     """Prints the timeline of a goal."""
     style = "green" if report.status == "SUCCEEDED" else "red"
     out.print(f"[bold]goal {report.number}:[/] [bold {style}]{escape(report.summary)}[/]")
-    seconds = [(state, report.seconds(state)) for state in ("PLANNING", "CONTROLLING", "CLEARING")]
+    states = ("PLANNING", "CONTROLLING", "CLEARING")
+    if any(span.state == "MOTION" for span in report.spans):
+        states = ("MOTION",)  # a motion is not planned
+    seconds = [(state, report.seconds(state)) for state in states]
     if report.spans:
         out.print("[dim]" + ", ".join(f"{state} {spent:.1f} s" for state, spent in seconds) + "[/]")
     table = Table(box=None, pad_edge=False, show_header=False, padding=(0, 2, 0, 0))

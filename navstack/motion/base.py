@@ -38,6 +38,8 @@ class BasicMotion(Motion):
         super().__init__(name, params)
         self.measured_in = params.frame
         """`odom` or `map`: the frame in which poses are measured."""
+        self.min_turning_radius = 0.0
+        """m; 0 for a base that can turn in place."""
         self._context: RecoveryContext | None = None
         self._ramp = Ramp(math.inf, math.inf)
         self._started_at = 0.0
@@ -45,6 +47,7 @@ class BasicMotion(Motion):
         self._allowance = math.inf
         self._is_begun = False
         self._failure: NavError | None = None
+        self._data: dict[str, Any] = {}
 
     # --- for subclasses -----------------------------------------------------------------------------------------------
 
@@ -86,6 +89,7 @@ class BasicMotion(Motion):
             limits.max_vel_theta,
             min(_limit(limits.acc_lim_x), p.acc_lim_x or math.inf),
             min(_limit(limits.acc_lim_theta), p.acc_lim_theta or math.inf),
+            self.min_turning_radius,
         )
 
     def start(self, context: RecoveryContext, now: float) -> None:
@@ -94,7 +98,7 @@ class BasicMotion(Motion):
         limits = self.limits
         self._ramp = Ramp(limits.max_acceleration, limits.max_turn_acceleration)
         self._started_at, self._last_step = now, -math.inf
-        self._is_begun, self._failure = False, None
+        self._is_begun, self._failure, self._data = False, None, {}
         self.target = self.reference = self.local_plan = None
         self.frame = context.local_costmap.frame if self.measured_in == "odom" else context.global_costmap.frame
 
@@ -122,6 +126,7 @@ class BasicMotion(Motion):
                 f"{self.summary()} within its time allowance of {self._allowance:.1f} s", **step.data
             )
         notes: tuple[str, ...] = tuple(step.data.pop("notes", ()))
+        self._data = step.data
         poses = self.ahead(pose, now, whole=False)
         obstacle = None
         if not self.params.disable_collision_checks:
@@ -181,7 +186,7 @@ class BasicMotion(Motion):
             raise self._failure
         twist = self._ramp.braked(dt)
         self.local_plan = LocalPlan(twist, self.name, notes=(f"braking: {self._failure.message}",))
-        return RecoveryStep(RecoveryStatus.RUNNING, twist)
+        return RecoveryStep(RecoveryStatus.RUNNING, twist, data=dict(self._data))
 
     # --- results ------------------------------------------------------------------------------------------------------
 

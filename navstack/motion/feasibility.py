@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Final
 
 import numpy as np
 
 from navstack.kinematics import WheelDrive
 from navstack.motion.errors import InfeasibleTrajectoryError
-from navstack.motion.timing import MotionLimits
+from navstack.motion.timing import MotionLimits, with_rest
 from navstack.motion.trajectory import STANDING_M_S, FloatArray, Trajectory
 
 CHECK_S: Final = 0.02
 """Time between two checks (s)."""
 CYCLE_S: Final = 0.1
 """Accelerations are mean values over this time (s): a jump, as at the corners of a poly_path, is a finite acceleration then."""
+SPARE: Final = 0.98
+"""Share of the limits that a fitted trajectory uses."""
+MOST_ROUNDS: Final = 20
 SLACK: Final = 1e-3
 """Relative excess that counts as rounding."""
 
@@ -137,6 +140,33 @@ def slowest_factor(trajectory: Trajectory, limits: MotionLimits) -> float | None
 
     Speeds fall with the factor, accelerations with its square; the curvature does not change.
     """
+    total = 1.0
+    # a jump of the turn rate is a mean over CYCLE_S: it falls with the factor, not with its square, so this takes some rounds
+    for _ in range(MOST_ROUNDS):
+        factor = _time_factor(trajectory.slower(total), limits)
+        if factor is None:
+            return None
+        if factor <= 1.0:
+            break
+        total *= factor * (1.0 + SLACK)
+    return total
+
+
+def fitted(trajectory: Trajectory, limits: MotionLimits) -> Trajectory:
+    """Return the trajectory as fast as `limits` allow, with SPARE for the tracking controller, from rest to rest.
+
+    Raises InfeasibleTrajectoryError for a curve below the turning radius, InvalidTrajectoryError as `with_rest`.
+    """
+    factor = _time_factor(trajectory, limits)
+    if factor is None:
+        require_feasible(trajectory, replace(limits, max_speed=math.inf, max_turn_rate=math.inf))
+        raise InfeasibleTrajectoryError("the trajectory cannot be fitted to the limits of the robot")
+    moving = with_rest(trajectory.slower(factor / SPARE), 0.5 * limits.max_acceleration)
+    return moving.slower(slowest_factor(moving, limits) or 1.0)
+
+
+def _time_factor(trajectory: Trajectory, limits: MotionLimits) -> float | None:
+    """Return the factor of the duration at which the first limit is reached; None for a curve below the turning radius."""
     d = demands_of(trajectory)
     if limits.min_turning_radius > 0.0 and np.abs(d.curvature).max() > (1.0 + SLACK) / limits.min_turning_radius:
         return None
@@ -146,7 +176,7 @@ def slowest_factor(trajectory: Trajectory, limits: MotionLimits) -> float | None
         math.sqrt(np.abs(d.acceleration).max() / limits.max_acceleration),
         math.sqrt(np.abs(d.turn_acceleration).max() / limits.max_turn_acceleration),
     ]
-    return max(1.0, *(float(r) for r in ratios))
+    return max(1e-6, *(float(r) for r in ratios))
 
 
 def _rate(t: FloatArray, values: FloatArray) -> FloatArray:

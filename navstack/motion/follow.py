@@ -13,7 +13,7 @@ from navstack.core import Path, Pose2D, RobotState, Transform2D, angle_between
 from navstack.interfaces import RecoveryContext, RecoveryStep
 from navstack.motion.base import BasicMotion
 from navstack.motion.errors import InvalidMotionError, TrackingLostError
-from navstack.motion.feasibility import require_feasible
+from navstack.motion.feasibility import fitted, require_feasible
 from navstack.motion.obstacles import turning
 from navstack.motion.ramp import braking_speed
 from navstack.motion.timing import MotionLimits, from_path
@@ -43,14 +43,17 @@ class FollowTrajectory(BasicMotion):
         here: bool = False,
         measured_in: str = "map",
         check_feasibility: bool = True,
+        fit: bool = False,
     ) -> None:
+        """`fit`: stretch its time, from rest to rest, to what the robot can do; see `fitted`."""
         super().__init__(name, params or MotionParams())
         self.trajectory = trajectory
         """As given; after the first step in the motion's frame."""
         self.measured_in, self.here, self.check_feasibility = measured_in, here, check_feasibility
+        self.fit = fit
         self.errors: list[tuple[float, TrackingError]] = []
         """Time on the trajectory's clock (s) and error of each cycle, as the robot knows it."""
-        self._given = trajectory
+        self._given = self._original = trajectory
         self._clock: float | None = None
         self._now = 0.0
 
@@ -73,6 +76,8 @@ class FollowTrajectory(BasicMotion):
     def start(self, context: RecoveryContext, now: float) -> None:
         """Start from the pose of the first step. Raises InfeasibleTrajectoryError for a trajectory the robot cannot follow."""
         super().start(context, now)
+        if self.fit:
+            self._given = fitted(self._original, _finite(self.limits))
         self.trajectory, self._clock, self.errors = self._given, None, []
         if self.check_feasibility:
             require_feasible(self._given, self.limits)
@@ -114,7 +119,13 @@ class FollowTrajectory(BasicMotion):
         end = self.trajectory.duration
         error = tracking_error(pose, self.trajectory.at(t).pose)
         self.errors.append((t, error))
-        data = {"time_s": t, "left_s": max(end - t, 0.0), "error_m": error.distance, "error_rad": error.yaw}
+        data = {
+            "clock_s": self._clock,
+            "time_s": t,
+            "left_s": max(end - t, 0.0),
+            "error_m": error.distance,
+            "error_rad": error.yaw,
+        }
         if error.distance > self.params.max_tracking_error:
             raise TrackingLostError(
                 f"{self.name} is {error.distance:.2f} m from the trajectory after {t:.1f} of {end:.1f} s, more than "
@@ -205,11 +216,14 @@ class FollowPath(FollowTrajectory):
     def start(self, context: RecoveryContext, now: float) -> None:
         """Time the path within the limits of the robot. Raises InfeasibleTrajectoryError."""
         self._context = context
-        limits = self.limits
-        finite = replace(
-            limits,
-            max_acceleration=min(limits.max_acceleration, DEFAULT_ACCELERATION),
-            max_turn_acceleration=min(limits.max_turn_acceleration, 2.0 * DEFAULT_ACCELERATION),
-        )
-        self._given = from_path(self._path, finite, smoothing_m=self._smoothing, name=self.name)
+        self._given = from_path(self._path, _finite(self.limits), smoothing_m=self._smoothing, name=self.name)
         super().start(context, now)
+
+
+def _finite(limits: MotionLimits) -> MotionLimits:
+    """Return limits with finite accelerations."""
+    return replace(
+        limits,
+        max_acceleration=min(limits.max_acceleration, DEFAULT_ACCELERATION),
+        max_turn_acceleration=min(limits.max_turn_acceleration, 2.0 * DEFAULT_ACCELERATION),
+    )

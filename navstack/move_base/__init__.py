@@ -6,6 +6,7 @@ from navstack.move_base.comm_state import CommState
 from navstack.move_base.feedback import Feedback
 from navstack.move_base.goal import Goal, GoalHandle, GoalResult
 from navstack.move_base.goal_status import GoalStatus
+from navstack.move_base.motion_runner import MotionHandle, MotionRunner
 from navstack.move_base.move_base import MoveBase
 from navstack.move_base.planning import InlinePlanning, PlanAnswer, Planning, PlanRequest
 from navstack.move_base.states import Mode, Trigger
@@ -22,6 +23,8 @@ __all__ = [
     "GoalStatus",
     "InlinePlanning",
     "Mode",
+    "MotionHandle",
+    "MotionRunner",
     "MoveBase",
     "MoveBaseParams",
     "PlanAnswer",

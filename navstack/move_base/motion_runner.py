@@ -15,6 +15,7 @@ from navstack.move_base.action_server import SimpleActionServer
 from navstack.move_base.command_output import ZERO, CommandOutput
 from navstack.move_base.costmap_updater import CostmapUpdater
 from navstack.move_base.errors import BusyError, GoalCanceledError, StaleSensorsError
+from navstack.move_base.goal import GoalResult
 from navstack.move_base.goal_status import GoalStatus
 from navstack.move_base.navigation import Navigation
 from navstack.move_base.schedule import EPSILON_S, Schedule
@@ -42,11 +43,29 @@ class MotionHandle:
     target: Pose2D | None = None
     """Where the motion ends, in the global costmap's frame; None before its first step."""
     ended_at: float | None = None
+    has_begun: bool = False
+    """True after its first step."""
 
     @property
     def is_done(self) -> bool:
         """True in a terminal state."""
         return self.status.is_terminal
+
+    @property
+    def result(self) -> GoalResult:
+        """The outcome in the form of a goal's."""
+        error = self.error
+        return GoalResult(
+            self.status,
+            self.text,
+            0 if error is None else error.code,
+            "NONE" if error is None else error.name,
+            "" if error is None else error.message,
+            self.data,
+            sent_at=self.sent_at,
+            accepted_at=self.sent_at,
+            ended_at=self.sent_at if self.ended_at is None else self.ended_at,
+        )
 
     @property
     def succeeded(self) -> bool:
@@ -74,7 +93,6 @@ class MotionRunner:
         self._costmaps = costmaps
         self._steps = Schedule(0.0)
         self._stale_since: float | None = None
-        self._is_located = False
         self._count = 0
 
     @property
@@ -93,7 +111,7 @@ class MotionRunner:
         self.cancel()
         self._count += 1
         handle = self.running = MotionHandle(f"{motion.name}-{self._count}", motion, now)
-        self._stale_since, self._is_located = None, False
+        self._stale_since = None
         self._command.error = None
         self._costmaps.enable(True, now)
         self._costmaps.retry_failed(now)
@@ -145,7 +163,7 @@ class MotionRunner:
         except NavError as exc:
             self._end(handle, now, exc)
             return
-        if not self._is_located:
+        if not handle.has_begun:
             self._publish_target(handle, now)
         handle.data = {key: value for key, value in step.data.items() if key != "notes"}
         if step.status is RecoveryStatus.RUNNING:
@@ -213,7 +231,7 @@ class MotionRunner:
 
     def _publish_target(self, handle: MotionHandle, now: float) -> None:
         """Publish what the motion will do, once its first step has determined it."""
-        self._is_located = True
+        handle.has_begun = True
         navigation, motion = self._navigation, handle.motion
         frame = navigation.global_costmap.frame
         if motion.target is not None:
@@ -225,7 +243,7 @@ class MotionRunner:
         what = motion.describe()
         data = {**what, "id": handle.id, "name": motion.name, "frame": motion.frame, "at": now}
         navigation.events.publish(now, "motion", f"{motion.name} begins", data)
-        if motion.reference is not None and motion.target is not None:
+        if motion.reference is not None and motion.target is not None and motion.reference.length > 0.0:
             path = Path(motion.reference.poses, motion.frame)
             plan = navigation.last_tick.plan = Plan(path, 0.0, motion.target)
             navigation.events.plan(now, plan)
@@ -242,6 +260,8 @@ class MotionRunner:
             "text": handle.text if error is None else "",
         }
         name = handle.motion.name
+        if handle.has_begun:
+            events.publish(now, "motion", f"{name} ended", {**handle.data, "id": handle.id, "name": name})
         events.publish(now, "status", f"{handle.status.name}: {handle.text}", data)
         events.publish(
             now, "state", f"{ACTIVITY} -> IDLE: {name} ended", {"from": ACTIVITY, "to": "IDLE", "event": name}

@@ -10,7 +10,7 @@ import numpy as np
 from navstack.plot import colors
 from navstack.plot.goal_tracks import Bar, GoalTrack
 
-STATES = {"PLANNING": colors.YELLOW, "CONTROLLING": colors.SKY, "CLEARING": colors.PURPLE}
+STATES = {"PLANNING": colors.YELLOW, "CONTROLLING": colors.SKY, "CLEARING": colors.PURPLE, "MOTION": colors.GREEN}
 """Colours of the states."""
 _LANES = ("state", "plan", "control", "recovery")
 _LABEL_SHARE = 0.2

@@ -72,10 +72,12 @@ def headline(record: Record) -> str:
     parts: list[str] = []
     if results:
         reached = sum(result.get("state") == "SUCCEEDED" for result in results)
+        motions = any("step" in result for result in results)
+        what, done = ("step", "completed") if motions else ("goal", "reached")
         if len(results) == 1:
-            parts.append("goal reached" if reached else "goal not reached")
+            parts.append(f"{what} {done}" if reached else f"{what} not {done}")
         else:
-            parts.append(f"{reached} of {len(results)} goals reached")
+            parts.append(f"{reached} of {len(results)} {what}s {done}")
     if len(record.times):
         parts.append(f"{record.path_length:.1f} m in {record.duration:.1f} s")
     recoveries = len(incidents(record))

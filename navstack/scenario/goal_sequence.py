@@ -1,12 +1,15 @@
-"""The goals of a run: sent one after another, or at once in place of the present one."""
+"""The goals and motions of a run: sent one after another, or a goal at once in place of the present one."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from navstack.core import Pose2D, angle_between
-from navstack.move_base import GoalHandle, MoveBase
+from navstack.core.errors import jsonable
+from navstack.interfaces import Motion
+from navstack.motion.steps import Step, step_text
+from navstack.move_base import GoalHandle, MotionHandle, MoveBase
 from navstack.scenario.measurements import RunMeasurements
 from navstack.scenario.outcome import GoalOutcome
 from navstack.sim import SimulatedRobot
@@ -14,15 +17,30 @@ from navstack.sim import SimulatedRobot
 
 @dataclass(frozen=True, slots=True)
 class SentGoal:
-    """A goal that has been sent."""
+    """A goal, or a motion, that has been sent."""
 
     index: int
-    pose: Pose2D
-    handle: GoalHandle
+    pose: Pose2D | None
+    """The goal; None for a motion, whose target is known after its first step."""
+    handle: GoalHandle | MotionHandle
+    step: str
+    """The motion in words; empty for a goal."""
     time: float
     """When it was sent (s)."""
     length: float
     """Distance driven until then (m)."""
+
+    @property
+    def target(self) -> Pose2D | None:
+        """Where the robot should be at the end; None if that is not known (yet)."""
+        return self.handle.target if isinstance(self.handle, MotionHandle) else self.pose
+
+    def cancel(self, move_base: MoveBase) -> None:
+        """Cancels it."""
+        if isinstance(self.handle, GoalHandle):
+            move_base.cancel_goal(self.handle)
+        elif move_base.motions.running is self.handle:
+            move_base.motions.cancel()
 
 
 class GoalSequence:
@@ -30,14 +48,15 @@ class GoalSequence:
 
     def __init__(
         self,
-        goals: Sequence[Pose2D],
+        goals: Sequence[Pose2D | Step],
         robot: SimulatedRobot,
         measurements: RunMeasurements,
         *,
+        make_motion: Callable[[Step], Motion],
         pause_s: float,
         stop_on_failure: bool,
     ) -> None:
-        self.waiting = list(goals)
+        self.waiting: list[Pose2D | Step] = list(goals)
         self.loop = False
         """Append each goal again when it is sent."""
         self.under_way: list[SentGoal] = []
@@ -47,6 +66,7 @@ class GoalSequence:
         self._sent = 0
         self._skipped = 0
         self._robot, self._measurements = robot, measurements
+        self._make_motion = make_motion
         self._pause_s, self._stop_on_failure = pause_s, stop_on_failure
 
     @property
@@ -68,9 +88,13 @@ class GoalSequence:
             self.waiting.append(goal)
         return self.send(goal, move_base)
 
-    def send(self, goal: Pose2D, move_base: MoveBase) -> SentGoal:
-        """Sends a goal, which replaces the one under way."""
-        sent = SentGoal(self._sent, goal, move_base.send_goal(goal), self._robot.time, self._measurements.path_length)
+    def send(self, goal: Pose2D | Step, move_base: MoveBase) -> SentGoal:
+        """Sends a goal, which replaces the one under way, or starts a motion."""
+        at = (self._robot.time, self._measurements.path_length)
+        if isinstance(goal, Pose2D):
+            sent = SentGoal(self._sent, goal, move_base.send_goal(goal), "", *at)
+        else:
+            sent = SentGoal(self._sent, None, move_base.motions.start(self._make_motion(goal)), step_text(goal), *at)
         self._sent += 1
         self.under_way.append(sent)
         return sent
@@ -98,10 +122,12 @@ class GoalSequence:
         """Cancels the goals that have been under way for longer than the limit (s)."""
         for sent in self.under_way:
             if self._robot.time - sent.time > limit_s:
-                move_base.cancel_goal(sent.handle)
+                sent.cancel(move_base)
 
     def _outcome(self, sent: SentGoal) -> GoalOutcome:
-        robot, goal, result = self._robot, sent.pose, sent.handle.result
+        robot, result = self._robot, sent.handle.result
+        goal = sent.target or robot.pose
+        motion = sent.handle if isinstance(sent.handle, MotionHandle) else None
         return GoalOutcome(
             goal=goal,
             state=sent.handle.status.name,
@@ -114,4 +140,6 @@ class GoalSequence:
             distance_left_m=robot.pose.distance_to(goal),
             yaw_left_rad=abs(angle_between(robot.pose.yaw, goal.yaw)),
             recoveries=result.recoveries,
+            step=sent.step,
+            figures=jsonable(motion.data) if motion is not None else {},
         )

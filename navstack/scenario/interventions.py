@@ -81,7 +81,7 @@ class Interventions:
             case Cancel():
                 self._goals.waiting.clear()
                 for sent in self._goals.under_way:
-                    self._move_base.cancel_goal(sent.handle)
+                    sent.cancel(self._move_base)
                 self._note("cancelled the goal")
             case PutShape():
                 self._put(item.shape)

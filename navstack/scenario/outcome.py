@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 from navstack.core import Pose2D
@@ -35,15 +35,21 @@ class GoalOutcome:
     distance_left_m: float
     yaw_left_rad: float
     recoveries: int
+    step: str = ""
+    """The motion, in words, if it was one: `move 0.5 m`. `goal` is then where it was to end."""
+    figures: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    """The motion's own figures at its end: distance driven, mean error, .."""
 
     @property
     def succeeded(self) -> bool:
-        """True if the robot reached the goal."""
+        """True if the robot reached the goal, or the motion was completed."""
         return self.state == "SUCCEEDED"
 
     def as_dict(self) -> dict[str, Any]:
         """Returns JSON data."""
+        step = {"step": self.step, "figures": dict(self.figures)} if self.step else {}
         return {
+            **step,
             "goal": list(self.goal),
             "state": self.state,
             "text": self.text,

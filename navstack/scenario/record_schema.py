@@ -36,6 +36,7 @@ class StoredScenario(BaseModel):
     rest_s: Annotated[float, Field(ge=0.0, le=1e6)] = 0.0
     stop_on_failure: bool = False
     shapes: Annotated[list[dict[str, Any]], Field(max_length=MAX_SHAPES)] = []
+    steps: Annotated[list[dict[str, Any]], Field(max_length=MAX_GOALS)] = []
     interactions: Annotated[list[dict[str, Any]], Field(max_length=MAX_INTERACTIONS)] = []
     success: dict[str, Any] = {}
     name: str = ""

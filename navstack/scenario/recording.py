@@ -59,6 +59,6 @@ def record_tick(
         odom=robot.state(),
         map_to_odom=robot.frames.lookup(robot.map_frame, robot.odom_frame),
         command=move_base.command if robot.by_hand is None else robot.by_hand,
-        state=move_base.state.name,
+        state=move_base.activity,
         goal_index=goal,
     )

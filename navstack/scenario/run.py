@@ -10,8 +10,11 @@ from dataclasses import replace
 from typing import Any
 
 from navstack.bringup import build_move_base, simulated_robot
-from navstack.core import Listener, normalize_angle
+from navstack.core import Listener, Pose2D, normalize_angle
 from navstack.core.errors import InternalError
+from navstack.interfaces import Motion
+from navstack.motion.steps import Step, motion_of
+from navstack.move_base import MotionHandle
 from navstack.record.metrics import RunMetrics
 from navstack.record.timings import Timings, timed
 from navstack.scenario.goal_sequence import GoalSequence, SentGoal
@@ -64,7 +67,8 @@ class Run:
         of both planners. With `measure=False` there are no metrics either, and the memory does not grow with the run.
         """
         configuration = scenario.configuration
-        scenario.success.check_goals(len(scenario.goals))
+        items = scenario.items
+        scenario.success.check_goals(len(items))
         self.scenario = scenario
         self.robot = simulated_robot(configuration, scenario.world(), scenario.start, seed=scenario.seed)
         self._measurements = RunMeasurements(self.robot, keep=measure)
@@ -81,9 +85,10 @@ class Run:
             self.timings = Timings()
             self._time_planners(self.timings)
         self.goals = GoalSequence(
-            scenario.goals,
+            items,
             self.robot,
             self._measurements,
+            make_motion=self._make_motion,
             pause_s=scenario.pause_s,
             stop_on_failure=scenario.stop_on_failure,
         )
@@ -91,7 +96,11 @@ class Run:
             scenario, self.robot, self.move_base, self.goals, self.recorder, listening, self._record_goal
         )
         self._upcoming = deque(sorted(scenario.interactions, key=lambda item: item.time))
+        for item in items:
+            if not isinstance(item, Pose2D):
+                self._make_motion(item)  # a step that this robot cannot do is reported before it drives
         self._goes_on_until = -math.inf
+        self._unrecorded: deque[SentGoal] = deque()
         self._idle_cycles = 0
         self.done = False
         """True when every goal has ended and the interactions have had their effect."""
@@ -135,7 +144,8 @@ class Run:
                 "simulated time; this is a bug in navstack, please report it with the scenario",
                 time=robot.time,
             )
-        self._measurements.add(move_base.state.name)
+        self._measurements.add(move_base.activity)
+        self._record_targets()
         if self.recorder is not None:
             changed = self.interventions.world_changed
             names = self.interventions.names_of_solids() if changed else None
@@ -178,7 +188,7 @@ class Run:
         self.goals.skip_waiting()
         under_way = self.goals.under_way
         for sent in under_way:
-            self.move_base.cancel_goal(sent.handle)
+            sent.cancel(self.move_base)
         while not all(sent.handle.is_done for sent in under_way):
             self.step()
         self.goals.finish_ended()
@@ -232,8 +242,24 @@ class Run:
         return sent is not None
 
     def _record_goal(self, sent: SentGoal) -> None:
-        if self.recorder is not None:
-            self.recorder.goal(sent.time, sent.pose)
+        self._unrecorded.append(sent)
+        if sent.pose is not None:
+            self._record_targets()
+
+    def _record_targets(self) -> None:
+        """Records goals, and motions once it is known where they end: after their first step."""
+        while self._unrecorded:
+            sent = self._unrecorded[0]
+            motion = sent.handle if isinstance(sent.handle, MotionHandle) else None
+            if motion is not None and not motion.has_begun and not motion.is_done:
+                return
+            self._unrecorded.popleft()
+            if self.recorder is not None:
+                self.recorder.goal(sent.time, sent.target or self.robot.pose)
+
+    def _make_motion(self, step: Step) -> Motion:
+        navstack = self.interventions.configuration.navstack
+        return motion_of(step, navstack.motion, turning_radius=navstack.sim.turning_radius)
 
     def _finish(self) -> None:
         if not self.done:
@@ -248,7 +274,7 @@ def warm_up(scenario: Scenario) -> None:
     Raises the errors of `run_scenario`.
     """
     turned = scenario.start._replace(yaw=normalize_angle(scenario.start.yaw + 1.0))
-    arrival = replace(scenario, goals=(turned,), success=SuccessConditions(), interactions=())
+    arrival = replace(scenario, goals=(turned,), steps=(), success=SuccessConditions(), interactions=())
     for part in (scenario, arrival):
         run = Run(part)
         while run.robot.time < WARM_UP_S and run.step():

@@ -10,6 +10,8 @@ from navstack import __version__
 from navstack.core import OccupancyGrid, Pose2D
 from navstack.core.bounded_reading import shortened
 from navstack.core.errors import RecordError
+from navstack.motion import InvalidMotionError
+from navstack.motion.steps import GoToStep, Step, read_step, step_data
 from navstack.parameters.configuration import Configuration, load_configuration
 from navstack.record import Record
 from navstack.scenario.interactions import INTERACTION, as_data
@@ -40,6 +42,8 @@ class Scenario:
     """Skip the remaining goals after the first one that does not succeed."""
     shapes: tuple[Shape, ...] = ()
     """Further obstacles: low objects, boxes, walls, doors, pedestrians, discs on tracks."""
+    steps: tuple[Step, ...] = ()
+    """Goals and motions in order, instead of `goals`: see `navstack.motion.steps`."""
     interactions: tuple[Any, ...] = ()
     """What a person does during the run, models of `navstack.scenario.interactions`."""
     success: SuccessConditions = SuccessConditions()
@@ -47,6 +51,11 @@ class Scenario:
     name: str = ""
     names: dict[str, Any] = field(default_factory=dict[str, Any])
     """Names of the map and the parameter sources, for the record."""
+
+    @property
+    def items(self) -> tuple[Pose2D | Step, ...]:
+        """What the robot does, in order: goals, or the steps."""
+        return tuple(step.pose if isinstance(step, GoToStep) else step for step in self.steps) or self.goals
 
     def world(self) -> World:
         """Returns the map with all obstacles."""
@@ -76,6 +85,8 @@ class Scenario:
             entries["name"] = self.name
         if self.shapes:
             entries["shapes"] = [shape.model_dump(mode="json", exclude_none=True) for shape in self.shapes]
+        if self.steps:
+            entries["steps"] = [step_data(step) for step in self.steps]
         if self.interactions:
             entries["interactions"] = [_encode_floats(as_data(item)) for item in self.interactions]
         if self.success != SuccessConditions():
@@ -118,6 +129,7 @@ class Scenario:
                 pause_s=stored.get("pause_s", stored.get("rest_s", 0.0)),
                 stop_on_failure=stored.get("stop_on_failure", False),
                 shapes=tuple(Shape.model_validate(shape) for shape in stored.get("shapes", ())),
+                steps=tuple(read_step(step, folder=None) for step in stored.get("steps", ())),
                 interactions=tuple(
                     INTERACTION.validate_python(_decode_floats(item)) for item in stored.get("interactions", ())
                 ),
@@ -125,7 +137,7 @@ class Scenario:
                 name=stored.get("name", ""),
                 names={key: value for key, value in stored.items() if key not in (*_REQUIRED, *_OPTIONAL)},
             )
-        except (TypeError, ValueError) as exc:
+        except (TypeError, ValueError, InvalidMotionError) as exc:
             reason = shortened(" ".join(str(exc).split()), 200)
             raise RecordError(
                 f"the scenario of {record.path or 'the record'} is damaged ({reason}); record the run again"
@@ -133,7 +145,17 @@ class Scenario:
 
 
 _REQUIRED: Final = ("ros_distro", "start", "goals", "obstacles", "seed", "time_limit_s", "parameters")
-_OPTIONAL: Final = ("pause_s", "rest_s", "stop_on_failure", "shapes", "interactions", "success", "name", "navstack")
+_OPTIONAL: Final = (
+    "pause_s",
+    "rest_s",
+    "stop_on_failure",
+    "shapes",
+    "steps",
+    "interactions",
+    "success",
+    "name",
+    "navstack",
+)
 """`rest_s`: name of `pause_s` in records of earlier versions."""
 _NOT_FINITE: Final = {".inf": math.inf, "-.inf": -math.inf, ".nan": math.nan}
 

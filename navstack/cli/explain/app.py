@@ -10,15 +10,17 @@ from navstack.cli.explain.costmap import costmap
 from navstack.cli.explain.goal import goal
 from navstack.cli.explain.inflation import inflation
 from navstack.cli.explain.passages import passages
+from navstack.cli.explain.tracking import tracking
 
 app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode="markdown",
-    help="Diagnose a run or a parameter set: goals, commands, cell costs, passages, inflation.",
+    help="Diagnose a run or a parameter set: goals, commands, cell costs, tracking, passages, inflation.",
 )
 app.command("command")(command)
 app.command("goal")(goal)
 app.command("cell")(cell)
+app.command("tracking")(tracking)
 app.command("passages")(passages)
 app.command("inflation")(inflation)
 app.command("costmap")(costmap)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from navstack.core import Pose2D
+from navstack.core.errors import InputError
+from navstack.motion.steps import GoToStep, Step, read_step, step_text
 from navstack.parameters.findings import Location
 from navstack.parameters.yaml_reader import DictNode, ListNode, Node, ScalarNode, plain
-from navstack.places import visit_order
+from navstack.places import is_step_node, visit_order
 from navstack.scenario.file.context import POSE_FORMAT, ReadContext, describe
 from navstack.scenario.file.models import Tour
 
@@ -32,6 +34,7 @@ def read_start_and_goals(context: ReadContext) -> None:
         _read_tour(context, tour[1])
     elif places is not None and places.goal_names:
         names = places.goal_names
+        parts.steps = places.steps
         parts.goals = places.goals
         parts.goal_names = names
         parts.goal_locations = (context.root.at,) * len(names)
@@ -52,6 +55,9 @@ def _read_goals(context: ReadContext, node: Node) -> None:
         message = f"goals = [{values}] is a single pose, not a list of poses; write goals: [[{values}]]"
         context.error("wrong-type", node.at, "goals", message)
         return
+    if any(is_step_node(item) for item in node.items):
+        _read_steps(context, node)
+        return
     found: list[tuple[str, Pose2D, Location]] = []
     for i, item in enumerate(node.items, 1):
         pose = context.pose(item, f"goal {i}")
@@ -66,8 +72,29 @@ def _read_goals(context: ReadContext, node: Node) -> None:
     parts.goal_locations = tuple(at for _, _, at in found)
 
 
+def _read_steps(context: ReadContext, node: ListNode) -> None:
+    """Reads goals among which are steps, such as {move: 0.5}."""
+    parts, steps = context.parts, list[Step]()
+    for i, item in enumerate(node.items, 1):
+        if not is_step_node(item):
+            pose = context.pose(item, f"goal {i}")
+            if pose is not None:
+                name = str(item.value) if isinstance(item, ScalarNode) else ""
+                steps.append(GoToStep(goto=list(pose), place=name))
+            continue
+        try:
+            steps.append(read_step(plain(item), places=parts.places, folder=context.path.parent))
+        except InputError as exc:
+            context.error("wrong-value", item.at, "goals", f"step {i}: {exc.message}")
+    parts.steps = tuple(steps)
+    parts.goal_names = tuple(step_text(step) for step in steps)
+
+
 def _read_tour(context: ReadContext, node: Node) -> None:
     parts = context.parts
+    if isinstance(node, ListNode) and any(is_step_node(item) for item in node.items):
+        _read_steps(context, node)
+        return
     if isinstance(node, ListNode):
         node = DictNode({"places": (node.at, node)}, node.at)
     if isinstance(node, ScalarNode) and node.value is None:

@@ -11,6 +11,7 @@ from pydantic import field_validator
 
 from navstack.core import OccupancyGrid, Pose2D
 from navstack.core.parameters import ParamModel, param
+from navstack.motion.steps import Step
 from navstack.parameters.findings import Location
 from navstack.parameters.sources import Source
 from navstack.scenario.success import RENAMED, SuccessConditions, state_error
@@ -105,6 +106,8 @@ class Parts:
     start: Pose2D | None = None
     start_location: Location = Location("")
     goals: tuple[Pose2D, ...] = ()
+    steps: tuple[Step, ...] = ()
+    """Goals and motions, if there are motions among the goals."""
     goal_names: tuple[str, ...] = ()
     goal_locations: tuple[Location, ...] = ()
     tour: Tour | None = None

@@ -87,7 +87,7 @@ def read_success(context: ReadContext) -> None:
     if made is None:
         return
     context.parts.success = made
-    count = len(context.parts.goals)
+    count = len(context.parts.steps or context.parts.goals)
     if isinstance(made.goals, list) and count and len(made.goals) != count:
         at = node.items["goals"][1].at
         listed, needed = _plural(len(made.goals), "state"), _plural(count, "goal")

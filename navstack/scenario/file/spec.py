@@ -124,6 +124,7 @@ class ScenarioSpec:
             configuration=configuration,
             start=start or parts.start,
             goals=poses,
+            steps=parts.steps if goals is None else (),
             obstacles=tuple(obstacles),
             shapes=(*parts.shapes, *shapes),
             interactions=parts.interactions,
@@ -139,6 +140,8 @@ class ScenarioSpec:
     def _goals(self, seed: int) -> tuple[tuple[str, ...], tuple[Pose2D, ...]]:
         """Returns the names and the poses of the goals."""
         parts = self.parts
+        if parts.steps:
+            return parts.goal_names, ()
         if parts.tour is None:
             return parts.goal_names, parts.goals
         names = visit_order(parts.tour_names, parts.tour.order, loops=parts.tour.loops, seed=seed)

@@ -15,6 +15,7 @@ from navstack.core import OccupancyGrid
 from navstack.core.errors import NavError, OutputError
 from navstack.core.files import ensure_directory, write_text
 from navstack.map_io import load_map, map_names, map_path, save_map
+from navstack.motion.steps import step_data
 from navstack.parameters.configuration import Configuration, load_configuration
 from navstack.parameters.report import same_parameters
 from navstack.parameters.sources import packaged_sets
@@ -40,7 +41,7 @@ def write_scenario(
         **_parameters(scenario.configuration, sources, scenario.names.get("overrides", ())),
         "distro": scenario.configuration.navstack.ros_distro,
         "start": list(scenario.start),
-        "goals": [list(goal) for goal in scenario.goals],
+        "goals": [step_data(s) for s in scenario.steps] or [list(goal) for goal in scenario.goals],
         "seed": scenario.seed,
         "time_limit": scenario.time_limit_s,
         "pause": scenario.pause_s,

@@ -38,7 +38,7 @@ def check_random(number: int, *, time_limit_s: float = 12.0) -> RandomScenarioRe
         scenario = random_scenario(number, time_limit_s=time_limit_s).build()
         run = Run(scenario, record=False)
         # more cycles than any of them needs: a run that exceeds them would not end
-        duration_s = len(scenario.goals) * (scenario.time_limit_s + scenario.pause_s + TIME_LIMIT_SLACK_S)
+        duration_s = len(scenario.items) * (scenario.time_limit_s + scenario.pause_s + TIME_LIMIT_SLACK_S)
         cycles_left = math.ceil(100.0 * duration_s)
         while run.step():
             cycles_left -= 1
@@ -73,8 +73,8 @@ def _violations(scenario: Scenario, result: RunResult) -> list[str]:
         if goal.time_s > scenario.time_limit_s + TIME_LIMIT_SLACK_S:
             faults.append(f"goal {i} took {goal.time_s:.1f} s, its time limit is {scenario.time_limit_s:.1f} s")
     stopped = scenario.stop_on_failure and any(not goal.succeeded for goal in result.goals)
-    if len(result.goals) < len(scenario.goals) and not stopped:
-        faults.append(f"{len(scenario.goals) - len(result.goals)} goals were not driven")
+    if len(result.goals) < len(scenario.items) and not stopped:
+        faults.append(f"{len(scenario.items) - len(result.goals)} goals were not driven")
     if result.succeeded and result.collisions:
         faults.append(f"success despite {result.collisions} collisions")
     if result.min_clearance_m == 0.0 and not result.collisions:
