@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from navstack.core import LETHAL, UNKNOWN, Bounds, Costmap, GridGeometry, OccupancyGrid, Pose2D, Transform2D, Window
 from navstack.core.errors import InputError
 from navstack.core.parameters import ParamModel, param
-from navstack.costmap._window_kernels import look_up_map
+from navstack.costmap._window_kernels import look_up_map, look_up_rotated_map
 from navstack.costmap.regions import EVERYWHERE
 from navstack.costmap.static_layer import cell_affine, map_from_frame
 from navstack.interfaces import CellExplanation, Layer, LayerContext
@@ -100,8 +100,8 @@ class _MaskLayer(Layer):
 class KeepoutMaskLayer(_MaskLayer):
     """Areas that the robot must avoid: 100 in the mask is lethal, 1 .. 99 are costs in proportion, 0 and unknown change nothing.
 
-    The larger cost counts. List the layer before the inflation layer to keep out the whole robot, after it to keep out its
-    centre.
+    The larger cost counts. Under a rotated mask, a cell is lethal if it overlaps any lethal cell of the mask. List the layer
+    before the inflation layer to keep out the whole robot, after it to keep out its centre.
     """
 
     Params: ClassVar[type[ParamModel]] = MaskLayerParams
@@ -128,8 +128,12 @@ class KeepoutMaskLayer(_MaskLayer):
         """Write the larger cost of master and mask; overwrite unknown cells of the master."""
         if not self.params.enabled or self.mask is None:
             return
-        affine = cell_affine(self._to_mask(), master.geometry, self.mask.geometry)
-        look_up_map(master.data, self._costs, *window, affine, True)
+        to_mask = self._to_mask()
+        affine = cell_affine(to_mask, master.geometry, self.mask.geometry)
+        if to_mask.yaw == 0.0:
+            look_up_map(master.data, self._costs, *window, affine, True)
+        else:
+            look_up_rotated_map(master.data, self._costs, *window, affine, True, -1)
 
     def explain(self, ix: int, iy: int, master: Costmap) -> CellExplanation:
         """Explain the value of the mask at the cell."""

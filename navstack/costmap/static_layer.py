@@ -135,12 +135,12 @@ class StaticLayer(Layer):
                 master.data[window.slices] = self.costs[window.slices]
             return
         affine = cell_affine(to_map, master.geometry, self.map.geometry)
-        if self.map.origin_yaw == 0.0:
+        if to_map.yaw == 0.0:
             look_up_map(master.data, self.costs, *window, affine, self.params.use_maximum)
             return
-        # beyond a rotated map: the costmap covers more than the map
+        # beyond a map with a yaw: the costmap covers more than the map
         unknown = UNKNOWN if self.params.track_unknown_space else FREE
-        beyond = -1 if self.context.rolling_window else unknown
+        beyond = -1 if self.context.rolling_window or self.map.origin_yaw == 0.0 else unknown
         look_up_rotated_map(master.data, self.costs, *window, affine, self.params.use_maximum, beyond)
 
     def explain(self, ix: int, iy: int, master: Costmap) -> CellExplanation:

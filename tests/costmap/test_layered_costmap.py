@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 
 from navstack.core import Bounds, Costmap, Footprint, FrameTree, GridGeometry, Pose2D, Transform2D, Window
 from navstack.core.errors import FrameError, InputError, InternalError
@@ -14,8 +15,10 @@ from navstack.core.parameters import ParamModel
 from navstack.costmap import (
     CostmapParams,
     InflationLayer,
+    KeepoutMaskLayer,
     LayeredCostmap,
     LayerSpec,
+    MaskLayerParams,
     inflation_cost,
 )
 from navstack.interfaces import Layer
@@ -116,6 +119,41 @@ def test_rotated_map_is_looked_up() -> None:
     costmap.update_at(Pose2D(0.0, 0.0), 0.0)
     assert (costmap.master.data == 254).sum() == 1
     assert costmap.master.cost_at(-1.5, 0.5) == 254
+
+
+@pytest.mark.parametrize("kind", ["map with a yaw", "rolling window in a rotated frame", "rotated mask"])
+@pytest.mark.parametrize("seed", range(8))
+def test_a_cell_is_lethal_if_and_only_if_it_overlaps_an_obstacle(kind: str, seed: int) -> None:
+    """No obstacle is lost at any yaw, and free space loses only the cells that an obstacle reaches into: one at its border."""
+    rng = np.random.default_rng(seed)
+    occupied = rng.random((10, 12)) < 0.15
+    text = "\n".join("".join(".#"[int(cell)] for cell in row) for row in occupied[::-1])
+    yaw = float(rng.uniform(-math.pi, math.pi))
+    if kind == "map with a yaw":
+        costmap = on_map(static(), text=text, origin_yaw=yaw)
+    else:
+        frames = frames_at()
+        frames.set("map", "odom", Transform2D(6.0, 5.0, -yaw), 0.0)
+        layer = static() if kind.startswith("rolling") else LayerSpec("keepout", KeepoutMaskLayer, MaskLayerParams())
+        params = CostmapParams(global_frame="odom", rolling_window=True, width=20.0, height=20.0, resolution=0.7)
+        footprint = Footprint.from_radius(0.2)
+        costmap = LayeredCostmap("c", params, [layer], footprint=footprint, frames=frames, static_map=grid_of(text))
+        if kind == "rotated mask":
+            costmap.layer("keepout").set_mask(grid_of(text))  # type: ignore[attr-defined]
+    costmap.update_at(Pose2D(0.0, 0.0), 0.0)
+    # the occupied cells in the costmap's frame
+    at = Transform2D(0.0, 0.0, yaw) if kind == "map with a yaw" else Transform2D(6.0, 5.0, -yaw).inverse()
+    corners = [(ix + dx, iy + dy) for iy, ix in np.argwhere(occupied) for dx, dy in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    obstacles = shapely.union_all(shapely.polygons(at.apply_points(np.array(corners, float)).reshape(-1, 4, 2)))
+    g = costmap.master.geometry
+    iy, ix = np.indices(g.shape)
+    left, low = g.origin_x + ix * g.resolution, g.origin_y + iy * g.resolution
+    shared = shapely.area(
+        shapely.intersection(shapely.box(left, low, left + g.resolution, low + g.resolution), obstacles)
+    )
+    lethal = costmap.master.data == 254
+    assert lethal[shared > 1e-9].all() and (shared > 1e-9).any()
+    assert not lethal[shared == 0.0].any()
 
 
 def test_use_maximum_keeps_the_larger_cost() -> None:
