@@ -71,8 +71,8 @@ def edge_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, cells):
         longest = max(longest, steps)
         # an edge of two steps has one cell between its ends
         two = steps == 2
-        middle_x = x0 + ((dx > 0) - (dx < 0) if two else 0)
-        middle_y = y0 + ((dy > 0) - (dy < 0) if two else 0)
+        middle_x = x0 + (np.int64(dx > 0) - np.int64(dx < 0) if two else 0)
+        middle_y = y0 + (np.int64(dy > 0) - np.int64(dy < 0) if two else 0)
         highest = max(highest, costs[np.uint64(y0), np.uint64(x0)])
         highest = max(highest, costs[np.uint64(middle_y), np.uint64(middle_x)])
         x0, y0 = x1, y1
