@@ -103,7 +103,8 @@ def plot_times(
         axes.set_ylim(bottom=0.0)
         axes.set_xlabel("time of the shortest path at 2 m/s (s)")
         axes.set_ylabel("time of the successes (s)")
-        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.0)
+        if cpp or won:
+            axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.0)
         return canvas.finish(axes.figure, axes, path, dpi)
 
 
