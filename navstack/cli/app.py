@@ -29,6 +29,7 @@ from navstack.cli import (
     plot,
     simulate,
     sweep,
+    teleop,
     tour,
     tune,
 )
@@ -61,6 +62,7 @@ _NEGATIVE: Final[dict[str, Any]] = {"ignore_unknown_options": True}
 app.command("move", context_settings=_NEGATIVE)(motions.move)
 app.command("turn", context_settings=_NEGATIVE)(motions.turn)
 app.command("follow")(motions.follow)
+app.command("teleop")(teleop.teleop)
 app.command("plot")(plot.plot)
 app.command("check")(check.check)
 app.command("info")(info.info)

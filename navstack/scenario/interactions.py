@@ -106,6 +106,19 @@ class Drive(_Interaction):
     until: float = param(..., "time at which the robot stops and obeys its goal again", unit="s", ge=0.0, le=1e7)
 
 
+class Teleop(_Interaction):
+    """A command of a person's teleop, which goes the way of all commands: through multiplexer and collision monitor.
+
+    Without a command multiplexer it is refused while a goal is active.
+    """
+
+    kind: Literal["teleop"] = param("teleop", "drive by teleop")
+    velocity: Annotated[list[Number], Field(min_length=3, max_length=3)] = param(
+        ..., "[vx, vy, wz]; vy needs a holonomic robot", unit="m/s, rad/s"
+    )
+    until: float = param(..., "time at which it stops, unless another command comes first", unit="s", ge=0.0, le=1e7)
+
+
 class ClearCostmaps(_Interaction):
     """Resets every layer of both costmaps, as move_base's service clear_costmaps."""
 
@@ -120,7 +133,7 @@ class Wait(_Interaction):
 
 
 Interaction = Annotated[
-    GoTo | Queue | Cancel | PutShape | RemoveShape | PlaceRobot | SetParameters | Drive | ClearCostmaps | Wait,
+    GoTo | Queue | Cancel | PutShape | RemoveShape | PlaceRobot | SetParameters | Drive | Teleop | ClearCostmaps | Wait,
     Field(discriminator="kind"),
 ]
 INTERACTION: TypeAdapter[Any] = TypeAdapter(Interaction)
@@ -130,7 +143,7 @@ KINDS = tuple(
     model.model_fields["kind"].default
     for model in (
         *(GoTo, Queue, Cancel, PutShape, RemoveShape),
-        *(PlaceRobot, SetParameters, Drive, ClearCostmaps, Wait),
+        *(PlaceRobot, SetParameters, Drive, Teleop, ClearCostmaps, Wait),
     )
 )
 
@@ -140,7 +153,7 @@ EFFECT_S = 2.0
 
 def effect_ends(item: Any) -> float:
     """Returns the time until which a run goes on for this interaction (s)."""
-    if isinstance(item, Drive):
+    if isinstance(item, (Drive, Teleop)):
         return item.until + EFFECT_S
     return item.time + (item.duration if isinstance(item, Wait) else EFFECT_S)
 

@@ -9,6 +9,7 @@ from navstack.bringup import reconfigure
 from navstack.core import Event, Listener, Twist2D
 from navstack.core.errors import InputError
 from navstack.move_base import MoveBase
+from navstack.move_base.errors import BusyError
 from navstack.parameters.configuration import Configuration, load_configuration
 from navstack.parameters.report import value_text
 from navstack.record import RunRecorder
@@ -24,6 +25,7 @@ from navstack.scenario.interactions import (
     Queue,
     RemoveShape,
     SetParameters,
+    Teleop,
     Wait,
     pose_from,
 )
@@ -63,6 +65,9 @@ class Interventions:
         """True once an obstacle has been added, moved or removed."""
         self.driving_until = 0.0
         """End of driving by hand (s)."""
+        self.teleop: Twist2D | None = None
+        """The command of teleop that is in force."""
+        self._teleop_until = 0.0
         self._scenario = scenario
         self._robot, self._move_base, self._goals = robot, move_base, goals
         self._recorder, self._listeners, self._on_sent = recorder, listeners, on_sent
@@ -95,6 +100,8 @@ class Interventions:
                 self._set(item)
             case Drive():
                 self._drive(item)
+            case Teleop():
+                self._teleop(item)
             case ClearCostmaps():
                 self._move_base.clear_costmaps()
                 self._note("cleared the costmaps")
@@ -116,6 +123,20 @@ class Interventions:
         """Ends driving by hand when its time is over."""
         if self._robot.by_hand is not None and self._robot.time >= self.driving_until:
             self._robot.drive_by_hand(None)
+        if self.teleop is not None and self._robot.time >= self._teleop_until:
+            self.teleop = Twist2D()
+            self.repeat_teleop()
+            self.teleop = None
+
+    def repeat_teleop(self) -> bool:
+        """Sends the command of teleop again, before it times out; returns False if none is in force."""
+        if self.teleop is None:
+            return False
+        try:
+            self._move_base.motions.drive(self.teleop)
+        except BusyError:  # a goal was sent: it drives now
+            self.teleop = None
+        return self.teleop is not None
 
     def _put(self, shape: Shape) -> None:
         moved = shape.name in self.shapes
@@ -171,6 +192,14 @@ class Interventions:
             self._note("drives the robot by hand")
         self._robot.drive_by_hand(Twist2D(vx, vy, wz))
         self.driving_until = item.until
+
+    def _teleop(self, item: Teleop) -> None:
+        vx, vy, wz = item.velocity
+        if vy != 0.0 and self._robot.params.kinematics != "holonomic":
+            raise InputError(f"this robot is {self._robot.params.kinematics}: it cannot drive sideways; vy must be 0")
+        self._move_base.motions.drive(Twist2D(vx, vy, wz))
+        self.teleop, self._teleop_until = Twist2D(vx, vy, wz), item.until
+        self._note(f"drives by teleop: vx {vx:.3f}, vy {vy:.3f}, wz {wz:.3f}")
 
     def _note(self, text: str) -> None:
         event = Event(self._robot.time, "info", f"the user {text}", {})

@@ -134,6 +134,8 @@ class Run:
         if robot.by_hand is not None:
             robot.drive_by_hand(robot.by_hand)  # again, before the robot's command timeout
             due = min(due, robot.time + DRIVING_S)
+        if self.interventions.repeat_teleop():
+            due = min(due, robot.time + DRIVING_S)
         before = robot.time
         robot.advance_to(min(due, move_base.next_due(before)))
         move_base.tick(robot.time)
