@@ -2,11 +2,14 @@
 
 from navstack.local_planner import goal_checkers, path_handlers, progress_checkers
 from navstack.local_planner.dwa import DWAParams, DWAPlanner
+from navstack.local_planner.mppi import MPPIParams, MPPIPlanner
 from navstack.local_planner.trajectory_rollout import TrajectoryPlanner, TrajectoryPlannerParams
 
 __all__ = [
     "DWAParams",
     "DWAPlanner",
+    "MPPIParams",
+    "MPPIPlanner",
     "TrajectoryPlanner",
     "TrajectoryPlannerParams",
     "goal_checkers",

@@ -151,6 +151,8 @@ class PathFollower(LocalPlanner):
     State between cycles: the plan, the goal checker, and what the controller adds.
     """
 
+    NAMESPACES: ClassVar[tuple[str, ...]] = ("FollowPath",)
+    """Further namespaces of the parameters: the name of the controller in Nav2's files."""
     params: PathFollowerParams
 
     def __init__(self, params: PathFollowerParams) -> None:

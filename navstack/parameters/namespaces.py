@@ -14,7 +14,7 @@ def planner_namespaces(entry: PluginEntry[Any], written: str = "") -> list[str]:
     """Return the possible namespaces of a planner: of its type as written, of its ROS names, its registered name."""
     names = [short_type(written)] if "/" in normalize(written) else []
     names += [short_type(alias) for alias in entry.aliases if "/" in alias]
-    return list(dict.fromkeys([*names, entry.name]))
+    return list(dict.fromkeys([*names, entry.name, *getattr(entry.cls, "NAMESPACES", ())]))
 
 
 def planner_space(root: Space, entry: PluginEntry[Any], written: str) -> Space:

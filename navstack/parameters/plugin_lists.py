@@ -172,6 +172,8 @@ class PluginLists:
 
     def _entry(self, item: Node, key: str, leaf: Leaf, number: int) -> ListedPlugin | None:
         fix = 'write it as {name: .., type: ".."}'
+        if key == "critics" and isinstance(item, ScalarNode) and isinstance(item.value, str) and item.value:
+            return ListedPlugin(item.value, item.value, item.at, leaf.path)  # as in Nav2
         if not isinstance(item, DictNode):
             message = f"entry {number} of {key} is {_shown(item)}; {fix}"
             self.add_finding("error", "plugin-list", item.at, leaf.path, message)

@@ -120,6 +120,8 @@ def sideways_speed(params: Any) -> tuple[float, tuple[str, ...]]:
         if params.use_dwa and params.acc_lim_y == 0.0:
             return 0.0, ()
         return max(abs(params.max_vel_y), abs(params.min_vel_y)), ("max_vel_y", "min_vel_y")
+    if hasattr(params, "vy_max"):
+        return (params.vy_max, ("motion_model", "vy_max")) if params.is_omni else (0.0, ())
     if getattr(params, "holonomic_robot", False) and hasattr(params, "y_vels"):
         written = params.y_vels.split(",") if isinstance(params.y_vels, str) else params.y_vels
         return max((abs(float(v)) for v in written if str(v).strip()), default=0.0), ("holonomic_robot", "y_vels")

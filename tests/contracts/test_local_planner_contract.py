@@ -1,4 +1,6 @@
-"""Contract of every registered local planner, on small maps with an ideal robot.
+"""Contract of every registered local planner that selects a sample, on small maps with an ideal robot.
+
+Controllers that follow a path (`PathFollower`) run through the suite of `navstack.testing` and through tests of their own.
 
 Planners that third parties register by entry points run through the same suite. A planner is created with its defaults and
 with the values of WANTED that it has parameters for.
@@ -29,9 +31,10 @@ from navstack.core import (
 )
 from navstack.core.errors import ControlError, InvalidPathError, NavError
 from navstack.interfaces import ControlInput, LocalPlan, LocalPlanner
+from navstack.local_planner.path_follower import PathFollower
 from navstack.plugins import LOCAL_PLANNERS
 
-PLANNERS = [entry.name for entry in LOCAL_PLANNERS]
+PLANNERS = [entry.name for entry in LOCAL_PLANNERS if not issubclass(entry.cls, PathFollower)]
 FOOTPRINT = Footprint.from_radius(0.18)
 HEADINGS = [2.0 * math.pi * i / 64 for i in range(64)]
 SLACK = 1e-6  # planners may keep velocities in float32

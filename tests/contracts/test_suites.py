@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from navstack.local_planner.goal_checkers.simple import SimpleGoalCheckerParams
+from navstack.local_planner.mppi.critics.goal_angle import GoalAngleCriticParams
+from navstack.local_planner.mppi.params import TrajectoryValidatorParams
 from navstack.plugins import (
     CRITICS,
     GLOBAL_PLANNERS,
@@ -45,6 +48,16 @@ LOCAL_PLANNER_VALUES: dict[str, dict[str, Any]] = {
         "vx_samples": 6,
         "vy_samples": 1,
         "sim_time": 1.0,
+    },
+    "mppi": {
+        "model_dt": 0.2,
+        "time_steps": 14,
+        "batch_size": 400,
+        "sections": {
+            "goal_checker": SimpleGoalCheckerParams(xy_goal_tolerance=0.15, yaw_goal_tolerance=0.2),
+            "TrajectoryValidator": TrajectoryValidatorParams(collision_lookahead_time=3.0),
+            "GoalAngleCritic": GoalAngleCriticParams(threshold_to_consider=0.15),
+        },
     },
     "trajectory_rollout": {
         "max_vel_x": 0.5,

@@ -22,12 +22,13 @@ from navstack.local_planner.dwa.fused_scoring import FusedScorer
 from navstack.local_planner.dwa.generator import DWAGenerator, velocity_window
 from navstack.local_planner.dwa.planner import make_critics
 from navstack.local_planner.map_grid import MapGridBuilder
+from navstack.local_planner.path_follower import PathFollower
 from navstack.local_planner.rollouts import compute_cells
 from navstack.local_planner.scoring import ScoreTable, score
 from navstack.local_planner.trajectory_rollout._kernels import perimeter_cost
 from navstack.plugins import LOCAL_PLANNERS
 
-PLANNERS = [entry.name for entry in LOCAL_PLANNERS]
+PLANNERS = [entry.name for entry in LOCAL_PLANNERS if not issubclass(entry.cls, PathFollower)]
 FOOTPRINTS = [
     Footprint.from_radius(0.18, 0.01),
     Footprint(np.array([[0.3, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.3, -0.2]])),

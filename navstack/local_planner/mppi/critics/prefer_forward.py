@@ -1,0 +1,34 @@
+"""Penalizes driving backward."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from navstack.core.parameters import ParamModel, param
+from navstack.local_planner.mppi._critic_kernels import backward_scores
+from navstack.local_planner.mppi.batch import Batch, Floats
+from navstack.local_planner.mppi.trajectory_critic import TrajectoryCritic, TrajectoryCriticParams
+from navstack.plugins import CRITICS
+
+
+class PreferForwardCriticParams(TrajectoryCriticParams):
+    """Weight, and where the critic is used."""
+
+    cost_weight: float = param(5.0, "weight of the score", ge=0.0)
+    threshold_to_consider: float = param(0.5, "used while more than this is left of the path", unit="m", ge=0.0)
+
+
+@CRITICS.register("PreferForwardCritic", aliases=("mppi/critics/PreferForwardCritic",))
+class PreferForwardCritic(TrajectoryCritic):
+    """Distance driven backward (m)."""
+
+    Params: ClassVar[type[ParamModel]] = PreferForwardCriticParams
+
+    def score_batch(self, batch: Batch, out: Floats) -> bool:
+        """Metres."""
+        if self.context.length < self.params.threshold_to_consider:
+            return False
+        backward_scores(batch.speeds, np.float32(batch.dt), out)
+        return True
