@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from navstack.core.footprint_kernels import OUTSIDE, edge_cost, footprint_overlaps_lethal, middle_offsets
+from navstack.core.footprint_kernels import OUTSIDE, edge_cost, footprint_overlaps_lethal
 from navstack.core.jit import kernel
 from navstack.local_planner.mppi._sine_kernels import LANES
 
@@ -16,7 +16,7 @@ FREE, COLLISION, CHECK = 0, 1, 2
 
 
 @kernel
-def footprint_value(costs, place, corners, exact, x, y, yaw, middles, scratch):
+def footprint_value(costs, place, corners, exact, x, y, yaw, scratch):
     """Return the highest cost on the edges of the footprint at a pose relative to the anchor; 254 beyond the grid.
 
     With `exact`, also 254 if the footprint overlaps a lethal cell that its edges miss. See `batch_costs`.
@@ -24,7 +24,7 @@ def footprint_value(costs, place, corners, exact, x, y, yaw, middles, scratch):
     cells, placed = scratch
     origin_x, origin_y, resolution = place[0].origin_x, place[0].origin_y, place[0].resolution
     px, py, angle = np.float64(x), np.float64(y), np.float64(yaw)
-    cost = edge_cost(costs, origin_x, origin_y, resolution, corners, px, py, angle, middles, cells)
+    cost = edge_cost(costs, origin_x, origin_y, resolution, corners, px, py, angle, cells)
     if cost == OUTSIDE:
         return np.int64(254)
     missed = False
@@ -61,8 +61,6 @@ def batch_costs(costs, place, corners, points, step, values, meaning, unknown_fr
     """
     flat = costs.ravel()
     steps, number = points.shape[1], points.shape[2]
-    middles = np.empty(25, np.int64)
-    middle_offsets(costs.shape[1], middles)
     scratch = np.empty(corners.shape, np.int32), np.empty(corners.shape)
     cells = np.empty(LANES, np.int32)
     total = np.empty(LANES, np.float32)
@@ -85,7 +83,7 @@ def batch_costs(costs, place, corners, points, step, values, meaning, unknown_fr
                     k = begin + i
                     value = np.int64(254)
                     if what == CHECK:
-                        value = footprint_value(costs, place, corners, exact, x[k], y[k], yaw[k], middles, scratch)
+                        value = footprint_value(costs, place, corners, exact, x[k], y[k], yaw[k], scratch)
                     if value == 254 or (value == 255 and not unknown_free):
                         hit[i] = True
                     else:
@@ -100,8 +98,6 @@ def first_collision(costs, place, corners, points, row, step, meaning, unknown_f
     """Return the first of every `step`-th point of a trajectory that collides, and its footprint's cost; -1 without one."""
     flat = costs.ravel()
     ny, nx = costs.shape
-    middles = np.empty(25, np.int64)
-    middle_offsets(nx, middles)
     scratch = np.empty(corners.shape, np.int32), np.empty(corners.shape)
     for t in range(0, points.shape[1], step):
         fx = (np.float64(points[0, t, row]) - place[0].origin_x) / place[0].resolution
@@ -113,7 +109,7 @@ def first_collision(costs, place, corners, points, row, step, meaning, unknown_f
             return t, np.int64(cost)
         if meaning[cost] == CHECK:
             value = footprint_value(
-                costs, place, corners, exact, points[0, t, row], points[1, t, row], points[2, t, row], middles, scratch
+                costs, place, corners, exact, points[0, t, row], points[1, t, row], points[2, t, row], scratch
             )
             if value == 254 or (value == 255 and not unknown_free):
                 return t, value

@@ -229,7 +229,7 @@ class MPPIParams(PathFollowerParams):
             if own.enabled and elongated and not own.consider_footprint:
                 message = (
                     f"consider_footprint of {name} is false, so the robot counts as a disc of "
-                    f"{footprint.inscribed_radius:.3g} m, but its corners are {footprint.circumscribed_radius:.3g} m from its centre; "
-                    "set it to true"
+                    f"{footprint.inscribed_radius:.3g} m, but its corners are {footprint.circumscribed_radius:.3g} m from its "
+                    "centre; set it to true"
                 )
                 yield Issue("warning", "footprint-ignored", (f"{name}/consider_footprint",), message, "true")
