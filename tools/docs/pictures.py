@@ -39,6 +39,12 @@ def main() -> None:
             *("--compare", "navfn,global_planner,astar,theta_star"),
         )
         shutil.copy(next((folder / "compare").glob("*.png")), images / "compare.png")
+        noise = ("wheel_slip=0.05", "odometry_noise=0.05", "wheel_slip_turn=0.02", "odometry_noise_turn=0.02")
+        navstack(
+            *("follow", "figure_eight", "--speed", "0.4", "--out", folder / "follow"),
+            *(part for value in noise for part in ("--set", f"navstack/sim/{value}")),
+        )
+        shutil.copy(folder / "follow" / "tracking.png", images / "tracking.png")
         navstack("info", "--states", images / "states.png")
 
 
