@@ -105,8 +105,8 @@ def test_completion(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixtur
     for words, expected in (
         ("navstack pl", ["plan", "plot"]),
         ("navstack plan off", ["office"]),
-        ("navstack check turtleb", ["turtlebot"]),
-        ("navstack plan office --params turtleb", ["turtlebot"]),
+        ("navstack check turtleb", ["turtlebot", "turtlebot_mppi"]),
+        ("navstack plan office --params turtleb", ["turtlebot", "turtlebot_mppi"]),
     ):
         monkeypatch.setenv("COMP_WORDS", words)
         monkeypatch.setenv("COMP_CWORD", str(len(words.split()) - 1))

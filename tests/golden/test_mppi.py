@@ -250,7 +250,7 @@ def test_the_update_stage_by_stage(step: Step) -> None:
     close(trajectory, gold["optimal_trajectory"], POINT_M)
     safe = is_safe(step.context, optimizer.optimal, optimizer.params.validator, optimizer.params.model_dt)
     assert safe == (gold["twist"][3] == 0)
-    close(optimizer.command(start), gold["twist"][:3], VELOCITY)
+    close(optimizer.command(), gold["twist"][:3], VELOCITY)
     optimizer.shift()
     close(optimizer.controls, gold["cs_shifted"], VELOCITY)
 
@@ -262,7 +262,7 @@ def test_a_whole_cycle(step: Step) -> None:
     legal = optimizer.optimize(step.context, start, 0)
     assert legal != bool(gold["facts"][2])
     if legal:
-        close(optimizer.command(start), gold["twist"][:3], CYCLE)
+        close(optimizer.command(), gold["twist"][:3], CYCLE)
         close(optimizer.controls, gold["cs_out"], CYCLE)
 
 
@@ -283,7 +283,7 @@ def test_closed_loops_cycle_by_cycle(name: str) -> None:
         context = context_of(name, pose, velocity, plan[int(row[6]) : int(row[7])], optimizer.motion)
         start = optimizer.begin(velocity)
         assert optimizer.optimize(context, start, 0)
-        command = optimizer.command(start)
+        command = optimizer.command()
         close(command, row[8:11], CYCLE)
         optimizer.finish(command)
         close(optimizer.controls, gold["cs_after"][cycle], CYCLE)

@@ -72,6 +72,16 @@ class Optimizer:
         self._cycle = self._draws = 0
         self.reset()
 
+    def retry(self) -> None:
+        """Forget the sequence and the histories, and draw the noise anew.
+
+        ROS differs: Nav2 also forgets the last command, so that the next one may be out of its reach.
+        """
+        last = self.last
+        self.reset()
+        if not self.as_nav2:
+            self.last = last
+
     def reset(self) -> None:
         """Forget everything that lasts: sequence, histories, last command; the noise is drawn anew."""
         self.controls: Floats = np.zeros((self.params.time_steps, 3), np.float32)
@@ -268,25 +278,23 @@ class Optimizer:
             self.limit(start)
         if self.as_nav2:
             self._remember(filtered)
+        else:
+            self.keep()
         self.trajectory(pose)
         return True
 
-    def command(self, start: Floats) -> Twist2D:
-        """The control that is sent now.
-
-        ROS differs: it also keeps the acceleration limits towards the last command, whatever was measured, and a turning radius
-        keeps them, too.
-        """
-        control = self.controls[self.sent].copy()
-        if not self.as_nav2:
-            control = self._kept(control)
-        vx, vy, wz = control.tolist()
+    def command(self) -> Twist2D:
+        """The control that is sent now."""
+        vx, vy, wz = self.controls[self.sent].tolist()
         return Twist2D(vx, vy if self.omni else 0.0, wz)
 
-    def _kept(self, control: Floats) -> Floats:
-        """A control within one period's acceleration of the last command, with the turning radius."""
+    def keep(self) -> None:
+        """Keep the control that is sent within one period's acceleration of the last command, and the others within its reach.
+
+        ROS differs: in Nav2 only the measured speed counts, so that commands jump if the robot lags.
+        """
         rates = self.rates(self.period)
-        kept = control[None, :].copy()
+        kept = self.controls[self.sent : self.sent + 1].copy()
         big = np.full(3, np.inf, np.float32)
         last = np.array(self.last, np.float32)
         update.limit(kept, last, big, -big, rates, rates, False, False)
@@ -296,7 +304,12 @@ class Optimizer:
             if abs(kept[0, 0]) < slowest:
                 kept[0, 0] = np.copysign(np.float32(slowest), last[0])
             update.clip_turn(kept, np.float32(self.radius))
-        return kept[0]
+        if np.array_equal(kept[0], self.controls[self.sent]):
+            return
+        self.controls[self.sent] = kept[0]
+        rates = self.rates(self.params.model_dt)
+        update.limit(self.controls[self.sent + 1 :], kept[0], big, -big, rates, rates, False, False)
+        update.clip_turn(self.controls[self.sent + 1 :], np.float32(self.radius))
 
     def finish(self, command: Twist2D) -> None:
         """Remember the command that is sent, and shift the sequence to the next cycle."""

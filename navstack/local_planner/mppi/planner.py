@@ -127,7 +127,7 @@ class MPPIPlanner(PathFollower):
                 break
             notes.append(f"attempt {attempt + 1} of {p.retry_attempt_limit + 1}: {problem}")
             if attempt < p.retry_attempt_limit:
-                optimizer.reset()
+                optimizer.retry()
                 start = optimizer.begin(now.state.velocity)
         local = Path(now.path.poses, now.costmap.frame)
         self._context = context
@@ -136,7 +136,7 @@ class MPPIPlanner(PathFollower):
             text, data = all_collide(optimizer, context, problem)
             optimizer.reset()
             raise NoValidControlError(text, **data, attempts=len(notes), plan=self._plan)
-        command = optimizer.command(start)
+        command = optimizer.command()
         trajectory = optimizer.optimal.astype(np.float64)
         trajectory[:, :2] += optimizer.batch.anchor
         self._plan = LocalPlan(command, trajectory=trajectory, local_plan=local, notes=tuple(notes))
