@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from navstack.core import Costmap, Footprint, Pose2D
 from navstack.core.errors import RecordError
-from navstack.explain.command_summary import count_rejections, summary_of
+from navstack.explain.command_summary import average_summary, count_rejections, summary_of
 from navstack.explain.replay import Replay, replay, time_in
 from navstack.explain.samples import SampleReport, rank_samples
 from navstack.interfaces import ControlDiagnostics, LocalPlan
@@ -101,7 +101,7 @@ def explain_command(record: Record, time: float | None = None) -> CommandReport:
         requested=requested,
         planner=cycle.planner,
         state=str(record.states[record.index_at(replayed.time)]),
-        summary=cycle.reasons or summary_of(cycle.planner, plan, samples, rejections, details.rule if details else ""),
+        summary=cycle.reasons or _summary(cycle, samples, rejections),
         plan=plan,
         samples=samples,
         rejections=rejections,
@@ -111,6 +111,13 @@ def explain_command(record: Record, time: float | None = None) -> CommandReport:
         poses=details.rollouts.poses if details else None,
         counts=details.rollouts.counts if details else None,
     )
+
+
+def _summary(cycle: _Cycle, samples: tuple[SampleReport, ...], rejections: str) -> str:
+    details = cycle.details
+    if details is not None and details.averages and cycle.plan.mode == "follow":
+        return average_summary(cycle.plan, samples, rejections, details.rule)
+    return summary_of(cycle.planner, cycle.plan, samples, rejections, details.rule if details else "")
 
 
 def _replay_cycle(record: Record, requested: float) -> _Cycle:

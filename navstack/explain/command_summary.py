@@ -29,6 +29,19 @@ def summary_of(planner: str, plan: LocalPlan, samples: Sequence[SampleReport], r
     return f"{rejections}; {_choice(planner, samples, winner, rule)}"
 
 
+def average_summary(plan: LocalPlan, samples: Sequence[SampleReport], rejections: str, rule: str) -> str:
+    """The summary of a cycle whose command is an average of the samples."""
+    chosen = next((s for s in samples if s.index == plan.best), None)
+    if chosen is None:
+        return f"no command: {rejections}"
+    legal = [s for s in samples if s.rank is not None and s is not chosen]
+    text = f"{rejections}; {velocity_text(plan.command)}: {rule}; it costs {_number(chosen.total)}{_main_cost(chosen)}"
+    if not legal:
+        return text
+    cheaper = sum((s.total or 0.0) < (chosen.total or 0.0) for s in legal)
+    return f"{text}; {cheaper} of {len(legal)} legal samples cost less, the best {_number(legal[0].total)}{_main_cost(legal[0])}"
+
+
 def count_rejections(samples: Sequence[SampleReport]) -> str:
     """The rejections by critic, for planners without a report of their own."""
     counted = Counter(sample.rejected_by for sample in samples if sample.rejected_by is not None)

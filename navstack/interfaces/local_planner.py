@@ -104,6 +104,8 @@ class ControlDiagnostics:
     """For each sample the critic that rejected it (`limits`: not simulated, None: legal) and why."""
     rule: str = ""
     """How the planner selects a sample, if not simply by the lowest total."""
+    averages: bool = False
+    """True if the command is no sample but an average: `plan.best` is then the row of the average, the last one."""
     grids: dict[str, NDArray[np.float64]] = field(default_factory=dict[str, NDArray[np.float64]])
     """(ny, nx) grid of each critic that has one."""
     critic_states: dict[str, dict[str, Any]] = field(default_factory=dict[str, dict[str, Any]])

@@ -106,6 +106,7 @@ def diagnose(optimizer: Optimizer, context: TrajectoryContext, plan: LocalPlan) 
         rejections=f"{rejected} of {number} samples collide{where}",
         samples=tuple(details),
         rule=_rule(optimizer),
+        averages=True,
         critic_states={
             critic.name: {"used": used} for critic, used in zip(optimizer.critics, optimizer.used, strict=True)
         },

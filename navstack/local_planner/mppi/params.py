@@ -54,10 +54,10 @@ class TrajectoryValidatorParams(PluginSection):
 
 
 class TrajectoryVisualizerParams(ParamModel):
-    """Which trajectories are drawn."""
+    """Which trajectories Nav2 publishes."""
 
-    trajectory_step: int = param(5, "every n-th trajectory is drawn", ge=1)
-    time_step: int = param(3, "every n-th point of a trajectory is drawn", ge=1)
+    trajectory_step: int = param(5, "no effect: `explain command` draws every trajectory", ge=1)
+    time_step: int = param(3, "no effect: `explain command` draws every point of a trajectory", ge=1)
 
 
 class MPPIParams(PathFollowerParams):
