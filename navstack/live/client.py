@@ -82,7 +82,7 @@ class Client:
         try:
             request = messages.read_request(text)
         except NavError as error:
-            await self._refuse(error)
+            await self._refuse(error, messages.id_of(text))
             return
         match request:
             case messages.Hello():

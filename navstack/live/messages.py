@@ -5,6 +5,7 @@ A page sends `Request`s as JSON; the server answers each with an `Answer` of the
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
@@ -239,6 +240,7 @@ Request = Annotated[
     | Save,
     Field(discriminator="type"),
 ]
+_ID: Final = re.compile(r'"id"\s*:\s*(\d{1,15})\b')
 _REQUEST: TypeAdapter[Any] = TypeAdapter(Request)
 
 READ_ONLY: Final = frozenset(
@@ -284,6 +286,12 @@ def read_request(text: str | bytes) -> Any:
         raise InputError(f"not a request: {where}{given}: {error['msg']}"[:500]) from None
     except RecursionError:
         raise InputError("not a request: nested too deeply") from None
+
+
+def id_of(text: str) -> int:
+    """Returns the id in a text that is not a valid request, 0 if there is none, so that its sender gets the answer."""
+    found = _ID.search(text[:10_000])
+    return int(found[1]) if found is not None else 0
 
 
 def schema() -> dict[str, Any]:

@@ -1,0 +1,188 @@
+"""The live page in a real Chromium: Debian's package, driven by Playwright.
+
+Without it, these tests skip with a reason; with NAVSTACK_BROWSER_TESTS=1 they fail. One browser per worker; the server runs in a
+thread of the test, so that a test can look into the session.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import shutil
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from navstack.live.security import Gate
+from navstack.live.server import LiveServer, serve
+from navstack.live.session import Origin, Session
+from navstack.live.stage import Options, Stage
+from navstack.map_io import map_path
+from navstack.scenario import Scenario, load_scenario
+
+WANTED = os.environ.get("NAVSTACK_BROWSER_TESTS") == "1"
+CHROMIUM = os.environ.get("NAVSTACK_CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")
+TIMEOUT_MS = 30_000
+"""Longest wait for something on the page: far more than it takes, also on a busy machine."""
+CORRIDOR = "map: office\nstart: [0.8, 7.45, 0.0]\ngoals: [[4.8, 7.45, 0.0]]\n"
+"""A goal 4 m away, in the corridor of the office."""
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Any]:
+    if CHROMIUM is None:
+        message = "no Chromium: install it with tools/install_chromium.sh, or name one in NAVSTACK_CHROMIUM"
+        pytest.fail(message) if WANTED else pytest.skip(message)
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        message = "no playwright: pip install '.[test]'"
+        pytest.fail(message) if WANTED else pytest.skip(message)
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-dev-shm-usage"])
+        yield browser
+        browser.close()
+
+
+class Live:
+    """A running server."""
+
+    def __init__(self, stage: Stage, *, read_only: bool = False, port: int = 0, host: str = "127.0.0.1") -> None:
+        self.stage = stage
+        self.session: Session = stage.main
+        self.address = ""
+        self._ready = threading.Event()
+        self._loop = asyncio.new_event_loop()
+        self._stop = asyncio.Event()
+        self._server = LiveServer(stage, Gate(host), read_only=read_only)
+        self._failure: BaseException | None = None
+        self._thread = threading.Thread(target=self._run, args=(host, port), daemon=True)
+        self._thread.start()
+        assert self._ready.wait(30.0)
+        if self._failure is not None:
+            raise self._failure
+
+    @property
+    def port(self) -> int:
+        return int(self.address.split(":")[2].split("/")[0])
+
+    def _run(self, host: str, port: int) -> None:
+        def ready(address: str) -> None:
+            self.address = address
+            self._ready.set()
+
+        try:
+            self._loop.run_until_complete(serve(self._server, host, port, ready=ready, stop=self._stop))
+        except BaseException as exc:
+            self._failure = exc
+            self._ready.set()
+        finally:
+            self._loop.run_until_complete(self._loop.shutdown_default_executor())
+            self._loop.close()
+
+    def call(self, action: Callable[[], Any]) -> Any:
+        """Calls a function in the server's thread, between two steps of the session."""
+
+        async def run() -> Any:
+            return action()
+
+        return asyncio.run_coroutine_threadsafe(run(), self._loop).result(30.0)
+
+    def stop(self) -> None:
+        if self._thread.is_alive():
+            self._loop.call_soon_threadsafe(self._stop.set)
+            self._thread.join(30.0)
+
+
+@pytest.fixture
+def scenario(tmp_path: Path) -> Callable[[str], Scenario]:
+    """Loads a scenario from its text."""
+
+    def load(text: str = CORRIDOR) -> Scenario:
+        file = tmp_path / "scenario.yaml"
+        file.write_text(text, encoding="utf-8")
+        return load_scenario(file)
+
+    return load
+
+
+@pytest.fixture
+def live(scenario: Callable[[str], Scenario], tmp_path: Path) -> Iterator[Callable[..., Live]]:
+    """Starts servers: `live(text, speed=..)` on a scenario's text; keyword arguments of `Live` and `save_to`."""
+    started: list[Live] = []
+
+    def start(
+        text: str = CORRIDOR,
+        *,
+        speed: float | None = 20.0,
+        stage: Stage | None = None,
+        paused: bool = False,
+        **others: Any,
+    ) -> Live:
+        if stage is None:
+            session = Session(scenario(text), origin=Origin(map_path("office"), ("turtlebot",)), speed=speed)
+            session.paused = paused
+            stage = Stage([session], Options(save_to=tmp_path / "saved"))
+        made = Live(stage, **others)
+        started.append(made)
+        return made
+
+    yield start
+    for server in started:
+        server.stop()
+
+
+@pytest.fixture
+def open_page(browser: Any) -> Iterator[Callable[..., Any]]:
+    """Opens pages: `open_page(live)`. At the end: no error on a console, no request to another host."""
+    contexts: list[Any] = []
+    problems: list[str] = []
+
+    def open_(live: Live, *, path: str = "", wait: bool = True, **context: Any) -> Any:
+        made = browser.new_context(viewport={"width": 1280, "height": 800}, **context)
+        made.set_default_timeout(TIMEOUT_MS)
+        contexts.append(made)
+        page = made.new_page()
+        page.on("console", lambda m: problems.append(f"console: {m.text}") if m.type in ("error", "warning") else None)
+        page.on("pageerror", lambda error: problems.append(f"error: {error}"))
+        origin = live.address.split("?")[0]
+        allowed = (origin, "data:", "blob:", origin.replace("http", "ws", 1))
+        page.on("request", lambda r: None if r.url.startswith(allowed) else problems.append(f"request: {r.url}"))
+        page.goto(live.address + path)
+        if wait:
+            page.wait_for_function("() => window.navstack?.store.main?.pose && window.navstack.scene.frames > 0")
+        page.problems = problems
+        return page
+
+    yield open_
+    for context in contexts:
+        context.close()
+    assert problems == []
+
+
+def at(page: Any, x: float, y: float) -> tuple[float, float]:
+    """Position on the page of a point of the map (m)."""
+    u, v = page.evaluate(f"window.navstack.camera.toScreen({x}, {y})")
+    box = page.locator("#scene").bounding_box()
+    return box["x"] + u, box["y"] + v
+
+
+def drag(page: Any, start: tuple[float, float], end: tuple[float, float]) -> None:
+    """Drags the mouse between two points of the map (m)."""
+    page.mouse.move(*at(page, *start))
+    page.mouse.down()
+    page.mouse.move(*at(page, *end), steps=4)
+    page.mouse.up()
+
+
+def wait_until(page: Any, condition: str) -> None:
+    """Waits for a condition in JavaScript; `side` is the session as the page knows it."""
+    page.wait_for_function(f"() => {{ const side = window.navstack.store.main; return {condition}; }}")
+
+
+def value(page: Any, expression: str) -> Any:
+    """An expression in JavaScript with `side`."""
+    return page.evaluate(f"() => {{ const side = window.navstack.store.main; return {expression}; }}")

@@ -1,0 +1,138 @@
+"""Goals, queues, obstacles, parameters and driving by hand, as a person does them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from tests.browser.conftest import Live, at, drag, value, wait_until
+
+Start = Callable[..., Live]
+Open = Callable[..., Any]
+
+EMPTY = "map: office\nstart: [0.8, 7.45, 0.0]\ngoals: []\ninteractions: []\n"
+
+
+def test_the_robot_drives_and_arrives(live: Start, open_page: Open) -> None:
+    page = open_page(live())
+    wait_until(page, "side.goals.ended.length === 1 && side.done")
+    assert value(page, "side.goals.ended[0].state") == "SUCCEEDED"
+    assert page.locator("#state").inner_text() == "done"
+
+
+def test_a_goal_is_dragged_and_the_robot_arrives_with_its_heading(live: Start, open_page: Open) -> None:
+    server = live(EMPTY)
+    page = open_page(server)
+    page.click("#tool-goal")
+    drag(page, (3.0, 7.45), (3.0, 8.2))
+    wait_until(page, "side.goals.under_way.length === 1")
+    x, y, yaw = value(page, "side.goals.under_way[0].pose")
+    assert abs(x - 3.0) < 0.05 and abs(y - 7.45) < 0.05 and abs(yaw - 1.5708) < 0.1
+    wait_until(page, "side.goals.ended.length === 1")
+    assert value(page, "side.goals.ended[0].state") == "SUCCEEDED"
+    pose = server.call(lambda: server.session.run.robot.pose)
+    assert abs(pose.yaw - 1.57) < 0.4
+
+
+def test_a_queue_of_three_is_reordered(live: Start, open_page: Open) -> None:
+    page = open_page(live(EMPTY, paused=True))
+    page.click("#tool-goal")
+    page.mouse.click(*at(page, 2.0, 7.4))
+    wait_until(page, "side.goals.under_way.length === 1")
+    for x in (3.0, 4.0, 5.0):
+        before = value(page, "side.goals.waiting.length")
+        page.keyboard.down("Shift")
+        page.mouse.click(*at(page, x, 7.4))
+        page.keyboard.up("Shift")
+        wait_until(page, f"side.goals.waiting.length === {before + 1}")
+    page.click("#show-goals")
+    page.locator("#queue li").nth(3).get_by_label("Earlier").click()
+    wait_until(page, "Math.abs(side.goals.waiting[1][0] - 5) < 0.1")
+    page.locator("#queue li").nth(2).get_by_label("Earlier").click()
+    wait_until(page, "Math.abs(side.goals.waiting[0][0] - 5) < 0.1")
+    order = value(page, "side.goals.waiting.map((pose) => Math.round(pose[0]))")
+    assert order == [5, 3, 4]
+    page.click("#play")
+    wait_until(page, "side.goals.ended.length === 4")
+    assert value(page, "side.goals.ended.map((goal) => Math.round(goal.pose[0]))") == [2, 5, 3, 4]
+
+
+def test_a_box_on_the_path_and_the_plan_goes_round(live: Start, open_page: Open) -> None:
+    page = open_page(live("map: office\nstart: [0.8, 7.45, 0.0]\ngoals: [[8.0, 7.45, 0.0]]\n", speed=2.0))
+    wait_until(page, "side.plans.length > 0")
+    page.click("#tool-box")
+    drag(page, (4.25, 7.0), (4.65, 7.4))
+    wait_until(page, "side.shapes.length === 1")
+    first = value(page, "side.plans.at(-1)[0]")
+    wait_until(page, f"side.plans.at(-1)[0] > {first} + 2")
+    nearest = """side.plans.at(-1)[1].reduce((best, x, i, p) => i % 2 ? best
+        : Math.min(best, Math.hypot(x - 4.45, p[i + 1] - 7.2)), 99)"""
+    assert value(page, nearest) > 0.35
+    wait_until(page, "side.goals.ended.length === 1")
+    assert value(page, "side.goals.ended[0].state") == "SUCCEEDED"
+    assert value(page, "side.collisions") == 0
+
+
+def test_an_obstacle_is_moved_and_removed(live: Start, open_page: Open) -> None:
+    page = open_page(live(EMPTY, paused=True))
+    page.click("#tool-disc")
+    page.mouse.click(*at(page, 3.0, 7.4))
+    wait_until(page, "side.shapes.length === 1")
+    page.click("#tool-why")
+    drag(page, (3.0, 7.4), (4.0, 7.8))
+    wait_until(page, "Math.abs(side.shapes[0].pose[0] - 4) < 0.05 && Math.abs(side.shapes[0].pose[1] - 7.8) < 0.05")
+    page.click("#tool-delete")
+    page.mouse.click(*at(page, 4.0, 7.8))
+    wait_until(page, "side.shapes.length === 0")
+    page.click("#tool-box")
+    page.mouse.click(*at(page, 0.8, 7.45))  # on the robot
+    page.locator(".toast.error", has_text="would overlap the robot").wait_for()
+
+
+def test_a_slider_changes_the_very_next_control_cycle(live: Start, open_page: Open) -> None:
+    server = live("map: office\nstart: [0.8, 7.45, 0.0]\ngoals: [[12.0, 7.45, 0.0]]\n")
+    page = open_page(server)
+    wait_until(page, "side.t > 4")
+    page.click("#play")
+    wait_until(page, "side.paused")
+    page.click("#show-parameters")
+    page.fill("#parameter-search", "max_vel_x")
+    slider = page.locator('[data-name="DWAPlannerROS/max_vel_x"] input[type="range"]')
+    slider.focus()
+    page.keyboard.press("Home")
+    page.locator('[data-name="DWAPlannerROS/max_vel_x"].changed').wait_for()
+    assert server.call(lambda: server.session.run.move_base.local_planner.limits.max_vel_x) == 0.0
+    page.click("#step")
+    wait_until(page, "side.command[0] < 0.5")
+    page.locator('[data-name="DWAPlannerROS/max_vel_x"]').get_by_title("Back to").click()
+    page.locator('[data-name="DWAPlannerROS/max_vel_x"]:not(.changed)').wait_for()
+
+
+def test_pause_step_rewind_five_seconds_and_go_on(live: Start, open_page: Open) -> None:
+    page = open_page(live("map: office\nstart: [0.8, 7.45, 0.0]\ngoals: [[10.0, 7.45, 0.0]]\n"))
+    wait_until(page, "side.t > 8")
+    page.keyboard.press("Space")
+    wait_until(page, "side.paused")
+    before = value(page, "side.t")
+    page.keyboard.press("n")
+    wait_until(page, f"side.t > {before}")
+    now = value(page, "side.t")
+    page.click("#back")
+    wait_until(page, f"!side.seeking && Math.abs(side.t - ({now} - 5)) < 0.3")
+    assert value(page, "side.end") == now
+    page.click("#play")
+    wait_until(page, f"side.t > {now} + 1")
+
+
+def test_driving_by_hand(live: Start, open_page: Open) -> None:
+    page = open_page(live(EMPTY, speed=1.0))
+    page.keyboard.press("t")
+    page.keyboard.down("i")
+    wait_until(page, "side.by_hand && side.velocity[0] > 0.2")
+    page.keyboard.up("i")
+    wait_until(page, "!side.by_hand && Math.abs(side.velocity[0]) < 0.02")
+    assert value(page, "side.pose[0]") > 0.805
+    page.keyboard.press("j")
+    wait_until(page, "side.interactions.some((item) => item[1] === 'drive')")
+    page.keyboard.press("Escape")
+    assert value(page, "window.navstack.teleop.on") is False

@@ -1,0 +1,281 @@
+"""The server: who may connect, what a message may contain, and that nothing a stranger sends disturbs the session."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import random
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+import aiohttp
+import pytest
+
+from navstack.core.errors import InputError
+from navstack.live import messages
+from navstack.live.frame import decode
+from navstack.live.security import Gate
+from navstack.live.server import LiveServer, serve
+from navstack.live.session import Session
+from navstack.live.stage import Options, Stage
+
+Body = Callable[[aiohttp.ClientSession, str, LiveServer], Awaitable[None]]
+
+
+def served(
+    session: Session, body: Body, *, host: str = "127.0.0.1", save_to: Path | None = None, **options: Any
+) -> None:
+    """Runs `body` against a server of the session."""
+
+    async def main() -> None:
+        stage = Stage([session], Options(save_to=save_to, fixed=options.pop("fixed", False)))
+        server = LiveServer(stage, Gate(host, options.pop("token", None)), **options)
+        stop, address = asyncio.Event(), asyncio.get_running_loop().create_future()
+        task = asyncio.create_task(serve(server, "127.0.0.1", 0, ready=address.set_result, stop=stop))
+        try:
+            async with aiohttp.ClientSession() as client:
+                await body(client, str(await address).split("?")[0], server)
+        finally:
+            stop.set()
+            await task
+
+    asyncio.run(main())
+
+
+async def connect(client: aiohttp.ClientSession, address: str, **headers: str) -> aiohttp.ClientWebSocketResponse:
+    origin = address.rstrip("/")
+    socket = await client.ws_connect(address + "socket", headers={"Origin": origin, **headers})
+    await socket.send_json({"type": "hello", "protocol": messages.PROTOCOL, "id": 1})
+    return socket
+
+
+async def answer(socket: aiohttp.ClientWebSocketResponse, number: int) -> dict[str, Any]:
+    """Waits for the answer of that number."""
+    while True:
+        message = await socket.receive(timeout=60.0)
+        assert message.type in (aiohttp.WSMsgType.TEXT, aiohttp.WSMsgType.BINARY), message
+        if message.type is aiohttp.WSMsgType.TEXT:
+            data = json.loads(message.data)
+            if data.get("id") == number:
+                return data
+
+
+async def ask(socket: aiohttp.ClientWebSocketResponse, number: int, **request: Any) -> dict[str, Any]:
+    await socket.send_json({"id": number, **request})
+    return await answer(socket, number)
+
+
+def test_the_page_and_its_headers(session: Session) -> None:
+    async def body(client: aiohttp.ClientSession, address: str, server: LiveServer) -> None:
+        async with client.get(address) as page:
+            assert page.status == 200
+            policy = page.headers["Content-Security-Policy"]
+            assert "default-src 'none'" in policy and "unsafe" not in policy
+            text = await page.text()
+            assert "http://" not in text and "https://" not in text and "style=" not in text
+        async with client.get(address + "schema.json") as schema:
+            assert (await schema.json())["protocol"] == messages.PROTOCOL
+        for path in ("nothing.js", "%2e%2e%2fserver.py", "..%5cserver.py", "page/app.js", "app.py"):
+            async with client.get(address + path) as missing:
+                assert missing.status == 404
+                assert "Traceback" not in await missing.text()
+        async with client.post(address, data=b"x" * 100_000) as post:
+            assert post.status in (405, 413)
+
+    served(session, body)
+
+
+def test_the_page_is_small_and_needs_nothing_else() -> None:
+    page = Path(messages.__file__).with_name("page")
+    files = [file for file in page.iterdir() if file.is_file()]
+    assert sum(file.stat().st_size for file in files) < 250_000
+    for file in files:
+        text = file.read_text(encoding="utf-8").replace("http://www.w3.org/", "")
+        assert "http://" not in text and "https://" not in text, file
+
+
+@pytest.mark.parametrize("host", ["evil.example", "evil.example:80", "localhost.evil.example", "", "192.168.0.7"])
+def test_another_host_is_refused(session: Session, host: str) -> None:
+    async def body(client: aiohttp.ClientSession, address: str, server: LiveServer) -> None:
+        async with client.get(address, headers={"Host": host}) as page:
+            assert page.status in (400, 403)
+        with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
+            await client.ws_connect(address + "socket", headers={"Host": host, "Origin": f"http://{host}"})
+        assert refused.value.status in (400, 403)
+
+    served(session, body)
+
+
+@pytest.mark.parametrize("origin", [None, "null", "http://evil.example", "https://127.0.0.1", "http://127.0.0.1:1"])
+def test_another_origin_is_refused(session: Session, origin: str | None) -> None:
+    async def body(client: aiohttp.ClientSession, address: str, server: LiveServer) -> None:
+        with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
+            await client.ws_connect(address + "socket", headers={"Origin": origin} if origin else {})
+        assert refused.value.status == 403
+
+    served(session, body)
+
+
+def test_beyond_loopback_a_token_is_needed(session: Session) -> None:
+    assert Gate("127.0.0.1").token is None and Gate("localhost").token is None
+    assert Gate("0.0.0.0").token is not None and Gate("192.168.1.5").token is not None
+
+    async def body(client: aiohttp.ClientSession, address: str, server: LiveServer) -> None:
+        for wrong in ("", "?token=", "?token=wrong", "?token=sesam0"):
+            async with client.get(address + wrong) as page:
+                assert page.status == 403
+            with pytest.raises(aiohttp.WSServerHandshakeError):
+                await client.ws_connect(address + "socket" + wrong, headers={"Origin": address.rstrip("/")})
+        async with client.get(address + "app.js") as script:
+            assert script.status == 403
+        async with client.get(address + "?token=sesame") as page:
+            assert page.status == 200
+            assert "HttpOnly" in page.headers["Set-Cookie"] and "SameSite=Strict" in page.headers["Set-Cookie"]
+        async with client.get(address + "app.js", cookies={"navstack-live": "sesame"}) as script:
+            assert script.status == 200
+        socket = await client.ws_connect(address + "socket?token=sesame", headers={"Origin": address.rstrip("/")})
+        await socket.close()
+
+    served(session, body, host="0.0.0.0", token="sesame")
+
+
+def test_names_that_dns_could_point_here_are_refused_beyond_loopback() -> None:
+    gate = Gate("0.0.0.0")
+    assert gate.host_is_right("192.168.0.7:8765") and gate.host_is_right("[fe80::1]:8765")
+    assert not gate.host_is_right("evil.example:8765") and not gate.host_is_right(None)
+
+
+def test_frames_are_differences(session: Session) -> None:
+    async def body(client: aiohttp.ClientSession, address: str, server: LiveServer) -> None:
+        socket = await connect(client, address)
+        await socket.send_json({"type": "layers", "layers": ["global", "local", "scan", "trajectories"], "id": 2})
+        headers: list[dict[str, Any]] = []
+        while len(headers) < 6:
+            message = await socket.receive(timeout=30.0)
+            if message.type is aiohttp.WSMsgType.BINARY:
+                header, blobs = decode(message.data)
+                assert [len(blob) for blob in blobs] == header["blobs"]
+                headers.append(header)
+                if header["type"] == "frame":
+                    await socket.send_json({"type": "ack", "frame": header["frame"]})
+        assert headers[0]["type"] == "world" and headers[0]["protocol"] == messages.PROTOCOL
+        sides = [header["sides"][0] for header in headers[1:]]
+        assert "goals" in sides[0] and all(side["t"] >= sides[0]["t"] for side in sides)
+        assert sum("shapes" in side for side in sides) == 1
+        await socket.close()
+
+    session.set_speed(50.0)
+    served(session, body)
+
+
+def test_a_slow_page_gets_fewer_frames(session: Session) -> None:
+    async def body(client: aiohttp.ClientSession, address: str, server: LiveServer) -> None:
+        socket = await connect(client, address)
+        await answer(socket, 1)
+        frames = 0
+        for number in range(2, 40):  # never acknowledges
+            await socket.send_json({"type": "explain_cell", "x": 1.0, "y": 7.4, "id": number})
+        while True:
+            message = await socket.receive(timeout=30.0)
+            if message.type is aiohttp.WSMsgType.BINARY:
+                frames += 1
+            elif json.loads(message.data)["id"] == 39:
+                break
+        assert frames <= 2
+        await socket.close()
+
+    session.set_speed(None)
+    served(session, body)
+
+
+def test_another_version_gets_one_sentence(session: Session) -> None:
+    async def body(client: aiohttp.ClientSession, address: str, server: LiveServer) -> None:
+        socket = await client.ws_connect(address + "socket", headers={"Origin": address.rstrip("/")})
+        refused = await ask(socket, 5, type="hello", protocol=999)
+        assert not refused["ok"] and refused["text"].endswith("reload the page")
+        first = await ask(socket, 6, type="pause", paused=True)
+        assert not first["ok"] and "hello" in first["text"]
+        await socket.close()
+
+    served(session, body)
+
+
+def test_viewers_and_recorded_runs_change_nothing(session: Session) -> None:
+    async def body(client: aiohttp.ClientSession, address: str, server: LiveServer) -> None:
+        socket = await connect(client, address)
+        for number, request in enumerate(({"type": "goal", "pose": [1.0, 1.0]}, {"type": "cancel"}), 2):
+            refused = await ask(socket, number, **request)
+            assert (not refused["ok"] and "read-only" in refused["text"]) or "recorded run" in refused["text"]
+        assert (await ask(socket, 9, type="parameters"))["ok"]
+        await socket.close()
+        assert session.interactions == []
+
+    served(session, body, read_only=True)
+    served(session, body, fixed=True)
+
+
+@pytest.mark.parametrize("name", ["../evil", "a/b", "..", ".hidden", "", "x" * 200, "a\\b", "/etc/passwd"])
+def test_files_are_saved_into_the_named_folder_only(session: Session, tmp_path: Path, name: str) -> None:
+    async def body(client: aiohttp.ClientSession, address: str, server: LiveServer) -> None:
+        socket = await connect(client, address)
+        refused = await ask(socket, 2, type="save", what="scenario", name=name)
+        assert not refused["ok"]
+        saved = await ask(socket, 3, type="save", what="scenario", name="mine")
+        assert saved["ok"], saved
+        await socket.close()
+
+    served(session, body, save_to=tmp_path / "saved")
+    assert [file.name for file in (tmp_path / "saved").iterdir()] == ["mine.yaml"]
+    assert [file.name for file in tmp_path.iterdir()] == ["saved"]
+
+
+def test_without_a_folder_nothing_is_saved(session: Session) -> None:
+    async def body(client: aiohttp.ClientSession, address: str, server: LiveServer) -> None:
+        socket = await connect(client, address)
+        refused = await ask(socket, 2, type="save", what="scenario", name="mine")
+        assert not refused["ok"] and "--save-to" in refused["text"]
+        await socket.close()
+
+    served(session, body)
+
+
+def test_fuzzed_messages_and_broken_connections_disturb_nothing(session: Session) -> None:
+    from tools.fuzz_live import Fuzzer
+
+    async def body(client: aiohttp.ClientSession, address: str, server: LiveServer) -> None:
+        fuzzer = Fuzzer(address, random.Random(7))
+        await fuzzer.messages(client, 300)
+        await fuzzer.connections(60)
+        socket = await connect(client, address)
+        assert (await ask(socket, 2, type="parameters"))["ok"]
+        await socket.close()
+
+    session.pause(True)
+    served(session, body)
+
+
+def test_a_used_port_gets_one_sentence(session: Session) -> None:
+    async def body(client: aiohttp.ClientSession, address: str, server: LiveServer) -> None:
+        port = int(address.split(":")[2].rstrip("/"))
+        with pytest.raises(InputError, match=f"port {port} is in use.*--port {port + 1}"):
+            await serve(server, "127.0.0.1", port, ready=lambda _: None, stop=asyncio.Event())
+
+    served(session, body)
+
+
+def test_a_bug_in_a_request_is_one_sentence_and_the_session_goes_on(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def body(client: aiohttp.ClientSession, address: str, server: LiveServer) -> None:
+        socket = await connect(client, address)
+        failed = await ask(socket, 2, type="restart")
+        assert not failed["ok"] and "please report" in failed["text"] and "Traceback" not in failed["text"]
+        assert (await ask(socket, 3, type="pause", paused=True))["ok"]
+        await socket.close()
+
+    def fail() -> None:
+        raise ZeroDivisionError("a bug")
+
+    monkeypatch.setattr(session, "restart", fail)
+    served(session, body)
