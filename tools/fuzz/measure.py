@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Final
 
 _CLEAR: Final = Path("/proc/self/clear_refs")
-_SCHEDULE: Final = Path("/proc/thread-self/schedstat")
 _ADDRESS_SPACE: Final = 8_000_000_000
 """Limit of a process that reads inputs: protects the machine; what is counted as too large is far below."""
 
@@ -37,10 +36,14 @@ def limit_address_space() -> None:
     resource.setrlimit(resource.RLIMIT_AS, (limit, hard))
 
 
-def _queued() -> float:
-    """Return how long this thread has waited for a processor that others used (s); 0 where the system does not say."""
+def queued_seconds(process: int | None = None) -> float:
+    """Return how long a process (default: this thread) has waited for a processor that others used (s).
+
+    0 where the system does not say.
+    """
+    task = "thread-self" if process is None else str(process)
     try:
-        return int(_SCHEDULE.read_bytes().split()[1]) * 1e-9
+        return int(Path(f"/proc/{task}/schedstat").read_bytes().split()[1]) * 1e-9
     except (OSError, ValueError, IndexError):
         return 0.0
 
@@ -52,10 +55,10 @@ def measured(call: Callable[[], object]) -> tuple[float, float, int, Exception |
     """
     reset_peak()
     before, failure = peak_bytes(), None
-    queued, started = _queued(), time.perf_counter()
+    queued, started = queued_seconds(), time.perf_counter()
     try:
         call()
     except Exception as exc:
         failure = exc
     wall = time.perf_counter() - started
-    return wall, max(0.0, wall - (_queued() - queued)), peak_bytes() - before, failure
+    return wall, max(0.0, wall - (queued_seconds() - queued)), peak_bytes() - before, failure

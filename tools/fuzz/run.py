@@ -18,12 +18,12 @@ from typing import Any, Final
 
 from navstack.core.errors import NavError
 from tools.fuzz.inputs import KINDS, CommandError, Inputs, valid_record
-from tools.fuzz.measure import limit_address_space, measured
+from tools.fuzz.measure import limit_address_space, measured, queued_seconds
 
 MAX_SECONDS: Final = 5.0
 MAX_BYTES: Final = 1_000_000_000
-_HANG: Final = 300.0
-"""A process that reads one input for longer is ended (s); more than MAX_SECONDS, for a machine that does other work."""
+_HANG: Final = 60.0
+"""A process that reads one input for longer, without waiting for the processor, is ended (s)."""
 _PIECE: Final = 500
 """Inputs between two reports of a process."""
 
@@ -201,8 +201,8 @@ class _Worker:
 
     def __init__(self, context: Any, plan: Plan) -> None:
         self.connection, theirs = context.Pipe()
-        self.current = context.Array("d", [-1.0, 0.0], lock=False)
-        """The input that is read, and since when (s)."""
+        self.current = context.Array("d", [-1.0, 0.0, 0.0], lock=False)
+        """The input that is read, since when (s), and how long the process had waited for the processor by then (s)."""
         self.process = context.Process(target=_serve, args=(plan, theirs, self.current), daemon=True)
         self.process.start()
         theirs.close()
@@ -210,11 +210,16 @@ class _Worker:
 
     def send(self, piece: range) -> None:
         self.piece = piece
-        self.current[:] = [-1.0, time.monotonic()]
+        self.current[:] = [-1.0, time.monotonic(), queued_seconds(self.process.pid)]
         self.connection.send((piece.start, len(piece)))
 
     def hangs(self) -> bool:
-        return self.current[0] >= 0.0 and time.monotonic() - self.current[1] > _HANG
+        """True if the present input takes too long."""
+        number, since, queued = self.current
+        if number < 0.0 or time.monotonic() - since <= _HANG:
+            return False
+        waiting = queued_seconds(self.process.pid) - queued
+        return time.monotonic() - since - waiting > _HANG and self.current[0] == number
 
     def end(self) -> None:
         if self.process.is_alive():
@@ -235,7 +240,7 @@ def _serve(plan: Plan, connection: Any, current: Any) -> None:
                 return
             counts = Counts()
             for number in range(first, first + count):
-                current[0], current[1] = float(number), time.monotonic()
+                current[:] = [float(number), time.monotonic(), queued_seconds()]
                 reader.read(number, counts)
             current[0] = -1.0
             connection.send_bytes(pickle.dumps(counts))
