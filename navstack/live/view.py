@@ -116,10 +116,16 @@ class SessionView:
         first = max(0, len(goals.outcomes) - OUTCOMES)
         return {
             "under_way": [
-                {"number": sent.index + 1, "pose": list(sent.pose), "state": sent.handle.status.name}
+                {
+                    "number": sent.index + 1,
+                    "pose": list(
+                        sent.target or self.session.run.robot.pose
+                    ),  # a motion has no target before its first step
+                    "state": sent.handle.status.name,
+                }
                 for sent in goals.under_way
             ],
-            "waiting": [list(pose) for pose in goals.waiting],
+            "waiting": [list(goal) for goal in goals.waiting if isinstance(goal, Pose2D)],
             "loop": goals.loop,
             "ended": [
                 {

@@ -12,6 +12,7 @@ from navstack.parameters.models.costmap import CostmapParams
 from navstack.parameters.models.motion import MotionParams
 from navstack.parameters.models.move_base import MoveBaseParams
 from navstack.parameters.models.sim import SimParams
+from navstack.parameters.models.wheels import WheelParams
 from navstack.parameters.namespaces import layer_names, planner_namespaces
 from navstack.parameters.safety_sections import SAFETY_MODELS
 from navstack.parameters.tree import COSTMAPS
@@ -62,6 +63,7 @@ def catalogue_of(binder: Binder) -> Catalogue:
         catalogue.add(entry.name, entry.cls.Params)
     catalogue.add("navstack", NavstackParams)
     catalogue.add("navstack/sim", SimParams)
+    catalogue.add("navstack/sim/wheels", WheelParams)
     catalogue.add("navstack/motion", MotionParams)
     for name, model in SAFETY_MODELS.items():
         if any(space.path == name for space, _ in binder.bound):

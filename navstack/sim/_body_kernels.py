@@ -12,29 +12,40 @@ import math
 import numpy as np
 
 from navstack.core.jit import kernel
+from navstack.sim._body_layout import (
+    COLLIDING,
+    COMMAND,
+    CX,
+    CY,
+    CYAW,
+    DISTANCE,
+    DRIVEN_HIT,
+    GX,
+    IN_COLLISION,
+    LSTEER,
+    LX,
+    ODOMETRY,
+    OVERRUN,
+    OVERRUN_HIT,
+    OX,
+    OY,
+    OYAW,
+    STEER,
+    TRUE_POSE,
+    VELOCITY,
+    VX,
+    VY,
+    WZ,
+    YAW,
+    X,
+    Y,
+)
 from navstack.sim._collision_kernels import choose_solids, distance_to_solid, find_collision, solid_collision
+from navstack.sim._wheel_kernels import chord, counted_motion, limit_wheels, stop_wheels, true_motion
 from navstack.sim.solids import SolidGeometry
 
-# layout of `state`
-X, Y, YAW = 0, 1, 2  # true pose, map frame
-VX, VY, WZ = 3, 4, 5  # velocity of the wheels
-LX, LY, LZ = 6, 7, 8  # output of the velocity controller's lag
-OX, OY, OYAW = 9, 10, 11  # odometry, odom frame
-DISTANCE = 12  # travelled, m
-COLLIDING = 13  # 1 from a collision until the robot has left it
-CX, CY, CYAW = 14, 15, 16  # pose at that collision
-OVERRUN = 17  # 1 while a moving obstacle overlaps the robot
-GX, GY, GZ = 18, 19, 20  # change of the velocity in the last step
-STEER, LSTEER = 21, 22  # steering angle of a car; output of its controller's lag
-COMMAND = 23  # first of the three command values: vx, vy, wz; of a car: vx, 0, steering angle
-STATE_SIZE = 26
-
-# columns of `samples`
-TRUE_POSE, ODOMETRY, VELOCITY = 0, 3, 6  # three columns each
-IN_COLLISION = 9  # 1 while the robot is in collision
-OVERRUN_HIT, DRIVEN_HIT = 10, 11  # what a new collision of the step hit (as `find_collision`), -1 for none
-SAMPLE_SIZE = 12
-
+# integration of the odometry
+RK2, EXACT, EULER = 0, 1, 2
 # maximum motion of any footprint point between two collision tests, m
 SWEEP_STEP = 0.005
 # a collision ends once a point of the footprint has moved this far, m
@@ -86,6 +97,8 @@ def accelerate(state, body):
     if body.wheelbase > 0.0:
         # at the centre of the rear axle: steering angle and wheelbase determine the circle
         state[WZ] = state[VX] * math.tan(state[STEER]) / body.wheelbase
+    if body.wheels > 0:
+        limit_wheels(state, body)
 
 
 @kernel
@@ -112,19 +125,30 @@ def approaches(state, solids, chosen, first, last, dx, dy):
 
 
 @kernel
-def step_motion(state, body, noise, step):
-    """Displacements of one step in the robot's frame: true dx, dy, dyaw, then those that the odometry reports."""
-    mx, my, mz = body.dt * state[VX], body.dt * state[VY], body.dt * state[WZ]
-    ox, oy, oz = mx, my, mz
+def odometry_errors(body, noise, step, ox, oy, oz):
+    """The displacement (dx, dy, dyaw) that the odometry reports for one that its wheels have made."""
     if noise.shape[0] > 0:
-        root = math.sqrt(math.hypot(mx, my))
-        mx, my, mz = mx * (1.0 + noise[step, 0]), my * (1.0 + noise[step, 1]), mz * (1.0 + noise[step, 2])
+        root = math.sqrt(math.hypot(ox, oy))
         ox, oy, oz = ox * (1.0 + noise[step, 3]), oy * (1.0 + noise[step, 4]), oz * (1.0 + noise[step, 5])
-        mz += root * noise[step, 6]
         oz += root * noise[step, 7]
     if body.odometry_scale != 0.0 or body.odometry_turn != 0.0:
         oz += body.odometry_turn * ox
         ox, oy = ox * (1.0 + body.odometry_scale), oy * (1.0 + body.odometry_scale)
+    return ox, oy, oz
+
+
+@kernel
+def step_motion(state, body, noise, step):
+    """Displacements of one step in the robot's frame: true dx, dy, dyaw, then those that the odometry reports."""
+    mx, my, mz = body.dt * state[VX], body.dt * state[VY], body.dt * state[WZ]
+    ox, oy, oz = mx, my, mz
+    if body.wheels > 0:
+        mx, my, mz = true_motion(state, body)
+    if noise.shape[0] > 0:
+        root = math.sqrt(math.hypot(mx, my))
+        mx, my, mz = mx * (1.0 + noise[step, 0]), my * (1.0 + noise[step, 1]), mz * (1.0 + noise[step, 2])
+        mz += root * noise[step, 6]
+    ox, oy, oz = odometry_errors(body, noise, step, ox, oy, oz)
     return mx, my, mz, ox, oy, oz
 
 
@@ -184,6 +208,8 @@ def drive(state, settings, footprint, steps, noise, squares, grid, discs, circle
         accelerate(state, body)
         mx, my, mz, ox, oy, oz = step_motion(state, body, noise, step)
         c, s = math.cos(state[YAW] + 0.5 * mz), math.sin(state[YAW] + 0.5 * mz)
+        if body.wheels > 0:
+            mx, my = chord(mz) * mx, chord(mz) * my
         dx, dy = c * mx - s * my, s * mx + c * my
         length = math.hypot(dx, dy)
         moved = length + radius * abs(mz)
@@ -211,13 +237,20 @@ def drive(state, settings, footprint, steps, noise, squares, grid, discs, circle
             state[Y] += f * dy
             state[YAW] = wrapped(state[YAW] + g * mz)
             state[DISTANCE] += f * length
-            c, s = math.cos(state[OYAW] + 0.5 * oz), math.sin(state[OYAW] + 0.5 * oz)
+            if body.wheels > 0:
+                counted = counted_motion(state, body, f, g)
+                ox, oy, oz = odometry_errors(body, noise, step, counted[0], counted[1], counted[2])
+                f, g = chord(oz) if body.integration == EXACT else 1.0, 1.0
+            middle = state[OYAW] + (0.0 if body.integration == EULER else 0.5 * oz)
+            c, s = math.cos(middle), math.sin(middle)
             state[OX] += f * (c * ox - s * oy)
             state[OY] += f * (s * ox + c * oy)
             state[OYAW] = wrapped(state[OYAW] + g * oz)
             if stop_or_release(state, body, rotates, hit != -1 or held, hit):
                 samples[step, DRIVEN_HIT] = hit
                 hits += 1
+            if body.wheels > 0 and (hit != -1 or held):
+                stop_wheels(state, body)
         for i in range(3):
             samples[step, TRUE_POSE + i] = state[X + i]
             samples[step, ODOMETRY + i] = state[OX + i]

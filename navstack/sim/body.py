@@ -9,7 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Footprint, Twist2D
+from navstack.kinematics import DifferentialDrive, MecanumDrive, OmniDrive, WheelDrive
 from navstack.parameters.models.sim import SimParams
+
+INTEGRATIONS: Final = {"rk2": 0, "exact": 1, "euler": 2}
+"""Numbers of the methods in the kernels."""
 
 BODY: Final = np.dtype(
     [
@@ -27,6 +31,14 @@ BODY: Final = np.dtype(
         ("odometry_scale", "f8"),  # systematic relative error of the odometry's distances
         ("odometry_turn", "f8"),  # systematic error of the odometry's heading, rad/m
         ("moving_obstacles", "?"),  # the solids may move between two calls
+        ("wheels", "i8"),  # number of wheels; 0: the base executes velocities
+        ("to_wheels", "f8", (12,)),  # row by row (n, 3): velocities of the rims from vx, vy, wz
+        ("from_wheels", "f8", (12,)),  # row by row (3, 4): vx, vy, wz from the rims
+        ("radius_errors", "f8", (4,)),  # relative errors of the true radii
+        ("max_rim_speed", "f8"),  # m/s; inf: unlimited
+        ("max_rim_change", "f8"),  # maximum change of a rim's velocity per step, m/s; inf: unlimited
+        ("metres_per_tick", "f8"),  # of the encoders; 0: continuous
+        ("integration", "i8"),  # of the odometry: `_body_kernels.RK2`, EXACT or EULER
     ],
     align=True,
 )
@@ -55,9 +67,45 @@ def body_settings(
         "odometry_turn": params.odometry_turn,
         "moving_obstacles": moving_obstacles,
     }
+    values |= _wheel_values(params, dt)
     for name, value in values.items():
         settings[name] = value
     return settings
+
+
+def wheel_drive(params: SimParams) -> WheelDrive | None:
+    """Returns the kinematics of the wheels; None for a base without. Raises InputError for impossible positions."""
+    p = params.wheels
+    match p.drive:
+        case "differential":
+            return DifferentialDrive(p.separation)
+        case "omni":
+            return OmniDrive(p.circle_radius, p.angles)
+        case "mecanum":
+            return MecanumDrive(p.wheelbase, p.separation)
+        case _:
+            return None
+
+
+def _wheel_values(params: SimParams, dt: float) -> dict[str, Any]:
+    """Returns the fields of `BODY` that describe the wheels."""
+    drive, p = wheel_drive(params), params.wheels
+    to_wheels, from_wheels, errors = np.zeros((4, 3)), np.zeros((3, 4)), np.zeros(4)
+    if drive is not None:
+        n = len(drive.names)
+        to_wheels[:n], from_wheels[:, :n] = drive.matrix, drive.inverse
+        listed = p.radius_errors[:n]
+        errors[: len(listed)] = listed
+    return {
+        "wheels": 0 if drive is None else len(drive.names),
+        "to_wheels": to_wheels.ravel(),
+        "from_wheels": from_wheels.ravel(),
+        "radius_errors": errors,
+        "max_rim_speed": math.inf if p.max_speed is None else p.max_speed * p.radius,
+        "max_rim_change": math.inf if p.max_acceleration is None else p.max_acceleration * p.radius * dt,
+        "metres_per_tick": p.metres_per_tick,
+        "integration": INTEGRATIONS[p.integration] if drive is not None else INTEGRATIONS["rk2"],
+    }
 
 
 def steering(params: SimParams, twist: Twist2D, last: float) -> float:

@@ -23,7 +23,8 @@ from navstack.core import (
 )
 from navstack.core.errors import InputError
 from navstack.parameters.models.sim import SimParams
-from navstack.sim import _body_kernels as body
+from navstack.sim import _body_kernels as kernels
+from navstack.sim import _body_layout as layout
 from navstack.sim.body import body_settings, steering
 from navstack.sim.commands import CommandQueue
 from navstack.sim.localization import Localization
@@ -111,12 +112,12 @@ class SimulatedRobot:
 
         offset = Transform2D(params.map_to_odom[0], params.map_to_odom[1], normalize_angle(params.map_to_odom[2]))
         odometry = offset.inverse().apply(Pose2D(start.x, start.y, normalize_angle(start.yaw)))
-        self._state = np.zeros(body.STATE_SIZE)
-        self._state[body.X : body.YAW + 1] = start.x, start.y, normalize_angle(start.yaw)
-        self._state[body.OX : body.OYAW + 1] = odometry
+        self._state = np.zeros(layout.STATE_SIZE)
+        self._state[layout.X : layout.YAW + 1] = start.x, start.y, normalize_angle(start.yaw)
+        self._state[layout.OX : layout.OYAW + 1] = odometry
         self._now: list[float] = self._state.tolist()
         """`_state` as Python floats, which are faster to read one by one."""
-        self._samples = np.empty((0, body.SAMPLE_SIZE))
+        self._samples = np.empty((0, layout.SAMPLE_SIZE))
         self._collided = False
         """The robot was in collision before or during the steps that have not been observed yet."""
 
@@ -149,7 +150,7 @@ class SimulatedRobot:
         last = max(first, math.ceil(time * self._frequency - 1e-6))
         steps = last - first
         if len(self._samples) < steps:
-            self._samples = np.empty((steps, body.SAMPLE_SIZE))
+            self._samples = np.empty((steps, layout.SAMPLE_SIZE))
         observed = first
         while self._step < last:
             # with moving obstacles step by step, each at its position at that time
@@ -167,7 +168,7 @@ class SimulatedRobot:
         samples = self._samples[self._step - first :]
         self._solids = solids = self._solids_until(until)
         self._set_command()
-        hits = body.drive(
+        hits = kernels.drive(
             self._state,
             self._body,
             self._vertices,
@@ -189,7 +190,7 @@ class SimulatedRobot:
 
     def _add_collisions(self, samples: NDArray[np.float64]) -> None:
         """Adds the new collisions of the steps with these samples."""
-        columns = (body.OVERRUN_HIT, body.DRIVEN_HIT)
+        columns = (layout.OVERRUN_HIT, layout.DRIVEN_HIT)
         hits = [(step, int(row[k])) for step, row in enumerate(samples.tolist()) for k in columns if row[k] != -1]
         for step, hit in hits:
             kind, index, x, y = self.world.identify(hit, self._solids)
@@ -203,7 +204,7 @@ class SimulatedRobot:
         crowd = self._crowd
         if crowd is None:
             return solids
-        x, y, yaw, vx, vy = self._now[body.X : body.VY + 1]
+        x, y, yaw, vx, vy = self._now[layout.X : layout.VY + 1]
         c, s = math.cos(yaw), math.sin(yaw)
         robot = np.array([x, y, c * vx - s * vy, s * vx + c * vy, self.footprint.circumscribed_radius])
         crowd.step((until - self._step) * self._dt, self.world.squares, self.world.grid, solids, robot)
@@ -215,7 +216,7 @@ class SimulatedRobot:
         if self.params.kinematics == "ackermann":
             self._steering = steering(self.params, twist, self._steering)
             twist = Twist2D(twist.vx, 0.0, self._steering)
-        self._state[body.COMMAND : body.COMMAND + 3] = twist
+        self._state[layout.COMMAND : layout.COMMAND + 3] = twist
 
     def _noise(self, steps: int) -> NDArray[np.float64]:
         """Returns errors per step, (steps, 8), as `drive` takes them.
@@ -254,8 +255,8 @@ class SimulatedRobot:
         """Returns the odometry: pose in the odometry frame and velocity of the wheels, at the current step."""
         now = self._now
         return RobotState(
-            Pose2D(now[body.OX], now[body.OY], now[body.OYAW]),
-            Twist2D(now[body.VX], now[body.VY], now[body.WZ]),
+            Pose2D(now[layout.OX], now[layout.OY], now[layout.OYAW]),
+            Twist2D(now[layout.VX], now[layout.VY], now[layout.WZ]),
             self.time,
             self.odom_frame,
         )
@@ -321,11 +322,12 @@ class SimulatedRobot:
         check_pose(self.world, self.footprint, self._collision_pose(pose), self._solids)
         truth = Transform2D(pose.x, pose.y, normalize_angle(pose.yaw))
         state = self._state
-        state[body.X : body.LZ + 1] = *truth, *(0.0,) * 6
-        state[body.GX : body.GZ + 1] = state[body.COLLIDING] = state[body.OVERRUN] = 0.0
+        state[layout.X : layout.LZ + 1] = *truth, *(0.0,) * 6
+        state[layout.GX : layout.GZ + 1] = state[layout.COLLIDING] = state[layout.OVERRUN] = 0.0
+        state[layout.RIM : layout.RIM + 4] = 0.0
         self._now = state.tolist()
         self._collided = False
-        odometry = Transform2D(*self._now[body.OX : body.OYAW + 1])
+        odometry = Transform2D(*self._now[layout.OX : layout.OYAW + 1])
         self._localization.correct(truth, odometry)
         if self._localization.is_static:
             self.frames.set_static(self.map_frame, self.odom_frame, self._localization.current)
@@ -341,17 +343,31 @@ class SimulatedRobot:
     def pose(self) -> Pose2D:
         """True pose in the map."""
         now = self._now
-        return Pose2D(now[body.X], now[body.Y], now[body.YAW])
+        return Pose2D(now[layout.X], now[layout.Y], now[layout.YAW])
 
     @property
     def distance_travelled(self) -> float:
         """True length of the path driven (m)."""
-        return self._now[body.DISTANCE]
+        return self._now[layout.DISTANCE]
 
     @property
     def steering_angle(self) -> float:
         """Steering angle of a car (rad); 0 for any other base."""
-        return self._now[body.STEER]
+        return self._now[layout.STEER]
+
+    @property
+    def wheel_speeds(self) -> tuple[float, ...]:
+        """Speeds of the wheels (rad/s), in the order of `navstack.kinematics`; empty for a base without wheels."""
+        wheels = self.params.wheels
+        return tuple(rim / wheels.radius for rim in self._now[layout.RIM : layout.RIM + wheels.count])
+
+    @property
+    def encoder_ticks(self) -> tuple[int, ...]:
+        """Counts of the wheels' encoders since the start; empty without `ticks_per_revolution`."""
+        wheels = self.params.wheels
+        if wheels.ticks_per_revolution is None:
+            return ()
+        return tuple(round(count) for count in self._now[layout.TICK : layout.TICK + wheels.count])
 
     @property
     def solids(self) -> Solids:
@@ -373,4 +389,4 @@ class SimulatedRobot:
     @property
     def in_collision(self) -> bool:
         """True from a collision until the robot has left it."""
-        return bool(self._now[body.COLLIDING] or self._now[body.OVERRUN])
+        return bool(self._now[layout.COLLIDING] or self._now[layout.OVERRUN])

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from navstack.core import Footprint, FrameTree, ImuReading, Pose2D, SensorData, Transform2D, angle_between
 from navstack.core.errors import InputError
 from navstack.parameters.models.sim import SimParams
-from navstack.sim import _body_kernels as body
+from navstack.sim import _body_layout as body
 from navstack.sim.bumper import Bumper
 from navstack.sim.imu import Imu
 from navstack.sim.lidar import Lidar

@@ -57,6 +57,7 @@ def test_every_field_of_every_component_in_use_is_listed() -> None:
     names = {p.name for p in parameters_of(loaded)}
     parts: list[tuple[str, ParamModel]] = [("", loaded.move_base), ("navstack", loaded.navstack)]
     parts.append(("navstack/motion", loaded.navstack.motion))
+    parts.append(("navstack/sim/wheels", loaded.navstack.sim.wheels))
     parts += [("global_costmap", loaded.global_costmap.params), ("local_costmap", loaded.local_costmap.params)]
     for choice in (
         *loaded.global_costmap.layers,
@@ -68,7 +69,7 @@ def test_every_field_of_every_component_in_use_is_listed() -> None:
         parts.append((choice.namespace, choice.params))
     for namespace, params in parts:
         for field in type(params).model_fields:
-            if field in params.FROM_NAVSTACK or field in (params.CHILD_FIELD, "sim", "motion"):
+            if field in params.FROM_NAVSTACK or field in (params.CHILD_FIELD, "sim", "motion", "wheels"):
                 continue
             assert f"{namespace}/{field}".strip("/") in names
     assert "local_costmap/obstacle_layer/scan/max_obstacle_height" in names

@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Literal, TypeVar
 from pydantic import field_validator, model_validator
 
 from navstack.core.parameters import ParamModel, param
+from navstack.parameters.models.wheels import WheelParams
 
 S = TypeVar("S", bound=ParamModel)
 
@@ -276,6 +277,7 @@ class SimParams(ParamModel):
     delta_x: float = param(0.0, "x of the localization map in the simulator's map, as in fake_localization", unit="m")
     delta_y: float = param(0.0, "y of the localization map in the simulator's map", unit="m")
     delta_yaw: float = param(0.0, "yaw of the localization map in the simulator's map", unit="rad")
+    wheels: WheelParams = param(WheelParams(), "the wheels of the base, their encoders and limits")
     map_to_odom: list[float] = param([0.0, 0.0, 0.0], "initial pose [x, y, yaw] of the odometry frame in the map")
     lasers: list[str] = param(["laser"], "names of the lidars; the parameters of each are in the namespace of its name")
     bumpers: list[str] = param(["bumper"], "names of the bumpers")
@@ -325,6 +327,20 @@ class SimParams(ParamModel):
                     raise ValueError(
                         f"{', '.join(both)} is the name of {kind} and of {other}; give each sensor a unique name"
                     )
+        return self
+
+    @model_validator(mode="after")
+    def _check_wheels(self) -> SimParams:
+        needed = {"none": self.kinematics, "differential": "differential"}.get(self.wheels.drive, "holonomic")
+        if self.kinematics != needed:
+            raise ValueError(
+                f"wheels: drive: {self.wheels.drive} moves a {needed} base, but kinematics is {self.kinematics}; set "
+                f"kinematics to {needed}"
+            )
+        if self.wheels.count and len(self.wheels.radius_errors) not in (0, self.wheels.count):
+            raise ValueError(
+                f"wheels: radius_errors lists {len(self.wheels.radius_errors)} errors for {self.wheels.count} wheels"
+            )
         return self
 
     @property

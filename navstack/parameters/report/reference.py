@@ -96,6 +96,10 @@ def _sections() -> Iterator[str]:
         yield _section(f"navstack/{name}", f"`navstack/{name}`", inner)
         for child, model in children_of(inner).items():
             yield _section(f"navstack/{name}/{child}", f"`navstack/{name}/<name>`", model)
+        for part, field in inner.model_fields.items():
+            below = nested_model(field)
+            if below is not None:
+                yield _section(f"navstack/{name}/{part}", f"`navstack/{name}/{part}`", below)
 
 
 def _plugin(kind: str, entry: PluginEntry[Any], where: str, listed: set[type[ParamModel]]) -> str:

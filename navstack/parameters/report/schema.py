@@ -13,6 +13,7 @@ from pydantic.json_schema import models_json_schema
 
 from navstack.core.parameters import ParamModel
 from navstack.parameters.configuration_types import NavstackParams
+from navstack.parameters.model_fields import nested_model
 from navstack.parameters.models.collision_monitor import (
     ExclusionZoneParams,
     MonitorSourceParams,
@@ -79,6 +80,7 @@ def _models() -> Iterator[type[ParamModel]]:
         if isinstance(info.default, ParamModel):
             yield type(info.default)
             yield from children_of(type(info.default)).values()
+            yield from (m for i in type(info.default).model_fields.values() if (m := nested_model(i)) is not None)
 
 
 def _with_ros2(section: Schema) -> Schema:
