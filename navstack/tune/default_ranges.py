@@ -65,6 +65,24 @@ _ROLLOUT: Final[Mapping[str, Range | Choice]] = {
     "acc_lim_x": Range(0.3, 2.5, 2.5, robot=True),
     "acc_lim_theta": Range(0.5, 3.2, 3.2, robot=True),
 }
+_MPPI: Final[Mapping[str, Range | Choice]] = {
+    "temperature": Range(0.05, 1.5, 0.3, log=True),
+    "gamma": Range(0.0005, 0.05, 0.015, log=True),
+    "vx_std": Range(0.05, 0.6, 0.2, log=True),
+    "wz_std": Range(0.1, 1.2, 0.4, log=True),
+    "vx_max": Range(0.1, 0.5, 0.5, robot=True),
+    "wz_max": Range(0.4, 1.9, 1.9, robot=True),
+    "ax_max": Range(0.3, 3.0, 3.0, robot=True),
+    "az_max": Range(0.5, 3.5, 3.5, robot=True),
+    "CostCritic/cost_weight": Range(1.0, 12.0, 3.81, log=True),
+    "PathAlignCritic/cost_weight": Range(2.0, 40.0, 14.0, log=True),
+    "PathFollowCritic/cost_weight": Range(1.0, 20.0, 5.0, log=True),
+    "PathFollowCritic/offset_from_furthest": Range(2, 25, 6),
+    "PathAngleCritic/cost_weight": Range(0.5, 8.0, 2.2, log=True),
+    "GoalCritic/cost_weight": Range(1.0, 20.0, 5.0, log=True),
+    "GoalAngleCritic/threshold_to_consider": Range(0.1, 0.6, 0.25),
+}
+"""Critics that are not listed have no parameters and are left out."""
 INFLATION: Final[Mapping[str, Range]] = {
     # `_inflation` sets the lower end just above the inscribed radius: below it, plans cross walls
     "inflation_radius": Range(0.0, 1.2, 0.5),
@@ -75,7 +93,11 @@ _GLOBAL_PLANNER: Final[Mapping[str, Range | Choice]] = {
     "neutral_cost": Range(10, 100, 66),
 }
 
-LOCAL_PLANNERS: Final[Mapping[str, Mapping[str, Range | Choice]]] = {"dwa": _DWA, "trajectory_rollout": _ROLLOUT}
+LOCAL_PLANNERS: Final[Mapping[str, Mapping[str, Range | Choice]]] = {
+    "dwa": _DWA,
+    "trajectory_rollout": _ROLLOUT,
+    "mppi": _MPPI,
+}
 """By registered name of the plugin."""
 GLOBAL_PLANNERS: Final[Mapping[str, Mapping[str, Range | Choice]]] = {"global_planner": _GLOBAL_PLANNER}
 
@@ -142,6 +164,8 @@ def _local_planner(configuration: Configuration, parameters: Mapping[str, Parame
     holonomic = planner.name == "dwa" and planner.params.max_vel_y > 0.0
     for name, default in LOCAL_PLANNERS.get(planner.name, {}).items():
         full = f"{planner.namespace}/{name}"
+        if full not in parameters:
+            continue
         if isinstance(default, Range) and default.robot and _number(parameters, full) == 0.0:
             continue  # a limit of 0 is kept
         made = _dimension(parameters, full, _untied(default) if holonomic else default)

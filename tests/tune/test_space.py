@@ -32,6 +32,16 @@ def test_default_space_covers_planner_and_costmaps_and_loads(turtlebot: Configur
         load_configuration(["turtlebot"], overrides=space.overrides(candidate))
 
 
+def test_default_space_of_mppi() -> None:
+    """Weights of the listed critics, and limits up to those of the robot."""
+    listed = {"MPPIController": {"critics": ["CostCritic", "PathFollowCritic"], "vx_max": 0.4}}
+    base = load_configuration(["turtlebot_mppi", listed])
+    by_name = {d.name: d for d in default_space(base, "local_planner")}
+    assert "MPPIController/CostCritic/cost_weight" in by_name
+    assert "MPPIController/PathAlignCritic/cost_weight" not in by_name
+    assert by_name["MPPIController/vx_max"].high == 0.4 and by_name["MPPIController/temperature"].log
+
+
 def test_default_space_of_trajectory_planner() -> None:
     base = load_configuration(["turtlebot"], overrides=["base_local_planner=base_local_planner/TrajectoryPlannerROS"])
     by_name = {d.name: d for d in default_space(base)}
