@@ -30,6 +30,8 @@ def main() -> None:
         shutil.copy(folder / "office" / "run.png", images / "office.png")
         navstack("simulate", "narrow_door", "--out", folder / "door")
         navstack("explain", "command", folder / "door", "--time", "3.2", "--out", images / "narrow_door.png")
+        navstack("simulate", "narrow_door", "--params", "turtlebot_mppi", "--out", folder / "mppi")
+        navstack("explain", "command", folder / "mppi", "--time", "1.6", "--out", images / "mppi.png")
         navstack("explain", "passages", "office", "--out", folder / "passages")
         shutil.copy(next((folder / "passages").glob("*.png")), images / "passages.png")
         navstack("explain", "inflation", "--out", folder / "inflation")
