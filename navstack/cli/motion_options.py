@@ -46,8 +46,11 @@ class MotionOptions(NamedTuple):
         Prints the warnings of the parameters. Raises InputError, MapError, ParameterError or ScenarioError.
         """
         from navstack.cli.arguments import parse_pose, scenario_file
+        from navstack.core.errors import InputError
         from navstack.scenario import SuccessConditions
 
+        if world.startswith("-"):  # negative numbers are allowed as arguments, so unknown options arrive here
+            raise InputError(f'there is no option "{world}"; `--help` lists the options', argument=world)
         begin = parse_pose(self.start, "--start") if self.start is not None else start
         file = scenario_file(world)
         scenario = self._from_map(world, begin) if file is None else self._from_file(file, begin)

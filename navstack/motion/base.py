@@ -19,6 +19,7 @@ from navstack.motion.ramp import Ramp
 from navstack.motion.timing import MotionLimits
 from navstack.parameters.models.motion import MotionParams
 
+LINE_STEP_M = 0.05
 STOPPED = 0.01
 """Below this velocity the robot counts as standing (m/s, rad/s)."""
 
@@ -202,9 +203,12 @@ class BasicMotion(Motion):
         """Return True if the robot stands."""
         return abs(state.velocity.vx) <= STOPPED and abs(state.velocity.wz) <= STOPPED
 
-    def line(self, *poses: Pose2D) -> Path:
-        """Return a path in the motion's frame."""
-        return Path(np.array(poses, np.float64), self.frame)
+    def line(self, start: Pose2D, end: Pose2D) -> Path:
+        """Return a straight path in the motion's frame, with a pose every LINE_STEP_M; the last one has the heading of `end`."""
+        count = max(2, math.ceil(start.distance_to(end) / LINE_STEP_M) + 1)
+        poses = np.linspace(start, Pose2D(end.x, end.y, start.yaw), count)
+        poses[-1, 2] = end.yaw
+        return Path(poses, self.frame)
 
 
 def _limit(value: float) -> float:

@@ -25,6 +25,8 @@ class TourState:
     distance_m: float
     place: str | None
     """The place the robot is driving to; None between goals and at the end."""
+    has_steps: bool = False
+    """True if there are motions among the goals."""
 
     @property
     def success_rate(self) -> float | None:
@@ -34,8 +36,9 @@ class TourState:
     def __str__(self) -> str:
         rate = self.success_rate
         percent = "" if rate is None else f" ({100.0 * rate:.0f} %)"
+        what = "steps completed" if self.has_steps else "goals reached"
         return (
-            f"{self.succeeded} of {self.done} goals reached{percent}, {self.total - self.done} to go; "
+            f"{self.succeeded} of {self.done} {what}{percent}, {self.total - self.done} to go; "
             f"{self.running_s:.1f} s, {self.distance_m:.1f} m"
         )
 
@@ -84,10 +87,13 @@ def drive_tour(
     wall_start = time.perf_counter()
     run = Run(scenario)
     reported, interrupted, succeeded = 0, False, 0
+    has_steps = bool(scenario.steps)
 
     def state() -> TourState:
         place = None if run.done or run.is_paused else names[run.goal_index]
-        return TourState(len(names), reported, succeeded, run.robot.time, run.robot.distance_travelled, place)
+        return TourState(
+            len(names), reported, succeeded, run.robot.time, run.robot.distance_travelled, place, has_steps
+        )
 
     while True:
         interrupted = stop is not None and stop()

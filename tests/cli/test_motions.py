@@ -88,6 +88,7 @@ def test_a_shape_starts_where_it_has_room(capsys: pytest.CaptureFixture[str]) ->
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (["move", "1", "--sped=3"], 'there is no option "--sped=3"'),
         (["move", "far"], 'the distance "far" is not a number'),
         (["turn", "1 gon"], "neither rad nor deg"),
         (["follow", "circle"], "neither a shape (heart, figure_eight) nor a file"),

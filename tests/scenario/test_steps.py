@@ -150,6 +150,20 @@ def test_by_odometry_the_record_tells_truth_from_belief() -> None:
     assert report.distance.max() > 0.02
 
 
+def test_motions_pass_through_multiplexer_and_smoother() -> None:
+    """With the smoother's limits below those of the planner, the robot accelerates by the smoother's, and still arrives."""
+    smoother = {"max_accel": [0.3, 0.0, 0.5], "max_decel": [-0.3, 0.0, -0.5]}
+    base = scenario({"move": 0.6}, {"turn": 0.8})
+    parts = nav.load_configuration(["turtlebot", {"twist_mux": {}, "velocity_smoother": smoother}])
+    record = run_record(replace(base, configuration=parts))
+    assert [result["state"] for result in record.results] == ["SUCCEEDED", "SUCCEEDED"]
+    assert record.results[0]["figures"]["driven_m"] == pytest.approx(0.6, abs=0.015)
+    # the smoother's 20 Hz are 3 physics steps of 0.02 s at most: 0.3 m/s² and 0.5 rad/s² over that time
+    change = np.abs(np.diff(record.velocities, axis=0))
+    assert change[:, 0].max() <= 0.3 * 0.06 + 1e-6
+    assert change[:, 2].max() <= 0.5 * 0.06 + 1e-6
+
+
 # --- what interrupts a motion -----------------------------------------------------------------------------------------
 
 
