@@ -48,6 +48,7 @@ class SessionView:
             self._known.pop(name, None)
         self.layers = layers
         self._mark = ()
+        self._cycle = -1
 
     @property
     def is_current(self) -> bool:
@@ -188,10 +189,9 @@ class SessionView:
                     costmaps[name] = change
         if costmaps:
             entries["costmaps"] = costmaps
-        if self.session.cycles == self._cycle and "scan" in self._known:
+        if self.session.cycles == self._cycle:
             return
         if "scan" in self.layers:
-            self._known["scan"] = True
             entries["scan"] = frame.blob(_scan_points(self.session))
         if "trajectories" in self.layers:
             entries["trajectories"] = trajectories_of(move_base.local_planner, frame)

@@ -111,7 +111,7 @@ def scenario(tmp_path: Path) -> Callable[[str], Scenario]:
 
 @pytest.fixture
 def live(scenario: Callable[[str], Scenario], tmp_path: Path) -> Iterator[Callable[..., Live]]:
-    """Starts servers: `live(text, speed=..)` on a scenario's text; keyword arguments of `Live` and `save_to`."""
+    """Starts servers: `live(text, speed=..)` on a scenario's text; `ahead` is simulated before the page opens (s)."""
     started: list[Live] = []
 
     def start(
@@ -120,11 +120,14 @@ def live(scenario: Callable[[str], Scenario], tmp_path: Path) -> Iterator[Callab
         speed: float | None = 20.0,
         stage: Stage | None = None,
         paused: bool = False,
+        ahead: float = 0.0,
         **others: Any,
     ) -> Live:
         if stage is None:
             session = Session(scenario(text), origin=Origin(map_path("office"), ("turtlebot",)), speed=speed)
-            session.paused = paused
+            while session.time < ahead and not session.is_done:
+                session.step_once()
+            session.pause(paused)
             stage = Stage([session], Options(save_to=tmp_path / "saved"))
         made = Live(stage, **others)
         started.append(made)
@@ -141,8 +144,8 @@ def open_page(browser: Any) -> Iterator[Callable[..., Any]]:
     contexts: list[Any] = []
     problems: list[str] = []
 
-    def open_(live: Live, *, path: str = "", wait: bool = True, **context: Any) -> Any:
-        made = browser.new_context(viewport={"width": 1280, "height": 800}, **context)
+    def open_(live: Live, *, size: tuple[int, int] = (1280, 800), **context: Any) -> Any:
+        made = browser.new_context(viewport={"width": size[0], "height": size[1]}, **context)
         made.set_default_timeout(TIMEOUT_MS)
         contexts.append(made)
         page = made.new_page()
@@ -151,9 +154,8 @@ def open_page(browser: Any) -> Iterator[Callable[..., Any]]:
         origin = live.address.split("?")[0]
         allowed = (origin, "data:", "blob:", origin.replace("http", "ws", 1))
         page.on("request", lambda r: None if r.url.startswith(allowed) else problems.append(f"request: {r.url}"))
-        page.goto(live.address + path)
-        if wait:
-            page.wait_for_function("() => window.navstack?.store.main?.pose && window.navstack.scene.frames > 0")
+        page.goto(live.address)
+        page.wait_for_function("() => window.navstack?.store.main?.pose && window.navstack.scene.frames > 0")
         page.problems = problems
         return page
 

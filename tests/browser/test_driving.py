@@ -58,16 +58,20 @@ def test_a_queue_of_three_is_reordered(live: Start, open_page: Open) -> None:
 
 
 def test_a_box_on_the_path_and_the_plan_goes_round(live: Start, open_page: Open) -> None:
-    page = open_page(live("map: office\nstart: [0.8, 7.45, 0.0]\ngoals: [[8.0, 7.45, 0.0]]\n", speed=2.0))
+    page = open_page(
+        live("map: office\nstart: [0.8, 7.45, 0.0]\ngoals: [[8.0, 7.45, 0.0]]\n", speed=2.0, paused=True, ahead=1.0)
+    )
     wait_until(page, "side.plans.length > 0")
     page.click("#tool-box")
     drag(page, (4.25, 7.0), (4.65, 7.4))
     wait_until(page, "side.shapes.length === 1")
     first = value(page, "side.plans.at(-1)[0]")
+    page.click("#play")
     wait_until(page, f"side.plans.at(-1)[0] > {first} + 2")
     nearest = """side.plans.at(-1)[1].reduce((best, x, i, p) => i % 2 ? best
         : Math.min(best, Math.hypot(x - 4.45, p[i + 1] - 7.2)), 99)"""
     assert value(page, nearest) > 0.35
+    page.select_option("#speed", "max")
     wait_until(page, "side.goals.ended.length === 1")
     assert value(page, "side.goals.ended[0].state") == "SUCCEEDED"
     assert value(page, "side.collisions") == 0
@@ -90,11 +94,8 @@ def test_an_obstacle_is_moved_and_removed(live: Start, open_page: Open) -> None:
 
 
 def test_a_slider_changes_the_very_next_control_cycle(live: Start, open_page: Open) -> None:
-    server = live("map: office\nstart: [0.8, 7.45, 0.0]\ngoals: [[12.0, 7.45, 0.0]]\n")
+    server = live("map: office\nstart: [0.8, 7.45, 0.0]\ngoals: [[12.0, 7.45, 0.0]]\n", paused=True, ahead=4.0)
     page = open_page(server)
-    wait_until(page, "side.t > 4")
-    page.click("#play")
-    wait_until(page, "side.paused")
     page.click("#show-parameters")
     page.fill("#parameter-search", "max_vel_x")
     slider = page.locator('[data-name="DWAPlannerROS/max_vel_x"] input[type="range"]')
@@ -109,8 +110,7 @@ def test_a_slider_changes_the_very_next_control_cycle(live: Start, open_page: Op
 
 
 def test_pause_step_rewind_five_seconds_and_go_on(live: Start, open_page: Open) -> None:
-    page = open_page(live("map: office\nstart: [0.8, 7.45, 0.0]\ngoals: [[10.0, 7.45, 0.0]]\n"))
-    wait_until(page, "side.t > 8")
+    page = open_page(live("map: office\nstart: [0.8, 7.45, 0.0]\ngoals: [[20.0, 7.45, 0.0]]\n", speed=1.0, ahead=8.0))
     page.keyboard.press("Space")
     wait_until(page, "side.paused")
     before = value(page, "side.t")
@@ -120,6 +120,7 @@ def test_pause_step_rewind_five_seconds_and_go_on(live: Start, open_page: Open) 
     page.click("#back")
     wait_until(page, f"!side.seeking && Math.abs(side.t - ({now} - 5)) < 0.3")
     assert value(page, "side.end") == now
+    page.select_option("#speed", "10")
     page.click("#play")
     wait_until(page, f"side.t > {now} + 1")
 

@@ -142,6 +142,7 @@ class App {
   togglePanel() {
     const hidden = document.body.classList.toggle('no-panel');
     $('sheet-button').setAttribute('aria-expanded', String(!hidden));
+    this.changed();
   }
 
   help() { helpText($('help')); $('help').showModal(); }

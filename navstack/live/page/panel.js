@@ -32,6 +32,7 @@ export class Panel {
       $(`show-${other}`).tabIndex = other === name ? 0 : -1;
     }
     if (name === 'parameters') this.app.parameters.load();
+    this.app.changed();
   }
 
   buildRobot() {
@@ -135,7 +136,7 @@ export class Why {
     }
   }
 
-  cell(x, y, costmap) { return this.ask({ type: 'explain_cell', x, y, costmap }, `Why this cost? (${costmap} costmap)`, [x, y, 0]); }
+  cell(u, v, costmap) { const [x, y] = [u, v].map((value) => Math.round(value * 100) / 100); return this.ask({ type: 'explain_cell', x, y, costmap }, `Why this cost? (${costmap} costmap)`, [x, y, 0]); }
   command(time) { return this.ask({ type: 'explain_command', time: time === null ? null : Math.max(0, time) }, 'Why this command?'); }
   sample(sample, time) { return this.ask({ type: 'explain_command', time, sample }, 'Why (not) this trajectory?'); }
   goal(number) { return this.ask({ type: 'explain_goal', number }, 'What happened to this goal?'); }

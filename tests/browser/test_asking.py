@@ -1,0 +1,261 @@
+"""Why, saving, two parameter sets, runs, several pages, other devices."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from navstack.live.session import Session
+from navstack.live.stage import Options, Stage
+from navstack.parameters.configuration import load_configuration
+from navstack.scenario import Scenario, load_scenario, run_scenario
+from tests.browser.conftest import CORRIDOR, Live, at, drag, value, wait_until
+
+Start = Callable[..., Live]
+Open = Callable[..., Any]
+Load = Callable[..., Scenario]
+
+EMPTY = "map: office\nstart: [0.8, 7.45, 0.0]\ngoals: []\ninteractions: []\n"
+
+
+def answer(page: Any) -> str:
+    """The text of the tab Why, once it is there."""
+    page.wait_for_function(
+        "() => { const a = document.getElementById('answer'); return a && !a.textContent.startsWith('simulating'); }"
+    )
+    return "\n".join(line.rstrip() for line in page.locator("#answer").inner_text().splitlines()).strip()
+
+
+def command_line(*arguments: str) -> str:
+    """Output of a command in a terminal of 100 columns."""
+    done = subprocess.run(
+        [sys.executable, "-m", "navstack", *arguments],
+        env={**os.environ, "COLUMNS": "100"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return "\n".join(line.rstrip() for line in done.stdout.splitlines()).strip()
+
+
+def saved_run(page: Any, server: Live) -> str:
+    """Saves the session's record; returns its folder."""
+    assert page.evaluate(
+        "() => window.navstack.connection.request({ type: 'save', what: 'run', name: 'run' }).then((a) => a.ok)"
+    )
+    return str(server.stage.options.save_to / "run")  # type: ignore[operator]
+
+
+def test_the_explanations_are_those_of_the_command_line(live: Start, open_page: Open) -> None:
+    server = live(CORRIDOR, paused=True, ahead=60.0)  # to the end
+    page = open_page(server)
+    folder = saved_run(page, server)
+    page.click("#show-layers")
+    page.uncheck("#layer-local")
+    page.mouse.click(*at(page, 3.5, 8.4))
+    x, y, _ = page.evaluate("() => document.getElementById('pose-text').textContent.split(',').map(Number)")
+    shown = answer(page)
+    wanted = command_line("explain", "cell", folder, "--at", f"{x},{y}")
+    assert shown.splitlines()[1:] == wanted.splitlines()[1:] and shown.startswith("global_costmap at")
+
+    time = round(server.session.time / 2, 3)
+    page.evaluate(f"() => {{ window.navstack.why.command({time}); }}")
+    assert answer(page) == command_line("explain", "command", folder, "--time", str(time))
+
+    page.click("#show-goals")
+    page.locator("#ended").get_by_label("What happened to this goal").click()
+    assert answer(page) == command_line("explain", "goal", folder, "--goal", "1")
+
+
+def test_a_trajectory_and_a_chart_say_why(live: Start, open_page: Open) -> None:
+    page = open_page(live("map: office\nstart: [0.8, 7.45, 0.0]\ngoals: [[20.0, 7.45, 0.0]]\n", paused=True, ahead=6.0))
+    page.click("#show-layers")
+    page.check("#layer-trajectories")
+    wait_until(page, "side.trajectories && side.trajectories.rows > 10")
+    page.evaluate(
+        "() => { const n = window.navstack; [n.camera.x, n.camera.y] = n.store.main.pose; n.camera.scale = 300; }"
+    )
+    target = page.evaluate(
+        """() => { const side = window.navstack.store.main, t = side.trajectories, i = 2 * (2 * t.points - 1);
+        const [ox, oy, a] = side.odom, x = t.origin[0] + t.xy[i] / 100, y = t.origin[1] + t.xy[i + 1] / 100;
+        return [ox + Math.cos(a) * x - Math.sin(a) * y, oy + Math.sin(a) * x + Math.cos(a) * y]; }"""
+    )
+    page.mouse.click(*at(page, *target))
+    assert answer(page).startswith("trajectory ")
+    page.click("#show-robot")
+    box = page.locator(".chart").first.bounding_box()
+    page.mouse.click(box["x"] + box["width"] * 0.12, box["y"] + 50)
+    assert "DWAPlanner at" in answer(page)
+
+
+def test_can_the_robot_pass(live: Start, open_page: Open) -> None:
+    page = open_page(live(EMPTY, paused=True))
+    page.click("#tool-passage")
+    page.mouse.click(*at(page, 6.9, 8.4))
+    text = answer(page)
+    assert "passable" in text and "minimum width" in text
+
+
+def test_save_and_drive_again_byte_for_byte(live: Start, open_page: Open, tmp_path: Path) -> None:
+    server = live(CORRIDOR, paused=True, ahead=2.0)
+    page = open_page(server)
+    page.click("#tool-person")
+    drag(page, (6.0, 7.2), (6.0, 8.0))
+    wait_until(page, "side.shapes.length === 1")
+    page.click("#tool-goal")
+    page.mouse.click(*at(page, 3.0, 7.6))
+    wait_until(page, "side.goals.under_way.length === 2 || side.interactions.length === 2")
+    page.select_option("#speed", "max")
+    page.click("#play")
+    wait_until(page, "side.done")
+    page.keyboard.press("s")
+    page.fill("#save-name", "my session")
+    page.click("#save-do")
+    page.locator(".toast", has_text="saved").wait_for()
+    folder = saved_run(page, server)
+    again = run_scenario(load_scenario(tmp_path / "saved" / "my session.yaml")).recorder
+    same = run_scenario(load_scenario(tmp_path / "saved" / "run.yaml")).recorder
+    assert again is not None and same is not None
+    mine = Path(folder, "run.npz").read_bytes()
+    assert same.save(tmp_path / "again")["record"].read_bytes() == mine
+    same.set_scenario({})
+    again.set_scenario({})
+    first, second = same.save(tmp_path / "a")["record"], again.save(tmp_path / "b")["record"]
+    assert first.read_bytes() == second.read_bytes()
+
+
+def test_two_parameter_sets_in_one_world(live: Start, open_page: Open, scenario: Load) -> None:
+    base = scenario(CORRIDOR)
+    slow = load_configuration(
+        ["turtlebot"], overrides=["DWAPlannerROS/max_vel_x=0.3", "DWAPlannerROS/max_vel_trans=0.3"]
+    )
+    sessions = [Session(base, speed=20.0), Session(replace(base, configuration=slow), speed=20.0)]
+    page = open_page(live(stage=Stage(sessions, Options(labels=("turtlebot", "slow")))))
+    wait_until(page, "window.navstack.store.sides.every((s) => s.done)")
+    rows = page.locator("#versus tr")
+    assert rows.count() == 4
+    assert "slow" in rows.nth(2).inner_text() and "+" in rows.nth(3).inner_text()
+    page.click("#tool-goal")
+    page.mouse.click(*at(page, 3.0, 7.4))
+    wait_until(page, "window.navstack.store.sides.every((s) => s.goals.ended.length === 2)")
+
+
+def test_a_recorded_run_has_a_time_line(live: Start, open_page: Open, scenario: Load) -> None:
+    session = Session(scenario(CORRIDOR))
+    session.end = 12.0
+    session.pause(True)
+    page = open_page(live(stage=Stage([session], Options(fixed=True))))
+    assert page.locator("#tool-goal").is_disabled()
+    page.locator("#timeline").fill("6")
+    wait_until(page, "!side.seeking && Math.abs(side.t - 6) < 0.3")
+    page.locator("#timeline").fill("2")
+    wait_until(page, "!side.seeking && Math.abs(side.t - 2) < 0.3")
+    page.evaluate("() => { window.navstack.act({ type: 'cancel' }); }")
+    page.locator(".toast.error", has_text="recorded run").wait_for()
+
+
+def test_two_pages_share_a_session(live: Start, open_page: Open) -> None:
+    server = live(EMPTY, paused=True)
+    first, second = open_page(server), open_page(server)
+    first.click("#tool-disc")
+    first.mouse.click(*at(first, 3.0, 7.4))
+    wait_until(second, "side.shapes.length === 1")
+    second.keyboard.press("Space")
+    wait_until(first, "!side.paused")
+
+
+def test_the_page_connects_again_after_a_restart_of_the_server(live: Start, open_page: Open) -> None:
+    server = live(EMPTY, paused=True)
+    page = open_page(server)
+    port = server.port
+    server.stop()
+    page.locator("#link", has_text="connection lost, trying again").wait_for()
+    live(CORRIDOR, paused=True, port=port)
+    page.locator("#link", has_text="connected").wait_for()
+    wait_until(page, "side.goals.waiting.length === 1")
+    # the lost connection itself is an error on the console
+    page.problems[:] = [p for p in page.problems if "WebSocket" not in p and "Failed to load resource" not in p]
+
+
+def test_a_phone(live: Start, open_page: Open) -> None:
+    page = open_page(live(EMPTY, paused=True), size=(390, 844), has_touch=True)
+    box = page.locator("#scene").bounding_box()
+    assert box["width"] == 390 and box["height"] > 500
+    assert page.evaluate(
+        "() => document.documentElement.scrollWidth <= 390 && document.documentElement.scrollHeight <= 844"
+    )
+    page.tap("#tool-goal")
+    page.touchscreen.tap(*at(page, 3.0, 7.4))
+    wait_until(page, "side.goals.under_way.length === 1")
+    page.tap("#sheet-button")
+    page.tap("#show-goals")
+    page.locator("#queue li", has_text="goal 1").wait_for()
+    for button in page.locator("#tools button").all():
+        size = button.bounding_box()
+        assert size["width"] >= 44 and size["height"] >= 44
+
+
+def test_by_keyboard_alone(live: Start, open_page: Open) -> None:
+    page = open_page(live(EMPTY, paused=True))
+    page.keyboard.press("g")
+    page.focus("#scene")
+    for _ in range(4):
+        page.keyboard.press("Shift+ArrowLeft")
+    page.keyboard.press("ArrowDown")
+    page.keyboard.press("[")
+    page.keyboard.press("Enter")
+    wait_until(page, "side.goals.under_way.length === 1")
+    assert abs(value(page, "side.goals.under_way[0].pose[2]") - 0.2618) < 0.01
+    page.keyboard.press("v")
+    page.keyboard.press("Enter")
+    assert answer(page)
+    page.keyboard.press("?")
+    page.locator("#help[open]").wait_for()
+    page.keyboard.press("Escape")
+    page.keyboard.press("Tab")
+    assert page.evaluate("() => document.activeElement !== document.body")
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_light_and_dark(live: Start, open_page: Open, scheme: str) -> None:
+    page = open_page(live(EMPTY, paused=True), color_scheme=scheme)
+    wall = page.evaluate("() => window.navstack.theme.mapWall")
+    background = page.evaluate("() => getComputedStyle(document.body).backgroundColor")
+    assert wall == ("#22262e" if scheme == "light" else "#e3e7ee")
+    assert background == ("rgb(244, 245, 247)" if scheme == "light" else "rgb(20, 22, 26)")
+
+
+def test_a_viewer_can_look_only(live: Start, open_page: Open) -> None:
+    page = open_page(live(EMPTY, paused=True, read_only=True))
+    assert page.locator("#tool-goal").is_disabled() and page.locator("#play").is_disabled()
+    page.mouse.click(*at(page, 3.0, 7.4))
+    assert "costmap" in answer(page)
+
+
+def test_parameters_show_their_changes(live: Start, open_page: Open) -> None:
+    page = open_page(live(CORRIDOR, paused=True, ahead=2.0))
+    page.click("#show-parameters")
+    page.fill("#parameter-search", "inflation_radius")
+    row = page.locator('[data-name="local_costmap/inflation_layer/inflation_radius"]')
+    row.locator('input[type="number"]').fill("0.8")
+    page.keyboard.press("Enter")
+    page.locator('[data-name="local_costmap/inflation_layer/inflation_radius"].changed').wait_for()
+    page.click("#diff")
+    assert "+" in answer(page) and "0.8" in answer(page)
+
+
+def test_a_browser_without_what_is_needed_gets_one_sentence(live: Start, browser: Any) -> None:
+    context = browser.new_context()
+    page = context.new_page()
+    page.add_init_script("delete window.DecompressionStream")
+    page.goto(live(EMPTY, paused=True).address)
+    sentence = page.locator("#unsupported")
+    assert sentence.is_visible() and sentence.inner_text().startswith("This page needs a browser")
+    context.close()
