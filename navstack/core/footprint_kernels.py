@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from navstack.core.jit import kernel
-from navstack.core.line_kernels import line_next, line_start
+from navstack.core.line_kernels import FIXED
 
 OUTSIDE = 256
 """Cost of a footprint with a corner outside the grid."""
@@ -92,12 +92,24 @@ def long_edge_cost(flat, nx, cells):
     x0, y0 = np.int64(cells[0, number - 1]), np.int64(cells[1, number - 1])
     for j in range(number):
         x1, y1 = np.int64(cells[0, j]), np.int64(cells[1, j])
-        if max(abs(x1 - x0), abs(y1 - y0)) > 2:
-            line = line_start(x0, y0, x1, y1, nx)
-            cell, error = y0 * nx + x0, line[0] // 2
-            for _ in range(line[0] - 1):
-                cell, error = line_next(cell, error, line)
-                highest = max(highest, flat[cell])
+        dx, dy = x1 - x0, y1 - y0
+        long_x, long_y = abs(dx), abs(dy)
+        along_x = long_x >= long_y
+        steps = long_x if along_x else long_y
+        if steps > 2:
+            # the cell after i steps is (steps // 2 + i * add) // steps cells along the minor axis; as in `clear_line`, the
+            # slope in fixed point makes the cells independent of each other
+            step_x = 1 if dx > 0 else -1
+            step_y = nx if dy > 0 else -nx
+            major, minor = (step_x, step_y) if along_x else (step_y, step_x)
+            scale = (1 << FIXED) / steps
+            slope = np.int64((long_y if along_x else long_x) * scale) + 1
+            at = np.int64((steps // 2) * scale) + 1
+            cell = y0 * nx + x0
+            for _ in range(np.uint64(steps - 1)):
+                cell += major
+                at += slope
+                highest = max(highest, flat[np.uint64(cell + (at >> FIXED) * minor)])
         x0, y0 = x1, y1
     return highest
 
@@ -105,15 +117,21 @@ def long_edge_cost(flat, nx, cells):
 @kernel
 def overlaps_cell(placed, ix, iy):
     """Return True if the polygon `placed` (2, n), in cells, and the cell have more in common than their borders."""
-    left, right = ix + BORDER, ix + 1.0 - BORDER
-    low, high = iy + BORDER, iy + 1.0 - BORDER
+    return overlaps_box(placed, ix, iy, ix + 1.0, iy + 1.0)
+
+
+@kernel
+def overlaps_box(placed, x0, y0, x1, y1):
+    """Return True if the polygon `placed` (2, n) and the box x0 <= x <= x1, y0 <= y <= y1 have more in common than borders."""
+    left, right = x0 + BORDER, x1 - BORDER
+    low, high = y0 + BORDER, y1 - BORDER
     n = placed.shape[1]
-    level, centre = iy + 0.5, ix + 0.5
+    level, centre = 0.5 * (y0 + y1), 0.5 * (x0 + x1)
     inside = False
     px, py = placed[0, n - 1], placed[1, n - 1]
     for i in range(n):
         qx, qy = placed[0, i], placed[1, i]
-        # clip the edge to the rows, then to the columns of the cell
+        # clip the edge to the rows, then to the columns of the box
         if min(py, qy) < high and max(py, qy) > low and min(px, qx) < right and max(px, qx) > left:
             begin, end = 0.0, 1.0
             dx, dy = qx - px, qy - py
@@ -125,7 +143,7 @@ def overlaps_cell(placed, ix, iy):
                 begin, end = max(begin, min(a, b)), min(end, max(a, b))
             if begin < end:
                 return True
-        # no edge in the cell: it is inside if an odd number of edges cross its row to the left of its centre
+        # no edge in the box: it is inside if an odd number of edges cross its row to the left of its centre
         if (py > level) != (qy > level) and centre > px + (level - py) / (qy - py) * (qx - px):
             inside = not inside
         px, py = qx, qy

@@ -15,7 +15,7 @@ from navstack.core.errors import ControlError, InvalidPathError, NoValidControlE
 from navstack.interfaces import ControlInput, LocalPlan, LocalPlanner, Rollouts, ScoringContext
 from navstack.local_planner import DWAParams, DWAPlanner
 from navstack.local_planner.critics import ObstacleCritic
-from navstack.local_planner.critics._kernels import highest_around
+from navstack.local_planner.critics._bound_kernels import highest_around
 from navstack.local_planner.critics._map_grid_critic import MapGridCritic
 from navstack.local_planner.critics.obstacle import first_lethal_cell
 from navstack.local_planner.dwa.fused_scoring import FusedScorer

@@ -12,6 +12,7 @@ from navstack.core import LETHAL, Costmap, Footprint, Pose2D, describe_cost
 from navstack.core.footprint_kernels import overlaps_cell
 from navstack.core.parameters import ParamModel, param
 from navstack.interfaces import Critic, RejectionDetail, Rollouts, ScoringContext
+from navstack.local_planner.critics._bound_kernels import BOUND_GRIDS
 from navstack.local_planner.critics._kernels import obstacle_scores
 from navstack.local_planner.critics._weights import RosDistro, obstacle_weight
 from navstack.local_planner.rollouts import shared_cells
@@ -57,7 +58,7 @@ class ObstacleCritic(Critic):
         self._scale = params.occdist_scale
         self._context: ScoringContext | None = None
         self._rollouts: Rollouts | None = None
-        self._bounds = np.empty((3, 0, 0), np.uint8)
+        self._bounds = np.empty((BOUND_GRIDS, 0, 0), np.uint8)
         self._out = np.empty(0)
         self.first_collision: NDArray[np.int64] = np.empty(0, np.int64)
         """(K,) index of the first point in collision, -1 without; of the last scored cycle."""
@@ -77,7 +78,7 @@ class ObstacleCritic(Critic):
         self._context = context
         self._scale = self.weight(context)
         if self._bounds.shape[1:] != context.costmap.data.shape:
-            self._bounds = np.empty((3, *context.costmap.data.shape), np.uint8)
+            self._bounds = np.empty((BOUND_GRIDS, *context.costmap.data.shape), np.uint8)
 
     def settings(self, context: ScoringContext) -> NDArray[Any]:
         """(1,) of OBSTACLE_SETTINGS."""

@@ -22,6 +22,7 @@ from navstack.local_planner.critics import (
     PathCritic,
     TwirlingCritic,
 )
+from navstack.local_planner.critics._bound_kernels import BOUND_GRIDS
 from navstack.local_planner.critics.obstacle import OBSTACLE_SETTINGS
 from navstack.local_planner.dwa._fused_scoring_kernels import (
     CRITICS,
@@ -87,7 +88,7 @@ class FusedScorer:
         self._cycle = np.zeros(1, CYCLE)
         self._cells = np.empty(0, np.int32)
         self._grids = np.empty((3, 0), np.int32)
-        self._bounds = np.empty((3, 0, 0), np.uint8)
+        self._bounds = np.empty((BOUND_GRIDS, 0, 0), np.uint8)
         self._first_collision = np.empty(0, np.int64)
         self._unpublished: tuple[ScoringContext, Rollouts, NDArray[np.float64]] | None = None
 
@@ -190,7 +191,7 @@ class FusedScorer:
         ny, nx = context.costmap.data.shape
         if self._bounds.shape[1:] != (ny, nx):
             self._grids = np.empty((3, storage_size(nx, ny)), np.int32)
-            self._bounds = np.empty((3, ny, nx), np.uint8)
+            self._bounds = np.empty((BOUND_GRIDS, ny, nx), np.uint8)
         if len(self._cells) < 2 * k * t + 4 * (k + 1):
             self._cells = np.empty(2 * k * t + 4 * (k + 1), np.int32)
         if len(self._first_collision) != k:

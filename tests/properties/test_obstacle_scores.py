@@ -1,0 +1,66 @@
+"""The obstacle critic leaves out what cannot change a score: its scores are those of every point on its own."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from navstack.core import Costmap, Footprint, GridGeometry, Pose2D, RobotState
+from navstack.core.collision import footprint_cost, overlaps_obstacle
+from navstack.interfaces import Rollouts, ScoringContext
+from navstack.local_planner import DWAParams, DWAPlanner
+from navstack.local_planner.critics import ObstacleCritic
+from navstack.local_planner.critics.obstacle import ObstacleParams
+
+FOOTPRINTS = [
+    Footprint.from_radius(0.25, 0.01),
+    Footprint(np.array([[0.3, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.3, -0.2]])),
+    Footprint(np.array([[0.5, 0.0], [-0.3, 0.25], [-0.1, 0.0], [-0.3, -0.25]])),
+]
+LIMITS = DWAPlanner(DWAParams(max_vel_trans=0.5)).limits
+
+
+@settings(deadline=None, max_examples=60, derandomize=True)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    resolution=st.sampled_from([0.02, 0.03, 0.06]),
+    lethal=st.sampled_from([0.0, 0.0005, 0.01]),
+    sums=st.booleans(),
+    speed=st.sampled_from([0.1, 0.5]),
+    footprint=st.sampled_from(FOOTPRINTS),
+)
+def test_obstacle_scores_equal_those_of_every_point_on_its_own(
+    seed: int, resolution: float, lethal: float, sums: bool, speed: float, footprint: Footprint
+) -> None:
+    """The kernel leaves out points, edges and squares that cannot change the score; fine maps have parts of each kind."""
+    rng = np.random.default_rng(seed)
+    g = GridGeometry(90, 80, resolution, -1.0, 0.5)
+    costs = (rng.random((g.ny, g.nx)) ** 6 * 100.0).astype(np.uint8)
+    costs += (np.arange(g.nx) * rng.uniform(0.0, 1.7)).astype(np.uint8)
+    costs[rng.random(costs.shape) < lethal] = 254
+    costs[rng.random(costs.shape) < 0.1 * lethal] = 255
+    costmap = Costmap(g, costs, "odom")
+    points = rng.uniform(-0.02, 1.02, (10, 1, 3)) * (g.width_m, g.height_m, 6.0) + (g.origin_x, g.origin_y, 0.0)
+    points = points + np.linspace(0.0, 1.0, 12)[:, None] * rng.uniform(-0.3, 0.3, (10, 1, 3))
+    rollouts = Rollouts(np.tile((speed, 0.0, 0.0), (10, 1)), points, rng.integers(1, 13, 10))
+    params = ObstacleParams(sum_scores=sums, scaling_speed=0.25, max_scaling_factor=0.2)
+    critic = ObstacleCritic("obstacle", params)
+    state = RobotState(Pose2D(0.0, 1.0))
+    critic.prepare(ScoringContext(state, costmap, footprint, np.zeros((1, 3)), Pose2D(0.0, 0.0), LIMITS))
+    scores = critic.score(rollouts)
+    grown = Footprint(footprint.vertices * critic.footprint_scale(speed, 0.5))
+    for k, number in enumerate(rollouts.counts.tolist()):
+        poses_ = [Pose2D(*point) for point in points[k, :number].tolist()]
+        found = [point_cost(costmap, grown, pose) for pose in poses_]
+        hits = [i for i, cost in enumerate(found) if cost >= 254]
+        assert critic.first_collision[k] == (hits[0] if hits else -1)
+        assert scores[k] == (-6.0 if hits else sum(found) if sums else max(found))
+
+
+def point_cost(costmap: Costmap, footprint: Footprint, pose: Pose2D) -> int:
+    """Cost of one point of a rollout: edges, centre, overlapped lethal cells; 256 off the map."""
+    centre, edges = costmap.cost_at(*pose[:2]), footprint_cost(costmap, footprint, pose, interior=False)
+    if centre is None or edges is None:
+        return 256
+    return 254 if overlaps_obstacle(costmap, footprint, pose) else max(edges, centre) if edges < 254 else edges
