@@ -13,6 +13,7 @@ from navstack.core import Path, Pose2D, RobotState, Transform2D, Twist2D
 from navstack.core.errors import NavError
 from navstack.core.parameters import ParamModel
 from navstack.interfaces import LocalPlan, Motion, RecoveryContext, RecoveryStatus, RecoveryStep
+from navstack.kinematics import WheelDrive
 from navstack.motion.errors import MotionCollisionError, MotionTimeoutError
 from navstack.motion.obstacles import Obstacle, first_obstacle
 from navstack.motion.ramp import Ramp
@@ -41,6 +42,10 @@ class BasicMotion(Motion):
         """`odom` or `map`: the frame in which poses are measured."""
         self.min_turning_radius = 0.0
         """m; 0 for a base that can turn in place."""
+        self.drive: WheelDrive | None = None
+        """The wheels, if their speed is limited."""
+        self.max_wheel_speed = math.inf
+        """m/s at the rim."""
         self._context: RecoveryContext | None = None
         self._ramp = Ramp(math.inf, math.inf)
         self._started_at = 0.0
@@ -91,6 +96,8 @@ class BasicMotion(Motion):
             min(_limit(limits.acc_lim_x), p.acc_lim_x or math.inf),
             min(_limit(limits.acc_lim_theta), p.acc_lim_theta or math.inf),
             self.min_turning_radius,
+            self.drive,
+            self.max_wheel_speed,
         )
 
     def start(self, context: RecoveryContext, now: float) -> None:

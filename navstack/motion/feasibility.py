@@ -83,13 +83,8 @@ def demands_of(trajectory: Trajectory) -> Demands:
     return Demands(t, speed, turn_rate, _rate(t, speed), _rate(t, turn_rate), curvature)
 
 
-def violations(
-    trajectory: Trajectory, limits: MotionLimits, *, drive: WheelDrive | None = None, max_wheel_speed: float = math.inf
-) -> tuple[Violation, ...]:
-    """Return every limit that the trajectory breaks, with the time at which it first does; the first one first.
-
-    With `drive`, also wheels that would have to exceed `max_wheel_speed` (m/s at the rim).
-    """
+def violations(trajectory: Trajectory, limits: MotionLimits) -> tuple[Violation, ...]:
+    """Return every limit that the trajectory breaks, with the time at which it first does; the first one first."""
     d = demands_of(trajectory)
     bend = 1.0 / limits.min_turning_radius if limits.min_turning_radius > 0.0 else math.inf
     checks = [
@@ -99,9 +94,9 @@ def violations(
         ("turn acceleration", "rad/s²", d.turn_acceleration, limits.max_turn_acceleration),
         ("curvature", "1/m", d.curvature, bend),
     ]
-    if drive is not None:
-        rims = np.outer(drive.matrix[:, 0], d.speed) + np.outer(drive.matrix[:, 2], d.turn_rate)
-        checks += [(f"wheel {name}", "m/s", rim, max_wheel_speed) for name, rim in zip(drive.names, rims)]
+    if limits.drive is not None:
+        rims = _rims(limits.drive, d)
+        checks += [(f"wheel {name}", "m/s", rim, limits.max_wheel_speed) for name, rim in zip(limits.drive.names, rims)]
     found: list[Violation] = []
     for quantity, unit, values, limit in checks:
         size = np.abs(values)
@@ -176,7 +171,14 @@ def _time_factor(trajectory: Trajectory, limits: MotionLimits) -> float | None:
         math.sqrt(np.abs(d.acceleration).max() / limits.max_acceleration),
         math.sqrt(np.abs(d.turn_acceleration).max() / limits.max_turn_acceleration),
     ]
+    if limits.drive is not None:
+        ratios.append(np.abs(_rims(limits.drive, d)).max() / limits.max_wheel_speed)
     return max(1e-6, *(float(r) for r in ratios))
+
+
+def _rims(drive: WheelDrive, demands: Demands) -> FloatArray:
+    """Return the velocities (n, m) of the rims of n wheels (m/s)."""
+    return np.outer(drive.matrix[:, 0], demands.speed) + np.outer(drive.matrix[:, 2], demands.turn_rate)
 
 
 def _rate(t: FloatArray, values: FloatArray) -> FloatArray:

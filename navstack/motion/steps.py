@@ -17,6 +17,7 @@ from navstack.core import Pose2D, normalize_angle
 from navstack.core.bounded_reading import short_repr
 from navstack.core.parameters import ParamModel, param
 from navstack.interfaces import Motion
+from navstack.kinematics import WheelDrive
 from navstack.motion.base import BasicMotion
 from navstack.motion.drive_to_pose import DriveToPose
 from navstack.motion.errors import InvalidMotionError, InvalidTrajectoryError
@@ -199,8 +200,17 @@ def step_text(step: Step) -> str:
             return step.place or f"{', '.join(f'{v:g}' for v in step.goto)}"
 
 
-def motion_of(step: Step, params: MotionParams, *, turning_radius: float = 0.0) -> Motion:
+def motion_of(
+    step: Step,
+    params: MotionParams,
+    *,
+    turning_radius: float = 0.0,
+    drive: WheelDrive | None = None,
+    max_wheel_speed: float = math.inf,
+) -> Motion:
     """Return the motion of a step. `turning_radius` (m) is that of a base that cannot turn in place.
+
+    `drive` are its wheels and `max_wheel_speed` their limit (m/s at the rim), which trajectories must keep.
 
     Raises InvalidMotionError for a step that this base cannot do, and for a goto, which is a goal.
     """
@@ -211,6 +221,7 @@ def motion_of(step: Step, params: MotionParams, *, turning_radius: float = 0.0) 
     motion = _motion(step, params)
     if isinstance(motion, BasicMotion):
         motion.min_turning_radius = turning_radius
+        motion.drive, motion.max_wheel_speed = drive, max_wheel_speed
     return motion
 
 

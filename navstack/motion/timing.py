@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from navstack.core import Path
+from navstack.kinematics import WheelDrive
 from navstack.motion.errors import InfeasibleTrajectoryError, InvalidTrajectoryError
 from navstack.motion.trajectory import FloatArray, Trajectory
 
@@ -34,6 +35,10 @@ class MotionLimits:
     """rad/s²."""
     min_turning_radius: float = 0.0
     """m."""
+    drive: WheelDrive | None = None
+    """The wheels, if their speed is limited."""
+    max_wheel_speed: float = math.inf
+    """m/s at the rim."""
 
 
 def from_path(

@@ -26,6 +26,7 @@ from navstack.scenario.recording import new_recorder, record_tick
 from navstack.scenario.scenario import Scenario
 from navstack.scenario.success import SuccessConditions
 from navstack.scenario.warnings import WarningCollector
+from navstack.sim.body import wheel_drive
 
 WARM_UP_S = 1.0
 """Simulated seconds of a warm-up run: enough for every stage of driving and of arriving to run once."""
@@ -261,7 +262,14 @@ class Run:
 
     def _make_motion(self, step: Step) -> Motion:
         navstack = self.interventions.configuration.navstack
-        return motion_of(step, navstack.motion, turning_radius=navstack.sim.turning_radius)
+        sim, fastest = navstack.sim, navstack.sim.wheels.max_speed
+        return motion_of(
+            step,
+            navstack.motion,
+            turning_radius=sim.turning_radius,
+            drive=None if fastest is None else wheel_drive(sim),
+            max_wheel_speed=math.inf if fastest is None else fastest * sim.wheels.radius,
+        )
 
     def _finish(self) -> None:
         if not self.done:

@@ -264,9 +264,10 @@ def test_curvature_and_wheels_are_checked() -> None:
     assert found.value == pytest.approx(2.0, rel=1e-3)
     assert slowest_factor(circle, MotionLimits(min_turning_radius=0.6)) is None
     drive = DifferentialDrive(0.3)
-    (found,) = violations(circle, MotionLimits(), drive=drive, max_wheel_speed=0.25)
+    (found,) = violations(circle, MotionLimits(drive=drive, max_wheel_speed=0.25))
     assert (found.quantity, found.value) == ("wheel right", pytest.approx(0.2 + 0.4 * 0.15, rel=1e-3))
-    assert violations(circle, MotionLimits(), drive=drive, max_wheel_speed=0.27) == ()
+    assert violations(circle, MotionLimits(drive=drive, max_wheel_speed=0.27)) == ()
+    assert slowest_factor(circle, MotionLimits(drive=drive, max_wheel_speed=0.13)) == pytest.approx(2.0, rel=5e-3)
 
 
 def test_an_infeasible_trajectory_says_how_slow_it_must_be() -> None:

@@ -223,6 +223,16 @@ def test_a_car_is_told_that_it_cannot_turn_in_place() -> None:
             Run(scenario(step, overrides=car))
 
 
+def test_a_trajectory_keeps_the_limit_of_the_wheels() -> None:
+    """Wheels of 0.2 m/s at the rim: a shape is fitted to them, and the fastest wheel comes close to its limit."""
+    wheels = ("navstack/sim/wheels/drive=differential", f"navstack/sim/wheels/max_speed={0.2 / 0.035:.6f}")
+    record = run_record(scenario({"follow": "figure_eight", "size": 1.0}, start=ROOM, overrides=wheels))
+    assert record.results[0]["state"] == "SUCCEEDED"
+    vx, wz = record.velocities[:, 0], record.velocities[:, 2]
+    assert (np.abs(vx) + 0.5 * 0.23 * np.abs(wz)).max() == pytest.approx(0.2, abs=0.01)
+    assert record.results[0]["figures"]["error_max_m"] < 0.01
+
+
 def test_a_car_cannot_follow_the_notch_of_a_heart() -> None:
     result = run_scenario(scenario({"follow": "heart"}, start=ROOM, overrides=("navstack/sim/kinematics=ackermann",)))
     assert result.goals[0].error_name == "INFEASIBLE_TRAJECTORY"
