@@ -520,3 +520,17 @@ def test_clamped_controls_are_within_reach() -> None:
     used = optimizer.sampled[0, 1:, :200] + optimizer.controls[1:, 0, None]
     np.testing.assert_allclose(used, optimizer.batch.speeds[0, 1:, :200], atol=1e-6)
     assert np.abs(np.diff(optimizer.batch.speeds[0], axis=0)).max() <= 0.15 + 1e-6
+
+
+def test_its_critics_serve_dwa() -> None:
+    """Listed for DWA, CostCritic rejects rollouts into a wall, and the robot still drives."""
+    listed = [{"name": n, "type": n} for n in ("CostCritic", "PathFollowCritic", "PreferForwardCritic")]
+    tree = {"base_local_planner": "dwa", "DWAPlannerROS": {"critics": [*listed, {"name": "path", "type": "path"}]}}
+    choice = load_configuration(["turtlebot", tree]).local_planner
+    planner: Any = choice.cls(choice.params)
+    goal = Pose2D(1.8, 0.0)
+    planner.set_plan(straight_path(Pose2D(0.0, 0.0), goal), goal)
+    wall = [(0.55, 0.05 * k) for k in range(0, 31)]
+    plan = planner.compute_command(inputs_at(Pose2D(0.0, 0.0), Twist2D(0.3, 0.0, 0.0), wall))
+    assert plan.rejected_by is not None and 0 < (plan.rejected_by == 0).sum() < len(plan.rejected_by)
+    assert plan.command.vx > 0.0

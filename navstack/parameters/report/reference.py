@@ -106,10 +106,12 @@ def _plugin(kind: str, entry: PluginEntry[Any], where: str, listed: set[type[Par
     ros = ", ".join(f"`{a}`" for a in entry.aliases if "/" in a)
     model: type[ParamModel] = entry.cls.Params
     text = _section(f"{kind} {entry.name}", f"{where}{'; type ' + ros if ros else ''}", model)
-    for child in dict.fromkeys(children_of(model).values()):
+    for name, child in children_of(model).items():
         if child not in listed:
             listed.add(child)
-            text += "\n" + _section(f"{kind} {entry.name}: an observation source", f"{where[:-1]}/<source>`", child)
+            of_sources = "observation_sources" in model.model_fields
+            what, space = ("an observation source", "<source>") if of_sources else (f"`{name}`", name)
+            text += "\n" + _section(f"{kind} {entry.name}: {what}", f"{where[:-1]}/{space}`", child)
     return text
 
 
