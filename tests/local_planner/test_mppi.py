@@ -530,7 +530,7 @@ def test_its_critics_serve_dwa() -> None:
     planner: Any = choice.cls(choice.params)
     goal = Pose2D(1.8, 0.0)
     planner.set_plan(straight_path(Pose2D(0.0, 0.0), goal), goal)
-    wall = [(0.55, 0.05 * k) for k in range(0, 31)]
+    wall = [(0.55, 0.05 * k) for k in range(31)]
     plan = planner.compute_command(inputs_at(Pose2D(0.0, 0.0), Twist2D(0.3, 0.0, 0.0), wall))
     assert plan.rejected_by is not None and 0 < (plan.rejected_by == 0).sum() < len(plan.rejected_by)
     assert plan.command.vx > 0.0
