@@ -116,6 +116,7 @@ def build_move_base(
         recoveries=[_recovery(choice) for choice in configuration.recoveries],
         listeners=listeners,
         goal_time_limit_s=configuration.navstack.goal_time_limit or math.inf,
+        stall_timeout_s=configuration.navstack.stall_timeout,
     )
 
 
@@ -173,6 +174,7 @@ def reconfigure(move_base: MoveBase, configuration: Configuration) -> None:
         local_planner=_local_planner(new_local) if _differs(move_base.local_planner, new_local) else None,
     )
     move_base.goal_time_limit_s = configuration.navstack.goal_time_limit or math.inf
+    move_base.stall_timeout_s = configuration.navstack.stall_timeout
     changes = [
         apply_reconfigure(costmap, target.params, target.layers, target.footprint) for costmap, target in costmaps
     ]

@@ -12,6 +12,7 @@ from navstack.move_base.goal import Goal, GoalHandle, GoalResult
 from navstack.move_base.goal_statistics import GoalStatistics
 from navstack.move_base.goal_status import GoalStatus
 from navstack.move_base.progress import OscillationChecker
+from navstack.move_base.stall_check import StallCheck
 from navstack.move_base.states import Outcome
 
 
@@ -39,6 +40,7 @@ class ActiveGoal:
     """Time at which controller_patience started (s)."""
     last_progress: float = 0.0
     """Time at which oscillation_timeout started (s)."""
+    stall: StallCheck = field(default_factory=StallCheck)
     stale_since: float | None = None
     """Time since which the local costmap is stale (s); None while it is current."""
 

@@ -32,6 +32,15 @@ class CommandOutput:
         """What stands between the commands and the robot."""
 
     @property
+    def executed(self) -> Twist2D:
+        """The command that the robot executes for the navigation: after the chain, zero while another source drives it."""
+        if self._chain is None:
+            return self.last
+        step = self._chain.last
+        is_own = step is not None and step.source == self._chain.multiplexer.resolve(NAVIGATION)
+        return step.sent if step is not None and is_own and step.is_sent else ZERO
+
+    @property
     def due(self) -> float:
         """Next time (s) at which `flush` has work; inf without a chain."""
         return math.inf if self._chain is None else self._chain.due

@@ -52,6 +52,8 @@ class ControlCycle:
         self._tracker = PoseTracker(navigation)
         self.progress_checker = navigation.params.make_progress_checker()
         """The progress checker of the parameters, beside oscillation_timeout; None without one."""
+        self.stall_timeout_s = 0.0
+        """Longest time (s) that the robot may stand still although it is commanded to move; 0 for no limit."""
 
     def reset_control_patience(self, now: float) -> None:
         """Restart controller_patience at `now` (s)."""
@@ -64,6 +66,7 @@ class ControlCycle:
         goal = self._navigation.goal
         if goal is not None:
             goal.last_progress = now
+            goal.stall.reset()
         if self.progress_checker is not None:
             self.progress_checker.reset()
 
@@ -149,6 +152,9 @@ class ControlCycle:
             if error is not None:
                 raise error
             assert inputs is not None
+            if self.stall_timeout_s > 0.0:
+                limits = plugin_calls.limits_of(navigation.local_planner)
+                goal.stall.check(inputs.state, self._command.executed, limits, self.stall_timeout_s, now)
             self._send_command(goal, inputs, now)
         except NavError as exc:
             self._report_failure(goal, exc, now)
@@ -161,7 +167,9 @@ class ControlCycle:
         navigation.local_plan = navigation.last_tick.local_plan = local_plan
         goal.statistics.commands += 1
         self._command.send(local_plan.command, now)
-        navigation.apply(NavEvent.COMMAND_FOUND, now)
+        # after a stall, the list of recoveries goes on until the robot has moved
+        if not goal.stall.unproven:
+            navigation.apply(NavEvent.COMMAND_FOUND, now)
 
     def _apply_speed_limit(self, now: float) -> None:
         limiter = self.speed_limiter

@@ -59,12 +59,14 @@ class MoveBase:
         local_update_frequency: float | None = None,
         recovery_time_limit_s: float = 120.0,
         goal_time_limit_s: float = math.inf,
+        stall_timeout_s: float = 0.0,
     ) -> None:
         """Create a goal manager; `planning` defaults to `InlinePlanning` without delay.
 
         The update frequencies (Hz) default to the costmaps' parameters. A recovery behavior that runs longer than
         `recovery_time_limit_s` fails; a goal that runs longer than `goal_time_limit_s` after its acceptance is aborted.
-        ROS differs: C++ has no such limit; without one, a goal can last forever if oscillation_timeout is 0.
+        ROS differs: C++ has no such limit; without one, a goal can last forever if oscillation_timeout is 0. A robot that does
+        not move for `stall_timeout_s` although it is commanded to has no valid control (0: no check).
 
         Raises a ParameterError if the parameters of a recovery behavior do not fit the costmaps.
         """
@@ -91,6 +93,7 @@ class MoveBase:
         self.local_costmap = local_costmap
         self.listeners = events.listeners
         self.goal_time_limit_s = goal_time_limit_s
+        self.stall_timeout_s = stall_timeout_s
 
     # --- update cycle -------------------------------------------------------------------------------------------------
 
@@ -367,6 +370,15 @@ class MoveBase:
     @goal_time_limit_s.setter
     def goal_time_limit_s(self, limit: float) -> None:
         self._parts.goals.time_limit_s = limit
+
+    @property
+    def stall_timeout_s(self) -> float:
+        """Longest time (s) that the robot may stand still although it is commanded to move; 0 for no limit."""
+        return self._control.stall_timeout_s
+
+    @stall_timeout_s.setter
+    def stall_timeout_s(self, timeout: float) -> None:
+        self._control.stall_timeout_s = timeout
 
     def control_input(self, plan: Plan, now: float) -> ControlInput:
         """Return the local planner's input for `plan` at `now` (s), to follow a path without a goal. Raises NavError."""

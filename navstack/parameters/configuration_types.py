@@ -32,6 +32,13 @@ class NavstackParams(ParamModel):
         unit="s",
         ge=0.0,
     )
+    stall_timeout: float = param(
+        2.0,
+        "maximum time that the robot may stand still although it is commanded to move, beyond the time to reach the commanded "
+        "velocity (at most 1 s); then the cycle counts as without a valid command. 0 = no check, as in ROS",
+        unit="s",
+        ge=0.0,
+    )
     sim: SimParams = param(SimParams(), "the simulated robot")
     motion: MotionParams = param(MotionParams(), "motions and teleop")
 

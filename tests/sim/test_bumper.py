@@ -194,8 +194,8 @@ def test_lidars_do_not_see_low_obstacles() -> None:
 # --- end to end -------------------------------------------------------------------------------------------------------
 
 
-def bumped(disc: tuple[float, float, float]) -> tuple[SimulatedRobot, nav.MoveBase, Any, list[Any]]:
-    """The turtlebot drives to office_2 over a low disc; the global costmap's cost of the disc at each second."""
+def bumped(disc: tuple[float, float, float]) -> tuple[SimulatedRobot, float, Any, list[Any]]:
+    """The turtlebot drives to office_2 over a low disc; its longest push (s), and the marks of the disc at each tick."""
     grid = nav.load_map(nav.map_path("office"))
     configuration = nav.load_configuration(["turtlebot"])
     office = nav.load_places("office")
@@ -204,8 +204,14 @@ def bumped(disc: tuple[float, float, float]) -> tuple[SimulatedRobot, nav.MoveBa
     handle = move_base.send_goal(office.goals[0])
     marks: list[Any] = []
     centre = Pose2D(disc[0], disc[1])
+    stands_since, longest = 0.0, 0.0
     while not handle.is_done:
+        before, at = robot.time, robot.pose
         robot.advance_to(move_base.next_due(robot.time))
+        if move_base.command == Twist2D() or robot.pose.distance_to(at) + abs(robot.pose.yaw - at.yaw) > 1e-4:
+            stands_since = robot.time
+        elif robot.time > before:
+            longest = max(longest, robot.time - stands_since)
         move_base.tick(robot.time)
         # never over it: the 16-gon reaches to 0.98 of its radius at least
         assert robot.pose.distance_to(centre) > disc[2] + 0.98 * robot.footprint.inscribed_radius
@@ -223,7 +229,7 @@ def bumped(disc: tuple[float, float, float]) -> tuple[SimulatedRobot, nav.MoveBa
                 if cost == 254 and robot.collisions:
                     explained = costmap.explain_cell(x + dx, y + dy)  # pyright: ignore
                     marks.append((costmap.name, explained.source, explained.stamp, explained.set_by))
-    return robot, move_base, handle, marks
+    return robot, longest, handle, marks
 
 
 ON_THE_WAY = [((6.795, 7.674, 0.115), True), ((5.668, 7.784, 0.046), True), ((4.44, 7.683, 0.037), False)]
@@ -234,9 +240,10 @@ def test_a_turtlebot_marks_obstacles_that_press_its_bumper(disc: tuple[float, fl
     """It collides with the unseen obstacle once or a few times, marks it, and drives around it if there is space.
 
     The turtlebot's YAML lets it drive forwards only, and the mark lies some centimetres beyond what it touches: now and
-    then it pushes against the thing until it gives up, with that reason.
+    then it pushes against the thing, stops after stall_timeout, and gives up, with that reason.
     """
-    robot, _, handle, marks = bumped(disc)
+    robot, push, handle, marks = bumped(disc)
+    assert push <= 3.0 + 0.2  # stall_timeout, up to 1 s to reach the velocity, a control cycle
     assert 1 <= len(robot.collisions) <= 10
     first = robot.collisions[0]
     assert first.kind == "disc"
