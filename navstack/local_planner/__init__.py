@@ -3,6 +3,7 @@
 from navstack.local_planner import goal_checkers, path_handlers, progress_checkers
 from navstack.local_planner.dwa import DWAParams, DWAPlanner
 from navstack.local_planner.mppi import MPPIParams, MPPIPlanner
+from navstack.local_planner.regulated_pure_pursuit import RegulatedPurePursuit, RegulatedPurePursuitParams
 from navstack.local_planner.trajectory_rollout import TrajectoryPlanner, TrajectoryPlannerParams
 
 __all__ = [
@@ -10,6 +11,8 @@ __all__ = [
     "DWAPlanner",
     "MPPIParams",
     "MPPIPlanner",
+    "RegulatedPurePursuit",
+    "RegulatedPurePursuitParams",
     "TrajectoryPlanner",
     "TrajectoryPlannerParams",
     "goal_checkers",

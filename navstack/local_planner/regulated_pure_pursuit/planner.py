@@ -1,0 +1,329 @@
+"""Regulated pure pursuit: nav2_regulated_pure_pursuit_controller::RegulatedPurePursuitController.
+
+S. Macenski et al., "Regulated Pure Pursuit for Robot Path Tracking", 2023. The robot drives the arc through a point of the path
+ahead of it, the carrot: slower in curves, near obstacles and near the goal. It turns in place if the carrot is far off its
+heading, and at the goal.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from navstack.core import Path, Pose2D, Twist2D, angle_between, normalize_angle
+from navstack.core.errors import NoValidControlError
+from navstack.core.parameters import ParamModel
+from navstack.interfaces import LocalPlan, VelocityLimits
+from navstack.local_planner import _carrot_kernels as kernels
+from navstack.local_planner.path_follower import Following, PathFollower, check_speed
+from navstack.local_planner.regulated_pure_pursuit import regulation
+from navstack.local_planner.regulated_pure_pursuit.params import RegulatedPurePursuitParams
+from navstack.local_planner.turning import limited_turning_speed, turning_speed
+from navstack.plugins import LOCAL_PLANNERS
+
+MOST_POSES = 400
+"""Poses of an arc that are checked at most."""
+
+
+class _Carrot(NamedTuple):
+    """A point of the path in the robot's frame (m)."""
+
+    x: float
+    y: float
+
+    @property
+    def distance(self) -> float:
+        return math.hypot(self.x, self.y)
+
+
+@LOCAL_PLANNERS.register(
+    "regulated_pure_pursuit", aliases=("nav2_regulated_pure_pursuit_controller/RegulatedPurePursuitController",)
+)
+class RegulatedPurePursuit(PathFollower):
+    """Follows a path by regulated pure pursuit.
+
+    State between cycles: the plan, the goal checker, the last command. With `as_nav2`, the deliberate differences from Nav2 are
+    off (parity page).
+    """
+
+    Params: ClassVar[type[ParamModel]] = RegulatedPurePursuitParams
+    params: Any
+
+    def __init__(self, params: RegulatedPurePursuitParams, *, as_nav2: bool = False) -> None:
+        super().__init__(params)
+        self.as_nav2 = as_nav2
+        self.carrot: tuple[float, float] | None = None
+        """The point last steered to, in the robot's frame (m)."""
+        self._last: Twist2D | None = None
+        self._poses = np.empty((MOST_POSES, 3))
+        self._grid, self._start = np.empty(3), np.empty(3)
+        self._twist, self._reach, self._point = np.empty(3), np.empty(3), np.empty(3)
+        self.set_limits()
+
+    # --- limits -----------------------------------------------------------------------------------------------------
+
+    @property
+    def limits(self) -> VelocityLimits:
+        """The limits in force."""
+        p = self.params
+        backward = p.allow_reversing and not (p.use_rotate_to_heading and not self.as_nav2)
+        return VelocityLimits(
+            max_vel_x=self._v_max,
+            min_vel_x=-self._v_max if backward else 0.0,
+            max_vel_y=0.0,
+            min_vel_y=0.0,
+            max_vel_trans=self._v_max,
+            min_vel_trans=0.0,
+            max_vel_theta=max(self._w_max, -self._w_min, self._turn_max),
+            min_vel_theta=0.0,
+            acc_lim_x=min(p.max_linear_accel, -p.max_linear_decel),
+            acc_lim_y=0.0,
+            acc_lim_theta=p.max_angular_accel,
+            yaw_goal_tolerance=self.goal_checker.yaw_tolerance,
+        )
+
+    def set_limits(self, *, max_vel_trans: float | None = None, max_vel_theta: float | None = None) -> None:
+        """Lower the speed limits (m/s, rad/s) until the next call; None restores the parameter's value."""
+        check_speed(max_vel_trans=max_vel_trans, max_vel_theta=max_vel_theta)
+        p = self.params
+        turning = math.inf if max_vel_theta is None else max_vel_theta
+        self._v_max = p.max_linear_vel if max_vel_trans is None else min(p.max_linear_vel, max_vel_trans)
+        self._w_max, self._w_min = min(p.max_angular_vel, turning), max(p.min_angular_vel, -turning)
+        self._turn_max = min(p.rotate_to_heading_angular_vel, turning)
+
+    # --- the command ------------------------------------------------------------------------------------------------
+
+    def reset(self) -> None:
+        """Forget the previous goal and the last command."""
+        super().reset()
+        self._last = None
+
+    def arrived(self) -> None:
+        """Start the next goal from rest."""
+        self._last = Twist2D()
+
+    def follow(self, now: Following) -> LocalPlan:
+        """Steer to the carrot, or turn in place. Raises NoValidControlError if the motion collides."""
+        p = self.params
+        if self._last is None:
+            self._last = Twist2D() if self.as_nav2 else now.state.velocity
+        ahead = self._carrot(now, self._lookahead(now), beyond=False)
+        steer = ahead
+        if p.use_fixed_curvature_lookahead:
+            beyond = p.interpolate_curvature_after_goal and (len(now.path.poses) > 1 or self.as_nav2)
+            steer = self._carrot(now, p.curvature_lookahead_dist, beyond=beyond)
+        self.carrot = (steer.x, steer.y)
+        sign = -1.0 if p.allow_reversing and ahead.x < 0.0 else 1.0
+        turn, mode, notes = self._turn(now, steer, sign)
+        if turn is not None:
+            command = self._turning_command(turn, now.state.velocity.wz)
+        else:
+            command, notes = self._arc(now, steer, sign)
+        trajectory = self._check(now, command, ahead, notes)
+        self._last = command
+        return LocalPlan(
+            command,
+            mode,
+            trajectory=trajectory,
+            local_plan=Path(now.path.poses, now.costmap.frame),
+            notes=tuple(notes),
+        )
+
+    def _lookahead(self, now: Following) -> float:
+        p = self.params
+        if not p.use_velocity_scaled_lookahead_dist:
+            return p.lookahead_dist
+        return min(max(abs(now.state.velocity.vx) * p.lookahead_time, p.min_lookahead_dist), p.max_lookahead_dist)
+
+    def _carrot(self, now: Following, distance: float, *, beyond: bool) -> _Carrot:
+        pose, poses = now.state.pose, now.path.poses
+        # ROS differs: Nav2 counts from the first pose of the local path, not from the robot
+        passed = 0.0 if self.as_nav2 else kernels.passed_length(poses, float(pose.x), float(pose.y), -distance)
+        kernels.point_ahead(poses, float(distance + passed), beyond, self._point)
+        dx, dy = float(self._point[0]) - pose.x, float(self._point[1]) - pose.y
+        c, s = math.cos(pose.yaw), math.sin(pose.yaw)
+        return _Carrot(c * dx + s * dy, c * dy - s * dx)
+
+    # --- turning in place -------------------------------------------------------------------------------------------
+
+    def _turn(self, now: Following, steer: _Carrot, sign: float) -> tuple[float | None, str, list[str]]:
+        """The angle (rad) to turn in place by, None to drive; mode and reason."""
+        p = self.params
+        if not p.use_rotate_to_heading:
+            return None, "follow", []
+        if now.at_position:
+            error = angle_between(now.state.pose.yaw, float(now.path.poses[-1, 2]))
+            return error, "rotate_to_goal", [f"at the goal's position, {error:+.2f} rad to its heading: turning in place"]
+        error = math.atan2(steer.y, steer.x)
+        if sign < 0.0:
+            error = normalize_angle(error + math.pi)
+        if abs(error) <= p.rotate_to_heading_min_angle:
+            return None, "follow", []
+        reason = (
+            f"the carrot, {steer.distance:.2f} m ahead, is {error:+.2f} rad off the heading, more than "
+            f"rotate_to_heading_min_angle {p.rotate_to_heading_min_angle:g}: turning in place"
+        )
+        return error, "follow", [reason]
+
+    def _turning_command(self, error: float, measured: float) -> Twist2D:
+        p = self.params
+        assert self._last is not None
+        if self.as_nav2:
+            return Twist2D(0.0, 0.0, turning_speed(error, self._turn_max, p.max_angular_accel, measured, self.period))
+        # ROS differs: from the last command, so that the acceleration holds from command to command
+        speed = limited_turning_speed(error, self._turn_max, p.max_angular_accel, self._last.wz, self.period)
+        if not p.use_dynamic_window:
+            return Twist2D(0.0, 0.0, speed)
+        # ROS differs: brakes first, where Nav2 stops at once
+        slower = -p.max_linear_decel * self.period
+        return Twist2D(math.copysign(max(abs(self._last.vx) - slower, 0.0), self._last.vx), 0.0, speed)
+
+    # --- driving an arc ---------------------------------------------------------------------------------------------
+
+    def _arc(self, now: Following, steer: _Carrot, sign: float) -> tuple[Twist2D, list[str]]:
+        """The command on the arc to the carrot, and what limits it."""
+        p = self.params
+        curvature = regulation.curvature_to(steer.x, steer.y)
+        notes: list[str] = []
+        if p.min_turning_r > 0.0 and abs(curvature) * p.min_turning_r > 1.0:
+            notes.append(f"the arc to the carrot has a radius of {1.0 / abs(curvature):.2f} m, under min_turning_r")
+            curvature = math.copysign(1.0 / p.min_turning_r, curvature)
+        speed = sign * self._regulated(now, curvature, notes)
+        if p.use_dynamic_window:
+            return self._windowed(speed, curvature, sign, notes), notes
+        turning = speed * curvature
+        if not self.as_nav2 and not self._w_min <= turning <= self._w_max:
+            # ROS differs: Nav2 does not limit the turning speed here
+            bound = self._w_max if turning > 0.0 else self._w_min
+            notes.append(f"slowed to {bound / curvature:.2f} m/s by the turning speed {bound:g} rad/s")
+            speed, turning = (bound / curvature, bound) if bound != 0.0 else (0.0, 0.0)
+        return Twist2D(speed, 0.0, turning), notes
+
+    def _regulated(self, now: Following, curvature: float, notes: list[str]) -> float:
+        """The speed (m/s) that curvature, cost and the rest of the path allow; appends what limits it."""
+        p, top = self.params, self._v_max
+        reasons = {"max_linear_vel": top}
+        if p.use_regulated_linear_velocity_scaling:
+            slow = regulation.speed_in_curve(top, curvature, p.regulated_linear_scaling_min_radius)
+            if slow < top:
+                reasons[f"the curve's radius of {1.0 / abs(curvature):.2f} m"] = slow
+        cost, distance = self._obstacle(now)
+        if p.use_cost_regulated_linear_velocity_scaling and p.inflation_cost_scaling_factor > 0.0:
+            slow = regulation.speed_near_obstacle(top, distance, p.cost_scaling_dist, p.cost_scaling_gain)
+            if slow < top:
+                reasons[f"an obstacle at {distance:.2f} m (cost {cost})"] = slow
+        reason = min(reasons, key=lambda r: reasons[r])
+        speed = reasons[reason]
+        if speed < p.regulated_linear_scaling_min_speed:
+            speed = p.regulated_linear_scaling_min_speed
+            reason += f", raised to regulated_linear_scaling_min_speed {speed:g}"
+        left = now.path.length
+        if left < p.approach_velocity_scaling_dist:
+            end = now.path.poses[-1]
+            distance = math.hypot(float(end[0]) - now.state.pose.x, float(end[1]) - now.state.pose.y)
+            slow = regulation.approach_speed(
+                speed, left, distance, p.approach_velocity_scaling_dist, p.min_approach_linear_velocity
+            )
+            if slow < speed:
+                speed, reason = slow, f"the end of the path in {distance:.2f} m"
+        if speed > top:
+            speed, reason = top, "max_linear_vel"
+        notes.append(f"{speed:.2f} m/s, limited by {reason}; curvature {curvature:+.2f} 1/m")
+        return speed
+
+    def _obstacle(self, now: Following) -> tuple[int, float]:
+        """Cost under the robot's centre, and the distance (m) to the obstacle behind it."""
+        pose = now.state.pose
+        cost = now.costmap.cost_at(pose.x, pose.y)
+        if cost is None:
+            raise NoValidControlError(
+                f"the robot at ({pose.x:.2f}, {pose.y:.2f}) is outside the local costmap; check the costmap's frames",
+                pose=list(pose),
+            )
+        if cost in (0, 255) or self.params.inflation_cost_scaling_factor <= 0.0:
+            return cost, math.inf
+        # ROS differs: Nav2 takes the parameter even if the layer has another factor
+        factor = self.params.inflation_cost_scaling_factor
+        if now.inflation is not None and not self.as_nav2:
+            factor = now.inflation.cost_scaling_factor
+        return cost, regulation.distance_from_cost(cost, now.footprint.inscribed_radius, factor)
+
+    def _windowed(self, speed: float, curvature: float, sign: float, notes: list[str]) -> Twist2D:
+        """The command within one period's acceleration of the last one that is nearest to the arc."""
+        p = self.params
+        assert self._last is not None
+        period = self.period
+        limits = regulation.WindowLimits(
+            max(p.min_linear_vel, -self._v_max),
+            self._v_max,
+            self._w_min,
+            self._w_max,
+            p.max_linear_accel * period,
+            -p.max_linear_decel * period,
+            p.max_angular_accel * period,
+            p.max_angular_accel * period,
+        )
+        window = regulation.dynamic_window(self._last.vx, self._last.wz, speed, limits, sign)
+        v, w = regulation.nearest_to_arc(window, curvature, sign)
+        if abs(v - speed) > 1e-9 or abs(w - speed * curvature) > 1e-9:
+            notes.append(
+                f"the accelerations allow {window.v_min:.2f} .. {window.v_max:.2f} m/s and {window.w_min:.2f} .. "
+                f"{window.w_max:.2f} rad/s now"
+            )
+        return Twist2D(v, 0.0, w)
+
+    # --- collisions -------------------------------------------------------------------------------------------------
+
+    def _check(self, now: Following, command: Twist2D, ahead: _Carrot, notes: list[str]) -> Any:
+        """The poses (n, 3) on the way of the command; raises NoValidControlError if one collides."""
+        p = self.params
+        if not p.use_collision_detection:
+            return None
+        duration, reach = self._checked(now, command, ahead)
+        geometry, pose = now.costmap.geometry, now.state.pose
+        self._grid[:] = geometry.origin_x, geometry.origin_y, geometry.resolution
+        self._start[:] = pose
+        self._twist[:] = command.vx, command.wz, now.footprint.circumscribed_radius
+        self._reach[:] = duration, reach, 0.0 if self.as_nav2 else 1.0
+        blocking = not now.track_unknown_space
+        hit, count = kernels.arc_collision(
+            now.costmap.data,
+            self._grid,
+            now.footprint.vertices,
+            blocking,
+            not self.as_nav2,
+            self._start,
+            self._twist,
+            self._reach,
+            self._poses,
+        )
+        poses = self._poses[:count].copy()
+        if hit < 0:
+            return poses
+        # ROS differs: Nav2 goes on from the command that it refused
+        self._last = command if self.as_nav2 else None
+        at = Pose2D(*poses[hit].tolist())
+        where = "where it stands" if hit == 0 else f"after {pose.distance_to(at):.2f} m"
+        plan = LocalPlan(Twist2D(), local_plan=Path(now.path.poses, now.costmap.frame), notes=tuple(notes))
+        raise NoValidControlError(
+            f"the robot would collide {where}, at ({at.x:.2f}, {at.y:.2f}), with the command vx {command.vx:.2f}, wz "
+            f"{command.wz:.2f}; the path is blocked or too close to an obstacle there",
+            at=list(at),
+            command=list(command),
+            plan=plan,
+        )
+
+    def _checked(self, now: Following, command: Twist2D, ahead: _Carrot) -> tuple[float, float]:
+        """Duration (s) and distance (m) of the check."""
+        p = self.params
+        duration, reach = p.max_allowed_time_to_collision_up_to_carrot, ahead.distance
+        least = p.min_distance_to_obstacle
+        if least > 0.0:
+            duration = max(duration, least / max(abs(command.vx), p.min_approach_linear_velocity))
+            if p.use_velocity_scaled_lookahead_dist:
+                if not p.allow_obstacle_checking_beyond_goal:
+                    least = min(least, now.path.length)
+                reach = min(max(reach, least), p.max_lookahead_dist)
+        return duration, reach

@@ -1,0 +1,156 @@
+"""Regulated pure pursuit, rotation shim and graceful controller compared with Nav2's own, cycle by cycle.
+
+The data are those of NAVSTACK_GOLDEN_NAV2 (default `../shared/golden_nav2`); jobs and scenes are found by name. The deliberate
+differences of navstack (docs/parity/followers.md) are off: `as_nav2`.
+
+Both sides compute in double precision with the same formulas in another order: formulas agree to 1e-12 relative. But Nav2 divides
+costs by 253 in float32 (6e-8 relative) before it takes the logarithm, so distances from costs differ by up to 6e-8 / factor: at
+a factor of 3 and 0.5 m/s per 0.6 m, commands differ by up to 2e-8 m/s, and times a curvature of 3 by 6e-8 rad/s: 1e-7.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from navstack.core import Costmap, Footprint, GridGeometry, Path, Pose2D, RobotState, Twist2D
+from navstack.core.errors import ControlError
+from navstack.interfaces import Approach, LocalPath
+from navstack.local_planner.goal_checkers.simple import SimpleGoalChecker, SimpleGoalCheckerParams
+from navstack.local_planner.path_follower import Following
+from navstack.local_planner.regulated_pure_pursuit import RegulatedPurePursuit, regulation
+from navstack.plugins import LOCAL_PLANNERS
+from tests.conftest import golden_nav2_files
+
+COMMAND = 1e-7
+FORMULA = 1e-12
+FILES = {file.name: file for file in (*golden_nav2_files("controllers*"), *golden_nav2_files("tables.npz"))}
+pytestmark = pytest.mark.skipif(
+    not {"controllers.npz", "controllers_jobs.json", "tables.npz"} <= set(FILES),
+    reason="no golden data of Nav2: set NAVSTACK_GOLDEN_NAV2 to their folder",
+)
+
+
+@lru_cache(maxsize=4)
+def read(name: str) -> dict[str, NDArray[Any]]:
+    with np.load(FILES[name]) as data:
+        return {key: data[key] for key in data.files}
+
+
+@lru_cache(maxsize=1)
+def all_jobs() -> dict[str, Any]:
+    if "controllers_jobs.json" not in FILES:
+        return {}
+    document: dict[str, Any] = json.loads(FILES["controllers_jobs.json"].read_text(encoding="utf-8"))
+    return document
+
+
+def controller_of(name: str) -> Any:
+    """The controller of a job; parameters below `primary_controller` are those of the controller behind the shim."""
+    job = all_jobs()[name]
+    tree: dict[str, Any] = {}
+    for key, value in job["params"].items():
+        *above, last = key.removeprefix("FollowPath.").split(".")
+        at = tree
+        for part in above:
+            at = at.setdefault(part, {})
+        at[last] = value
+    cls: Any = LOCAL_PLANNERS.get(job["plugin"]).cls
+    sections = {name: value for name, value in tree.items() if isinstance(value, dict)}
+    params = cls.Params(**{name: value for name, value in tree.items() if not isinstance(value, dict)})
+    if sections:
+        params = params.model_copy(update={"sections": params.sections_of(sections)})
+    return cls(params, as_nav2=True)
+
+
+class Scene:
+    """Costmap, plan and footprint of a scene."""
+
+    def __init__(self, name: str) -> None:
+        data = read("controllers.npz")
+        x, y, resolution = data[f"scene/{name}/info"].tolist()
+        costs = data[f"scene/{name}/costmap_inflated"]
+        ny, nx = costs.shape
+        self.costmap = Costmap(GridGeometry(nx, ny, resolution, x, y), costs.copy())
+        self.plan = data[f"scene/{name}/plan"]
+        self.footprint = Footprint(data["footprint"])
+        assert self.footprint.inscribed_radius == pytest.approx(data[f"scene/{name}/radii"][0])
+
+    def path(self, first: int, end: int) -> LocalPath:
+        poses = np.ascontiguousarray(self.plan[first:end])
+        length = float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum())
+        return LocalPath(poses, length, length, first, end)
+
+
+def commands(name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """What C++ computed (n, 12) and what navstack does (n, 5): cmd v, cmd w, status, carrot x, y."""
+    scene_name, kind = all_jobs()[name]["scene_name"], all_jobs()[name]["kind"]
+    log = read("controllers.npz")[f"{name}/log"]
+    scene = Scene(scene_name)
+    goal = Pose2D(*scene.plan[-1].tolist())
+    out = np.full((len(log), 5), np.nan)
+    controller, checker = controller_of(name), SimpleGoalChecker(SimpleGoalCheckerParams())
+    for i, row in enumerate(log.tolist()):
+        if kind == "table" and i:
+            controller, checker = controller_of(name), SimpleGoalChecker(SimpleGoalCheckerParams())
+        x, y, yaw, v, w, first, end = row[:7]
+        path = scene.path(int(first), int(end))
+        pose, velocity = Pose2D(x, y, yaw), Twist2D(v, 0.0, w)
+        near = checker.at_position(Approach(pose, goal, velocity, path.poses, path.length))
+        controller.set_plan(Path(scene.plan, "map"), goal) if i == 0 or kind == "table" else None
+        fresh = i == 0 or kind == "table"
+        now = Following(
+            RobotState(pose, velocity), path, goal, scene.costmap, scene.footprint, None, False, near, fresh, fresh
+        )
+        try:
+            plan = controller.follow(now)
+            out[i, :3] = plan.command.vx, plan.command.wz, 1.0
+        except ControlError:
+            out[i, :3] = 0.0, 0.0, -1.0
+        if controller.carrot is not None:
+            out[i, 3:] = controller.carrot
+    return log, out
+
+
+@pytest.mark.parametrize("name", [n for n in all_jobs() if n.startswith("rpp_")])
+def test_commands_are_those_of_nav2(name: str) -> None:
+    log, out = commands(name)
+    np.testing.assert_array_equal(out[:, 2], log[:, 9])
+    np.testing.assert_allclose(out[:, :2], log[:, 7:9], rtol=0.0, atol=COMMAND)
+    known = np.isfinite(log[:, 10])
+    np.testing.assert_allclose(out[known, 3:], log[known, 10:12], rtol=0.0, atol=COMMAND)
+
+
+def test_formulas_of_pure_pursuit() -> None:
+    t = read("tables.npz")
+    got = [regulation.curvature_to(x, y) for x, y in t["in/curvature"].tolist()]
+    np.testing.assert_allclose(got, t["curvature_out"], rtol=FORMULA, atol=FORMULA)
+    got = [regulation.speed_in_curve(v, k, r) for v, k, r in t["in/curvature_constraint"].tolist()]
+    np.testing.assert_allclose(got, t["curvature_constraint_out"], rtol=FORMULA)
+    inscribed = float(t["cost_constraint_inscribed"][0])
+    got = []
+    for v, cost, factor, scaling, gain in t["in/cost_constraint"].tolist():
+        d = regulation.distance_from_cost(cost, inscribed, factor) if cost not in (0.0, 255.0) else math.inf
+        got.append(regulation.speed_near_obstacle(v, d, scaling, gain))
+    np.testing.assert_allclose(got, t["cost_constraint_out"], rtol=0.0, atol=COMMAND)
+    got = []
+    for v, dx, dy, _, least, scaling in t["in/approach"].tolist():
+        length = math.hypot(dx, dy)
+        got.append(regulation.approach_speed(v, length, length, scaling, least))
+    np.testing.assert_allclose(got, t["approach_out"], rtol=1e-9)
+
+
+def test_the_dynamic_window() -> None:
+    t = read("tables.npz")
+    limits = regulation.WindowLimits(-0.5, 0.5, -2.5, 2.5, 0.125, 0.125, 0.16, 0.16)
+    got = []
+    for v, w, regulated, curvature, sign in t["in/dwpp"].tolist():
+        window = regulation.dynamic_window(v, w, regulated, limits, sign)
+        got.append(regulation.nearest_to_arc(window, curvature, sign))
+    np.testing.assert_allclose(got, t["dwpp_out"], rtol=0.0, atol=COMMAND)
