@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Costmap, Footprint, Pose2D
+from navstack.core import Costmap, Footprint, Pose2D, Twist2D
 from navstack.core.errors import RecordError
 from navstack.explain.command_summary import average_summary, count_rejections, summary_of
 from navstack.explain.replay import Replay, replay, time_in
 from navstack.explain.samples import SampleReport, rank_samples
 from navstack.interfaces import ControlDiagnostics, LocalPlan
+from navstack.local_planner.path_follower import PathFollower
 from navstack.record import Record
 
 
@@ -82,7 +83,7 @@ class _Cycle:
     details: ControlDiagnostics | None = None
     """None if the local planner has no diagnostics of this cycle."""
     reasons: str = ""
-    """Why a motion gave its command; empty for a local planner."""
+    """Why a motion, or a controller without samples, gave its command; empty for one with samples."""
 
 
 def explain_command(record: Record, time: float | None = None) -> CommandReport:
@@ -130,9 +131,15 @@ def _replay_cycle(record: Record, requested: float) -> _Cycle:
     if details is not None:
         return _Cycle(replayed, name, details.plan, details)
     recorded = record.local_plan_at(replayed.time)
+    if recorded is not None and recorded.t == replayed.time and recorded.plan.samples is None and recorded.plan.notes:
+        # a controller without samples says what limited its command
+        return _Cycle(replayed, name, replace(recorded.plan, notes=()), reasons="; ".join(recorded.plan.notes))
+    failure = _failure_at(record, replayed.time)
+    if failure and isinstance(planner, PathFollower):
+        return _Cycle(replayed, name, LocalPlan(Twist2D(), "failed"), reasons=f"no command: {failure[2:-1]}")
     if recorded is None or recorded.t != replayed.time or recorded.plan.samples is None:
         raise RecordError(
-            f"{name} evaluated no samples at {replayed.time:.3f} s{_failure_at(record, replayed.time)}; "
+            f"{name} evaluated no samples at {replayed.time:.3f} s{failure}; "
             "give an earlier or later --time",
             time=replayed.time,
         )

@@ -4,6 +4,7 @@ from navstack.local_planner import goal_checkers, path_handlers, progress_checke
 from navstack.local_planner.dwa import DWAParams, DWAPlanner
 from navstack.local_planner.mppi import MPPIParams, MPPIPlanner
 from navstack.local_planner.regulated_pure_pursuit import RegulatedPurePursuit, RegulatedPurePursuitParams
+from navstack.local_planner.rotation_shim import RotationShim, RotationShimParams
 from navstack.local_planner.trajectory_rollout import TrajectoryPlanner, TrajectoryPlannerParams
 
 __all__ = [
@@ -13,6 +14,8 @@ __all__ = [
     "MPPIPlanner",
     "RegulatedPurePursuit",
     "RegulatedPurePursuitParams",
+    "RotationShim",
+    "RotationShimParams",
     "TrajectoryPlanner",
     "TrajectoryPlannerParams",
     "goal_checkers",

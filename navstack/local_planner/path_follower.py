@@ -235,6 +235,11 @@ class PathFollower(LocalPlanner):
     def arrived(self) -> None:
         """Called when the robot is at its goal and is commanded to stand still."""
 
+    def take_over(self, velocity: Twist2D) -> None:
+        """Called when this controller follows after another one whose last command is `velocity`: start from there."""
+        del velocity
+        self.arrived()
+
     def _look(self, inputs: ControlInput) -> tuple[LocalPath, Approach, bool]:
         """Local path, what the goal checker sees, and its answer for the position: asked once per cycle."""
         if self._seen is inputs and self._approach is not None:

@@ -31,6 +31,8 @@ from navstack.testing import (
 STRAIGHT_ONLY = {"carrot_planner"}
 """Global planners that do not search around obstacles."""
 
+NEAR_GOAL = SimpleGoalCheckerParams(xy_goal_tolerance=0.15, yaw_goal_tolerance=0.2)
+
 LOCAL_PLANNER_VALUES: dict[str, dict[str, Any]] = {
     "dwa": {
         "max_vel_trans": 0.5,
@@ -59,6 +61,7 @@ LOCAL_PLANNER_VALUES: dict[str, dict[str, Any]] = {
             "GoalAngleCritic": GoalAngleCriticParams(threshold_to_consider=0.15),
         },
     },
+    "regulated_pure_pursuit": {"sections": {"goal_checker": NEAR_GOAL}, "max_allowed_time_to_collision_up_to_carrot": 2.0},
     "trajectory_rollout": {
         "max_vel_x": 0.5,
         "min_vel_x": 0.1,

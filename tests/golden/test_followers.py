@@ -24,7 +24,7 @@ from navstack.core.errors import ControlError
 from navstack.interfaces import Approach, LocalPath
 from navstack.local_planner.goal_checkers.simple import SimpleGoalChecker, SimpleGoalCheckerParams
 from navstack.local_planner.path_follower import Following
-from navstack.local_planner.regulated_pure_pursuit import RegulatedPurePursuit, regulation
+from navstack.local_planner.regulated_pure_pursuit import regulation
 from navstack.plugins import LOCAL_PLANNERS
 from tests.conftest import golden_nav2_files
 
@@ -62,11 +62,11 @@ def controller_of(name: str) -> Any:
             at = at.setdefault(part, {})
         at[last] = value
     cls: Any = LOCAL_PLANNERS.get(job["plugin"]).cls
-    sections = {name: value for name, value in tree.items() if isinstance(value, dict)}
-    params = cls.Params(**{name: value for name, value in tree.items() if not isinstance(value, dict)})
-    if sections:
-        params = params.model_copy(update={"sections": params.sections_of(sections)})
-    return cls(params, as_nav2=True)
+    primary = tree.pop("primary_controller", None)
+    if primary is not None:
+        kind = LOCAL_PLANNERS.get(primary.pop("plugin")).cls
+        tree["sections"] = {"primary_controller": kind.Params(**primary)}
+    return cls(cls.Params(**tree), as_nav2=True)
 
 
 class Scene:
@@ -118,7 +118,7 @@ def commands(name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return log, out
 
 
-@pytest.mark.parametrize("name", [n for n in all_jobs() if n.startswith("rpp_")])
+@pytest.mark.parametrize("name", [n for n in all_jobs() if n.startswith(("rpp_", "shim_"))])
 def test_commands_are_those_of_nav2(name: str) -> None:
     log, out = commands(name)
     np.testing.assert_array_equal(out[:, 2], log[:, 9])

@@ -104,6 +104,10 @@ class RegulatedPurePursuit(PathFollower):
         """Start the next goal from rest."""
         self._last = Twist2D()
 
+    def take_over(self, velocity: Twist2D) -> None:
+        """Accelerate from there."""
+        self._last = velocity
+
     def follow(self, now: Following) -> LocalPlan:
         """Steer to the carrot, or turn in place. Raises NoValidControlError if the motion collides."""
         p = self.params
@@ -302,8 +306,8 @@ class RegulatedPurePursuit(PathFollower):
         poses = self._poses[:count].copy()
         if hit < 0:
             return poses
-        # ROS differs: Nav2 goes on from the command that it refused
-        self._last = command if self.as_nav2 else None
+        # ROS differs: the robot is stopped now, and Nav2 goes on from its last command
+        self._last = self._last if self.as_nav2 else None
         at = Pose2D(*poses[hit].tolist())
         where = "where it stands" if hit == 0 else f"after {pose.distance_to(at):.2f} m"
         plan = LocalPlan(Twist2D(), local_plan=Path(now.path.poses, now.costmap.frame), notes=tuple(notes))
