@@ -139,8 +139,7 @@ def _replay_cycle(record: Record, requested: float) -> _Cycle:
         return _Cycle(replayed, name, LocalPlan(Twist2D(), "failed"), reasons=f"no command: {failure[2:-1]}")
     if recorded is None or recorded.t != replayed.time or recorded.plan.samples is None:
         raise RecordError(
-            f"{name} evaluated no samples at {replayed.time:.3f} s{failure}; "
-            "give an earlier or later --time",
+            f"{name} evaluated no samples at {replayed.time:.3f} s{failure}; give an earlier or later --time",
             time=replayed.time,
         )
     return _Cycle(replayed, name, recorded.plan)

@@ -151,6 +151,8 @@ class PathFollower(LocalPlanner):
     State between cycles: the plan, the goal checker, and what the controller adds.
     """
 
+    as_nav2: bool = False
+    """True: the deliberate differences from Nav2 are off (parity pages), as far as the controller can."""
     NAMESPACES: ClassVar[tuple[str, ...]] = ("FollowPath",)
     """Further namespaces of the parameters: the name of the controller in Nav2's files."""
     params: PathFollowerParams

@@ -41,7 +41,10 @@ class RotationShimParams(PathFollowerParams):
         0.3925, "angle to the path at which such a turn ends", unit="rad", ge=0.0
     )
     forward_sampling_distance: float = param(
-        0.5, "the direction is that of the first pose of the local path at least this far from its start", unit="m", gt=0.0
+        0.5,
+        "the direction is that of the first pose of the local path at least this far from its start",
+        unit="m",
+        gt=0.0,
     )
     rotate_to_heading_angular_vel: float = param(1.8, "turning speed in place", unit="rad/s", gt=0.0)
     max_angular_accel: float = param(3.2, "turning acceleration in place", unit="rad/s²", gt=0.0)
@@ -94,12 +97,12 @@ class RotationShimParams(PathFollowerParams):
                 f"{0.5 * self.angular_dist_threshold:g}"
             )
             names = ("angular_disengage_threshold", "angular_dist_threshold")
-            yield Issue(
-                "warning", "minimum-over-maximum", names, message, f"{0.5 * self.angular_dist_threshold:g}"
-            )
+            yield Issue("warning", "minimum-over-maximum", names, message, f"{0.5 * self.angular_dist_threshold:g}")
         radius = float(getattr(params, "min_turning_r", 0.0))
         if radius > 0.0:
-            message = f"a base with a turning radius of {radius:g} m cannot turn in place; use {entry.name} without the shim"
+            message = (
+                f"a base with a turning radius of {radius:g} m cannot turn in place; use {entry.name} without the shim"
+            )
             yield Issue("error", "turn-in-place", ("primary_controller/min_turning_r",), message)
         for issue in params.check(context):
             names = tuple(n if n.startswith("/") else f"primary_controller/{n}" for n in issue.parameters)
@@ -125,8 +128,7 @@ class RotationShim(PathFollower):
         """The controller that drives."""
         if isinstance(self.primary, PathFollower):
             self.primary.goal_checker = self.goal_checker
-            if hasattr(self.primary, "as_nav2"):
-                setattr(self.primary, "as_nav2", as_nav2)
+            self.primary.as_nav2 = as_nav2
         self._inputs: ControlInput | None = None
         self._turning = self._may_turn = False
         self._last = 0.0
@@ -172,7 +174,11 @@ class RotationShim(PathFollower):
 
     def goal_reached(self, inputs: ControlInput) -> bool:
         """By the goal checker; by the other controller if that has its own."""
-        return super().goal_reached(inputs) if isinstance(self.primary, PathFollower) else self.primary.goal_reached(inputs)
+        return (
+            super().goal_reached(inputs)
+            if isinstance(self.primary, PathFollower)
+            else self.primary.goal_reached(inputs)
+        )
 
     def arrived(self) -> None:
         """Start the next goal from rest."""

@@ -7,6 +7,7 @@ from typing import Any
 from navstack.local_planner.goal_checkers.simple import SimpleGoalCheckerParams
 from navstack.local_planner.mppi.critics.goal_angle import GoalAngleCriticParams
 from navstack.local_planner.mppi.params import TrajectoryValidatorParams
+from navstack.local_planner.regulated_pure_pursuit import RegulatedPurePursuitParams
 from navstack.plugins import (
     CRITICS,
     GLOBAL_PLANNERS,
@@ -61,7 +62,19 @@ LOCAL_PLANNER_VALUES: dict[str, dict[str, Any]] = {
             "GoalAngleCritic": GoalAngleCriticParams(threshold_to_consider=0.15),
         },
     },
-    "regulated_pure_pursuit": {"sections": {"goal_checker": NEAR_GOAL}, "max_allowed_time_to_collision_up_to_carrot": 2.0},
+    "graceful": {"sections": {"goal_checker": NEAR_GOAL}},
+    "rotation_shim": {
+        "sections": {
+            "goal_checker": NEAR_GOAL,
+            "primary_controller": RegulatedPurePursuitParams(
+                max_allowed_time_to_collision_up_to_carrot=2.0, controller_frequency=5.0
+            ),
+        },
+    },
+    "regulated_pure_pursuit": {
+        "sections": {"goal_checker": NEAR_GOAL},
+        "max_allowed_time_to_collision_up_to_carrot": 2.0,
+    },
     "trajectory_rollout": {
         "max_vel_x": 0.5,
         "min_vel_x": 0.1,

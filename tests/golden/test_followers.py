@@ -5,7 +5,12 @@ differences of navstack (docs/parity/followers.md) are off: `as_nav2`.
 
 Both sides compute in double precision with the same formulas in another order: formulas agree to 1e-12 relative. But Nav2 divides
 costs by 253 in float32 (6e-8 relative) before it takes the logarithm, so distances from costs differ by up to 6e-8 / factor: at
-a factor of 3 and 0.5 m/s per 0.6 m, commands differ by up to 2e-8 m/s, and times a curvature of 3 by 6e-8 rad/s: 1e-7.
+a factor of 3 and 0.5 m/s per 0.6 m, commands differ by up to 2e-8 m/s, and times a curvature of 3 by 6e-8 rad/s: 1e-7. The smooth
+control law has distance and angles in float32 in Nav2 (6e-8 relative, times gains of up to 3 and two angles of up to pi): 4e-6.
+
+The graceful controller tries targets from far to near and simulates up to 60 poses to each. A footprint that grazes an obstacle
+in one of them decides for another target: in 27 of 5580 cycles, at most 15 of 250 (6 %) in one job. Commands to the same target
+are always the same.
 """
 
 from __future__ import annotations
@@ -23,12 +28,16 @@ from navstack.core import Costmap, Footprint, GridGeometry, Path, Pose2D, RobotS
 from navstack.core.errors import ControlError
 from navstack.interfaces import Approach, LocalPath
 from navstack.local_planner.goal_checkers.simple import SimpleGoalChecker, SimpleGoalCheckerParams
+from navstack.local_planner.graceful._law_kernels import law
+from navstack.local_planner.graceful.planner import LAW
 from navstack.local_planner.path_follower import Following
 from navstack.local_planner.regulated_pure_pursuit import regulation
 from navstack.plugins import LOCAL_PLANNERS
 from tests.conftest import golden_nav2_files
 
 COMMAND = 1e-7
+SMOOTH_LAW = 4e-6
+GRAZING = 0.07
 FORMULA = 1e-12
 FILES = {file.name: file for file in (*golden_nav2_files("controllers*"), *golden_nav2_files("tables.npz"))}
 pytestmark = pytest.mark.skipif(
@@ -118,13 +127,24 @@ def commands(name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return log, out
 
 
-@pytest.mark.parametrize("name", [n for n in all_jobs() if n.startswith(("rpp_", "shim_"))])
+@pytest.mark.parametrize("name", [n for n in all_jobs() if not n.startswith("graceful")])
 def test_commands_are_those_of_nav2(name: str) -> None:
     log, out = commands(name)
     np.testing.assert_array_equal(out[:, 2], log[:, 9])
     np.testing.assert_allclose(out[:, :2], log[:, 7:9], rtol=0.0, atol=COMMAND)
     known = np.isfinite(log[:, 10])
     np.testing.assert_allclose(out[known, 3:], log[known, 10:12], rtol=0.0, atol=COMMAND)
+
+
+@pytest.mark.parametrize("name", [n for n in all_jobs() if n.startswith("graceful")])
+def test_commands_of_the_graceful_controller_are_those_of_nav2(name: str) -> None:
+    log, out = commands(name)
+    with np.errstate(invalid="ignore"):
+        near = np.abs(out[:, 3:] - log[:, 10:12]).max(axis=1) < SMOOTH_LAW
+    same = near | (np.isnan(out[:, 3]) & np.isnan(log[:, 10]))
+    np.testing.assert_array_equal(out[same, 2], log[same, 9])
+    np.testing.assert_allclose(out[same, :2], log[same, 7:9], rtol=0.0, atol=SMOOTH_LAW)
+    assert (~same).mean() <= GRAZING, f"{(~same).sum()} of {len(same)} cycles have another target"
 
 
 def test_formulas_of_pure_pursuit() -> None:
@@ -154,3 +174,26 @@ def test_the_dynamic_window() -> None:
         window = regulation.dynamic_window(v, w, regulated, limits, sign)
         got.append(regulation.nearest_to_arc(window, curvature, sign))
     np.testing.assert_allclose(got, t["dwpp_out"], rtol=0.0, atol=COMMAND)
+
+
+def test_the_smooth_control_law() -> None:
+    t = read("tables.npz")
+    targets = t["in/scl_targets"]
+    for number, (k_phi, k_delta, beta, exponent, slowdown, deceleration, v_min, v_max, w_max) in enumerate(
+        t["in/scl_params"].tolist()
+    ):
+        p = np.zeros(1, LAW)
+        names = ("k_phi", "k_delta", "beta", "exponent", "slowdown_radius", "deceleration", "v_min", "v_max", "w_max")
+        for name, value in zip(names, (k_phi, k_delta, beta, exponent, slowdown, deceleration, v_min, v_max, w_max)):
+            p[name] = value
+        got, after = [], []
+        for x, y, yaw, cx, cy, cyaw, backward in targets.tolist():
+            here = law(x, y, yaw, cx, cy, cyaw, backward != 0.0, p[0])
+            got.append((*law(x, y, yaw, 0.0, 0.0, 0.0, backward != 0.0, p[0]), *here))
+            after.append(
+                (cx + 0.1 * here[0] * math.cos(cyaw), cy + 0.1 * here[0] * math.sin(cyaw), cyaw + 0.1 * here[1])
+            )
+        np.testing.assert_allclose(got, t["scl_out"][number], rtol=SMOOTH_LAW, atol=SMOOTH_LAW)
+        np.testing.assert_allclose(np.array(after)[:, :2], t["scl_next"][number][:, :2], atol=COMMAND)
+        turned = np.array(after)[:, 2] - t["scl_next"][number][:, 2]
+        np.testing.assert_allclose(np.cos(turned), 1.0, atol=COMMAND)

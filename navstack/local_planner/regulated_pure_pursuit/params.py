@@ -67,9 +67,7 @@ class RegulatedPurePursuitParams(PathFollowerParams):
     max_allowed_time_to_collision_up_to_carrot: float = param(
         1.0, "duration of the check, which also ends at the carrot", unit="s", ge=0.0
     )
-    min_distance_to_obstacle: float = param(
-        -1.0, "check at least this far, with any speed; 0 or less: off", unit="m"
-    )
+    min_distance_to_obstacle: float = param(-1.0, "check at least this far, with any speed; 0 or less: off", unit="m")
     allow_obstacle_checking_beyond_goal: bool = param(False, "min_distance_to_obstacle holds beyond the goal, too")
     use_dynamic_window: bool = param(
         False, "keep to the accelerations below: the command closest to the carrot's arc within one period"
@@ -114,10 +112,10 @@ class RegulatedPurePursuitParams(PathFollowerParams):
             )
             yield Issue("error", "turn-in-place", ("use_rotate_to_heading", "min_turning_r"), message, "false")
         if self.interpolate_curvature_after_goal and not self.use_fixed_curvature_lookahead:
-            message = "interpolate_curvature_after_goal has no effect without use_fixed_curvature_lookahead; set that to true"
-            yield Issue(
-                "warning", "no-second-carrot", ("interpolate_curvature_after_goal",), message
+            message = (
+                "interpolate_curvature_after_goal has no effect without use_fixed_curvature_lookahead; set that to true"
             )
+            yield Issue("warning", "no-second-carrot", ("interpolate_curvature_after_goal",), message)
         yield from self._check_speeds()
         yield from self._check_distances(context)
 
@@ -131,7 +129,9 @@ class RegulatedPurePursuitParams(PathFollowerParams):
         for low, high in pairs:
             lower, upper = float(getattr(self, low)), float(getattr(self, high))
             if lower > upper:
-                message = f"{low} = {lower:g} is greater than {high} = {upper:g}, which wins; lower {low}, or raise {high}"
+                message = (
+                    f"{low} = {lower:g} is greater than {high} = {upper:g}, which wins; lower {low}, or raise {high}"
+                )
                 severity = "error" if low == "min_lookahead_dist" else "warning"
                 yield Issue(severity, "minimum-over-maximum", (low, high), message, f"{upper:g}")
 
@@ -148,7 +148,10 @@ class RegulatedPurePursuitParams(PathFollowerParams):
                 f"a carrot {longest:g} m ahead is beyond {name} = {reach:g} m, so the robot steers to the end of the local path; "
                 f"lower the lookahead to {reach:g} m"
             )
-            names = ("max_lookahead_dist" if self.use_velocity_scaled_lookahead_dist else "lookahead_dist", "prune_distance")
+            names = (
+                "max_lookahead_dist" if self.use_velocity_scaled_lookahead_dist else "lookahead_dist",
+                "prune_distance",
+            )
             yield Issue("warning", "carrot-beyond-path", names, message)
         step = self.max_linear_vel / (self.controller_frequency or 20.0)
         if self.min_turning_r > 0.0 and longest < 0.5 * self.min_turning_r:

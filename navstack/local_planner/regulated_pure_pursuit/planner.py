@@ -159,7 +159,11 @@ class RegulatedPurePursuit(PathFollower):
             return None, "follow", []
         if now.at_position:
             error = angle_between(now.state.pose.yaw, float(now.path.poses[-1, 2]))
-            return error, "rotate_to_goal", [f"at the goal's position, {error:+.2f} rad to its heading: turning in place"]
+            return (
+                error,
+                "rotate_to_goal",
+                [f"at the goal's position, {error:+.2f} rad to its heading: turning in place"],
+            )
         error = math.atan2(steer.y, steer.x)
         if sign < 0.0:
             error = normalize_angle(error + math.pi)

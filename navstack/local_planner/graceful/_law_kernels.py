@@ -1,0 +1,129 @@
+# pyright: basic
+"""The smooth control law of Park and Kuipers, and the trajectory that it drives.
+
+J. J. Park, B. Kuipers, "A smooth control law for graceful motion of differential wheeled mobile robots in 2D environment", 2011.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from navstack.core.footprint_kernels import OUTSIDE, edge_cost, overlapped_cost, place_footprint
+from navstack.core.jit import kernel
+
+NEAR_M = 1e-6
+"""A target closer than this has no direction (m)."""
+
+
+@kernel
+def wrapped(angle):
+    """Return the angle (rad) in [-pi, pi)."""
+    return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
+
+
+@kernel
+def law(target_x, target_y, target_yaw, x, y, yaw, backward, p):
+    """Return speed and turning speed at (x, y, yaw) on the way to the target. `p`: record of type `LAW`.
+
+    With r the distance to the target, delta and phi the angles of the robot and the target against the line to it:
+    curvature = -(k_delta (delta - atan(-k_phi phi)) + (1 + k_phi / (1 + (k_phi phi)²)) sin(delta)) / r,
+    v = v_max / (1 + beta |curvature|^lambda), slower near the target.
+    """
+    dx, dy = target_x - x, target_y - y
+    r = max(math.sqrt(dx * dx + dy * dy), NEAR_M)
+    bearing = math.atan2(dy, dx)
+    turned = math.pi if backward else 0.0
+    delta = wrapped(yaw - bearing + turned)
+    phi = wrapped(target_yaw - bearing + turned)
+    steep = p.k_phi * phi
+    first = p.k_delta * (delta - math.atan(-steep))
+    second = (1.0 + p.k_phi / (1.0 + steep * steep)) * math.sin(delta)
+    curvature = -(first + second) / r
+    if backward:
+        curvature = -curvature
+    v = p.v_max / (1.0 + p.beta * abs(curvature) ** p.exponent)
+    left = r + p.beyond
+    v = min(v, p.v_max * left / p.slowdown_radius, math.sqrt(2.0 * left * p.deceleration))
+    v = min(max(v, p.v_min), p.v_max)
+    if backward:
+        v = -v
+    w = min(max(curvature * v, -p.w_max), p.w_max)
+    if curvature != 0.0:
+        v = w / curvature
+    return v, w
+
+
+@kernel
+def turning_in_place(error, p):
+    """Return the turning speed (rad/s) of a turn in place by `error` (rad)."""
+    w = p.rotation_gain * error * p.w_max
+    size = max(abs(w), p.w_min)
+    if not p.as_nav2:
+        size = min(size, p.w_max, abs(error) / p.period)
+    return size if w >= 0.0 else -size
+
+
+@kernel
+def simulate(costs, grid, corners, start, target, settings, out, command):
+    """Simulate the way from `start` (3,) to `target` (3,). Returns (points, highest cost, seconds); points < 0: it fails.
+
+    `grid` (3,): origin x, y and resolution; `corners` (2, n): the footprint (m). `settings` (1,): record of type `LAW`. `out`
+    (m, 3) receives the poses after the start, `command` (2,) the first velocities. It fails (-1) where the footprint collides
+    and (-2) if the target is not reached in m points.
+    """
+    p = settings[0]
+    ny, nx = costs.shape
+    resolution = grid[2]
+    cells = np.empty(corners.shape, np.int32)
+    placed, scaled = np.empty(corners.shape), np.empty(corners.shape)
+    x, y, yaw = start[0], start[1], start[2]
+    heading = math.atan2(target[1] - y, target[0] - x)
+    if p.backward:
+        heading += math.pi
+    turning = p.turn_first
+    dt = resolution / p.v_full
+    most = len(out)
+    if p.as_nav2:
+        most = min(most, max(1, int(3.0 * math.hypot(target[0] - x, target[1] - y) / resolution)))
+    highest = np.int64(0)
+    v, w = 0.0, 0.0
+    for i in range(most):
+        if turning:
+            error = wrapped(heading - yaw)
+            if i == 0 or not p.as_nav2:
+                v, w = 0.0, turning_in_place(error, p)
+            if i == 0:
+                command[0], command[1] = v, w
+            turning = not abs(error) < p.turn_tolerance
+            yaw += w * dt
+        else:
+            v, w = law(target[0], target[1], target[2], x, y, yaw, p.backward, p)
+            if i == 0:
+                command[0], command[1] = v, w
+            x += v * dt * math.cos(yaw)
+            y += v * dt * math.sin(yaw)
+            yaw += w * dt
+        out[i, 0], out[i, 1], out[i, 2] = x, y, yaw
+        if p.checked:
+            growth = 1.0
+            if abs(v) > p.scaling_speed and p.v_full > p.scaling_speed:
+                growth += p.scaling_factor * (abs(v) - p.scaling_speed) / (p.v_full - p.scaling_speed)
+            for j in range(corners.shape[1]):
+                scaled[0, j], scaled[1, j] = growth * corners[0, j], growth * corners[1, j]
+            cx, cy = (x - grid[0]) / resolution, (y - grid[1]) / resolution
+            if cx >= 0.0 and cy >= 0.0 and cx < nx and cy < ny:
+                cost = edge_cost(costs, grid[0], grid[1], resolution, scaled, x, y, yaw, cells)
+                if cost != OUTSIDE and not p.as_nav2:
+                    place_footprint(costs, grid[0], grid[1], resolution, scaled, x, y, yaw, placed)
+                    cost = overlapped_cost(costs, placed, max(cost, np.int64(costs[int(cy), int(cx)])))
+                if cost == 254 or cost == OUTSIDE or (cost == 255 and not p.unknown_free):
+                    return -1, cost, 0.0
+                if cost != 255:
+                    highest = max(highest, cost)
+            elif not p.as_nav2:
+                return -1, np.int64(OUTSIDE), 0.0
+        if math.hypot(target[0] - x, target[1] - y) <= resolution:
+            return i + 1, highest, (i + 1) * dt
+    return (most if p.as_nav2 else -2), highest, most * dt
