@@ -1,4 +1,7 @@
-"""Rotation shim: nav2_rotation_shim_controller::RotationShimController. Turns toward the path, then lets another controller drive."""
+"""Rotation shim: nav2_rotation_shim_controller::RotationShimController.
+
+Turns in place toward the path, then lets another controller drive.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,8 @@ import math
 from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Any, ClassVar
+
+from pydantic import create_model
 
 from navstack.core import LETHAL, Path, Pose2D, Twist2D, angle_between, normalize_angle
 from navstack.core.collision import footprint_cost
@@ -25,10 +30,12 @@ SHIM = "nav2_rotation_shim_controller/RotationShimController"
 @cache
 def _with_plugin(model: type[ParamModel]) -> type[ParamModel]:
     """The parameters of a controller in a namespace that names its plugin."""
-    if "plugin" in model.NO_EFFECT or "plugin" in model.model_fields:
+    if "plugin" in model.model_fields:
         return model
-    effects = {**model.NO_EFFECT, "plugin": "selects the controller"}
-    return type(model.__name__, (model,), {"NO_EFFECT": effects, "__doc__": model.__doc__, "__module__": __name__})
+    field: dict[str, Any] = {"plugin": (str, param("", "type of the plugin whose parameters these are"))}
+    made: type[ParamModel] = create_model(model.__name__, __base__=model, __doc__=model.__doc__, **field)
+    made.NO_EFFECT = {name: reason for name, reason in model.NO_EFFECT.items() if name != "plugin"}
+    return made
 
 
 class RotationShimParams(PathFollowerParams):
@@ -129,6 +136,7 @@ class RotationShim(PathFollower):
         if isinstance(self.primary, PathFollower):
             self.primary.goal_checker = self.goal_checker
             self.primary.as_nav2 = as_nav2
+            self.primary.set_limits()
         self._inputs: ControlInput | None = None
         self._turning = self._may_turn = False
         self._last = 0.0

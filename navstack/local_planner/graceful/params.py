@@ -11,7 +11,6 @@ from navstack.core.parameter_checks import CheckContext, Issue
 from navstack.core.parameters import param
 from navstack.local_planner.path_follower import PathFollowerParams
 
-
 # a keyword of Python cannot be declared as a field of a class
 _FIELDS: dict[str, Any] = {"lambda": (float, param(2.0, "exponent of the curvature in the fall of the speed", gt=0.0))}
 _WithLambda: type[PathFollowerParams] = create_model("_WithLambda", __base__=PathFollowerParams, **_FIELDS)

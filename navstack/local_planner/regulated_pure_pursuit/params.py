@@ -163,7 +163,7 @@ class RegulatedPurePursuitParams(PathFollowerParams):
             yield Issue("warning", "turning-radius", ("lookahead_dist", "min_turning_r"), message)
         if longest < 2.0 * step:
             message = (
-                f"the carrot is {longest:g} m ahead, and the robot drives {step:.3g} m per control period, so it weaves about the "
-                f"path; set the lookahead to {4.0 * step:.2g} m or more"
+                f"the carrot is {longest:g} m ahead, and the robot drives {step:.3g} m per control period, so it weaves about "
+                f"the path; set the lookahead to {4.0 * step:.2g} m or more"
             )
             yield Issue("warning", "short-lookahead", ("lookahead_dist", "max_linear_vel"), message)

@@ -93,17 +93,14 @@ def dynamic_window(v: float, w: float, regulated: float, limits: WindowLimits, s
 
 
 def nearest_to_arc(window: Window, curvature: float, sign: float) -> tuple[float, float]:
-    """Return the velocity (v, w) of the window on the arc, as fast as possible in the direction `sign`; else its nearest corner."""
+    """Return the fastest velocity (v, w) of the window on the arc in the direction `sign`; without one, the nearest corner."""
     fastest = window.v_max if sign >= 0.0 else window.v_min
     if abs(curvature) < STRAIGHT:
         return fastest, min(max(0.0, window.w_min), window.w_max)
-    on_arc: list[tuple[float, float]] = []
-    for v in (window.v_min, window.v_max):
-        if window.w_min <= curvature * v <= window.w_max:
-            on_arc.append((v, curvature * v))
-    for w in (window.w_min, window.w_max):
-        if window.v_min <= w / curvature <= window.v_max:
-            on_arc.append((w / curvature, w))
+    by_speed = [(v, curvature * v) for v in (window.v_min, window.v_max)]
+    by_turn = [(w / curvature, w) for w in (window.w_min, window.w_max)]
+    on_arc = [c for c in by_speed if window.w_min <= c[1] <= window.w_max]
+    on_arc += [c for c in by_turn if window.v_min <= c[0] <= window.v_max]
     if on_arc:
         return max(on_arc, key=lambda c: sign * c[0])
     corners = [(v, w) for v in (window.v_min, window.v_max) for w in (window.w_min, window.w_max)]
