@@ -122,10 +122,12 @@ class Session:
         """True while the session simulates up to a requested time."""
         return self._seek is not None
 
-    def advance(self, elapsed_s: float, *, budget_s: float, timer: Callable[[], float]) -> bool:
+    def advance(
+        self, elapsed_s: float, *, budget_s: float, timer: Callable[[], float], limit: float = math.inf
+    ) -> bool:
         """Simulates what is due after `elapsed_s` of real time, for at most about `budget_s` (by `timer`); True if anything was.
 
-        A session that cannot keep up gets slower; it never catches up in a rush.
+        A session that cannot keep up gets slower; it never catches up in a rush. No cycle begins after `limit` (simulated s).
         """
         started = timer()
         if self._seek is not None:
@@ -138,6 +140,7 @@ class Session:
             target = math.inf
         else:
             target = self._clock = min(self._clock + elapsed_s * self.speed, self.time + BACKLOG_S * self.speed)
+        target = min(target, limit)
         before = self.time
         while self.time < target and self._step() and timer() < started + budget_s:
             pass

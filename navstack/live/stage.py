@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,10 @@ from navstack.scenario.file.writer import scenario_text
 
 _INTERACTIONS = frozenset({"goal", "queue", "cancel", "put", "remove", "place", "drive", "clear_costmaps", "wait"})
 _TIME = frozenset({"pause", "step", "speed", "seek", "restart"})
+
+
+LEAD_S = 0.05
+"""A session begins no cycle more than this ahead of another one (simulated s)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,8 +52,11 @@ class Stage:
     def advance(self, elapsed_s: float, *, budget_s: float, timer: Callable[[], float]) -> bool:
         """Advances all sessions; with two, the one that is behind comes first, so that both show the same time."""
         moved = False
+        share = budget_s / len(self.sessions)
         for session in sorted(self.sessions, key=lambda s: s.time):
-            moved |= session.advance(elapsed_s, budget_s=budget_s / len(self.sessions), timer=timer)
+            others = [s.time for s in self.sessions if s is not session and not s.is_done]
+            limit = min(others, default=math.inf) + LEAD_S
+            moved |= session.advance(elapsed_s, budget_s=share, timer=timer, limit=limit)
         return moved
 
     def request(self, request: Any) -> messages.Answer:

@@ -2,7 +2,7 @@
 import { Camera } from './camera.js';
 import { Theme } from './colors.js';
 import { Connection } from './connection.js';
-import { $, copy, poseText, setIcon, toast } from './dom.js';
+import { $, copy, el, poseText, setIcon, toast } from './dom.js';
 import { helpText } from './help.js';
 import { Layers } from './layers.js';
 import { Panel, Save, Why } from './panel.js';
@@ -101,7 +101,10 @@ class App {
       $('play').setAttribute('aria-label', this.playing ? 'Continue' : 'Pause');
     }
     const speed = side.speed === null ? 'max' : String(side.speed);
-    if ($('speed').value !== speed && document.activeElement !== $('speed')) $('speed').value = speed;
+    if ($('speed').value !== speed && document.activeElement !== $('speed')) {
+      if (![...$('speed').options].some((option) => option.value === speed)) $('speed').append(el('option', { value: speed }, `${speed}×`));
+      $('speed').value = speed;
+    }
     this.timeline.update(side, clock);
     this.panel.update(side, clock);
     showVersus(this.store);

@@ -26,6 +26,7 @@ export class Panel {
 
   show(name) {
     this.shown = name;
+    document.body.classList.toggle('wide', name === 'why');
     for (const [other] of TABS) {
       $(`tab-${other}`).hidden = other !== name;
       $(`show-${other}`).setAttribute('aria-selected', String(other === name));
