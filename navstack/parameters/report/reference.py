@@ -99,7 +99,7 @@ def _sections() -> Iterator[str]:
         for part, field in inner.model_fields.items():
             below = nested_model(field)
             if below is not None:
-                yield _section(f"navstack/{name}/{part}", f"`navstack/{name}/{part}`", below)
+                yield _section(f"navstack/{name}/{part}", f"`{part}` in `navstack/{name}`", below)
 
 
 def _plugin(kind: str, entry: PluginEntry[Any], where: str, listed: set[type[ParamModel]]) -> str:
