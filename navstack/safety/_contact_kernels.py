@@ -182,17 +182,12 @@ def stepped_contact(points, corners, radius, least, command, horizon, step):
 
 
 @kernel
-def approach_zero(speed, change):
-    """Return a velocity after braking by `change`."""
-    return math.copysign(max(abs(speed) - change, 0.0), speed)
+def braking_poses(velocity, commands, until, decel, dt, reach, poses):
+    """Write the poses while a robot follows one command, then another, and then brakes to a stop; return their number.
 
-
-@kernel
-def braking_poses(velocity, command, decel, reaction, dt, reach, poses):
-    """Write the poses while a robot follows a command for `reaction` (s) and then brakes to a stop; return their number.
-
-    `poses` (n, 4): x, y, yaw, and the path length that no part of the shape exceeds up to there (m); the first one is the
-    present pose. Velocities change by at most `decel` (3,), magnitudes (m/s², rad/s²).
+    `commands` (2, 3) are followed up to the times `until` (2,). `poses` (n, 4): x, y, yaw, and the path length that no part of
+    the shape exceeds up to there (m); the first one is the present pose. Velocities change by at most `decel` (3,),
+    magnitudes (m/s², rad/s²).
     """
     vx, vy, w = velocity[0], velocity[1], velocity[2]
     x, y, yaw, length, t = 0.0, 0.0, 0.0, 0.0, 0.0
@@ -200,12 +195,13 @@ def braking_poses(velocity, command, decel, reaction, dt, reach, poses):
     while count < poses.shape[0]:
         poses[count, 0], poses[count, 1], poses[count, 2], poses[count, 3] = x, y, yaw, length
         count += 1
-        if t < reaction - TINY:
-            ux, uy, uw = command[0], command[1], command[2]
-        else:
-            ux, uy, uw = 0.0, 0.0, 0.0
-            if vx == 0.0 and vy == 0.0 and w == 0.0:
-                break
+        ux, uy, uw = 0.0, 0.0, 0.0
+        if t < until[0] - TINY:
+            ux, uy, uw = commands[0, 0], commands[0, 1], commands[0, 2]
+        elif t < until[1] - TINY:
+            ux, uy, uw = commands[1, 0], commands[1, 1], commands[1, 2]
+        elif vx == 0.0 and vy == 0.0 and w == 0.0:
+            break
         # the mean of the velocities before and after the change
         nx = vx + min(max(ux - vx, -decel[0] * dt), decel[0] * dt)
         ny = vy + min(max(uy - vy, -decel[1] * dt), decel[1] * dt)

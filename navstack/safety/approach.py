@@ -39,17 +39,27 @@ class Approach:
     """Predicts contacts of zones with points."""
 
     def __init__(
-        self, body: NDArray[np.float64], *, decel: NDArray[np.float64] | None, reaction_s: float, as_nav2: bool
+        self,
+        body: NDArray[np.float64],
+        *,
+        decel: NDArray[np.float64] | None,
+        reaction_s: float,
+        period_s: float,
+        as_nav2: bool,
     ) -> None:
         """`body`: the robot's outline (n, 2), counter-clockwise. `decel` (3,): magnitudes (m/s², rad/s²); None if unknown.
 
-        `reaction_s`: time until the robot follows a command (s). `as_nav2`: simulate in steps, as Nav2 does.
+        `reaction_s`: time until the robot follows a command (s); `period_s`: time between two checks (s). `as_nav2`: simulate
+        in steps, as Nav2 does.
         """
+        self.sent = np.zeros(3)
+        """(3,) the last command that was sent to the robot."""
         self._body = body
         self._body_reach = float(np.hypot(body[:, 0], body[:, 1]).max())
         # an axis without deceleration is one that the robot does not have
         self._decel = None if decel is None else np.where(decel > 0.0, decel, 1e9)
-        self._reaction_s = reaction_s
+        # the last command is in force until the robot reacts, then the new one until the next check
+        self._until = np.array((reaction_s, reaction_s + period_s))
         self._as_nav2 = as_nav2
         self._times = np.empty(0)
         self._poses = np.empty((_MOST_POSES, 4))
@@ -160,8 +170,9 @@ class Approach:
         command: NDArray[np.float64],
     ) -> tuple[int, int]:
         assert self._decel is not None
+        commands = np.vstack((self.sent, command))
         count = contact.braking_poses(
-            velocity, command, self._decel, self._reaction_s, BRAKING_STEP_S, shape.reach, self._poses
+            velocity, commands, self._until, self._decel, BRAKING_STEP_S, shape.reach, self._poses
         )
         return contact.touched_while_braking(
             points, shape.corners, shape.radius, shape.reach, self._poses, count, zone.least

@@ -107,6 +107,7 @@ class CollisionMonitor:
             self._body,
             decel=None if decel is None or params.nav2_compatible else np.abs(np.array(decel, np.float64)),
             reaction_s=params.reaction_time,
+            period_s=1.0 / params.check_frequency,
             as_nav2=params.nav2_compatible,
         )
         self._stopped_since: float | None = None
@@ -149,6 +150,7 @@ class CollisionMonitor:
             verdict.time,
         )
         self.last = decision
+        self._approach.sent[:] = out
         return decision
 
     # --- judgment -----------------------------------------------------------------------------------------------------

@@ -171,7 +171,7 @@ def test_points_inside_the_footprint_do_not_prevent_leaving() -> None:
 
 
 def test_a_robot_that_cannot_brake_in_time_is_slowed_down_earlier() -> None:
-    # 1 m/s, 0.5 m/s²: 0.1 s of reaction and 1.0 m of braking
+    # 1 m/s, 0.5 m/s²: 0.1 s of reaction, 0.05 s to the next check, 1.0 m of braking
     fast = {"a": zone(action_type="approach", time_before_collision=0.2)}
     point = (0.2 + 1.0, 0.0)
     assert check(fast, Twist2D(1.0), point) == Twist2D(1.0)
@@ -181,7 +181,7 @@ def test_a_robot_that_cannot_brake_in_time_is_slowed_down_earlier() -> None:
     assert decision.action == "approach"
     assert decision.command.vx < 1.0
     assert "brake" in decision.reason
-    free = (0.2 + 1.0 + 0.1 + 0.05, 0.0)  # stops within reaction and braking way, and half of a simulated step
+    free = (0.2 + 1.0 + 0.15 + 0.02, 0.0)  # and half of a simulated step
     m.observe(scan_of(free, stamp=0.1))
     assert m.process(Twist2D(1.0), 0.0, Twist2D(1.0)).action == "none"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from navstack.cli.bench import barn, compare, movingai, planners, random, speed
+from navstack.cli.bench import barn, compare, movingai, planners, random, safety, speed
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -19,3 +19,4 @@ app.command("planners")(planners.planners)
 app.command("speed")(speed.speed)
 app.command("compare")(compare.compare)
 app.command("random")(random.random)
+app.command("safety")(safety.safety)

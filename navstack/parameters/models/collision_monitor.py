@@ -338,7 +338,7 @@ class CollisionMonitorParams(_MonitorBase):
         unit="m/s², rad/s²",
     )
     reaction_time: float = param(
-        0.1, "approach: time until the robot follows a command; not a parameter of Nav2", unit="s", ge=0.0, le=5.0
+        0.1, "approach: dead time until the robot follows a command; not a parameter of Nav2", unit="s", ge=0.0, le=5.0
     )
     nav2_compatible: bool = param(
         False, "compute as Nav2 does, with the defects that the parity page lists; not a parameter of Nav2"
