@@ -34,6 +34,14 @@ def plot(
         Path | None,
         typer.Option("--animation", metavar="FILE", help="Write the animation here (.gif, or .mp4 with ffmpeg)."),
     ] = None,
+    commands: Annotated[
+        Path | None,
+        typer.Option(
+            "--commands",
+            metavar="FILE",
+            help="Also draw the commands over time: requested, after the velocity smoother, sent to the robot.",
+        ),
+    ] = None,
     speed: Annotated[
         float, typer.Option("--speed", help="Simulated seconds per second of the animation.", min=0.1)
     ] = 4.0,
@@ -44,7 +52,7 @@ def plot(
     from navstack.cli.output import counting_bar, print_files, print_json
     from navstack.core.errors import InputError
     from navstack.map_io import map_names
-    from navstack.plot import animate_run, plot_run
+    from navstack.plot import animate_run, plot_commands, plot_run
     from navstack.record import Record
 
     run = Path(source)
@@ -59,6 +67,8 @@ def plot(
     picture = file_in("run.png")(out) or folder / "run.png"
     plot_run(record, picture)
     files = {"picture": str(picture)}
+    if commands is not None:
+        files["commands"] = str(plot_commands(record, file_in("commands.png")(commands) or commands))
     if animate or animation is not None:
         movie = animation or picture.with_suffix(".gif")
         with counting_bar("drawing", quiet=json_) as progress:

@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 
 from navstack.core import Costmap, Footprint, Pose2D, Twist2D
 from navstack.core.errors import RecordError
+from navstack.explain.command_chain import command_after
 from navstack.explain.command_summary import average_summary, count_rejections, summary_of
 from navstack.explain.replay import Replay, replay, time_in
 from navstack.explain.samples import SampleReport, rank_samples
 from navstack.interfaces import ControlDiagnostics, LocalPlan
 from navstack.local_planner.path_follower import PathFollower
 from navstack.record import Record
+from navstack.record.commands import RecordedCommand
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,6 +47,8 @@ class CommandReport:
     """(K, T, 3); None for a planner without rollouts."""
     counts: NDArray[np.int64] | None
     """(K,) number of valid points."""
+    chain: RecordedCommand | None = None
+    """What multiplexer, velocity smoother and collision monitor made of the command; None without them."""
 
     @property
     def legal(self) -> tuple[SampleReport, ...]:
@@ -70,6 +74,7 @@ class CommandReport:
             "scales": dict(zip(plan.critics, scales)),
             "samples": [sample.as_dict() for sample in self.samples],
             "notes": list(plan.notes),
+            "chain": self.chain.as_dict() if self.chain is not None else None,
         }
 
 
@@ -111,6 +116,7 @@ def explain_command(record: Record, time: float | None = None) -> CommandReport:
         robot=costmap.robot_pose(replayed.time),
         poses=details.rollouts.poses if details else None,
         counts=details.rollouts.counts if details else None,
+        chain=command_after(record, replayed.time),
     )
 
 

@@ -9,6 +9,7 @@ from rich.table import Table
 
 from navstack.explain.cell import CellReport
 from navstack.explain.command import CommandReport
+from navstack.explain.command_chain import chain_sentence
 from navstack.explain.command_summary import velocity_text
 from navstack.explain.goal import GoalReport
 from navstack.explain.passages import LABELS, RATINGS, PassageReport
@@ -83,6 +84,8 @@ def print_command(out: Console, report: CommandReport, *, everything: bool = Fal
         f"{plan.mode}, {velocity_text(plan.command)}"
     )
     out.print(f"[bold]{escape(report.summary)}[/]")
+    if report.chain is not None:
+        out.print(escape(chain_sentence(report.chain)))
     for note in plan.notes:
         out.print(f"note: {escape(note)}")
     shown = _shown_samples(report, everything=everything)

@@ -1,6 +1,7 @@
 """Pictures of maps, costmaps, plans and runs. matplotlib is imported with the first picture, not with this package."""
 
 from navstack.plot.animate import animate_run
+from navstack.plot.commands import plot_commands
 from navstack.plot.costmap import plot_costmap
 from navstack.plot.map import plot_map
 from navstack.plot.plan import plot_plan
@@ -12,6 +13,7 @@ from navstack.plot.states import plot_states
 __all__ = [
     "animate_run",
     "plot_command",
+    "plot_commands",
     "plot_costmap",
     "plot_costmap_at",
     "plot_goal_reports",

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from navstack.core import Bounds, Event, Transform2D
 from navstack.plot import areas, canvas, colors, drawing, legend
+from navstack.plot.commands import draw_changed_commands
 from navstack.plot.obstacles import draw_obstacles
 from navstack.plot.picture import Picture
 from navstack.record import Record
@@ -58,6 +59,7 @@ def plot_run(
             _draw_footprints(picture.axes, record, entries)
         entries += draw_obstacles(picture.axes, record)
         entries += draw_ends(picture.axes, record, picture.points_per_m)
+        draw_changed_commands(picture.axes, record, entries)
         _draw_incidents(picture.axes, record, entries)
         picture.legend([handle for handle, _ in entries] + bands, [label for _, label in entries] + texts)
         return picture.finish(path, dpi)

@@ -26,6 +26,8 @@ same file byte for byte. "map" below is the global frame, "odom" the local frame
     scan_sources      [[topic, frame], ..], see column `source` of `scans`
     sensors           {frame of a lidar: [x, y, yaw] in base}; absent in records of 0.1.0
 
+    zones             [{"name", "action", "corners" [[x, y], ..] m, base}, ..]: of the collision monitor; absent without one
+
 `events.jsonl`, one object per line: `{"time" s, "kind", "text", "data"}` as in `navstack.core.Event`; events of kind
 "feedback" are omitted, because `samples` contains the same data.
 
@@ -50,6 +52,10 @@ Tables (structured arrays, one row per ..):
     collisions    collision        t f8; x, y, yaw f8, map
     scans         scan of a lidar  t f8; x, y, yaw f8: the robot, map; angle_min, angle_increment f8 rad;
                                    range_min, range_max, height f8 m; source i4; first i8, count i8: rows of `scan_ranges`
+    commands      command that     t f8; requested_vx, .._vy, .._wz, smoothed_.., sent_.. f8: as its source gave it, after the
+                  passed a chain   velocity smoother, as the robot got it, base, m/s and rad/s; source U; changed_by U:
+                                   velocity_smoother, collision_monitor or empty; action, zone U: of the collision monitor;
+                                   reason U. Absent without a chain; `cmd_..` of `samples` is what was requested
     costmaps/<n>  update of the    t f8; nx, ny i4; resolution, origin_x, origin_y f8: the grid at that time;
                   costmap <n>      x0, y0, x1, y1 i4: the window of changed cells (half open; empty: no change);
                                    first i8: index of its first cell in `costmaps/<n>_cells`, row-major.

@@ -27,6 +27,7 @@ from navstack.core import (
 from navstack.core.errors import InputError, RecordError
 from navstack.interfaces import LocalPlan
 from navstack.record.archive import locate, read
+from navstack.record.commands import RecordedCommand, recorded_command
 from navstack.record.entries import RecordedLocalPlan, RecordedPlan, RecordedScan
 
 
@@ -261,6 +262,26 @@ class Record:
         """Returns the current local plan."""
         i = _last_at(self.local_plan_times, t)
         return self.local_plan(i) if i >= 0 else None
+
+    # --- commands -----------------------------------------------------------------------------------------------------
+
+    @property
+    def command_steps(self) -> NDArray[np.void]:
+        """The table of the commands on their way to the robot, empty without a chain."""
+        found = self.arrays.get("commands")
+        return np.zeros(0, [("t", "<f8")]) if found is None else found
+
+    def command_step_at(self, t: float) -> RecordedCommand | None:
+        """Returns the command in force, None without a chain or before the first one."""
+        steps = self.command_steps
+        i = _last_at(steps["t"], t)
+        return recorded_command(steps[i]) if i >= 0 else None
+
+    @property
+    def zones(self) -> tuple[tuple[str, str, NDArray[np.float64]], ...]:
+        """Name, action and corners (n, 2) in the base frame of the collision monitor's zones."""
+        found: list[dict[str, Any]] = self.meta.get("zones", [])
+        return tuple((z["name"], z["action"], np.array(z["corners"], np.float64).reshape(-1, 2)) for z in found)
 
     # --- costmaps -----------------------------------------------------------------------------------------------------
 

@@ -29,10 +29,12 @@ from navstack.interfaces import LocalPlan
 from navstack.record import format as fmt
 from navstack.record.archive import write
 from navstack.record.buffers import CostmapBuffer, LocalPlanRow, critics_of, local_plan_arrays, stacked
+from navstack.record.commands import CommandBuffer
 from navstack.record.log import render_log
 from navstack.record.reader import Record
 from navstack.record.scans import ScanBuffer, scan_arrays
 from navstack.record.solids import SolidNames, SolidsBuffer
+from navstack.safety import CommandStep
 
 
 class Collision(Protocol):
@@ -94,6 +96,8 @@ class RunRecorder:
         self._local_plans: list[LocalPlanRow] = []
         self._costmaps: dict[str, CostmapBuffer] = {}
         self._scans: dict[tuple[str, str], ScanBuffer] = {}
+        self._commands = CommandBuffer()
+        self._zones: list[Any] = []
 
     # --- during the run -----------------------------------------------------------------------------------------------
 
@@ -107,6 +111,14 @@ class RunRecorder:
         self._events.append(
             {"time": float(event.time), "kind": event.kind, "text": event.text, "data": jsonable(event.data)}
         )
+
+    def command_step(self, step: CommandStep) -> None:
+        """Adds a command on its way from its source to the robot."""
+        self._commands.add(step)
+
+    def zones(self, zones: Sequence[Mapping[str, Any]]) -> None:
+        """Sets the zones of the collision monitor: name, action and corners (m, base frame) of each."""
+        self._zones = jsonable([dict(zone) for zone in zones])
 
     def goal(self, t: float, pose: Pose2D) -> None:
         """Adds an accepted goal (global frame); goals are numbered from 0 in this order."""
@@ -252,6 +264,8 @@ class RunRecorder:
         arrays |= self._plan_arrays()
         arrays |= local_plan_arrays(self._local_plans, critics)
         arrays |= scan_arrays(list(self._scans.values()), values[:, 0], values[:, 1:4])
+        if len(self._commands):
+            arrays["commands"] = self._commands.table()
         for name, log in self._costmaps.items():
             arrays[f"costmaps/{name}"] = log.table()
             arrays[f"costmaps/{name}_cells"] = np.frombuffer(b"".join(log.cells), np.uint8)
@@ -269,6 +283,8 @@ class RunRecorder:
             "scan_sources": [list(source) for source in self._scans],
             "sensors": self._sensors,
         }
+        if self._zones:
+            meta["zones"] = self._zones
         return meta, self._events, arrays
 
     def _fetch_clearances(self) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core.bounded_reading import short_repr
+from navstack.record.commands import check_commands, check_zones
 from navstack.record.format import ARRAYS, COSTMAP_TABLE, META, TABLES, VERSION
 
 
@@ -30,6 +31,9 @@ def check(meta: dict[str, Any], events: list[dict[str, Any]], arrays: dict[str, 
     for name in ("plan_poses", "local_plan_samples", "local_plan_poses"):
         if arrays[name].shape[1] != 3:
             raise ValueError(f"{name} has shape {arrays[name].shape}")
+    if "commands" in arrays:
+        check_commands(arrays["commands"])
+    check_zones(meta.get("zones", []))
     critics = len(meta["critics"])
     if arrays["local_plan_costs"].shape[1] != critics:
         raise ValueError("local_plan_costs does not have one column per critic")

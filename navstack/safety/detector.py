@@ -58,7 +58,9 @@ class CollisionDetector:
 
     def step(self, now: float, command: Twist2D | None = None) -> Detections:
         """Check all enabled zones at `now` (s). `command` chooses the polygon of a velocity polygon (default: standing)."""
-        self._due = now + 1.0 / self.params.frequency
+        self._due += 1.0 / self.params.frequency
+        if not self._due > now:
+            self._due = now + 1.0 / self.params.frequency
         problems = self.field.update(now)
         found: dict[str, bool] = {}
         for zone in self.zones:

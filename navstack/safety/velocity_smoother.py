@@ -105,7 +105,10 @@ class VelocitySmoother:
                 return None
             target = Twist2D()
         dt = self._time_step(now)
-        self._due = now + self._period
+        # on the grid of the first step: a robot's cycle that does not divide the period must not lower the frequency
+        self._due += self._period
+        if not now < self._due < math.inf:
+            self._due = now + self._period
         self._last_step = now
         current = self._current()
         out = np.empty(3)

@@ -53,6 +53,10 @@ def record_tick(
     for scan in tick.scans:
         if isinstance(scan, LaserScan):
             recorder.scan(scan.stamp, scan)
+    chain = move_base.chain
+    if chain is not None:
+        for step in chain.take_steps():
+            recorder.command_step(step)
     recorder.sample(
         t,
         pose=robot.pose,

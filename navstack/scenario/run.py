@@ -81,6 +81,9 @@ class Run:
         if self.recorder is not None:
             listening.insert(0, self.recorder)
         self.move_base = build_move_base(configuration, self.robot, static_map=scenario.map, listeners=listening)
+        chain = self.move_base.chain
+        if self.recorder is not None and chain is not None and chain.monitor is not None:
+            self.recorder.zones(chain.monitor.as_dict()["zones"])
         self.timings: Timings | None = None
         if timings:
             self.timings = Timings()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from navstack.bench.safety_bench import SafetyTask, safety_jobs, safety_tables, stopping_distance, unexplained
@@ -23,11 +25,11 @@ def test_every_contact_with_the_monitor_is_explained(results: list[JobResult]) -
 
 
 def test_the_monitor_prevents_contacts(results: list[JobResult]) -> None:
-    with_it = sum(len(result.value["with"]) for result in results)
-    without = sum(len(result.value["without"]) for result in results)
+    with_it = sum(_still(result.value["with"]) for result in results)
+    without = sum(_still(result.value["without"]) for result in results)
     walls = [c for result in results for c in result.value["with"] if c["obstacle"] == "map"]
     assert walls == []
-    assert with_it < 0.5 * without
+    assert with_it < without
     # it does not simply stand still
     driven = sum(result.value["driven_with_m"] for result in results)
     assert driven > 0.5 * sum(result.value["driven_without_m"] for result in results)
@@ -53,3 +55,8 @@ def test_scenes_and_commands_depend_on_the_number_only() -> None:
     limit = safety_scene(5).robot.max_velocity
     assert all(abs(c.vx) <= limit[0] and abs(c.vy) <= limit[1] and abs(c.wz) <= limit[2] for c in commands)
     assert SafetyDrive(5, monitored=True).run() == SafetyDrive(5, monitored=True).run()
+
+
+def _still(contacts: list[dict[str, Any]]) -> int:
+    """Number of contacts with walls and boxes."""
+    return sum(contact["obstacle"] == "map" or contact["obstacle"].startswith("box") for contact in contacts)
