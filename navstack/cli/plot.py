@@ -10,6 +10,16 @@ import typer
 from navstack.cli import options
 
 
+_Commands = Annotated[
+    Path | None,
+    typer.Option(
+        "--commands",
+        metavar="FILE",
+        help="Also draw the commands over time: requested, after the velocity smoother, sent to the robot.",
+    ),
+]
+
+
 def plot(
     source: Annotated[
         str,
@@ -34,14 +44,7 @@ def plot(
         Path | None,
         typer.Option("--animation", metavar="FILE", help="Write the animation here (.gif, or .mp4 with ffmpeg)."),
     ] = None,
-    commands: Annotated[
-        Path | None,
-        typer.Option(
-            "--commands",
-            metavar="FILE",
-            help="Also draw the commands over time: requested, after the velocity smoother, sent to the robot.",
-        ),
-    ] = None,
+    commands: _Commands = None,
     speed: Annotated[
         float, typer.Option("--speed", help="Simulated seconds per second of the animation.", min=0.1)
     ] = 4.0,
@@ -65,8 +68,7 @@ def plot(
     record = Record.load(run)
     folder = run if run.is_dir() else run.parent
     picture = file_in("run.png")(out) or folder / "run.png"
-    plot_run(record, picture)
-    files = {"picture": str(picture)}
+    files = {"picture": str(plot_run(record, picture))}
     if commands is not None:
         files["commands"] = str(plot_commands(record, file_in("commands.png")(commands) or commands))
     if animate or animation is not None:
