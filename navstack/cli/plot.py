@@ -9,7 +9,6 @@ import typer
 
 from navstack.cli import options
 
-
 _Commands = Annotated[
     Path | None,
     typer.Option(
