@@ -87,7 +87,7 @@ class RotationShimParams(PathFollowerParams):
         """Yield what keeps the shim from handing over, and what is wrong with the other controller."""
         yield from super().check(context)
         entry, params = self.primary
-        if "primary_controller" not in self.sections:
+        if not getattr(self.sections.get("primary_controller"), "plugin", ""):
             message = (
                 f"primary_controller is not set, so {entry.name} drives; write "
                 '`primary_controller: {plugin: "..", its parameters}`'

@@ -87,6 +87,11 @@ def simulate(costs, grid, corners, start, target, settings, out, command):
     most = len(out)
     if p.as_nav2:
         most = min(most, max(1, int(3.0 * math.hypot(target[0] - x, target[1] - y) / resolution)))
+    else:
+        # twice the way at the lowest speed, and the initial turn
+        far = math.hypot(target[0] - x, target[1] - y) + resolution
+        turn = math.pi / (max(p.w_min, 0.1) * dt) if turning else 0.0
+        most = min(most, int(2.0 * far / (max(p.v_min, 0.01) * dt) + turn) + 1)
     highest = np.int64(0)
     v, w = 0.0, 0.0
     for i in range(most):
