@@ -15,8 +15,6 @@ SQUARE = 4
 """Cells around a cell in each direction of which `highest_in_squares` takes the highest cost."""
 PART = 2 * SQUARE + 1
 """Cells of an edge that one such square contains."""
-LARGE = 6.0
-"""Cells: the edges of a footprint with a smaller circumscribed radius are too short for squares."""
 BOUND_GRIDS = 4
 """Grids of `bound_footprint_costs`."""
 
@@ -108,10 +106,21 @@ def highest_in_squares(costs, x0, y0, x1, y1, rows, out):
 
 
 @kernel
-def bound_footprint_costs(costs, settings, commands, alive, box, bounds):
+def has_long_edges(vertices, resolution):
+    """Return True if the edges of a footprint are as long as a square on average: shorter ones are walked faster without."""
+    number = len(vertices)
+    around = 0.0
+    for j in range(number):
+        before = number - 1 if j == 0 else j - 1
+        around += math.hypot(vertices[j, 0] - vertices[before, 0], vertices[j, 1] - vertices[before, 1])
+    return around >= number * PART * resolution
+
+
+@kernel
+def bound_footprint_costs(costs, settings, vertices, commands, alive, box, bounds):
     """Write upper bounds of the cost of the footprint (`bounds[0]`) and of the largest scaled footprint (`bounds[1]`).
 
-    If the footprint is LARGE, also `highest_in_squares` to `bounds[2]`, wherever a footprint can be, and return True.
+    If its edges are long, also `highest_in_squares` to `bounds[2]`, wherever a footprint can be, and return True.
 
     `box`: x0, y0, x1, y1, see `highest_around`. `bounds` (BOUND_GRIDS, ny, nx): the last one is scratch.
     """
@@ -129,7 +138,7 @@ def bound_footprint_costs(costs, settings, commands, alive, box, bounds):
     highest_around(costs, x0, y0, x1, y1, min(reach, farthest), scratch, bounds[0])
     if largest > 1.0:
         highest_around(costs, x0, y0, x1, y1, min(largest * reach, farthest), scratch, bounds[1])
-    if reach < LARGE:
+    if not has_long_edges(vertices, settings.resolution):
         return False
     around = math.ceil(min(largest * reach, farthest)) + 2
     left, low, right, high = max(x0 - around, 0), max(y0 - around, 0), min(x1 + around, nx), min(y1 + around, ny)
@@ -139,7 +148,7 @@ def bound_footprint_costs(costs, settings, commands, alive, box, bounds):
 
 @kernel
 def large_edge_cost(flat, squares, nx, ny, settings, corners, x, y, yaw, cells, floor):
-    """Return the highest cost on the edges of a large footprint at a pose, if it exceeds `floor`; else at most `floor`.
+    """Return the highest cost on the edges of a footprint at a pose, if it exceeds `floor`; else at most `floor`.
 
     As `edge_cost`, without the parts of the edges on which no cell can cost more. `flat`: costs; `squares`: flat, see
     `highest_in_squares`.

@@ -37,7 +37,7 @@ def obstacle_scores(
     settings = settings_[0]
     origin_x, origin_y, resolution = settings.origin_x, settings.origin_y, settings.resolution
     sum_scores = settings.sum_scores
-    large = bound_footprint_costs(costs, settings, commands, alive, boxes[len(counts)], bounds)
+    large = bound_footprint_costs(costs, settings, vertices, commands, alive, boxes[len(counts)], bounds)
     flat, flat_bounds = costs.ravel(), bounds.reshape(BOUND_GRIDS, costs.size)
     squares = flat_bounds[2]
     ny, nx = costs.shape
