@@ -83,6 +83,34 @@ _MPPI: Final[Mapping[str, Range | Choice]] = {
     "GoalAngleCritic/threshold_to_consider": Range(0.1, 0.6, 0.25),
 }
 """Critics that are not listed have no parameters and are left out."""
+_PURSUIT: Final[Mapping[str, Range | Choice]] = {
+    "lookahead_dist": Range(0.2, 1.2, 0.6, log=True),
+    "rotate_to_heading_min_angle": Range(0.3, 1.5, 0.785),
+    "rotate_to_heading_angular_vel": Range(0.4, 1.8, 1.8, robot=True),
+    "max_linear_vel": Range(0.1, 0.5, 0.5, robot=True),
+    "regulated_linear_scaling_min_radius": Range(0.2, 1.5, 0.9),
+    "regulated_linear_scaling_min_speed": Range(0.05, 0.3, 0.25),
+    "cost_scaling_dist": Range(0.1, 0.8, 0.6),
+    "approach_velocity_scaling_dist": Range(0.2, 1.0, 0.6),
+}
+_SHIM: Final[Mapping[str, Range | Choice]] = {
+    "angular_dist_threshold": Range(0.4, 1.5, 0.785),
+    "angular_disengage_threshold": Range(0.05, 0.39, 0.3925),
+    "forward_sampling_distance": Range(0.2, 1.0, 0.5),
+    "rotate_to_heading_angular_vel": Range(0.4, 1.8, 1.8, robot=True),
+    **{f"primary_controller/{name}": default for name, default in _PURSUIT.items() if "rotate" not in name},
+}
+"""Around regulated pure pursuit; parameters that another controller does not have are left out."""
+_GRACEFUL: Final[Mapping[str, Range | Choice]] = {
+    "max_lookahead": Range(0.3, 1.5, 1.0, log=True),
+    "k_phi": Range(0.5, 5.0, 2.0, log=True),
+    "k_delta": Range(0.3, 4.0, 1.0, log=True),
+    "beta": Range(0.05, 1.5, 0.4, log=True),
+    "slowdown_radius": Range(0.3, 2.0, 1.5),
+    "initial_rotation_tolerance": Range(0.2, 1.5, 0.75),
+    "v_linear_max": Range(0.1, 0.5, 0.5, robot=True),
+    "v_angular_max": Range(0.4, 1.2, 1.0, robot=True),
+}
 INFLATION: Final[Mapping[str, Range]] = {
     # `_inflation` sets the lower end just above the inscribed radius: below it, plans cross walls
     "inflation_radius": Range(0.0, 1.2, 0.5),
@@ -97,6 +125,9 @@ LOCAL_PLANNERS: Final[Mapping[str, Mapping[str, Range | Choice]]] = {
     "dwa": _DWA,
     "trajectory_rollout": _ROLLOUT,
     "mppi": _MPPI,
+    "regulated_pure_pursuit": _PURSUIT,
+    "rotation_shim": _SHIM,
+    "graceful": _GRACEFUL,
 }
 """By registered name of the plugin."""
 GLOBAL_PLANNERS: Final[Mapping[str, Mapping[str, Range | Choice]]] = {"global_planner": _GLOBAL_PLANNER}

@@ -42,6 +42,24 @@ def test_default_space_of_mppi() -> None:
     assert by_name["MPPIController/vx_max"].high == 0.4 and by_name["MPPIController/temperature"].log
 
 
+@pytest.mark.parametrize(
+    ("robot", "name"),
+    [
+        ("turtlebot_rpp", "RegulatedPurePursuitController/lookahead_dist"),
+        ("turtlebot_shim", "RotationShimController/angular_dist_threshold"),
+        ("turtlebot_graceful", "GracefulController/k_phi"),
+    ],
+)
+def test_default_space_of_followers(robot: str, name: str) -> None:
+    """Every dimension is a parameter that can be loaded at both ends."""
+    base = load_configuration([robot])
+    space = default_space(base, "local_planner")
+    assert name in {d.name for d in space}
+    for end in (0, 1):
+        candidate = {d.name: (d.low, d.high)[end] for d in space if hasattr(d, "low")}
+        load_configuration([robot], overrides=[f"{key}={value}" for key, value in candidate.items()])
+
+
 def test_default_space_of_trajectory_planner() -> None:
     base = load_configuration(["turtlebot"], overrides=["base_local_planner=base_local_planner/TrajectoryPlannerROS"])
     by_name = {d.name: d for d in default_space(base)}
