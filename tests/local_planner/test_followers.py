@@ -12,7 +12,13 @@ import pytest
 from navstack.core import Path, Pose2D, RobotState, Twist2D, normalize_angle
 from navstack.core.errors import ControlError
 from navstack.interfaces import ControlInput
-from navstack.local_planner import GracefulController, RegulatedPurePursuit, RotationShim
+from navstack.local_planner import (
+    GracefulController,
+    GracefulParams,
+    RegulatedPurePursuit,
+    RegulatedPurePursuitParams,
+    RotationShim,
+)
 from navstack.local_planner.goal_checkers.simple import SimpleGoalCheckerParams
 from navstack.local_planner.graceful._law_kernels import law
 from navstack.local_planner.graceful.planner import LAW
@@ -25,7 +31,7 @@ FAR = SimpleGoalCheckerParams(path_length_tolerance=0.0, xy_goal_tolerance=0.0)
 
 def pursuit(**values: Any) -> RegulatedPurePursuit:
     values = {"sections": {"goal_checker": FAR}, "use_collision_detection": False, **values}
-    return RegulatedPurePursuit(RegulatedPurePursuit.Params(**values))
+    return RegulatedPurePursuit(RegulatedPurePursuitParams(**values))
 
 
 def command(controller: Any, poses: Any, pose: Pose2D, velocity: Twist2D = Twist2D()) -> Twist2D:
@@ -153,7 +159,8 @@ def test_speeds_are_limited(cls: Any) -> None:
 
 
 def settings() -> Any:
-    p = GracefulController(GracefulController.Params())._law.copy()
+    controller: Any = GracefulController(GracefulParams())
+    p = controller._law.copy()
     assert p.dtype == LAW
     p["slowdown_radius"] = 1.5
     return p[0]
@@ -176,7 +183,7 @@ def test_the_control_law() -> None:
 
 def test_cruise_is_the_highest_speed() -> None:
     """In Nav2 it is v_linear_max * max_lookahead / slowdown_radius, 0.333 m/s (G1)."""
-    controller = GracefulController(GracefulController.Params(sections={"goal_checker": FAR}))
+    controller = GracefulController(GracefulParams(sections={"goal_checker": FAR}))
     assert command(controller, [(0.05 * i, 0.0, 0.0) for i in range(39)], Pose2D(0.0, 0.0)).vx == pytest.approx(0.5)
 
 
