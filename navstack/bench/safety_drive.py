@@ -198,7 +198,7 @@ def _is_seen(moment: Moment, collision: Collision) -> bool:
     return int(near.sum()) >= MIN_POINTS
 
 
-def _obstacle(solids: Solids, collision: Collision) -> shapely.Geometry:
+def _obstacle(solids: Solids, collision: Collision) -> shapely.Polygon:
     if collision.kind == "disc":
         x, y, radius = solids.discs[collision.index].tolist()
         return shapely.Point(x, y).buffer(radius, quad_segs=32)

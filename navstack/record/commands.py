@@ -89,11 +89,12 @@ class CommandBuffer:
 
 def recorded_command(row: Any) -> RecordedCommand:
     """Return a row of the table."""
-    twists = [
+    requested, smoothed, sent = (
         Twist2D(*(float(row[f"{stage}_{axis}"]) for axis in ("vx", "vy", "wz")))
         for stage in ("requested", "smoothed", "sent")
-    ]
-    return RecordedCommand(float(row["t"]), *twists, *(str(row[name]) for name in _TEXTS))
+    )
+    source, changed_by, action, zone, reason = (str(row[name]) for name in _TEXTS)
+    return RecordedCommand(float(row["t"]), requested, smoothed, sent, source, changed_by, action, zone, reason)
 
 
 def check_commands(rows: NDArray[Any]) -> None:

@@ -37,7 +37,8 @@ def zone(**values: Any) -> ZoneParams:
     """A zone whose polygon is FOOTPRINT unless given, triggered by one point."""
     if values.get("type", "polygon") == "polygon" and "points" not in values:
         values["points"] = str(FOOTPRINT.vertices.tolist())
-    return ZoneParams(**{"min_points": 1, **values})
+    merged: dict[str, Any] = {"min_points": 1, **values}
+    return ZoneParams(**merged)
 
 
 def square(half: float) -> str:
