@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from navstack.core.parameters import ParamModel
 from navstack.parameters.binding import Binder
 from navstack.parameters.configuration_types import NavstackParams
-from navstack.parameters.model_fields import iter_names
+from navstack.parameters.model_fields import is_value, iter_names
 from navstack.parameters.models.costmap import CostmapParams
 from navstack.parameters.models.motion import MotionParams
 from navstack.parameters.models.move_base import MoveBaseParams
@@ -35,7 +35,7 @@ class Catalogue:
     def add(self, namespace: str, model: type[ParamModel]) -> None:
         """Add the names of a model that is read in `namespace`."""
         for name in iter_names(model):
-            if name in model.NO_EFFECT:
+            if name in model.NO_EFFECT or not is_value(model, name):
                 continue
             places = self.home.setdefault(name, [])
             if namespace not in places:

@@ -28,7 +28,9 @@ MAX_VALUES = 20_000
 MAX_ALIASED = 10_000
 
 _MAP, _SEQ = "tag:yaml.org,2002:map", "tag:yaml.org,2002:seq"
-_KINDS = {INT: "a number", FLOAT: "a number", EXPONENT: "a number", BOOL: "a boolean", NULL: "null"}
+_KEY_TAGS = (STR, "!", EXPONENT, DEGREES, RADIANS)
+"""Tags of keys that YAML 1.1 reads as text; rosparam reads more notations as numbers in values."""
+_KINDS = {INT: "a number", FLOAT: "a number", BOOL: "a boolean", NULL: "null"}
 
 
 class RejectedYamlError(Exception):
@@ -125,7 +127,7 @@ class NodeBuilder:
         if tag == MERGE:
             self._stack[-1].key = ("<<", self._place(mark))
             return
-        if tag not in (STR, "!") and not self._any_key:
+        if tag not in _KEY_TAGS and not self._any_key:
             kind = _KINDS.get(tag, "not text")
             message = (
                 f'the key "{shortened(text)}" is {kind} in YAML, but a parameter name must be text; quote or rename it'

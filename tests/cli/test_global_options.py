@@ -102,11 +102,12 @@ def test_quiet_and_verbose_exclude_each_other(capfd: pytest.CaptureFixture[str])
 
 def test_completion(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setenv("_NAVSTACK_COMPLETE", "complete_bash")
+    turtlebots = [f"turtlebot{name}" for name in ("", "_graceful", "_mppi", "_rpp", "_shim")]
     for words, expected in (
         ("navstack pl", ["plan", "plot"]),
         ("navstack plan off", ["office"]),
-        ("navstack check turtleb", ["turtlebot", "turtlebot_mppi"]),
-        ("navstack plan office --params turtleb", ["turtlebot", "turtlebot_mppi"]),
+        ("navstack check turtleb", turtlebots),
+        ("navstack plan office --params turtleb", turtlebots),
     ):
         monkeypatch.setenv("COMP_WORDS", words)
         monkeypatch.setenv("COMP_CWORD", str(len(words.split()) - 1))

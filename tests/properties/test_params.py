@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from navstack.core.errors import ParameterError
@@ -142,6 +142,7 @@ def test_yaml_that_is_nearly_right_reads_as_pyyaml_reads_it(text: str) -> None:
         max_leaves=20,
     )
 )
+@example({"0E0": False})
 def test_what_pyyaml_writes_is_read_back(value: Any) -> None:
     text = yaml.safe_dump({"a": value})
     read = parse_yaml(text, "t.yaml")

@@ -118,7 +118,7 @@ CASES = {
         GOOD + "params: [turtlebot, mine.yaml]\n",
         (
             '4:21: params "mine.yaml" is neither a file or folder, relative to this file, nor a packaged set; packaged sets: '
-            "turtlebot"
+            "jackal_mppi, turtlebot, turtlebot_graceful, turtlebot_mppi, turtlebot_rpp, turtlebot_shim"
         ),
     ),
     "set is a list": (
