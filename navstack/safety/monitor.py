@@ -205,7 +205,7 @@ class CollisionMonitor:
     ) -> None:
         limit = self._approach.limit(zone, points, command, measured)
         if limit is not None:
-            verdict.tighten(limit.ratio, "approach", zone.name, _told(limit, zone), limit.points, limit.time)
+            verdict.tighten(limit.ratio, "approach", zone.name, _approach_reason(limit, zone), limit.points, limit.time)
 
     def _may_leave(self, zone: Zone, points: NDArray[np.float64], command: Twist2D) -> bool:
         """True if a stop zone lets a command pass because it brings none of the obstacles in the zone nearer."""
@@ -255,7 +255,7 @@ def limit_ratio(command: Twist2D, linear: float, angular: float) -> float:
     return ratio
 
 
-def _told(limit: ApproachLimit, zone: Zone) -> str:
+def _approach_reason(limit: ApproachLimit, zone: Zone) -> str:
     """The reason of an approach."""
     where = _nearest(limit.points)
     if limit.kind == "inside":
