@@ -27,7 +27,7 @@ class GoalCritic(TrajectoryCritic):
     Params: ClassVar[type[ParamModel]] = GoalCriticParams
 
     def score_batch(self, batch: Batch, out: Floats) -> bool:
-        """Metres."""
+        """Write one distance (m) per trajectory to `out`, shape (n,)."""
         context = self.context
         if context.length > self.params.threshold_to_consider:
             return False

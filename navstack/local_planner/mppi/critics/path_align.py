@@ -31,7 +31,7 @@ class PathAlignCritic(TrajectoryCritic):
     Params: ClassVar[type[ParamModel]] = PathAlignCriticParams
 
     def score_batch(self, batch: Batch, out: Floats) -> bool:
-        """Metres."""
+        """Write one distance (m) per trajectory to `out`, shape (n,)."""
         context, p = self.context, self.params
         furthest = interested(self, batch)
         if furthest < 2:

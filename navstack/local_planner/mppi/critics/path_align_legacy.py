@@ -19,7 +19,7 @@ class PathAlignLegacyCritic(TrajectoryCritic):
     Params: ClassVar[type[ParamModel]] = PathAlignCriticParams
 
     def score_batch(self, batch: Batch, out: Floats) -> bool:
-        """Metres."""
+        """Write one distance (m) per trajectory to `out`, shape (n,)."""
         context, p = self.context, self.params
         if interested(self, batch) == 0 or batch.points.shape[1] < p.trajectory_point_step:
             return False

@@ -26,7 +26,7 @@ class PathFollowCritic(TrajectoryCritic):
     Params: ClassVar[type[ParamModel]] = PathFollowCriticParams
 
     def score_batch(self, batch: Batch, out: Floats) -> bool:
-        """Metres."""
+        """Write one distance (m) per trajectory to `out`, shape (n,)."""
         context, p = self.context, self.params
         last = context.path.shape[1] - 1
         if context.length < p.threshold_to_consider or last < 1:

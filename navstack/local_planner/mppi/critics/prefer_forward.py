@@ -27,7 +27,7 @@ class PreferForwardCritic(TrajectoryCritic):
     Params: ClassVar[type[ParamModel]] = PreferForwardCriticParams
 
     def score_batch(self, batch: Batch, out: Floats) -> bool:
-        """Metres."""
+        """Write one distance (m) per trajectory to `out`, shape (n,)."""
         if self.context.length < self.params.threshold_to_consider:
             return False
         backward_scores(batch.speeds, np.float32(batch.dt), out)

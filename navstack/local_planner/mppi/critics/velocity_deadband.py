@@ -37,7 +37,7 @@ class VelocityDeadbandCritic(TrajectoryCritic):
     Params: ClassVar[type[ParamModel]] = VelocityDeadbandCriticParams
 
     def score_batch(self, batch: Batch, out: Floats) -> bool:
-        """Metres and radians."""
+        """Write what each trajectory is below the dead band by (m and rad, summed over time) to `out`, shape (n,)."""
         bands = np.abs(np.array(self.params.deadband_velocities, np.float32))
         deadband_scores(batch.speeds, bands, self.context.motion.omni, np.float32(batch.dt), out)
         return True
