@@ -26,6 +26,7 @@ LEVELS: tuple[tuple[str, ...], ...] = (
     ("plugins",),
     ("parameters",),
     ("plugin", "map_io", "costmap", "global_planner", "local_planner", "recovery", "motion", "safety", "sim"),
+    ("localization",),
     ("testing",),
     ("move_base",),
     ("bringup",),

@@ -8,6 +8,7 @@ from navstack.interfaces.costmap import CostmapServer, Inflation, Layer, LayerCo
 from navstack.interfaces.critic import Critic, DistanceGrid, RejectionDetail, ScoringContext
 from navstack.interfaces.global_planner import GlobalPlanner, Plan
 from navstack.interfaces.local_planner import ControlDiagnostics, ControlInput, LocalPlan, LocalPlanner
+from navstack.interfaces.localization import Localizer, PoseEstimate
 from navstack.interfaces.motion import Motion
 from navstack.interfaces.path_following import (
     Approach,
@@ -39,10 +40,12 @@ __all__ = [
     "LocalPath",
     "LocalPlan",
     "LocalPlanner",
+    "Localizer",
     "Motion",
     "PathHandler",
     "Plan",
     "PluginSection",
+    "PoseEstimate",
     "ProgressChecker",
     "RecoveryBehavior",
     "RecoveryContext",

@@ -1,0 +1,65 @@
+"""Localizers: filters that estimate the pose of the robot in a map."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import LaserScan, OccupancyGrid, Pose2D, Transform2D
+from navstack.core.parameters import ParamModel
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseEstimate:
+    """An estimated pose of the base in the map at `stamp` (s)."""
+
+    pose: Pose2D
+    covariance: NDArray[np.float64]
+    """(3, 3) of x, y, yaw (m, rad)."""
+    map_to_odom: Transform2D
+    """Pose of the odometry frame in the map: `map_to_odom @ odometry` is the pose at `stamp`."""
+    stamp: float
+    details: dict[str, Any] = field(default_factory=dict[str, Any])
+    """What the method knows beyond this: number of particles, clusters, notes on defective inputs."""
+
+
+class Localizer(ABC):
+    """A localizer takes odometry and scans in the order of their stamps and estimates map -> odom.
+
+    It reads no clock and draws its random numbers from a seed: equal inputs give equal estimates.
+    """
+
+    Params: ClassVar[type[ParamModel]]
+
+    @abstractmethod
+    def set_map(self, grid: OccupancyGrid) -> None:
+        """Use this map from now on; a localizer that is running keeps its estimate."""
+
+    @abstractmethod
+    def set_pose(self, pose: Pose2D, covariance: NDArray[np.float64], stamp: float) -> None:
+        """Start from the pose of the base in the map at `stamp` (s), with its (3, 3) covariance."""
+
+    @abstractmethod
+    def start_globally(self) -> None:
+        """Start without knowledge of the pose."""
+
+    @abstractmethod
+    def update(self, odometry: Transform2D, scan: LaserScan, sensor: Transform2D) -> PoseEstimate | None:
+        """Process a scan. Return the new estimate, None if this scan did not change it.
+
+        `odometry` is the pose of the base in the odometry frame at the scan's stamp, `sensor` the pose of the scan's frame
+        in the base frame.
+        """
+
+    @property
+    @abstractmethod
+    def estimate(self) -> PoseEstimate | None:
+        """The last estimate; None before the first."""
+
+    def request_update(self) -> None:
+        """Let the next scan count even if the robot has not moved (`request_nomotion_update`). Default: does nothing."""
+        return
