@@ -31,6 +31,7 @@ from navstack.sim._body_layout import (
     OY,
     OYAW,
     STEER,
+    TRACTION,
     TRUE_POSE,
     VELOCITY,
     VX,
@@ -83,18 +84,26 @@ def jerk_limited(error, last, jerk):
 @kernel
 def accelerate(state, body):
     """Updates the velocities (and the steering angle) by one step: lag, then the acceleration and jerk limits."""
-    for i in range(3):
-        at, lagged = VX + i, LX + i
+    for axis in range(3):
+        i = 2 - axis  # the steering angle first: a driven front wheel depends on it
+        at, lagged, lag, target = VX + i, LX + i, body.lag_factor, state[COMMAND + i]
         if i == 2 and body.wheelbase > 0.0:
-            at, lagged = STEER, LSTEER
-        state[lagged] = state[COMMAND + i] + body.lag_factor * (state[lagged] - state[COMMAND + i])
+            at, lagged, lag = STEER, LSTEER, body.steering_lag_factor
+        elif i == 0 and body.front_drive:
+            # drives slower while its wheel still turns, so that it does not leave the arc
+            at = TRACTION
+            target *= max(math.cos(state[COMMAND + 2] - state[STEER]), 0.0)
+        state[lagged] = target + lag * (state[lagged] - target)
         change = state[lagged] - state[at]
         if body.max_jerk[i] < math.inf:
             change = jerk_limited(change, state[GX + i], body.max_jerk[i])
         change = min(max(change, -body.max_change[i]), body.max_change[i])
         state[GX + i] = change
         state[at] += change
-    if body.wheelbase > 0.0:
+    if body.front_drive:
+        state[VX] = state[TRACTION] * math.cos(state[STEER])
+        state[WZ] = state[TRACTION] * math.sin(state[STEER]) / body.wheelbase
+    elif body.wheelbase > 0.0:
         # at the centre of the rear axle: steering angle and wheelbase determine the circle
         state[WZ] = state[VX] * math.tan(state[STEER]) / body.wheelbase
     if body.wheels > 0:
@@ -160,6 +169,7 @@ def stop_or_release(state, body, rotates, blocked, hit):
             state[VX + i] = 0.0
             state[LX + i] = 0.0
             state[GX + i] = 0.0
+        state[TRACTION] = 0.0
         if hit != -1 and state[COLLIDING] == 0.0:
             state[COLLIDING] = 1.0
             state[CX], state[CY], state[CYAW] = state[X], state[Y], state[YAW]
@@ -185,7 +195,7 @@ def drive(state, settings, footprint, steps, noise, squares, grid, discs, circle
     solids = SolidGeometry(discs, circles, corners, first)
     radius = body.radius
     rotates_footprint = math.isnan(body.fixed_yaw)
-    # a round robot that is blocked can still turn in place; a car turns only as it rolls
+    # a round robot that is blocked can still turn in place; a steered base turns only as it rolls
     rotates = rotates_footprint or body.wheelbase > 0.0
     hits = 0
     placed = np.empty((footprint.shape[0], 2))

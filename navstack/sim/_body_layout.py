@@ -12,13 +12,16 @@ COLLIDING = 13  # 1 from a collision until the robot has left it
 CX, CY, CYAW = 14, 15, 16  # pose at that collision
 OVERRUN = 17  # 1 while a moving obstacle overlaps the robot
 GX, GY, GZ = 18, 19, 20  # change of the velocity in the last step
-STEER, LSTEER = 21, 22  # steering angle of a car; output of its controller's lag
-COMMAND = 23  # first of the three command values: vx, vy, wz; of a car: vx, 0, steering angle
+STEER, LSTEER = 21, 22  # steering angle; output of its controller's lag
+COMMAND = (
+    23  # first of the three command values: vx, vy, wz; of a steered base: vx (of the driven wheels), 0, steering angle
+)
 RIM = 26  # first of four velocities of the wheels' rims, m/s
 ROLL = 30  # first of four ways of the rims since the start, m
 TICK = 34  # first of four counts of the encoders
 TARGET = 38  # first of four velocities that the rims should have, m/s
-STATE_SIZE = 42
+TRACTION = 42  # velocity of a driven and steered front wheel, m/s
+STATE_SIZE = 43
 
 # columns of `samples`
 TRUE_POSE, ODOMETRY, VELOCITY = 0, 3, 6  # three columns each

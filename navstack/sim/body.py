@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from navstack.core import Footprint, Twist2D
 from navstack.kinematics import DifferentialDrive, MecanumDrive, OmniDrive, WheelDrive
+from navstack.parameters.models.body import MAX_CAR_ANGLE
 from navstack.parameters.models.sim import SimParams
 
 INTEGRATIONS: Final = {"rk2": 0, "exact": 1, "euler": 2}
@@ -22,10 +23,12 @@ BODY: Final = np.dtype(
             "max_change",
             "f8",
             (3,),
-        ),  # maximum change of vx, vy and wz (a car: of the steering angle) per step; inf: unlimited
+        ),  # maximum change of vx, vy and wz (a steered base: of the steering angle) per step; inf: unlimited
         ("max_jerk", "f8", (3,)),  # maximum difference of that change between consecutive steps; inf: unlimited
         ("lag_factor", "f8"),  # share of the velocity error that remains after a step: exp(-dt / lag), 0 without lag
-        ("wheelbase", "f8"),  # of a car, m; 0: not a car
+        ("steering_lag_factor", "f8"),  # the same for the steering angle
+        ("wheelbase", "f8"),  # of a steered base, m; 0: not steered
+        ("front_drive", "?"),  # driven at the steered wheel
         ("radius", "f8"),  # circumscribed radius of the footprint, m
         ("fixed_yaw", "f8"),  # yaw of a footprint that does not rotate with the robot, rad; NaN: it rotates
         ("odometry_scale", "f8"),  # systematic relative error of the odometry's distances
@@ -50,16 +53,19 @@ def body_settings(
 ) -> NDArray[np.void]:
     """Returns the body of a robot as an array (1,) of type `BODY`; `start_yaw` (rad) is its yaw at the start."""
     dt = 1.0 / params.physics_frequency
-    car = params.kinematics == "ackermann"
-    limits = (params.acc_lim_x, params.acc_lim_y, params.max_steering_rate if car else params.acc_lim_theta)
-    jerks = (params.jerk_lim_x, params.jerk_lim_y, None if car else params.jerk_lim_theta)
+    steered = params.is_steered
+    steering_lag = params.velocity_lag if params.steering_lag is None else params.steering_lag
+    limits = (params.acc_lim_x, params.acc_lim_y, params.max_steering_rate if steered else params.acc_lim_theta)
+    jerks = (params.jerk_lim_x, params.jerk_lim_y, None if steered else params.jerk_lim_theta)
     settings = np.zeros(1, BODY)
     values: dict[str, Any] = {
         "dt": dt,
         "max_change": [math.inf if limit is None else limit * dt for limit in limits],
         "max_jerk": [math.inf if jerk is None else jerk * dt * dt for jerk in jerks],
-        "lag_factor": math.exp(-dt / params.velocity_lag) if params.velocity_lag > 0.0 else 0.0,
-        "wheelbase": params.wheelbase if car else 0.0,
+        "lag_factor": _remaining(dt, params.velocity_lag),
+        "steering_lag_factor": _remaining(dt, steering_lag),
+        "wheelbase": params.wheelbase if steered else 0.0,
+        "front_drive": params.kinematics == "tricycle",
         "radius": footprint.circumscribed_radius,
         # the corners of a polygon that approximates a circle must not collide: it does not rotate with the robot
         "fixed_yaw": start_yaw if is_round(footprint) else math.nan,
@@ -108,19 +114,35 @@ def _wheel_values(params: SimParams, dt: float) -> dict[str, Any]:
     }
 
 
-def steering(params: SimParams, twist: Twist2D, last: float) -> float:
-    """Returns the steering angle (rad) for a command to a car, within its limits; `last` is the previous angle.
+def _remaining(dt: float, lag: float) -> float:
+    """Returns the share of an error that a first-order lag (s) leaves after `dt` (s)."""
+    return math.exp(-dt / lag) if lag > 0.0 else 0.0
 
-    atan(wheelbase w / v), as in ROS's Ackermann controllers. The sign of v is included: in reverse, the same turning rate needs
-    the opposite angle. A command to stop leaves the wheels unchanged.
+
+def steered_command(params: SimParams, twist: Twist2D, last: float) -> tuple[float, float]:
+    """Returns the velocity of the driven wheels (m/s) and the steering angle (rad) for a command to a steered base.
+
+    The angle is atan(wheelbase w / v), within its limits, as in ROS's Ackermann and tricycle controllers. The sign of v is
+    included: in reverse, the same turning rate needs the opposite angle. A command to stop leaves the wheel at its angle
+    `last`. A tricycle's front wheel rolls at v / cos(angle); where it can turn by pi / 2, a command to turn in place turns it so
+    and rolls it at wheelbase |w|.
     """
+    limit = params.steering_limit
+    v, w = twist.vx, twist.wz
+    tricycle = params.kinematics == "tricycle"
     if params.steering_command == "angle":
-        angle = twist.wz
-    elif twist.vx == 0.0:
-        return last
+        angle = w
+    elif v == 0.0:
+        if tricycle and w != 0.0 and limit > MAX_CAR_ANGLE:
+            return params.wheelbase * abs(w), math.copysign(limit, w)
+        return 0.0, last
     else:
-        angle = math.atan(params.wheelbase * twist.wz / twist.vx)
-    return min(max(angle, -params.steering_limit), params.steering_limit)
+        angle = math.atan(params.wheelbase * w / v)
+    angle = min(max(angle, -limit), limit)
+    # the command of a steering angle gives the velocity of the driven wheel itself
+    if tricycle and params.steering_command == "yaw_rate":
+        v /= math.cos(angle)
+    return v, angle
 
 
 def is_round(footprint: Footprint) -> bool:

@@ -25,7 +25,7 @@ from navstack.core.errors import InputError
 from navstack.parameters.models.sim import SimParams
 from navstack.sim import _body_kernels as kernels
 from navstack.sim import _body_layout as layout
-from navstack.sim.body import body_settings, steering
+from navstack.sim.body import body_settings, steered_command
 from navstack.sim.commands import CommandQueue
 from navstack.sim.localization import Localization
 from navstack.sim.placement import all_solids, check_obstacles, check_pose
@@ -211,11 +211,11 @@ class SimulatedRobot:
         return solids._replace(discs=np.concatenate((solids.discs, crowd.solids().discs)), tops=self._solids.tops)
 
     def _set_command(self) -> None:
-        """Writes the command in force into the state; a car's has a steering angle."""
+        """Writes the command in force into the state; a steered base's has a steering angle."""
         twist = self._commands.current
-        if self.params.kinematics == "ackermann":
-            self._steering = steering(self.params, twist, self._steering)
-            twist = Twist2D(twist.vx, 0.0, self._steering)
+        if self.params.is_steered:
+            speed, self._steering = steered_command(self.params, twist, self._steering)
+            twist = Twist2D(speed, 0.0, self._steering)
         self._state[layout.COMMAND : layout.COMMAND + 3] = twist
 
     def _noise(self, steps: int) -> NDArray[np.float64]:
@@ -324,7 +324,7 @@ class SimulatedRobot:
         state = self._state
         state[layout.X : layout.LZ + 1] = *truth, *(0.0,) * 6
         state[layout.GX : layout.GZ + 1] = state[layout.COLLIDING] = state[layout.OVERRUN] = 0.0
-        state[layout.RIM : layout.RIM + 4] = 0.0
+        state[layout.RIM : layout.RIM + 4] = state[layout.TRACTION] = 0.0
         self._now = state.tolist()
         self._collided = False
         odometry = Transform2D(*self._now[layout.OX : layout.OYAW + 1])
@@ -352,7 +352,7 @@ class SimulatedRobot:
 
     @property
     def steering_angle(self) -> float:
-        """Steering angle of a car (rad); 0 for any other base."""
+        """Steering angle of a car or a tricycle (rad); 0 for any other base."""
         return self._now[layout.STEER]
 
     @property

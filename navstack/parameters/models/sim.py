@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Literal, TypeVar
 from pydantic import field_validator, model_validator
 
 from navstack.core.parameters import ParamModel, param
+from navstack.parameters.models.body import BodyParams
 from navstack.parameters.models.wheels import WheelParams
 
 S = TypeVar("S", bound=ParamModel)
@@ -159,7 +160,7 @@ class ImuParams(ParamModel):
     )
 
 
-class SimParams(ParamModel):
+class SimParams(BodyParams):
     """The simulated robot and its sensors.
 
     The defaults are those of the simulator in which the C++ stack was measured: the base executes every command
@@ -168,50 +169,6 @@ class SimParams(ParamModel):
 
     CHILD_FIELD: ClassVar[str | None] = "sensors"
 
-    kinematics: Literal["differential", "holonomic", "ackermann"] = param(
-        "differential",
-        "differential: no sideways motion; holonomic: motion in every direction; ackermann: a car with its centre on the rear "
-        "axle: the yaw rate of a command sets the steering angle, and it cannot rotate in place",
-    )
-    physics_frequency: float = param(
-        50.0, "frequency of the simulation steps of the body", unit="Hz", gt=0.0, le=10_000.0
-    )
-    acc_lim_x: float | None = param(None, "maximum forward acceleration; none: unlimited", unit="m/s²", gt=0.0)
-    acc_lim_y: float | None = param(None, "maximum sideways acceleration; none: unlimited", unit="m/s²", gt=0.0)
-    acc_lim_theta: float | None = param(None, "maximum angular acceleration; none: unlimited", unit="rad/s²", gt=0.0)
-    jerk_lim_x: float | None = param(
-        None,
-        "maximum forward jerk; none: unlimited. Observed where the command allows; the velocity does not overshoot a constant "
-        "command",
-        unit="m/s³",
-        gt=0.0,
-    )
-    jerk_lim_y: float | None = param(None, "maximum sideways jerk; none: unlimited", unit="m/s³", gt=0.0)
-    jerk_lim_theta: float | None = param(
-        None, "maximum angular jerk; none: unlimited; not used by ackermann", unit="rad/s³", gt=0.0
-    )
-    wheelbase: float = param(0.5, "ackermann: distance from the rear to the front axle", unit="m", gt=0.0)
-    max_steering_angle: float = param(
-        0.6,
-        "ackermann: maximum angle of the (centre) front wheel, in both directions",
-        unit="rad",
-        gt=0.0,
-        lt=1.5707963267948966,
-    )
-    max_steering_rate: float | None = param(
-        None, "ackermann: maximum rate of the steering angle; none: unlimited", unit="rad/s", gt=0.0
-    )
-    min_turning_radius: float = param(
-        0.0,
-        "ackermann: minimum turning radius of the rear axle's centre, if larger than wheelbase / tan(max_steering_angle)",
-        unit="m",
-        ge=0.0,
-    )
-    steering_command: Literal["yaw_rate", "angle"] = param(
-        "yaw_rate",
-        "ackermann: meaning of the angular part of a command. yaw_rate: the yaw rate w, which gives the steering angle "
-        "atan(wheelbase * w / v); a stopped car keeps its steering angle. angle: the steering angle",
-    )
     command_timeout: float | None = param(
         None, "a command older than this stops the base; none: it stays in effect until the next one", unit="s", gt=0.0
     )
@@ -342,18 +299,6 @@ class SimParams(ParamModel):
                 f"wheels: radius_errors lists {len(self.wheels.radius_errors)} errors for {self.wheels.count} wheels"
             )
         return self
-
-    @property
-    def steering_limit(self) -> float:
-        """Maximum steering angle of a car (rad), from `max_steering_angle` and `min_turning_radius`."""
-        if self.min_turning_radius <= 0.0:
-            return self.max_steering_angle
-        return min(self.max_steering_angle, math.atan(self.wheelbase / self.min_turning_radius))
-
-    @property
-    def turning_radius(self) -> float:
-        """Minimum turning radius of a car's rear axle (m); 0 for a base that can rotate in place."""
-        return self.wheelbase / math.tan(self.steering_limit) if self.kinematics == "ackermann" else 0.0
 
     @property
     def lidars(self) -> dict[str, LidarParams]:
