@@ -22,7 +22,7 @@ TOP_LEVEL = {"pyproject.toml", "README.md", "navstack", "params", "maps", "tests
 # Imports go down only: a package may import packages of a lower level. Names of the packages, levels from the bottom up.
 LEVELS: tuple[tuple[str, ...], ...] = (
     ("core",),
-    ("interfaces", "kinematics"),
+    ("interfaces", "kinematics", "curves"),
     ("plugins",),
     ("parameters",),
     ("plugin", "map_io", "costmap", "global_planner", "local_planner", "recovery", "motion", "safety", "sim"),
