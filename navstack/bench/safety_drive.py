@@ -7,6 +7,7 @@ still brake; what moves can touch the robot by its own motion.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
@@ -36,6 +37,8 @@ SEEN_M: Final = 0.03
 """Points of a scan at most this far from an obstacle are its points."""
 _STEP_S: Final = 0.01
 _STANDING_M_S: Final = 0.01
+_OVERLAP_ROUNDING_M2: Final = 1e-6
+"""Overlaps that differ by less are equal: 1 mm of a corner."""
 
 Cause = Literal[
     "it moved into the standing robot",
@@ -176,8 +179,8 @@ def _cause(scene: SafetyScene, moments: list[Moment], collision: Collision) -> C
 def _cause_by_checks(scene: SafetyScene, moments: list[Moment], collision: Collision) -> Cause:
     """Compare the checks with the monitor's guarantee: nothing is touched that is seen and stays where it is.
 
-    Go back to the last check at which the robot would not have touched the obstacle. If the obstacle then moved, the monitor
-    must have stopped the robot at all later checks, as far as it saw the obstacle.
+    Go back to the last check at which the robot would not have touched the obstacle. If the obstacle then moved, what the monitor
+    sent at all later checks must have been no worse than a stop, as far as it saw the obstacle.
     """
     after: Moment | None = None
     for moment in reversed(moments):
@@ -186,7 +189,7 @@ def _cause_by_checks(scene: SafetyScene, moments: list[Moment], collision: Colli
             if after is None or there.symmetric_difference(_obstacle(after.solids, collision)).area > 1e-9:
                 return "it moved into the way"
             return "unexplained"
-        if moment.sent != Twist2D():
+        if _is_worse_than_stop(scene, moment, there):
             return "unexplained" if _is_seen(moment, collision) else "hidden by another obstacle"
         after = moment
     return "unexplained"
@@ -220,7 +223,21 @@ def _touches(scene: SafetyScene, moment: Moment, command: Twist2D, obstacle: sha
     return any(body.intersects(obstacle) for _, body in _braking(scene, moment, command))
 
 
-def _braking(scene: SafetyScene, moment: Moment, command: Twist2D) -> Any:
+def _is_worse_than_stop(scene: SafetyScene, moment: Moment, obstacle: shapely.Geometry) -> bool:
+    """True if a stop would have touched the obstacle later or not at all, or would have overlapped it less."""
+    if moment.sent == Twist2D():
+        return False
+    sent, stop = (list(_braking(scene, moment, command)) for command in (moment.sent, Twist2D()))
+    first = [next((t for t, body in way if body.intersects(obstacle)), math.inf) for way in (sent, stop)]
+    if first[0] > 0.0:
+        return first[0] < first[1] - 1e-9
+    # the next check can change what comes after it
+    k = round((DEAD_TIME_S + PERIOD_S) / _STEP_S)
+    overlaps = [way[min(k, len(way) - 1)][1].intersection(obstacle).area for way in (sent, stop)]
+    return overlaps[0] > overlaps[1] + _OVERLAP_ROUNDING_M2
+
+
+def _braking(scene: SafetyScene, moment: Moment, command: Twist2D) -> Iterator[tuple[float, shapely.Geometry]]:
     """Yield time and outline of the robot that follows `command` until the next check and then brakes."""
     x, y, yaw = moment.pose
     velocity = np.array(moment.velocity, np.float64)

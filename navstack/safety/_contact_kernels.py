@@ -218,11 +218,36 @@ def braking_poses(velocity, commands, until, decel, dt, reach, poses):
 
 
 @kernel
-def touched_while_braking(points, corners, radius, reach, poses, count, least):
+def comes_within(corners, radius, x, y, poses, count, nearest):
+    """Return True if a shape comes closer to a point than half of the way to the next pose, or than `nearest` if that is less.
+
+    `poses` (n, 4) as in `braking_poses`, `count` of them; the first one does not count.
+    """
+    total = poses[count - 1, 3]
+    k = 0
+    while k < count:
+        px, py = seen_from(poses[k], x, y)
+        distance = shape_distance(corners, radius, px, py)
+        last_one = k + 1 >= count
+        step = poses[k, 3] - poses[max(k - 1, 0), 3] if last_one else poses[k + 1, 3] - poses[k, 3]
+        if k > 0 and distance <= min(0.5 * step, nearest):
+            return True
+        if last_one or distance > total - poses[k, 3]:
+            return False
+        ahead = poses[k, 3] + max(distance, TINY)
+        k += 1
+        while k < count - 1 and poses[k, 3] < ahead - 0.5 * step:
+            k += 1
+    return False
+
+
+@kernel
+def touched_while_braking(points, corners, radius, reach, body, poses, count, least):
     """Return the number of points that a shape touches on the poses (n, 4) of `braking_poses`, at most `least`, and one of them.
 
-    Points inside at the first pose do not count. A pose touches a point if it is closer than half of the way to the next pose,
-    so that nothing is missed between two poses.
+    Of points in the shape at the first pose count those that `body` (m, 2), the robot's outline, touches, or of whose distance
+    from it less than half remains; points in the outline do not count. A pose touches a point if it is closer than half of the
+    way to the next pose, so that nothing is missed between two poses.
     """
     total = poses[count - 1, 3]
     touched, last = 0, -1
@@ -230,23 +255,13 @@ def touched_while_braking(points, corners, radius, reach, poses, count, least):
         x, y = points[i, 0], points[i, 1]
         if math.hypot(x, y) - reach > total:
             continue
-        k = 0
-        while k < count:
-            px, py = seen_from(poses[k], x, y)
-            distance = shape_distance(corners, radius, px, py)
-            if k == 0 and distance <= 0.0:
+        if in_shape(corners, radius, x, y):
+            distance = shape_distance(body, 0.0, x, y)
+            hit = distance > 0.0 and comes_within(body, 0.0, x, y, poses, count, 0.5 * distance)
+        else:
+            hit = comes_within(corners, radius, x, y, poses, count, math.inf)
+        if hit:
+            touched, last = touched + 1, i
+            if touched >= least:
                 break
-            last_one = k + 1 >= count
-            step = poses[k, 3] - poses[max(k - 1, 0), 3] if last_one else poses[k + 1, 3] - poses[k, 3]
-            if k > 0 and distance <= 0.5 * step:
-                touched, last = touched + 1, i
-                break
-            if last_one or distance > total - poses[k, 3]:
-                break
-            ahead = poses[k, 3] + max(distance, TINY)
-            k += 1
-            while k < count - 1 and poses[k, 3] < ahead - 0.5 * step:
-                k += 1
-        if touched >= least:
-            break
     return touched, last

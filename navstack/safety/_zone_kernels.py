@@ -132,18 +132,21 @@ def transform_points(points, pose, out):
 
 @kernel
 def scan_points(ranges, directions, range_min, range_max, out):
-    """Write the points of the valid beams of a scan to `out` (n, 2), sensor frame; return their number.
+    """Write the points of the beams of a scan that hit something to `out` (n, 2), sensor frame; return their number.
 
-    `directions` (n, 2): cosine and sine of each beam.
+    `directions` (n, 2): cosine and sine of each beam. The second result is the number of valid beams: those, and the ones
+    without a hit (REP 117: +inf). NaN, -inf and ranges below `range_min` say nothing about the beam.
     """
-    count = 0
+    count, valid = 0, 0
     for i in range(ranges.shape[0]):
         r = ranges[i]
-        if r >= range_min and r <= range_max and r < math.inf:
-            out[count, 0] = r * directions[i, 0]
-            out[count, 1] = r * directions[i, 1]
-            count += 1
-    return count
+        if r >= range_min:
+            valid += 1
+            if r <= range_max and r < math.inf:
+                out[count, 0] = r * directions[i, 0]
+                out[count, 1] = r * directions[i, 1]
+                count += 1
+    return count, valid
 
 
 @kernel

@@ -91,11 +91,22 @@ class Approach:
             return found
         return self._braking(zone, shape, points, u, measured, found)
 
-    def moves_away(self, points: NDArray[np.float64], shape: Shape, command: Twist2D) -> bool:
-        """Return True if a command brings none of the points in the shape nearer to the robot's outline."""
+    def moves_away(self, zone: Zone, points: NDArray[np.float64], command: Twist2D, measured: Twist2D) -> bool:
+        """Return True if a command brings none of the points in the zone nearer to the robot's outline.
+
+        The robot, with the velocity `measured`, must not touch one of them either, before it has followed the command.
+        """
+        shape = zone.shape
+        assert shape is not None
         found = np.empty(len(points), np.int64)
         count = kernels.count_inside(points, shape.corners, shape.radius, shape.reach, found)
-        return count > 0 and kernels.any_nearer(points, found, count, self._body, np.array(command, np.float64)) < 0
+        u = np.array(command, np.float64)
+        if count == 0 or kernels.any_nearer(points, found, count, self._body, u) >= 0:
+            return False
+        if self._decel is None:
+            return True
+        velocity = np.array(measured, np.float64)
+        return self._touched(zone, shape, points[found[:count]], velocity, u)[0] < zone.least
 
     def _stepped(
         self, zone: Zone, shape: Shape, points: NDArray[np.float64], u: NDArray[np.float64]
@@ -175,5 +186,5 @@ class Approach:
             velocity, commands, self._until, self._decel, BRAKING_STEP_S, shape.reach, self._poses
         )
         return contact.touched_while_braking(
-            points, shape.corners, shape.radius, shape.reach, self._poses, count, zone.least
+            points, shape.corners, shape.radius, shape.reach, self._body, self._poses, count, zone.least
         )

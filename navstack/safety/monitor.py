@@ -188,7 +188,7 @@ class CollisionMonitor:
         shown = points[found]
         what = f"{count} point{'s' if count != 1 else ''} in the zone {zone.name}{_nearest(shown)}"
         if action == "stop":
-            if not self._may_leave(zone, points, command):
+            if not self._may_leave(zone, points, command, measured):
                 verdict.tighten(0.0, "stop", zone.name, f"stop, because of {what}", shown)
         elif action == "slowdown":
             ratio = zone.params.slowdown_ratio
@@ -207,12 +207,11 @@ class CollisionMonitor:
         if limit is not None:
             verdict.tighten(limit.ratio, "approach", zone.name, _approach_reason(limit, zone), limit.points, limit.time)
 
-    def _may_leave(self, zone: Zone, points: NDArray[np.float64], command: Twist2D) -> bool:
+    def _may_leave(self, zone: Zone, points: NDArray[np.float64], command: Twist2D, measured: Twist2D) -> bool:
         """True if a stop zone lets a command pass because it brings none of the obstacles in the zone nearer."""
         if self.params.nav2_compatible or not zone.params.allow_moving_away or command == _STOP:
             return False
-        assert zone.shape is not None
-        return self._approach.moves_away(points, zone.shape, command)
+        return self._approach.moves_away(zone, points, command, measured)
 
     def _is_sent(self, command: Twist2D, now: float) -> bool:
         """Zero velocities are sent for `stop_pub_timeout` only."""

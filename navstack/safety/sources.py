@@ -125,6 +125,8 @@ class Source(ABC):
         self._kept_frame = ""
         self._problem = ""
         """Why the last message cannot be used."""
+        self._fault = ""
+        """Set by `read`: what is wrong with its message."""
         self._base: NDArray[np.float64] = np.empty((0, 2))
 
     def observe(self, data: Observation) -> None:
@@ -135,7 +137,10 @@ class Source(ABC):
         if points is None:
             return
         self._stamp = data.stamp
-        self._problem = ""
+        self._problem = self._fault
+        if self._problem:
+            self._kept = NO_POINTS
+            return
         try:
             transform, self._kept_frame = self._frames.fix(data.frame, data.stamp)
         except FrameError as exc:
@@ -206,8 +211,19 @@ class ScanSource(Source):
             self._directions = np.column_stack((np.cos(angles), np.sin(angles)))
             self._key = key
         out = np.empty((len(ranges), 2))
-        count = kernels.scan_points(ranges, self._directions, data.range_min, data.range_max, out)
+        count, valid = kernels.scan_points(ranges, self._directions, data.range_min, data.range_max, out)
+        self._fault = self._describe_fault(valid, len(ranges))
         return out[:count]
+
+    def _describe_fault(self, valid: int, beams: int) -> str:
+        """Why a scan with so few valid beams is no data: it would look as if nothing was there."""
+        share = self.params.min_valid_share
+        if valid >= share * beams and (valid > 0 or share <= 0.0):
+            return ""
+        return (
+            f"{valid} of {beams} beams of {self.topic} are valid (min_valid_share {share:g}): something covers the sensor, "
+            "or its ranges are below range_min"
+        )
 
 
 class CloudSource(Source):

@@ -225,6 +225,13 @@ class MonitorSourceParams(ParamModel):
         None, "age of the data from which on they are stale; 0 = never; if not set, that of the node", unit="s", ge=0.0
     )
     exclusion_zones: list[str] = param([], "names of areas in which points are ignored")
+    min_valid_share: float = param(
+        0.1,
+        "scan: share of the beams that must be valid, with a range of at least range_min or without a hit; a scan with fewer is "
+        "no data, because something covers the sensor; not a parameter of Nav2",
+        ge=0.0,
+        le=1.0,
+    )
     min_height: float = param(0.05, "pointcloud: points below are ignored", unit="m")
     max_height: float = param(0.5, "pointcloud: points above are ignored", unit="m")
     min_range: float = param(0.0, "pointcloud: points closer to the sensor are ignored", unit="m", ge=0.0)
