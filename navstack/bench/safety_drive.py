@@ -189,7 +189,7 @@ def _cause_by_checks(scene: SafetyScene, moments: list[Moment], collision: Colli
             if after is None or there.symmetric_difference(_obstacle(after.solids, collision)).area > 1e-9:
                 return "it moved into the way"
             return "unexplained"
-        if _is_worse_than_stop(scene, moment, there):
+        if is_worse_than_stop(scene, moment, there):
             return "unexplained" if _is_seen(moment, collision) else "hidden by another obstacle"
         after = moment
     return "unexplained"
@@ -223,8 +223,8 @@ def _touches(scene: SafetyScene, moment: Moment, command: Twist2D, obstacle: sha
     return any(body.intersects(obstacle) for _, body in _braking(scene, moment, command))
 
 
-def _is_worse_than_stop(scene: SafetyScene, moment: Moment, obstacle: shapely.Geometry) -> bool:
-    """True if a stop would have touched the obstacle later or not at all, or would have overlapped it less."""
+def is_worse_than_stop(scene: SafetyScene, moment: Moment, obstacle: shapely.Geometry) -> bool:
+    """Return True if a stop would have touched the obstacle later or not at all, or would have overlapped it less."""
     if moment.sent == Twist2D():
         return False
     sent, stop = (list(_braking(scene, moment, command)) for command in (moment.sent, Twist2D()))

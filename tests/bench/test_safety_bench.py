@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
+import shapely
 
 from navstack.bench.safety_bench import SafetyTask, safety_jobs, safety_tables, stopping_distance, unexplained
-from navstack.bench.safety_drive import SafetyDrive
+from navstack.bench.safety_drive import Moment, SafetyDrive, is_worse_than_stop
 from navstack.bench.safety_scene import HostileSource, robot_kinds, safety_scene
+from navstack.core import Pose2D, Twist2D
 from navstack.jobs.job import JobResult, perform
 
 COUNT = 12
@@ -33,6 +36,39 @@ def test_the_monitor_prevents_contacts(results: list[JobResult]) -> None:
     # it does not simply stand still
     driven = sum(result.value["driven_with_m"] for result in results)
     assert driven > 0.5 * sum(result.value["driven_without_m"] for result in results)
+
+
+@pytest.mark.parametrize(
+    ("number", "why"),
+    [
+        (1356, "a person stands on the lidar: a scan without a valid beam is not a free room"),
+        (3457, "the robot still drives towards a box while the command moves away and turns"),
+        (463, "a stop would have touched the person as early as the command that moves away"),
+        (6302, "a person walks on through the robot after the first contact"),
+    ],
+)
+def test_scenes_that_were_not_explained(number: int, why: str) -> None:
+    contacts = SafetyTask()(number)["with"]
+    assert [c for c in contacts if c["cause"] == "unexplained"] == [], why
+    assert [c for c in contacts if c["obstacle"] == "map"] == []
+
+
+def test_commands_that_are_worse_than_a_stop_are_not_explained() -> None:
+    solids = SafetyDrive(0, monitored=False).robot.solids
+    scene = safety_scene(0)  # round, radius 0.2 m, 1 m/s²
+    person = shapely.Point(0.25, 0.0).buffer(0.02)
+
+    def worse(sent: Twist2D, velocity: Twist2D, obstacle: shapely.Geometry = person) -> bool:
+        moment = Moment(0.0, Pose2D(0.0, 0.0), velocity, velocity, sent, solids, np.empty((0, 2)))
+        return is_worse_than_stop(scene, moment, obstacle)
+
+    assert worse(Twist2D(0.7), Twist2D(0.15))  # a stop would not touch it
+    assert not worse(Twist2D(), Twist2D(0.5))
+    assert not worse(Twist2D(-0.7), Twist2D(0.5))  # both touch it while the robot brakes
+    assert worse(Twist2D(0.7), Twist2D(0.3))  # both touch it, the command earlier
+    overlapping = shapely.Point(0.2, 0.0).buffer(0.02)
+    assert worse(Twist2D(0.7), Twist2D(), overlapping)
+    assert not worse(Twist2D(-0.7), Twist2D(), overlapping)
 
 
 def test_tables(results: list[JobResult]) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navstack.core import Costmap, GridGeometry, PointCloud, RangeReading, Transform2D, Twist2D
+from navstack.core import Costmap, GridGeometry, LaserScan, PointCloud, RangeReading, Transform2D, Twist2D
 from navstack.core.errors import InputError
 from navstack.parameters.models.collision_monitor import (
     ExclusionZoneParams,
@@ -186,6 +186,27 @@ def test_a_robot_that_cannot_brake_in_time_is_slowed_down_earlier() -> None:
     assert m.process(Twist2D(1.0), 0.0, Twist2D(1.0)).action == "none"
 
 
+@pytest.mark.parametrize("action", ["approach", "stop"])
+def test_points_in_the_margin_of_a_zone_are_not_touched_while_the_robot_brakes(action: str) -> None:
+    """Commands that move away from a point pass only if the robot does not touch it while it still drives towards it."""
+    margin = "[[0.26, 0.21], [-0.26, 0.21], [-0.26, -0.21], [0.26, -0.21]]"
+    back, turning = Twist2D(-0.3), Twist2D(-0.3, 0.0, -2.0)  # the left front corner swings forward at 0.2 m/s
+    for command, velocity, passes in (
+        (back, Twist2D(), True),
+        (turning, Twist2D(), True),
+        (back, Twist2D(0.2), True),  # brakes as hard as a stop: 3 of 5 cm
+        (turning, Twist2D(0.2), False),
+        (back, Twist2D(0.4), False),  # 10 cm
+    ):
+        limits: dict[str, Any] = {"max_decel": [-1.0, -1.0, -20.0], "reaction_time": 0.05, "check_frequency": 5.0}
+        m = monitor({"z": zone(action_type=action, points=margin)}, **limits)
+        m.observe(scan_of((0.25, 0.1)))
+        sent = m.process(command, 0.0, velocity).command
+        assert (sent == command) == passes, (command, velocity)
+        if velocity.vx == 0.4:
+            assert sent == Twist2D()
+
+
 def test_min_points() -> None:
     three = zone(action_type="stop", points=square(0.4), min_points=3)
     assert check({"s": three}, FORWARD, (0.3, 0.0), (0.3, 0.1)) == FORWARD
@@ -305,6 +326,41 @@ def test_no_data_yet_stops_the_robot() -> None:
     assert decision.command == Twist2D()
     assert "no data on scan yet" in decision.reason
     assert monitor({"s": STOP}, source_timeout=0.0).process(FORWARD, 0.0).command == FORWARD
+
+
+@pytest.mark.parametrize(
+    ("ranges", "share", "passes"),
+    [
+        ([-math.inf] * 20, 0.1, False),  # REP 117: something covers the sensor
+        ([math.nan] * 20, 0.1, False),
+        ([0.001] * 20, 0.1, False),  # below range_min
+        ([], 0.1, False),
+        ([-math.inf] * 19 + [5.0], 0.1, False),
+        ([-math.inf] * 18 + [5.0] * 2, 0.1, True),
+        ([math.inf] * 20, 0.1, True),  # REP 117: nothing is there
+        ([50.0] * 20, 0.1, True),  # beyond range_max
+        ([-math.inf] * 20, 0.0, True),
+        ([-math.inf] + [5.0] * 19, 1.0, False),
+    ],
+)
+def test_a_scan_without_valid_beams_is_no_data(ranges: list[float], share: float, passes: bool) -> None:
+    m = monitor({"s": STOP}, {"scan": MonitorSourceParams(min_valid_share=share)})
+    m.observe(LaserScan(np.array(ranges, np.float32), 0.0, 0.1, 0.05, 30.0, 0.0, "laser", "scan"))
+    decision = m.process(FORWARD, 0.0)
+    assert (decision.command == FORWARD) == passes
+    if not passes:
+        assert decision.zone == "invalid source"
+        valid = 19 if share == 1.0 else sum(value == 5.0 for value in ranges)
+        assert f"{valid} of {len(ranges)} beams of scan are valid (min_valid_share {share:g})" in decision.reason
+    # the next good scan ends it
+    m.observe(scan_of((1.0, 0.0), stamp=0.1))
+    assert m.process(FORWARD, 0.1).command == FORWARD
+
+
+def test_without_a_timeout_a_covered_scan_does_not_stop_the_robot() -> None:
+    m = monitor({"s": STOP}, {"scan": MonitorSourceParams(source_timeout=0.0)})
+    m.observe(LaserScan(np.full(20, np.nan, np.float32), 0.0, 0.1, 0.05, 30.0, 0.0, "laser", "scan"))
+    assert m.process(FORWARD, 0.0).command == FORWARD
 
 
 def test_only_sources_of_a_zone_count() -> None:
