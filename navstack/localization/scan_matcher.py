@@ -1,0 +1,181 @@
+"""scan_matching: localization by matching scans with the map, from a pose or without one.
+
+Without a pose, a search over the whole map gives hypotheses; the robot's motion and further scans tell them apart, until one
+explains what was seen and no other does.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import LaserScan, OccupancyGrid, Pose2D, Transform2D
+from navstack.core.errors import InputError
+from navstack.core.parameters import ParamModel, param
+from navstack.interfaces import Localizer, PoseEstimate
+from navstack.localization.beams import scan_beams
+from navstack.localization.hypotheses import Frame, Hypotheses, MatchSettings
+from navstack.localization.match_map import MatchMap
+from navstack.localization.scan_search import search_scan
+
+
+class ScanMatcherParams(ParamModel):
+    """Namespace: the node's own, as amcl's."""
+
+    update_min_d: float = param(0.25, "distance to move before a scan counts", unit="m", ge=0.0)
+    update_min_a: float = param(0.2, "angle to turn before a scan counts", unit="rad", ge=0.0)
+    max_hypotheses: int = param(200, "poses that are told apart", ge=1, le=5000)
+    search_beams: int = param(180, "beams of a search over the whole map", ge=10, le=255)
+    match_beams: int = param(60, "beams of a match", ge=10, le=2000)
+    search_distance: float = param(1.0, "distance to move before the whole map is searched again", unit="m", gt=0.0)
+    window: int = param(20, "scans by which hypotheses are compared", ge=2, le=500)
+    certain_probability: float = param(
+        0.99, "probability of the best hypothesis from which it is certain", gt=0.5, lt=1.0
+    )
+    certain_explained: float = param(0.6, "share of beams that a certain pose explains", ge=0.0, le=1.0)
+    certain_distance: float = param(1.0, "distance moved before a pose found by a search is certain", unit="m", ge=0.0)
+
+
+class ScanMatcher(Localizer):
+    """Multi-hypothesis scan matching."""
+
+    Params = ScanMatcherParams
+
+    def __init__(self, params: ScanMatcherParams | None = None, settings: MatchSettings | None = None) -> None:
+        self.params = params or ScanMatcherParams()
+        self._settings = settings or MatchSettings(beams=self.params.match_beams)
+        self._hypotheses: Hypotheses | None = None
+        self._estimate: PoseEstimate | None = None
+        self._globally = True
+        self._forced = False
+        self._certain = False
+        self._streak = 0
+        self._moved = 0.0
+        self._searched_at = -math.inf
+        self._given: tuple[Pose2D, NDArray[np.float64]] | None = None
+
+    # --- the interface of localizers ----------------------------------------------------------------------------------
+
+    def set_map(self, grid: OccupancyGrid) -> None:
+        """Use this map from now on; the present estimate stays, other hypotheses are dropped."""
+        match_map = MatchMap(grid)
+        before = self._hypotheses
+        self._hypotheses = Hypotheses(match_map, self._settings, window=self.params.window)
+        if before is not None and len(before) and self._certain:
+            self._given = (Pose2D(*before.map.to_map(before.poses[:1])[0].tolist()), before.covariance(0))
+            self._globally = False
+
+    def set_pose(self, pose: Pose2D, covariance: NDArray[np.float64], stamp: float) -> None:
+        """Start from a pose of the base in the map; its covariance is that of the estimate until the first scan."""
+        if not pose.is_finite() or not np.isfinite(covariance).all():
+            raise InputError(f"the initial pose {tuple(pose)} and its covariance must be finite")
+        self._restart(globally=False)
+        self._given = (pose, np.asarray(covariance, np.float64))
+
+    def start_globally(self) -> None:
+        """Start without knowledge of the pose: the next scan is searched for in the whole map."""
+        self._restart(globally=True)
+
+    def request_update(self) -> None:
+        """Let the next scan count even if the robot has not moved."""
+        self._forced = True
+
+    @property
+    def estimate(self) -> PoseEstimate | None:
+        """The last estimate; `details["certain"]` says whether the robot knows where it is."""
+        return self._estimate
+
+    @property
+    def is_certain(self) -> bool:
+        """True if one pose explains what was seen and no other does."""
+        return self._certain
+
+    def hypotheses(self) -> list[tuple[Pose2D, NDArray[np.float64], float]]:
+        """Return the possible poses in the map, best first: pose, (3, 3) covariance, probability."""
+        h = self._hypotheses
+        if h is None:
+            return []
+        poses = h.map.to_map(h.poses)
+        weights = h.weights
+        return [(Pose2D(*poses[i].tolist()), h.covariance(i), float(weights[i])) for i in range(len(h))]
+
+    def update(self, odometry: Transform2D, scan: LaserScan, sensor: Transform2D) -> PoseEstimate | None:
+        """Process a scan; None if the robot has hardly moved since the last one that counted, or no pose explains it."""
+        h = self._require_map()
+        if not all(map(math.isfinite, (*odometry, *sensor))):
+            raise InputError(f"odometry {tuple(odometry)} and sensor pose {tuple(sensor)} must be finite")
+        if not self._is_due(h, odometry):
+            return None
+        beams = scan_beams(scan, sensor, h.map.reach)
+        if len(beams.points) == 0:
+            return None
+        self._forced = False
+        self._take_given(h)
+        if h.frames:
+            step = h.frames[-1].odometry.inverse() @ odometry
+            self._moved += math.hypot(step.x, step.y)
+        h.advance(Frame(odometry, beams.thinned(self._settings.beams)))
+        if self._globally and not self._certain and self._moved - self._searched_at >= self.params.search_distance:
+            self._searched_at = self._moved
+            found = search_scan(h.map, beams, keep=self.params.max_hypotheses, beam_count=self.params.search_beams)
+            h.add(found.poses)
+        h.prune(margin=15.0, keep=self.params.max_hypotheses)
+        self._judge(h)
+        return self._publish(h, odometry, scan.stamp)
+
+    # --- parts --------------------------------------------------------------------------------------------------------
+
+    def _restart(self, *, globally: bool) -> None:
+        h = self._require_map()
+        h.clear()
+        h.forget_frames()
+        self._globally, self._certain, self._streak = globally, False, 0
+        self._moved, self._searched_at = 0.0, -math.inf
+        self._estimate, self._given = None, None
+
+    def _require_map(self) -> Hypotheses:
+        if self._hypotheses is None:
+            raise InputError("the localizer has no map; call set_map first")
+        return self._hypotheses
+
+    def _is_due(self, h: Hypotheses, odometry: Transform2D) -> bool:
+        if self._forced or not h.frames:
+            return True
+        step = h.frames[-1].odometry.inverse() @ odometry
+        return math.hypot(step.x, step.y) >= self.params.update_min_d or abs(step.yaw) >= self.params.update_min_a
+
+    def _take_given(self, h: Hypotheses) -> None:
+        if self._given is None:
+            return
+        h.start(*self._given)
+        self._given = None
+
+    def _judge(self, h: Hypotheses) -> None:
+        """Decide whether the best hypothesis is certain."""
+        p = self.params
+        if len(h) == 0:
+            self._certain, self._streak = False, 0
+            return
+        good = h.weights[0] >= p.certain_probability and h.explained[0] >= p.certain_explained
+        self._streak = self._streak + 1 if good else 0
+        if not self._globally:
+            self._certain = bool(h.explained[0] >= p.certain_explained)
+        elif not self._certain:
+            self._certain = self._streak >= 3 and self._moved >= p.certain_distance
+
+    def _publish(self, h: Hypotheses, odometry: Transform2D, stamp: float) -> PoseEstimate | None:
+        if len(h) == 0:
+            return None
+        pose = Pose2D(*h.map.to_map(h.poses[:1])[0].tolist())
+        details: dict[str, Any] = {
+            "certain": self._certain,
+            "hypotheses": len(h),
+            "probability": float(h.weights[0]),
+            "explained": float(h.scores[0, -1, 1]),
+            "through": float(h.scores[0, -1, 3]),
+        }
+        self._estimate = PoseEstimate(pose, h.covariance(0), Transform2D(*pose) @ odometry.inverse(), stamp, details)
+        return self._estimate
