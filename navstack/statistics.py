@@ -141,6 +141,40 @@ def mean(values: Sequence[float], groups: Sequence[Hashable] | None = None, *, l
     return _mean_interval(means, level)
 
 
+def rate(
+    events: Sequence[int],
+    exposures: Sequence[float],
+    groups: Sequence[Hashable] | None = None,
+    *,
+    level: float = LEVEL,
+) -> Interval:
+    """Returns events per unit of exposure (such as contacts per hour) with an interval; NaN without exposure.
+
+    The interval covers the exact one of a Poisson process (F. Garwood 1936), which has a width even without events, and the
+    bootstrap interval of the ratio over the groups (percentiles of 1999 resamples), since events of one group come together.
+    """
+    counts, times = np.asarray(events, np.float64), np.asarray(exposures, np.float64)
+    if len(counts) != len(times):
+        raise InternalError(f"{len(counts)} counts and {len(times)} exposures are not pairs")
+    total = float(times.sum())
+    if total <= 0.0:
+        return _no_data(level)
+    from scipy import special
+
+    seen, tail = float(counts.sum()), 0.5 * (1.0 - level)
+    low = float(special.gammaincinv(seen, tail)) / total if seen > 0.0 else 0.0
+    high = float(special.gammaincinv(seen + 1.0, 1.0 - tail)) / total
+    count_means, sizes = _by_group(counts, groups)
+    time_means, _ = _by_group(times, groups)
+    n = len(sizes)
+    if seen > 0.0 and n >= _FEWEST_RESAMPLED:
+        chosen = np.random.default_rng(_SEED).integers(0, n, (_RESAMPLES, n))
+        exposure = (time_means * sizes)[chosen].sum(axis=1)
+        ratios = (count_means * sizes)[chosen].sum(axis=1)[exposure > 0.0] / exposure[exposure > 0.0]
+        low, high = min(low, float(np.quantile(ratios, tail))), max(high, float(np.quantile(ratios, 1.0 - tail)))
+    return Interval(seen / total, low, high, n, level)
+
+
 def paired_difference(
     a: Sequence[float], b: Sequence[float], groups: Sequence[Hashable] | None = None, *, level: float = LEVEL
 ) -> Difference:

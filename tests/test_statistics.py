@@ -15,6 +15,7 @@ from navstack.statistics import (
     paired_difference,
     paired_share_difference,
     rank_correlation,
+    rate,
     share,
     signed_rank_p,
 )
@@ -169,3 +170,29 @@ def test_unpaired_values_are_rejected() -> None:
             function([1.0], [1.0, 2.0])
     with pytest.raises(InternalError, match="groups"):
         mean([1.0, 2.0], ["a"])
+
+
+def test_a_rate_has_the_exact_interval_of_a_poisson_process() -> None:
+    """Without events, the upper bound is -ln(0.025) per exposure; events of one group widen the interval."""
+    none = rate([0, 0, 0], [0.5, 0.25, 0.25])
+    assert none.value == none.low == 0.0 and none.high == pytest.approx(-math.log(0.025))
+    some = rate([3, 0, 2], [1.0, 0.5, 0.5])
+    assert some.value == pytest.approx(2.5)
+    assert (some.low, some.high) == (
+        pytest.approx(0.5 * stats.chi2.ppf(0.025, 10) / 2.0),
+        pytest.approx(0.5 * stats.chi2.ppf(0.975, 12) / 2.0),
+    )
+    even, clustered = rate([2] * 20, [1.0] * 20), rate([0] * 19 + [40], [1.0] * 20)
+    assert even.value == clustered.value == 2.0 and clustered.high > even.high + 1.0
+    assert math.isnan(rate([], []).value)
+    with pytest.raises(InternalError, match="are not pairs"):
+        rate([1], [])
+
+
+def test_the_interval_of_a_rate_covers() -> None:
+    rng = np.random.default_rng(4)
+    covered = 0
+    for _ in range(300):
+        found = rate(rng.poisson(0.4, 16).tolist(), [0.1] * 16)
+        covered += found.low <= 4.0 <= found.high
+    assert covered >= 0.94 * 300

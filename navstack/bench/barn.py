@@ -139,13 +139,21 @@ def run_world(
     Raises InputError or PlanningError if the robot does not fit at the start.
     """
     run = Run(barn_scenario(world, configuration, seed=seed), record=record)
+    outcome = drive_world(world, run)
+    if run.recorder is not None and not run.outcomes:
+        run.recorder.finish([], run.robot.collisions)
+    return outcome, run.recorder
+
+
+def drive_world(world: BarnWorld, run: Run) -> BarnOutcome:
+    """Drives a new `run` of the scenario of `world` until the rules of BARN end it."""
     monitor = _Monitor(run)
     ended: str | None = None
     while ended is None:
         ended = monitor.outcome_after_step(running=run.step())
     driven = run.result(0.0)
     last = run.outcomes[-1] if run.outcomes else None
-    outcome = BarnOutcome(
+    return BarnOutcome(
         world=world.number,
         outcome=ended,
         time_s=monitor.time_s,
@@ -157,6 +165,3 @@ def run_world(
         recoveries=last.recoveries if last is not None else run.move_base.feedback.recoveries,
         text=last.message if last is not None else "",
     )
-    if run.recorder is not None and not run.outcomes:
-        run.recorder.finish([], run.robot.collisions)
-    return outcome, run.recorder

@@ -129,6 +129,18 @@ def metrics_of(record: Record) -> RunMetrics:
     )
 
 
+def resampled_jerk(times: NDArray[np.float64], poses: NDArray[np.float64], period: float) -> float:
+    """Returns the jerk (m/s³) of the poses (n, 3) at `times` (n,), interpolated at every `period` (s).
+
+    `RunMetrics.jerk_rms_m_s3` uses the control cycles, so it depends on the control frequency; this one does not.
+    """
+    if len(times) < 2:
+        return 0.0
+    at = np.arange(times[0], times[-1] + 1e-9, period)
+    positions = np.column_stack([np.interp(at, times, poses[:, axis]) for axis in (0, 1)])
+    return _jerk(np.diff(positions, axis=0) / period, np.full(max(len(at) - 1, 0), period))
+
+
 def _jerk(velocity: NDArray[np.float64], duration: NDArray[np.float64]) -> float:
     """Root mean square of the second derivative of (n, 2) velocities, each the mean over its `duration`."""
     if len(velocity) < 3:

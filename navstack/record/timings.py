@@ -15,27 +15,31 @@ T = TypeVar("T")
 
 @dataclass(slots=True)
 class Timings:
-    """Wall seconds of each call of the planners; they vary from run to run."""
+    """Seconds of each call of the planners, by default of the wall clock; they vary from run to run."""
 
     planning_s: list[float] = field(default_factory=list[float])
     """Calls of the global planner, failed ones included."""
     control_s: list[float] = field(default_factory=list[float])
     """Calls of the local planner."""
+    clock: Callable[[], float] = time.perf_counter
+    """Clock in seconds; `time.thread_time` counts processor time."""
 
     def as_dict(self) -> dict[str, Any]:
         """Returns JSON data: for each kind the count and the 50th, 95th and 99th percentile and maximum in ms."""
         return {"planning_ms": _percentiles(self.planning_s), "control_ms": _percentiles(self.control_s)}
 
 
-def timed(function: Callable[P, T], into: list[float]) -> Callable[P, T]:
-    """Wraps `function`: appends the wall seconds of each call to `into`, also if it raises."""
+def timed(
+    function: Callable[P, T], into: list[float], clock: Callable[[], float] = time.perf_counter
+) -> Callable[P, T]:
+    """Wraps `function`: appends the seconds of each call to `into`, also if it raises."""
 
     def call(*args: P.args, **kwargs: P.kwargs) -> T:
-        begin = time.perf_counter()
+        begin = clock()
         try:
             return function(*args, **kwargs)
         finally:
-            into.append(time.perf_counter() - begin)
+            into.append(clock() - begin)
 
     return call
 

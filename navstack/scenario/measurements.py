@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from navstack.record.metrics import RunMetrics, compute_metrics
 from navstack.sim import SimulatedRobot
@@ -55,9 +56,13 @@ class RunMeasurements:
         """Returns the minimum clearance over all cycles (m)."""
         return min(self.clearances(), default=math.inf)
 
+    def track(self) -> NDArray[np.float64]:
+        """Returns (n, 4) time (s) and true pose (m, m, rad) at each cycle."""
+        return np.array(self._rows, np.float64).reshape(-1, 4)
+
     def metrics(self, results: Sequence[Mapping[str, Any]]) -> RunMetrics:
         """Computes the metrics of the cycles so far; `results` are those of the goals."""
-        rows = np.array(self._rows, np.float64).reshape(-1, 4)
+        rows = self.track()
         return compute_metrics(
             rows[:, 0],
             rows[:, 1:4],

@@ -9,6 +9,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from navstack.bringup import build_move_base, simulated_robot
 from navstack.core import Listener, Pose2D, normalize_angle
 from navstack.core.errors import InternalError
@@ -61,11 +64,12 @@ class Run:
         record: bool = True,
         scans: bool = True,
         measure: bool = True,
-        timings: bool = False,
+        timings: bool | Timings = False,
         listeners: Sequence[Listener] = (),
     ) -> None:
-        """`record=False` keeps only what the metrics need, `scans=False` all but the scans; `timings` measures the wall time
-        of both planners. With `measure=False` there are no metrics either, and the memory does not grow with the run.
+        """`record=False` keeps only what the metrics need, `scans=False` all but the scans; `timings` measures the time of
+        both planners, into the given `Timings` or by the wall clock. With `measure=False` there are no metrics either, and the
+        memory does not grow with the run.
         """
         configuration = scenario.configuration
         items = scenario.items
@@ -85,8 +89,8 @@ class Run:
         if self.recorder is not None and chain is not None and chain.monitor is not None:
             self.recorder.zones(chain.monitor.as_dict()["zones"])
         self.timings: Timings | None = None
-        if timings:
-            self.timings = Timings()
+        if timings is not False:
+            self.timings = Timings() if timings is True else timings
             self._time_planners(self.timings)
         self.goals = GoalSequence(
             items,
@@ -223,6 +227,10 @@ class Run:
         """Returns the metrics so far; they count only the goals that have ended."""
         return self._measurements.metrics([outcome.as_dict() for outcome in self.outcomes])
 
+    def track(self) -> NDArray[np.float64]:
+        """Returns (n, 4) time (s) and true pose (m, m, rad) at each control cycle."""
+        return self._measurements.track()
+
     @property
     def path_length(self) -> float:
         """Distance driven (m)."""
@@ -237,8 +245,8 @@ class Run:
 
     def _time_planners(self, timings: Timings) -> None:
         planner, controller = self.move_base.global_planner, self.move_base.local_planner
-        planner.make_plan = timed(planner.make_plan, timings.planning_s)
-        controller.compute_command = timed(controller.compute_command, timings.control_s)
+        planner.make_plan = timed(planner.make_plan, timings.planning_s, timings.clock)
+        controller.compute_command = timed(controller.compute_command, timings.control_s, timings.clock)
 
     def _send_next_goal(self) -> bool:
         """Sends the next goal; returns False if there is none."""

@@ -234,6 +234,27 @@ def test_compare(navstack, tmp_path: Path) -> None:
     assert "B.set.0 was" in message or "B.set was" in message
 
 
+def test_controllers(navstack, tmp_path: Path) -> None:
+    trip = write_scenario(tmp_path / "trip.yaml", goal="[2.0, 7.45, 0.0]")
+    arguments = ["bench", "controllers", trip, "--controller", "pure_pursuit", "--controller", "slow=turtlebot_rpp",
+                 "--processes", 1, "--out", "out", "--json"]  # fmt: skip
+    document = navstack(*arguments)
+    rows = document["rows"]
+    assert [(r["suite"], r["controller"], r["runs"]) for r in rows] == [
+        ("trip", "pure_pursuit", 1),
+        ("trip", "slow", 1),
+    ]
+    for row in rows:
+        assert row["success"]["value"] == 1.0 and row["contacts"] == 0 and row["contacts_per_hour"]["high"] > 0.0
+        assert row["time_s"]["value"] > 2.0 and row["cycle_p99_ms"]["value"] >= row["cycle_p50_ms"]["value"] > 0.0
+    assert rows[0]["jerk_rms_m_s3"] == rows[1]["jerk_rms_m_s3"]
+    assert document["controllers"]["slow"]["with_map"] == {"params": ["turtlebot_rpp"], "set": []}
+    assert (tmp_path / "out" / "controllers.png").stat().st_size > 10_000
+    assert "times against pure_pursuit" in (tmp_path / "out" / "controllers.md").read_text()
+    again = navstack(*arguments, "--resume")
+    assert again["rows"] == rows
+
+
 def test_speed(navstack, tmp_path: Path) -> None:
     trip = write_scenario(tmp_path / "trip.yaml", goal="[2.0, 7.45, 0.0]")
     document = navstack("bench", "speed", trip, "--repeats", 1, "--json")
@@ -323,6 +344,12 @@ def test_scenarios_are_found_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyP
         (("planners", "office", "--set", "nothing"), "--set"),
         (("planners", "office", "--out", "file/out"), "--out"),
         (("compare", "turtlebot", "turtlebot"), "no scenarios; give"),
+        (("controllers", "ofice"), 'no scenario file and no shipped scenario is named "ofice"'),
+        (("controllers", "barn"), "the BARN worlds are not part of navstack; give the folder"),
+        (("controllers", "office", "office"), 'the scenario "office 0" is in two suites'),
+        (("controllers", "--controller", "mpi"), 'did you mean "mppi"?'),
+        (("controllers", "--controller", "mine="), '--controller "mine=" must be NAME=PARAMS'),
+        (("controllers", "--controller", "dwa", "--controller", "dwa"), '--controller "dwa" is given twice'),
         (("compare", "turtlebot", "turtlebt", "SCENARIO"), "turtlebot"),
         (("compare", ",", "turtlebot", "SCENARIO"), 'A "," names no parameters'),
         (("compare", "turtlebot", ",", "SCENARIO"), 'B "," names no parameters'),

@@ -18,7 +18,7 @@ def contents(specs: list[ScenarioSpec]) -> list[object]:
     return [(s.name, s.parts.start, s.parts.goals, s.parts.shapes, s.map().data.tobytes()) for s in specs]
 
 
-@pytest.mark.parametrize("name", ["office", "narrow", "crowd"])
+@pytest.mark.parametrize("name", ["office", "narrow", "crowd", "warehouse"])
 def test_a_suite_is_the_same_every_time_and_splits_by_number(name: str) -> None:
     whole = load_suite(name, count=6)
     assert contents(load_suite(name, count=6)) == contents(whole)
@@ -53,7 +53,7 @@ def test_unknown_suites_are_rejected() -> None:
         load_suite("office", count=0)
     with pytest.raises(InputError, match=r'unknown split "test"; known splits: train, held_out, all'):
         load_suite("office", split="test")  # pyright: ignore[reportArgumentType]
-    assert suite_names() == ["barn", "crowd", "narrow", "office", "shipped"]
+    assert suite_names() == ["barn", "crowd", "narrow", "office", "shipped", "warehouse"]
 
 
 @pytest.mark.parametrize("seed", range(30))

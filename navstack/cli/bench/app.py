@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from navstack.cli.bench import barn, compare, movingai, planners, random, safety, speed
+from navstack.cli.bench import barn, compare, controllers, movingai, planners, random, safety, speed
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -18,5 +18,6 @@ app.command("movingai")(movingai.movingai)
 app.command("planners")(planners.planners)
 app.command("speed")(speed.speed)
 app.command("compare")(compare.compare)
+app.command("controllers")(controllers.controllers)
 app.command("random")(random.random)
 app.command("safety")(safety.safety)

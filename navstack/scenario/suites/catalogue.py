@@ -17,7 +17,12 @@ from navstack.core.errors import InputError
 from navstack.parameters.spelling import nearest
 from navstack.scenario.file.spec import ScenarioSpec, read_scenario
 from navstack.scenario.suites.barn_worlds import barn_scenarios
-from navstack.scenario.suites.generated import crowd_scenario, narrow_scenario, office_scenario
+from navstack.scenario.suites.generated import (
+    crowd_scenario,
+    narrow_scenario,
+    office_scenario,
+    warehouse_scenario,
+)
 
 Split = Literal["train", "held_out", "all"]
 
@@ -27,6 +32,7 @@ _GENERATED: Final[dict[str, Callable[[int], ScenarioSpec]]] = {
     "office": office_scenario,
     "narrow": narrow_scenario,
     "crowd": crowd_scenario,
+    "warehouse": warehouse_scenario,
 }
 
 DEFAULT_COUNT: Final = 16
@@ -52,6 +58,7 @@ def load_suite(
     - `office`: between rooms of an office, with a few objects that are not on the map.
     - `narrow`: rooms whose doors are 0.55 to 0.75 m wide.
     - `crowd`: through an office with pedestrians in its corridor.
+    - `warehouse`: between the racks of a warehouse, with a few boxes that are not on the map.
     - `barn`: the BARN worlds in `directory` (with `worlds.npz`) for a Jackal without a map.
     - `shipped`: the scenario files shipped with navstack.
 

@@ -1,4 +1,4 @@
-"""Generated suites: `office`, `narrow` and `crowd`. A scenario depends on its number only."""
+"""Generated suites: `office`, `narrow`, `crowd` and `warehouse`. A scenario depends on its number only."""
 
 from __future__ import annotations
 
@@ -96,3 +96,17 @@ def crowd_scenario(number: int) -> ScenarioSpec:
     middle = Pose2D(round(rng.uniform(10.0, 13.0), 2), 7.4, goal.yaw)
     goal = middle if number // 2 % 4 == 3 else goal
     return single_goal_spec(f"crowd {number}", start, goal, 150.0, map_file=office.file, shapes=tuple(pedestrians))
+
+
+def warehouse_scenario(number: int) -> ScenarioSpec:
+    """Between random poses of the warehouse, whose aisles are 1.2 m wide, with up to three boxes that are not on the map."""
+    warehouse = _map_space("warehouse")
+    rng = _rng(4, number)
+    start, goal = warehouse.space.draw_pair(rng, 8.0, 28.0)
+    boxes = [warehouse.obstacle_space.draw(rng) for _ in range(3)]
+    shapes = tuple(
+        Shape(box=[0.4, 0.3], pose=list(box))
+        for box in boxes
+        if min(box.distance_to(start), box.distance_to(goal)) > 1.0
+    )
+    return single_goal_spec(f"warehouse {number}", start, goal, 240.0, map_file=warehouse.file, shapes=shapes)
