@@ -27,6 +27,7 @@ from navstack.global_planner._search.traceback import GradientTraceback, GridTra
 from navstack.global_planner._search.wave_search import WaveSearch
 from navstack.global_planner.astar import AStarParams, AStarPlanner
 from navstack.global_planner.carrot import CarrotPlanner, CarrotPlannerParams
+from navstack.global_planner.given_path import GivenPath, GivenPathParams
 from navstack.global_planner.global_planner import GlobalPlannerParams, GlobalPlannerROS
 from navstack.global_planner.navfn import NavfnParams, NavfnROS
 from navstack.global_planner.theta_star import ThetaStarParams, ThetaStarPlanner
@@ -43,6 +44,8 @@ __all__ = [
     "CellPlannerParams",
     "CellSearch",
     "CostInterpreter",
+    "GivenPath",
+    "GivenPathParams",
     "GlobalPlannerParams",
     "GlobalPlannerROS",
     "GradientTraceback",

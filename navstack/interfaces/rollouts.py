@@ -27,6 +27,8 @@ class VelocityLimits(NamedTuple):
     acc_lim_y: float
     acc_lim_theta: float
     yaw_goal_tolerance: float
+    min_turning_radius: float = 0.0
+    """Radius (m) of the tightest curve that the base drives; 0: it can turn in place."""
 
 
 _UNSET = np.empty(0, np.bool_)

@@ -18,8 +18,8 @@ OPEN[:5, 80] = False
 GEOMETRY = nav.GridGeometry(160, 40, 0.05)
 START, GOAL = (1.0, 1.0), (7.0, 1.0)
 NAMES = tuple(
-    e.name for e in nav.GLOBAL_PLANNERS if e.name != "carrot_planner"
-)  # which checks the end of its path only
+    e.name for e in nav.GLOBAL_PLANNERS if e.name not in ("carrot_planner", "given_path")
+)  # which check the end of their path only, or have none by default
 
 
 def spellings(walls: Any) -> list[tuple[Any, str | None]]:

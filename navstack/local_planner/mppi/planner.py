@@ -98,6 +98,7 @@ class MPPIPlanner(PathFollower):
             acc_lim_y=min(p.ay_max, -p.ay_min) if m.omni else 0.0,
             acc_lim_theta=p.az_max,
             yaw_goal_tolerance=self.goal_checker.yaw_tolerance,
+            min_turning_radius=self.optimizer.radius,
         )
 
     # --- the command ------------------------------------------------------------------------------------------------

@@ -82,6 +82,7 @@ class RegulatedPurePursuit(PathFollower):
             acc_lim_y=0.0,
             acc_lim_theta=p.max_angular_accel,
             yaw_goal_tolerance=self.goal_checker.yaw_tolerance,
+            min_turning_radius=p.min_turning_r,
         )
 
     def set_limits(self, *, max_vel_trans: float | None = None, max_vel_theta: float | None = None) -> None:

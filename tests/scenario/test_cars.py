@@ -1,0 +1,77 @@
+"""The packaged car and mecanum base: maneuvers without contact, and no limit exceeded by a command or by the body."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from navstack.scenario import Run, load_scenario, shipped_scenarios
+
+SLACK = 1e-6
+"""Rounding of commands computed in float32 (m/s, rad/s)."""
+
+
+def driven(name: str, params: str) -> tuple[Run, dict[str, Any]]:
+    """The finished run, and per control cycle: time, commands (n, 3), velocities (n, 3), steering angles."""
+    run = Run(load_scenario(shipped_scenarios()[name], params=[params]), record=True)
+    rows: list[tuple[float, ...]] = []
+    while run.step():
+        robot = run.robot
+        rows.append((robot.time, *run.move_base.command, *robot.state().velocity, robot.steering_angle))
+    table = np.array(rows)
+    return run, {"t": table[:, 0], "command": table[:, 1:4], "velocity": table[:, 4:7], "steering": table[:, 7]}
+
+
+@pytest.mark.parametrize("name", ["car_reverse_out", "car_park"])
+@pytest.mark.parametrize("params", ["car_mppi", "car_rpp"])
+def test_a_car_drives_a_given_path_with_changes_of_direction(name: str, params: str) -> None:
+    run, rows = driven(name, params)
+    result = run.result(0.0)
+    assert [str(c) for c in result.conditions if not c.holds] == []
+    assert result.succeeded and result.collisions == 0
+    assert rows["velocity"][:, 0].min() < -0.2 and rows["velocity"][:, 0].max() > 0.2  # both directions
+    sim = run.scenario.configuration.navstack.sim
+    limits = run.move_base.local_planner.limits
+    # the body
+    assert np.abs(rows["steering"]).max() <= sim.steering_limit + 1e-12
+    dt = np.diff(rows["t"])
+    assert (np.abs(np.diff(rows["steering"])) <= sim.max_steering_rate * dt + 1e-9).all()
+    assert (np.abs(np.diff(rows["velocity"][:, 0])) <= sim.acc_lim_x * dt + 1e-9).all()
+    assert (np.abs(rows["velocity"][:, 0]) >= sim.turning_radius * np.abs(rows["velocity"][:, 2]) - 1e-9).all()
+    # the commands of the controller, but for the stop at the goal
+    command = rows["command"][: np.flatnonzero(np.any(rows["command"] != 0.0, axis=1))[-1] + 1]
+    assert limits.min_vel_x - SLACK <= command[:, 0].min() and command[:, 0].max() <= limits.max_vel_x + SLACK
+    assert np.abs(command[:, 1]).max() == 0.0
+    assert np.abs(command[:, 2]).max() <= limits.max_vel_theta + SLACK
+    assert limits.min_turning_radius == 0.85 >= sim.turning_radius
+    assert (np.abs(command[:, 0]) >= limits.min_turning_radius * np.abs(command[:, 2]) - SLACK).all()
+    period = 0.05
+    assert np.abs(np.diff(command[:, 0])).max() <= limits.acc_lim_x * period + SLACK
+    assert np.abs(np.diff(command[:, 2])).max() <= limits.acc_lim_theta * period + SLACK
+
+
+def test_the_steering_follows_the_closed_form_of_the_last_command() -> None:
+    """Driving on the arc of the given path, the wheel is at atan(wheelbase * curvature)."""
+    run, rows = driven("car_reverse_out", "car_rpp")
+    sim = run.scenario.configuration.navstack.sim
+    moving = np.abs(rows["velocity"][:, 0]) > 0.1
+    curvature = rows["velocity"][moving, 2] / rows["velocity"][moving, 0]
+    assert np.arctan(sim.wheelbase * curvature) == pytest.approx(rows["steering"][moving], abs=1e-9)
+    assert math.atan(sim.wheelbase / sim.turning_radius) == pytest.approx(sim.steering_limit)
+
+
+@pytest.mark.parametrize("params", ["omni_mppi", "omni_dwa"])
+def test_a_mecanum_base_drives_through_the_office(params: str) -> None:
+    run, rows = driven("omni_office", params)
+    result = run.result(0.0)
+    assert [str(c) for c in result.conditions if not c.holds] == []
+    assert result.succeeded and result.collisions == 0
+    assert np.abs(rows["velocity"][:, 1]).max() > 0.05  # it uses its sideways motion
+    limits = run.move_base.local_planner.limits
+    command = rows["command"]
+    assert np.abs(command[:, 0]).max() <= limits.max_vel_x + SLACK
+    assert np.abs(command[:, 1]).max() <= limits.max_vel_y + SLACK
+    assert np.abs(command[:, 2]).max() <= limits.max_vel_theta + SLACK
