@@ -151,12 +151,22 @@ class Client:
             if all(view.is_current for view in self._views):
                 continue
             started = time.monotonic()
-            frame = Frame({"type": "frame", "frame": self._sent + 1})
-            frame.header["sides"] = [view.frame(frame) for view in self._views]
-            self._sent += 1
             try:
-                await self._socket.send_bytes(frame.encode())
+                encoded = self._next_frame()
+            except Exception as error:  # frames are differences: without this one, the page needs all of it again
+                text = f"the page could not be sent ({type(error).__name__}: {error}); please report it"
+                await self.tell(messages.Notice(text=text[:500], severity="error"))
+                await self._socket.close(code=1011, message=b"a frame failed")
+                return
+            try:
+                await self._socket.send_bytes(encoded)
             except ConnectionError:
                 return
             await asyncio.sleep(max(0.0, 1.0 / self._rate - (time.monotonic() - started)))
             self.wake.set()
+
+    def _next_frame(self) -> bytes:
+        frame = Frame({"type": "frame", "frame": self._sent + 1})
+        frame.header["sides"] = [view.frame(frame) for view in self._views]
+        self._sent += 1
+        return frame.encode()

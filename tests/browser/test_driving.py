@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from tests.browser.conftest import Live, at, drag, value, wait_until
+from tests.browser.conftest import CORRIDOR, Live, at, drag, value, wait_until
 
 Start = Callable[..., Live]
 Open = Callable[..., Any]
@@ -137,3 +137,43 @@ def test_driving_by_hand(live: Start, open_page: Open) -> None:
     wait_until(page, "side.interactions.some((item) => item[1] === 'drive')")
     page.keyboard.press("Escape")
     assert value(page, "window.navstack.teleop.on") is False
+
+
+def test_as_fast_as_it_goes_the_page_keeps_up(live: Start, open_page: Open) -> None:
+    """Between two frames, the window of the local costmap moves by more than its width."""
+    page = open_page(live(EMPTY))
+    page.evaluate(
+        """() => { const app = window.navstack;
+        app.act({ type: 'queue', loop: true, goals: [[20.0, 7.45, 0.0], [0.8, 7.45, 3.14]] });
+        app.act({ type: 'speed', factor: null }); }"""
+    )
+    wait_until(page, "side.t > 1000 && side.goals.ended.length > 9")
+
+
+def test_a_frame_that_cannot_be_read_is_followed_by_everything_anew(live: Start, open_page: Open) -> None:
+    page = open_page(live(CORRIDOR, speed=1.0))
+    page.evaluate(
+        "() => { const c = window.navstack.connection; c.receive(new Uint8Array(9).fill(7).buffer, c.socket); }"
+    )
+    page.locator("#link", has_text="connection lost, trying again").wait_for()
+    page.locator("#link", has_text="connected").wait_for()
+    before = value(page, "side.t")
+    wait_until(page, f"side.t > {before} + 0.5")
+    assert all("console" in problem for problem in page.problems)  # it says what it could not read
+    page.problems.clear()
+
+
+def test_a_window_that_moves_by_more_than_its_width_is_emptied(live: Start, open_page: Open) -> None:
+    page = open_page(live(EMPTY, paused=True))
+    cells = page.evaluate(
+        """async () => { const { Grid } = await import('./grid.js'), grid = new Grid(), found = [];
+        const change = { nx: 3, ny: 2, resolution: 1, origin: [0, 0] };
+        for (const shift of [[1, 0], [-1, 1], [2, 0], [5, 0], [-5, 0], [0, 7], [-4, -4]]) {
+          grid.update({ ...change, box: [0, 0, 3, 2], blob: 0 }, [new Uint8Array([1, 2, 3, 4, 5, 6]).buffer]);
+          grid.update({ ...change, shift, box: [0, 0, 0, 0] }, []);
+          found.push(Array.from(grid.cells));
+        }
+        return found; }"""
+    )
+    empty = [0] * 6
+    assert cells == [[2, 3, 0, 5, 6, 0], [0, 4, 5, 0, 0, 0], [3, 0, 0, 6, 0, 0], empty, empty, empty, empty]

@@ -6,6 +6,7 @@ import asyncio
 import json
 import random
 from collections.abc import Awaitable, Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +41,8 @@ def served(
             stop.set()
             await task
 
-    asyncio.run(main())
+    with ThreadPoolExecutor(1) as thread:  # the browser of other tests keeps an event loop in the main thread
+        thread.submit(asyncio.run, main()).result()
 
 
 async def connect(client: aiohttp.ClientSession, address: str, **headers: str) -> aiohttp.ClientWebSocketResponse:

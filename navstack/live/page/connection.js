@@ -34,12 +34,11 @@ export class Connection {
     this.socket = socket;
     socket.onopen = () => {
       this.request({ type: 'hello', protocol: PROTOCOL }).then(() => {
-        this.attempt = 0;
         this.handlers.status('good', 'connected');
         this.handlers.connected();
       }, (error) => { this.stopped = true; this.handlers.status('bad', error.message); });
     };
-    socket.onmessage = (event) => this.receive(event.data);
+    socket.onmessage = (event) => this.receive(event.data, socket);
     socket.onclose = (event) => {
       for (const waiting of this.pending.values()) waiting.reject(new Error('the connection was lost'));
       this.pending.clear();
@@ -54,7 +53,7 @@ export class Connection {
     setTimeout(() => this.start(), wait);
   }
 
-  receive(data) {
+  receive(data, socket) {
     if (typeof data === 'string') {
       const message = JSON.parse(data);
       if (message.type === 'notice') { this.handlers.notice(message); return; }
@@ -70,8 +69,11 @@ export class Connection {
     this.decoded = this.decoded.then(async () => {
       const { header, blobs } = split(await payload);
       this.handlers.frame(header, blobs);
-      if (header.type === 'frame') this.send({ type: 'ack', frame: header.frame });
-    }).catch((error) => console.error(error));
+      if (header.type === 'frame') { this.send({ type: 'ack', frame: header.frame }); this.attempt = 0; }
+    }).catch((error) => { // frames are differences: after a lost one, everything has to be sent again
+      console.error(error);
+      socket.close();
+    });
   }
 
   get open() { return this.socket?.readyState === WebSocket.OPEN; }

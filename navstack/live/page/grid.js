@@ -24,6 +24,7 @@ export class Grid {
     const { nx, ny, cells } = this, moved = new Uint8Array(nx * ny);
     for (let y = Math.max(0, -dy); y < Math.min(ny, ny - dy); y++) {
       const from = Math.max(0, dx), to = Math.min(nx, nx + dx);
+      if (from >= to) break; // moved by more than its width
       moved.set(cells.subarray((y + dy) * nx + from, (y + dy) * nx + to), y * nx + Math.max(0, -dx));
     }
     this.cells = moved;

@@ -57,7 +57,8 @@ export class Side {
     return [before.pose[0] + u * (this.pose[0] - before.pose[0]), before.pose[1] + u * (this.pose[1] - before.pose[1]), before.pose[2] + u * turn];
   }
 
-  get moving() { return !(this.paused || this.done) && !!this.before; }
+  /** True while the picture changes between two frames. */
+  get moving() { return !(this.paused || this.done || this.seeking || this.speed === null) && !!this.before; }
 }
 
 export class Store {
