@@ -77,6 +77,13 @@ class DeferredScan(LaserScan):
         put(self, "topic", topic)
         put(self, "height", height)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For copies: a scan that has not been computed yet is copied with its function."""
+        measured: Any = self._measured
+        ranges = self._measure if measured is None else measured
+        place = (self.angle_min, self.angle_increment, self.range_min, self.range_max)
+        return DeferredScan, (ranges, *place, self.stamp, self.frame, self.topic, self.height)
+
     @property
     def ranges(self) -> NDArray[np.float32]:  # pyright: ignore[reportIncompatibleVariableOverride]
         """(n,) float32, metres; computed at the first access."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections import deque
 from collections.abc import Iterator
 from typing import Any, NamedTuple
@@ -47,7 +46,7 @@ class History:
 
     hears_feedback = False
 
-    def __init__(self, first_event: int = 0) -> None:
+    def __init__(self) -> None:
         self.samples: deque[Sample] = deque(maxlen=SAMPLES)
         self.events: deque[NumberedEvent] = deque(maxlen=EVENTS)
         self.plans: deque[tuple[int, NDArray[np.float64]]] = deque(maxlen=PLANS)
@@ -59,13 +58,12 @@ class History:
         self.plan_count = 0
         self.trail_version = 0
         self._spacing = 0.05
-        self._numbers = itertools.count(first_event)
+        self._event_count = 0
 
     def on_event(self, event: Event) -> None:
         """Keeps an event."""
-        self.events.append(
-            NumberedEvent(next(self._numbers), event.time, event.kind, event.text, jsonable(dict(event.data)))
-        )
+        number, self._event_count = self._event_count, self._event_count + 1
+        self.events.append(NumberedEvent(number, event.time, event.kind, event.text, jsonable(dict(event.data))))
 
     @property
     def last_event(self) -> int:

@@ -1,7 +1,8 @@
 """A running simulation that a person can pause, rewind and take part in. Knows nothing of the web and reads no clock.
 
 The session drives a `Run`. What a person does becomes an interaction with the simulated time at which it was done; the
-scenario with these interactions gives the same run again, so going back in time is to simulate again from the start.
+scenario with these interactions gives the same run again, so going back in time is to simulate again: from the last checkpoint
+before, which is an exact copy, or from the start.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from navstack.core.errors import InputError, InternalError
+from navstack.live.checkpoints import Checkpoint, Checkpoints, snapshot
 from navstack.live.history import History
 from navstack.parameters.configuration import Configuration
 from navstack.record import RunRecorder
@@ -27,6 +29,10 @@ MAX_SPEED = 1000.0
 BACKLOG_S = 0.25
 """Real time that a slow session may fall behind before it drops the rest (s)."""
 MAX_INTERACTIONS = 100_000
+SLOW = 20.0
+"""Up to this factor of real time, checkpoints are close together."""
+SPACING_SLOW, SPACING_FAST = 100, 1500
+"""Control cycles between two checkpoints."""
 CHECK_TIME = 1e-9
 
 
@@ -98,6 +104,7 @@ class Session:
         """Measured factor of real time."""
         self._seek: float | None = None
         self._clock = 0.0
+        self._checkpoints = Checkpoints()
         self._start()
 
     # --- time -------------------------------------------------------------------------------------------------------
@@ -177,7 +184,10 @@ class Session:
             raise InputError(f"cannot go to {time:g} s; give a time from 0 s")
         self.changes += 1
         time = min(time, max(self.end, self.time))
-        if time < self.time:
+        checkpoint = self._checkpoints.last_before(time)
+        if checkpoint is not None and not checkpoint.time <= self.time <= time:
+            self._restore(checkpoint)
+        elif time < self.time:
             self._start()
         self._seek = time
 
@@ -192,6 +202,7 @@ class Session:
         self.end = 0.0
         self._seek = None
         self.changes += 1
+        self._checkpoints.drop_after(-math.inf)
         self._start()
 
     # --- interactions -----------------------------------------------------------------------------------------------
@@ -212,7 +223,8 @@ class Session:
         item = INTERACTION.validate_python(data)
         self.run.interact(item)
         del self.interactions[len(self.interactions) - len(self.run.upcoming) :]
-        self.run.drop_upcoming()
+        self.run.replace_upcoming()
+        self._checkpoints.drop_after(self.time)
         self.end = self.time
         self._add(item)
         self.changes += 1
@@ -271,8 +283,25 @@ class Session:
             self.history.add(self.run)
             if self.time > before:
                 self.end = max(self.end, self.time)
+                self._keep_checkpoint()
                 return True
         return False
+
+    def _keep_checkpoint(self) -> None:
+        fast = self.speed is None or self.speed > SLOW or self._seek is not None
+        spacing = SPACING_FAST if fast else SPACING_SLOW
+        if self._checkpoints.is_due(self.cycles, self.time, spacing):
+            done = len(self.interactions) - len(self.run.upcoming)
+            copied = snapshot((self.run, self.history), shared=(self.scenario, self.run.scenario))
+            self._checkpoints.keep(self.time, self.cycles, done, self._digest.copy(), copied)
+
+    def _restore(self, checkpoint: Checkpoint) -> None:
+        """Returns to the moment of a checkpoint; what was done since then will be done again."""
+        self.run, self.history = checkpoint.copied.restore()
+        self.run.replace_upcoming(self.interactions[checkpoint.done :])
+        self.cycles, self._digest = checkpoint.cycles, checkpoint.digest.copy()
+        self.restarts += 1
+        self._clock = self.time
 
     def _advance_seek(self, until: float, timer: Callable[[], float]) -> bool:
         assert self._seek is not None
@@ -295,6 +324,7 @@ class Session:
             and item.time < last.until <= item.until
         ):
             self.interactions[-1] = last.model_copy(update={"until": item.until})
+            self._checkpoints.drop_after(last.time)  # they know the shorter one
             return
         self.interactions.append(item)
 

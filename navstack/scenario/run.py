@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -173,9 +173,9 @@ class Run:
         """The interactions of the scenario whose time has not come."""
         return tuple(self._upcoming)
 
-    def drop_upcoming(self) -> None:
-        """Forgets the interactions whose time has not come."""
-        self._upcoming.clear()
+    def replace_upcoming(self, items: Iterable[Any] = ()) -> None:
+        """Replaces the interactions whose time has not come, by others in the order of their times."""
+        self._upcoming = deque(items)
 
     def interact(self, item: Any) -> None:
         """Carries out an interaction, a model of `navstack.scenario.interactions`, now; its time must be the present one.

@@ -1,0 +1,245 @@
+"""Exact copies of a running simulation, to go back in time without simulating from the start.
+
+A copy is a pickle in memory. What does not change (parameters, maps, code) is kept by reference; arrays that share memory share
+memory again in the copy; functions keep the variables around them.
+"""
+
+from __future__ import annotations
+
+import io
+import pickle
+import types
+import zlib
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, Final
+
+import numpy as np
+from pydantic import BaseModel
+
+_BY_REFERENCE: Final = (type, types.BuiltinFunctionType, types.ModuleType, types.CodeType, np.ufunc, np.dtype)
+"""Types whose values do not change."""
+MAX_COUNT: Final = 40
+MAX_BYTES: Final = 64_000_000
+"""Most memory of the checkpoints of a session, compressed."""
+RECENT_S: Final = 10.0
+"""Checkpoints younger than this may be as dense as older ones (s)."""
+
+
+@cache
+def _compressing() -> ThreadPoolExecutor:
+    """A thread beside the session: compression takes as long as copying, and does not hold the interpreter."""
+    return ThreadPoolExecutor(1, "navstack-checkpoints")
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """A copy of an object and of all it refers to."""
+
+    _data: Future[bytes]
+    _references: tuple[Any, ...]
+
+    @property
+    def size(self) -> int:
+        """Memory of the copy (bytes)."""
+        return len(self._data.result())
+
+    def restore(self) -> Any:
+        """Returns a new object with the state of the moment of the copy."""
+        return _Reader(io.BytesIO(zlib.decompress(self._data.result())), self._references).load()
+
+
+def snapshot(item: Any, *, shared: tuple[Any, ...] = ()) -> Snapshot | None:
+    """Copies an object; `shared` names objects in it that do not change. None if a part of it cannot be copied."""
+    data = io.BytesIO()
+    writer = _Writer(data, shared)
+    try:
+        writer.dump(item)
+    except Exception:  # a plugin's part may raise anything; without a copy, going back takes longer
+        return None
+    return Snapshot(_compressing().submit(zlib.compress, data.getvalue(), 1), tuple(writer.references))
+
+
+@dataclass(frozen=True, slots=True)
+class Checkpoint:
+    """A session at one moment."""
+
+    time: float
+    """Simulated time (s)."""
+    cycles: int
+    """Number of control cycles since the start."""
+    done: int
+    """Number of interactions carried out."""
+    digest: Any
+    """Hash of all cycles so far."""
+    copied: Snapshot
+
+
+class Checkpoints:
+    """The checkpoints of a session: dense in the recent past, the older the sparser, bounded in number and memory."""
+
+    def __init__(self) -> None:
+        self._kept: list[Checkpoint] = []
+        self._refused = False
+
+    def __len__(self) -> int:
+        return len(self._kept)
+
+    @property
+    def times(self) -> list[float]:
+        """When they were taken (simulated s)."""
+        return [checkpoint.time for checkpoint in self._kept]
+
+    def is_due(self, cycles: int, time: float, spacing: int) -> bool:
+        """True if the last checkpoint before now is at least `spacing` control cycles old."""
+        if self._refused:
+            return False
+        last = self.last_before(time)
+        return cycles - (0 if last is None else last.cycles) >= spacing
+
+    def keep(self, time: float, cycles: int, done: int, digest: Any, copied: Snapshot | None) -> None:
+        """Adds a checkpoint; without a copy, there will be no more."""
+        if copied is None:
+            self._refused = True
+            return
+        self._kept.append(Checkpoint(time, cycles, done, digest, copied))
+        self._kept.sort(key=lambda checkpoint: checkpoint.time)
+        while len(self._kept) > MAX_COUNT or (len(self._kept) > 2 and self._size() > MAX_BYTES):
+            del self._kept[self._least_useful()]
+
+    def last_before(self, time: float) -> Checkpoint | None:
+        """Returns the last checkpoint at or before a time (s)."""
+        return next((checkpoint for checkpoint in reversed(self._kept) if checkpoint.time <= time), None)
+
+    def drop_after(self, time: float) -> None:
+        """Forgets the checkpoints later than a time (s)."""
+        self._kept = [checkpoint for checkpoint in self._kept if checkpoint.time <= time]
+
+    def _size(self) -> int:
+        return sum(checkpoint.copied.size for checkpoint in self._kept[:-1])  # the last one is still being compressed
+
+    def _least_useful(self) -> int:
+        """The one without which the longest way to simulate again, in relation to its age, grows least; never the last."""
+        now = self._kept[-1].time
+        times = [0.0, *self.times]
+
+        def gap(k: int) -> float:
+            return (times[k + 1] - times[k - 1]) / (now - times[k] + RECENT_S)
+
+        return min(range(1, len(times) - 1), key=gap, default=1) - 1
+
+
+class _Writer(pickle.Pickler):
+    def __init__(self, file: io.BytesIO, shared: tuple[Any, ...]) -> None:
+        super().__init__(file, protocol=5)
+        self.references: list[Any] = []
+        self._index: dict[int, int] = {}
+        self._owners: dict[int, Any] = {}
+        for item in shared:
+            self._reference(item)
+
+    def persistent_id(self, obj: Any) -> int | None:
+        """Returns the number of an object that is kept by reference."""
+        found = self._index.get(id(obj))
+        if found is not None:
+            return found
+        return self._reference(obj) if _is_constant(obj) else None
+
+    def reducer_override(self, obj: Any) -> Any:
+        """Returns how to build an object that pickle would build otherwise."""
+        if isinstance(obj, (np.ndarray, np.void)) and obj.base is not None:
+            owner = self._owner_of(obj)
+            return NotImplemented if owner is obj else _reduced_view(obj, owner)
+        if isinstance(obj, types.FunctionType):
+            self._reference(obj.__globals__)
+            return _function, (obj.__code__, obj.__globals__, obj.__name__, obj.__defaults__, obj.__closure__)
+        if isinstance(obj, types.CellType):
+            return types.CellType, (), obj.cell_contents, None, None, _fill_cell
+        if isinstance(obj, types.MappingProxyType):
+            return types.MappingProxyType, (dict(obj),)
+        return NotImplemented
+
+    def _owner_of(self, obj: Any) -> Any:
+        """The array whose memory an array or a record uses."""
+        while isinstance(obj.base, np.ndarray):
+            obj = obj.base
+        if obj.base is None:
+            return obj
+        # memory of numba: the first array of it stands for the owner, if it contains the other
+        first = self._owners.setdefault(id(obj.base), obj)
+        return first if first.base is obj.base and _contains(first, obj) else obj
+
+    def _reference(self, obj: Any) -> int:
+        number = self._index.setdefault(id(obj), len(self.references))
+        if number == len(self.references):
+            self.references.append(obj)
+        return number
+
+
+class _Reader(pickle.Unpickler):
+    def __init__(self, file: io.BytesIO, references: tuple[Any, ...]) -> None:
+        super().__init__(file)
+        self._references = references
+
+    def persistent_load(self, pid: int) -> Any:
+        """Returns the object that is kept by reference."""
+        return self._references[pid]
+
+
+def _is_constant(obj: Any) -> bool:
+    if isinstance(obj, types.FunctionType):
+        return obj.__closure__ is None
+    if isinstance(obj, np.ndarray):
+        return _is_frozen(obj)
+    if isinstance(obj, BaseModel):
+        return bool(obj.model_config.get("frozen"))
+    kind = type(obj)
+    return kind is object or isinstance(obj, _BY_REFERENCE) or kind.__module__.partition(".")[0] == "numba"
+
+
+def _is_frozen(array: Any) -> bool:
+    """True for an array that nobody can write to."""
+    while isinstance(array, np.ndarray):
+        if array.flags.writeable:
+            return False
+        array = array.base
+    return array is None or isinstance(array, bytes)
+
+
+def _contains(first: Any, other: Any) -> bool:
+    (low, high), (begin, end) = _bounds(first), _bounds(other)
+    return bool(low <= begin and end <= high and first.flags.c_contiguous)
+
+
+def _bounds(array: Any) -> tuple[int, int]:
+    """First address of an array's memory and the one after the last."""
+    low = high = _address(array)
+    for length, stride in zip(array.shape, array.strides, strict=True):
+        low, high = low + min(0, (length - 1) * stride), high + max(0, (length - 1) * stride)
+    return low, high + array.itemsize
+
+
+def _address(array: Any) -> int:
+    return int(array.__array_interface__["data"][0])
+
+
+def _reduced_view(obj: Any, owner: Any) -> Any:
+    """How to build a view of another array, or a record in it."""
+    record = isinstance(obj, np.void)
+    place = (_address(obj) - _address(owner), obj.shape, None if record else obj.strides, obj.dtype)
+    return _view, (owner, *place, bool(obj.flags.writeable), record)
+
+
+def _view(owner: Any, offset: int, shape: Any, strides: Any, dtype: Any, writeable: bool, record: bool) -> Any:
+    view = np.ndarray(shape, dtype, owner, offset, strides)
+    view.flags.writeable = writeable
+    return view[()] if record else view
+
+
+def _function(*parts: Any) -> Any:
+    return types.FunctionType(*parts)
+
+
+def _fill_cell(cell: Any, contents: Any) -> None:
+    cell.cell_contents = contents
