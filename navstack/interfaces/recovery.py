@@ -49,6 +49,8 @@ class RecoveryBehavior(ABC):
     """A recovery behavior runs step by step, so that a cancel or a new goal takes effect within one cycle."""
 
     Params: ClassVar[type[ParamModel]]
+    turns_in_place: ClassVar[bool] = False
+    """True if it commands turns in place, which a base with a turning radius cannot drive."""
 
     def __init__(self, name: str, params: Any) -> None:
         self.name = name

@@ -91,6 +91,16 @@ class PathFollowerParams(ParamModel):
         """Goal checker and path handler may stand beside the controller."""
         return frozenset(PathFollowerParams.child_models(values))
 
+    @property
+    def turning_radius(self) -> float:
+        """Radius (m) of the tightest curve that the controller commands; 0 if it turns in place, or has no limit."""
+        return 0.0
+
+    @property
+    def drives_backward(self) -> bool:
+        """True if the controller drives backward where the path does."""
+        return False
+
     def make_goal_checker(self) -> GoalChecker:
         """The goal checker of these parameters."""
         name = first_of({"_": self.goal_checker_plugins}, "_", "goal_checker")

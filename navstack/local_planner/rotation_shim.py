@@ -74,6 +74,11 @@ class RotationShimParams(PathFollowerParams):
         return found
 
     @property
+    def drives_backward(self) -> bool:
+        """False: it turns toward a path that goes backward."""
+        return False
+
+    @property
     def primary(self) -> tuple[PluginEntry[LocalPlanner], Any]:
         """The other controller and its parameters."""
         params = self.sections.get("primary_controller")
@@ -105,7 +110,7 @@ class RotationShimParams(PathFollowerParams):
             )
             names = ("angular_disengage_threshold", "angular_dist_threshold")
             yield Issue("warning", "minimum-over-maximum", names, message, f"{0.5 * self.angular_dist_threshold:g}")
-        radius = float(getattr(params, "min_turning_r", 0.0))
+        radius = max(float(getattr(params, "turning_radius", 0.0)), float(getattr(params, "min_turning_r", 0.0)))
         if radius > 0.0:
             message = (
                 f"a base with a turning radius of {radius:g} m cannot turn in place; use {entry.name} without the shim"

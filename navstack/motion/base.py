@@ -14,7 +14,7 @@ from navstack.core.errors import NavError
 from navstack.core.parameters import ParamModel
 from navstack.interfaces import LocalPlan, Motion, RecoveryContext, RecoveryStatus, RecoveryStep
 from navstack.kinematics import WheelDrive
-from navstack.motion.errors import MotionCollisionError, MotionTimeoutError
+from navstack.motion.errors import InvalidMotionError, MotionCollisionError, MotionTimeoutError
 from navstack.motion.obstacles import Obstacle, first_obstacle
 from navstack.motion.ramp import Ramp
 from navstack.motion.timing import MotionLimits
@@ -95,10 +95,19 @@ class BasicMotion(Motion):
             limits.max_vel_theta,
             min(_limit(limits.acc_lim_x), p.acc_lim_x or math.inf),
             min(_limit(limits.acc_lim_theta), p.acc_lim_theta or math.inf),
-            self.min_turning_radius,
+            max(self.min_turning_radius, limits.min_turning_radius),
             self.drive,
             self.max_wheel_speed,
         )
+
+    def require_turning(self, what: str) -> None:
+        """Raise InvalidMotionError if the base has a turning radius, for `what` turns in place."""
+        radius = self.limits.min_turning_radius
+        if radius > 0.0:
+            raise InvalidMotionError(
+                f"{what}: a base with a turning radius of {radius:.2f} m cannot turn in place; send a goal instead",
+                min_turning_radius_m=radius,
+            )
 
     def start(self, context: RecoveryContext, now: float) -> None:
         """Start from the pose of the first step."""

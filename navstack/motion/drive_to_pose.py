@@ -48,8 +48,9 @@ class DriveToPose(BasicMotion):
         return {"drive_to": list(self.goal), "backwards": self.backwards}
 
     def begin(self, pose: Pose2D, state: RobotState) -> float:
-        """Lay the line from `pose` to the goal."""
+        """Lay the line from `pose` to the goal. Raises InvalidMotionError for a base with a turning radius."""
         del state
+        self.require_turning(self.name)
         self.target = self.goal
         self.reference = self.line(pose, self.goal)
         self._length = self._left = pose.distance_to(self.goal)

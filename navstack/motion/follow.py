@@ -83,7 +83,7 @@ class FollowTrajectory(BasicMotion):
             require_feasible(self._given, self.limits)
 
     def begin(self, pose: Pose2D, state: RobotState) -> float:
-        """Place the trajectory. Raises InvalidMotionError if it begins too far away."""
+        """Place the trajectory. Raises InvalidMotionError if it begins too far away, or aside of a car."""
         del state
         if self.here:
             self.trajectory = self._given.moved_to(pose, self.frame)
@@ -102,9 +102,12 @@ class FollowTrajectory(BasicMotion):
         times = np.linspace(0.0, self.trajectory.duration, count)
         self.reference = Path(self.trajectory.poses(times), self.frame)
         limits = self.limits
-        turn = abs(angle_between(pose.yaw, self.trajectory.start.yaw)) / min(
-            self.params.speed_radian, limits.max_turn_rate
-        )
+        aside = abs(angle_between(pose.yaw, self.trajectory.start.yaw))
+        if aside > self.params.tolerance_radian:
+            self.require_turning(
+                f"{self.name}, which begins {math.degrees(aside):.1f} degrees from the robot's heading"
+            )
+        turn = aside / min(self.params.speed_radian, limits.max_turn_rate)
         return turn + self.trajectory.duration + SETTLE_S
 
     def command(self, pose: Pose2D, state: RobotState, now: float, dt: float) -> RecoveryStep:

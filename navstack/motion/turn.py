@@ -41,8 +41,9 @@ class Turn(BasicMotion):
         return {"turn": self.angle}
 
     def begin(self, pose: Pose2D, state: RobotState) -> float:
-        """Start from the heading of `pose`."""
+        """Start from the heading of `pose`. Raises InvalidMotionError for a base with a turning radius."""
         del state
+        self.require_turning(self.name)
         self._turned, self._yaw = 0.0, pose.yaw
         self.target = Pose2D(pose.x, pose.y, normalize_angle(pose.yaw + self.angle))
         self.reference = self.line(pose, self.target)

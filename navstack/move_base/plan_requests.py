@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from navstack.core.errors import NavError, PlanningTimeoutError
+from navstack.core.path_turns import turn_note
 from navstack.interfaces import GlobalPlanner, Plan
 from navstack.move_base import plugin_calls
 from navstack.move_base.active_goal import ActiveGoal
@@ -100,6 +103,9 @@ class PlanRequests:
     def _succeed(self, goal: ActiveGoal, plan: Plan, now: float) -> None:
         navigation = self._navigation
         goal.statistics.plans += 1
+        note = turn_note(plan.path, navigation.local_planner.limits.min_turning_radius)
+        if note is not None:
+            plan = replace(plan, notes=(*plan.notes, note))
         if navigation.state.mode is not Mode.CLEARING:
             navigation.plan = navigation.new_plan = navigation.last_tick.plan = plan
         self.schedule.succeed()

@@ -18,6 +18,7 @@ from navstack.parameters.simulated_robot import (
     sideways_command,
     sources_of,
 )
+from navstack.parameters.steering_rules import steering_rules
 from navstack.parameters.tree import COSTMAPS, Leaf, Space
 from navstack.plugins import PluginChoice
 
@@ -53,6 +54,7 @@ def check_rules(configuration: Configuration) -> list[Finding]:
     sources = sources_of(context.costmaps)
     found += _findings(configuration.tree, "", None, lambda: assumed_lidar(sim, sources))
     found += _findings(configuration.tree, "", None, lambda: sideways_command(sim, planner.namespace, planner.params))
+    found += _findings(configuration.tree, "", None, lambda: steering_rules(configuration))
     if not blind:
         found += _findings(configuration.tree, "", None, lambda: nothing_feeds(sim, sources, frames))
     return found

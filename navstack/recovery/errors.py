@@ -12,6 +12,13 @@ class SpinTimeoutError(RecoveryError):
     name = "TIMEOUT"
 
 
+class CannotTurnError(RecoveryError):
+    """The base has a turning radius, so that it cannot turn in place."""
+
+    code = 9024
+    name = "CANNOT_TURN_IN_PLACE"
+
+
 class BackUpTimeoutError(RecoveryError):
     """Backing up took longer than its time_allowance."""
 

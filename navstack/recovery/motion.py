@@ -9,6 +9,7 @@ from navstack.core.collision import overlaps_obstacle
 from navstack.core.costs import LETHAL
 from navstack.core.parameters import ParamModel, param
 from navstack.interfaces import RecoveryContext
+from navstack.recovery.errors import CannotTurnError
 
 
 class MotionParams(ParamModel):
@@ -35,6 +36,17 @@ class TurnProgress:
             self.turned += angle_between(self._yaw, yaw)
         self._yaw = yaw
         return first
+
+
+def require_turning(context: RecoveryContext, name: str) -> None:
+    """Raise CannotTurnError if the base has a turning radius: it would stand still."""
+    radius = context.local_planner.limits.min_turning_radius
+    if radius > 0.0:
+        raise CannotTurnError(
+            f"{name} turns in place, which a base with a turning radius of {radius:g} m cannot; leave it out of "
+            "recovery_behaviors, or set clearing_rotation_allowed to false",
+            min_turning_radius_m=radius,
+        )
 
 
 def blocks(cost: int | None) -> bool:

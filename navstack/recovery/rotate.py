@@ -14,7 +14,7 @@ from navstack.core.errors import CollisionAheadError
 from navstack.core.parameters import ParamModel, param
 from navstack.interfaces import RecoveryBehavior, RecoveryContext, RecoveryStatus, RecoveryStep
 from navstack.plugins import RECOVERY_BEHAVIORS
-from navstack.recovery.motion import TurnProgress, blocks, describe_obstacle
+from navstack.recovery.motion import TurnProgress, blocks, describe_obstacle, require_turning
 
 FULL_TURN: Final = 2.0 * math.pi
 TURN_TOLERANCE: Final = 0.1
@@ -47,6 +47,7 @@ class RotateRecovery(RecoveryBehavior):
     """
 
     Params = RotateRecoveryParams
+    turns_in_place = True
     params: RotateRecoveryParams
 
     def __init__(self, name: str, params: RotateRecoveryParams) -> None:
@@ -60,8 +61,9 @@ class RotateRecovery(RecoveryBehavior):
         return self.params.frequency
 
     def start(self, context: RecoveryContext, now: float) -> None:
-        """Start from the heading of the first step."""
+        """Start from the heading of the first step. Raises CannotTurnError for a base with a turning radius."""
         del now
+        require_turning(context, self.name)
         self._context = context
         self._progress = TurnProgress()
 

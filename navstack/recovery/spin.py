@@ -16,7 +16,14 @@ from navstack.core.parameters import param
 from navstack.interfaces import RecoveryBehavior, RecoveryContext, RecoveryStatus, RecoveryStep
 from navstack.plugins import RECOVERY_BEHAVIORS
 from navstack.recovery.errors import SpinTimeoutError
-from navstack.recovery.motion import MotionParams, TurnProgress, blocks, describe_obstacle, known_obstacle_after
+from navstack.recovery.motion import (
+    MotionParams,
+    TurnProgress,
+    blocks,
+    describe_obstacle,
+    known_obstacle_after,
+    require_turning,
+)
 
 
 class SpinParams(MotionParams):
@@ -35,6 +42,7 @@ class Spin(RecoveryBehavior):
     """Turns by `spin_dist`. Before each command the whole footprint is checked along the turn on the local costmap."""
 
     Params = SpinParams
+    turns_in_place = True
     params: SpinParams
 
     def __init__(self, name: str, params: SpinParams) -> None:
@@ -60,7 +68,8 @@ class Spin(RecoveryBehavior):
             )
 
     def start(self, context: RecoveryContext, now: float) -> None:
-        """Start from the heading of the first step."""
+        """Start from the heading of the first step. Raises CannotTurnError for a base with a turning radius."""
+        require_turning(context, self.name)
         self._context = context
         self._started_at = now
         self._progress = TurnProgress()

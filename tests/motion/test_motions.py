@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,18 +12,20 @@ import pytest
 
 from navstack.core import Pose2D, Transform2D, angle_between
 from navstack.core.errors import NavError
-from navstack.interfaces import Motion, RecoveryStatus
+from navstack.interfaces import Motion, RecoveryStatus, VelocityLimits
 from navstack.motion import (
     DriveToPose,
+    FollowTrajectory,
     InvalidMotionError,
     MotionCollisionError,
     MotionTimeoutError,
     Move,
+    Trajectory,
     Turn,
     Wait,
 )
 from navstack.parameters.models.motion import MotionParams
-from tests.motion.stage import MOVING, START, Stage
+from tests.motion.stage import MOVING, START, Planner, Stage
 
 RATES = (5.0, 20.0, 50.0)
 
@@ -250,3 +253,39 @@ def test_a_motion_can_start_again() -> None:
         assert along(stage.robot.pose).x == pytest.approx(0.5, abs=0.011)
     with pytest.raises(NavError):
         raise MotionTimeoutError("it has a code")
+
+
+# --- bases with a turning radius ----------------------------------------------------------------------------------------
+
+
+class CarPlanner(Planner):
+    """The same with a turning radius."""
+
+    @property
+    def limits(self) -> VelocityLimits:
+        return super().limits._replace(min_turning_radius=0.85)
+
+
+def test_what_turns_in_place_refuses_a_car_and_the_rest_drives() -> None:
+    """The turning radius is that of the local planner, also for motions from Python."""
+    for motion in (Turn(1.0, params()), DriveToPose(Pose2D(1.0, 1.0), params())):
+        stage = Stage(motion)
+        stage.context = replace(stage.context, local_planner=CarPlanner())
+        with pytest.raises(InvalidMotionError, match=r"turning radius of 0\.85 m cannot turn in place; send a goal"):
+            stage.run()
+    stage = Stage(Move(-1.0, params()))
+    stage.context = replace(stage.context, local_planner=CarPlanner())
+    assert stage.run().status is RecoveryStatus.DONE
+
+
+def test_a_trajectory_beside_the_heading_of_a_car_is_refused() -> None:
+    beside = Trajectory(
+        np.array([0.0, 10.0]),
+        np.array([[START.x, START.y, 0.0], [START.x, START.y + 2.0, 0.0]]),
+        np.tile([0.0, 0.2, 0.0], (2, 1)),
+        np.zeros((2, 3)),
+    )
+    stage = Stage(FollowTrajectory(beside, params(), fit=True))
+    stage.context = replace(stage.context, local_planner=CarPlanner())
+    with pytest.raises(InvalidMotionError, match=r"begins 49\.9 degrees from the robot's heading"):
+        stage.run()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,10 @@ from navstack.core.costs import LETHAL
 from navstack.core.errors import CollisionAheadError, NavError, ParameterError
 from navstack.interfaces import RecoveryBehavior, RecoveryContext, RecoveryStatus
 from navstack.move_base import GoalStatus
+from navstack.plugins import RECOVERY_BEHAVIORS
 from navstack.recovery import BackUp, DriveOnHeading, Spin, Wait
-from tests.move_base.world import Bench, EmptyCostmap, KinematicRobot, StraightPlanner, TurnAndGo, occupied
+from navstack.recovery.errors import CannotTurnError
+from tests.move_base.world import LIMITS, Bench, EmptyCostmap, KinematicRobot, StraightPlanner, TurnAndGo, occupied
 
 START = Pose2D(0.5, -0.5, 1.0)
 
@@ -229,3 +232,28 @@ def test_spin_checks_the_map() -> None:
     with pytest.raises(CollisionAheadError, match="global_costmap"):
         stage.run()
     assert stage.robot.odom_pose.yaw == 0.0
+
+
+# --- bases with a turning radius ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["spin", "rotate_recovery"])
+def test_a_car_does_not_turn_in_place(kind: str) -> None:
+    cls = RECOVERY_BEHAVIORS.get(kind).cls
+    assert cls.turns_in_place
+    stage = Stage(cls)
+    stage.context = replace(stage.context, local_planner=TurnAndGo(limits=LIMITS._replace(min_turning_radius=0.85)))
+    with pytest.raises(
+        CannotTurnError, match=r"it turns in place, which a base with a turning radius of 0\.85 m cannot"
+    ):
+        stage.run()
+
+
+@pytest.mark.parametrize("kind", ["back_up", "drive_on_heading"])
+def test_a_car_backs_up_and_drives_on_its_heading(kind: str) -> None:
+    cls = RECOVERY_BEHAVIORS.get(kind).cls
+    assert not cls.turns_in_place
+    stage = Stage(cls)
+    stage.context = replace(stage.context, local_planner=TurnAndGo(limits=LIMITS._replace(min_turning_radius=0.85)))
+    assert all(command.wz == 0.0 for command in stage.run())
+    assert abs(stage.moved) > 0.1

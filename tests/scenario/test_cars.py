@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import numpy as np
 import pytest
 
-from navstack.scenario import Run, load_scenario, shipped_scenarios
+from navstack.core import Pose2D
+from navstack.scenario import Run, load_scenario, run_scenario, shipped_scenarios
 
 SLACK = 1e-6
 """Rounding of commands computed in float32 (m/s, rad/s)."""
@@ -75,3 +77,24 @@ def test_a_mecanum_base_drives_through_the_office(params: str) -> None:
     assert np.abs(command[:, 0]).max() <= limits.max_vel_x + SLACK
     assert np.abs(command[:, 1]).max() <= limits.max_vel_y + SLACK
     assert np.abs(command[:, 2]).max() <= limits.max_vel_theta + SLACK
+
+
+def test_a_path_that_is_too_tight_is_named_with_its_place() -> None:
+    """A planner on cells begins with a corner; the plan says where, in the record and in `explain goal`."""
+    scenario = load_scenario(
+        shipped_scenarios()["car_park"],
+        params=["car_rpp"],
+        overrides=["base_global_planner=navfn"],
+        goals=[Pose2D(7.0, 11.4, 0.0)],
+        time_limit_s=0.5,
+    )
+    result = run_scenario(scenario)
+    assert result.recorder is not None
+    plans = [event for event in result.recorder.record().events if event.kind == "plan"]
+    assert len(plans) == 1
+    note = plans[0].data["notes"][-1]
+    match = re.fullmatch(
+        r"the path turns on (\S+) m at \((\S+), (\S+)\), but the base turns on 0.85 m at least, .*", note
+    )
+    assert match is not None, note
+    assert float(match[1]) < 0.85

@@ -65,6 +65,11 @@ class GracefulParams(_WithLambda):
     )
     final_rotation_search_step: float = param(0.1, "step of that search", unit="rad", gt=0.01)
 
+    @property
+    def drives_backward(self) -> bool:
+        """True if it drives to a target behind the robot."""
+        return self.allow_backward and not self.initial_rotation
+
     def check(self, context: CheckContext) -> Iterator[Issue]:
         """Yield what keeps the robot from driving as the parameters say."""
         yield from super().check(context)

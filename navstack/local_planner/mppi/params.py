@@ -151,6 +151,16 @@ class MPPIParams(PathFollowerParams):
         return motion_model(self.motion_model, self.sections)
 
     @property
+    def turning_radius(self) -> float:
+        """Radius (m) of the tightest curve: that of the Ackermann model."""
+        return self.motion.min_turning_r if self.motion.plugin == ACKERMANN else 0.0
+
+    @property
+    def drives_backward(self) -> bool:
+        """True if it may drive backward."""
+        return self.vx_min < 0.0
+
+    @property
     def is_omni(self) -> bool:
         """True for a base that moves sideways."""
         return self.motion.plugin == OMNI

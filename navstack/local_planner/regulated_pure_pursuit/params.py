@@ -96,6 +96,16 @@ class RegulatedPurePursuitParams(PathFollowerParams):
         ge=0.0,
     )
 
+    @property
+    def turning_radius(self) -> float:
+        """Radius (m) of the tightest curve."""
+        return 0.0 if self.use_rotate_to_heading else self.min_turning_r
+
+    @property
+    def drives_backward(self) -> bool:
+        """True if it drives to a carrot behind the robot."""
+        return self.allow_reversing and not self.use_rotate_to_heading
+
     def check(self, context: CheckContext) -> Iterator[Issue]:
         """Yield what keeps the robot from driving as the parameters say."""
         yield from super().check(context)
