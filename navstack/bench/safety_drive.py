@@ -219,11 +219,11 @@ def _can_stop(scene: SafetyScene, seen: Moment, command: Twist2D, collision: Col
     return True
 
 
-def _touches(scene: SafetyScene, moment: Moment, command: Twist2D, obstacle: shapely.Geometry) -> bool:
+def _touches(scene: SafetyScene, moment: Moment, command: Twist2D, obstacle: shapely.Polygon) -> bool:
     return any(body.intersects(obstacle) for _, body in _braking(scene, moment, command))
 
 
-def is_worse_than_stop(scene: SafetyScene, moment: Moment, obstacle: shapely.Geometry) -> bool:
+def is_worse_than_stop(scene: SafetyScene, moment: Moment, obstacle: shapely.Polygon) -> bool:
     """Return True if a stop would have touched the obstacle later or not at all, or would have overlapped it less."""
     if moment.sent == Twist2D():
         return False
@@ -237,7 +237,7 @@ def is_worse_than_stop(scene: SafetyScene, moment: Moment, obstacle: shapely.Geo
     return overlaps[0] > overlaps[1] + _OVERLAP_ROUNDING_M2
 
 
-def _braking(scene: SafetyScene, moment: Moment, command: Twist2D) -> Iterator[tuple[float, shapely.Geometry]]:
+def _braking(scene: SafetyScene, moment: Moment, command: Twist2D) -> Iterator[tuple[float, shapely.Polygon]]:
     """Yield time and outline of the robot that follows `command` until the next check and then brakes."""
     x, y, yaw = moment.pose
     velocity = np.array(moment.velocity, np.float64)

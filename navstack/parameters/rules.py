@@ -10,6 +10,8 @@ from navstack.core.parameters import ParamModel
 from navstack.parameters.configuration_types import Configuration, CostmapConfiguration
 from navstack.parameters.findings import Finding, Location, finding
 from navstack.parameters.models.sim import SimParams
+from navstack.parameters.planner_limits import PlannerLimits
+from navstack.parameters.safety_rules import SafetyContext, check_safety
 from navstack.parameters.simulated_robot import (
     assumed_lidar,
     follow_planner,
@@ -57,6 +59,9 @@ def check_rules(configuration: Configuration) -> list[Finding]:
     found += _findings(configuration.tree, "", None, lambda: steering_rules(configuration))
     if not blind:
         found += _findings(configuration.tree, "", None, lambda: nothing_feeds(sim, sources, frames))
+    if configuration.safety.in_use:
+        safety = _safety_context(configuration, frames)
+        found += _findings(configuration.tree, "", None, lambda: check_safety(safety))
     return found
 
 
@@ -81,6 +86,23 @@ def _context(configuration: Configuration) -> CheckContext:
         global_costmap=global_costmap,
         local_costmap=local_costmap,
         costmap=local_costmap,
+    )
+
+
+def _safety_context(configuration: Configuration, frames: frozenset[str]) -> SafetyContext:
+    planner, sim = configuration.local_planner, configuration.navstack.sim
+    primary = getattr(planner.params, "primary", None)
+    limits = PlannerLimits(planner.namespace, planner.params)
+    if primary is not None:  # of a rotation shim
+        limits = PlannerLimits(f"{planner.namespace}/primary_controller", primary[1])
+    sensors = {sensor.frame for sensor in sim.sensors.values()} | {sim.lidar(name).frame for name in sim.lasers}
+    return SafetyContext(
+        configuration.safety,
+        sim,
+        limits,
+        configuration.local_costmap.true_footprint,
+        configuration.move_base.controller_frequency,
+        frames | sensors,
     )
 
 

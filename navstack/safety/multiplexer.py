@@ -16,13 +16,6 @@ from navstack.parameters.models.twist_mux import MuxInputParams, MuxLockParams, 
 STOP: Final = Twist2D()
 _ROUNDING_S: Final = 1e-9
 
-ALIASES: Final[dict[str, tuple[str, ...]]] = {
-    "navigation": ("navi", "nav", "nav_vel", "move_base", "cmd_vel_nav", "input/navi"),
-    "motion": ("behavior", "behaviors", "navigation", "navi", "nav", "nav_vel", "move_base", "cmd_vel_nav"),
-    "teleop": ("keyboard", "key", "key_vel", "keyop", "joystick", "joy", "joy_vel", "cmd_vel_teleop", "input/teleop"),
-}
-"""Names of inputs that navstack's own sources use if none has the name of the source, the preferred one first."""
-
 
 @dataclass(slots=True)
 class _Input:
@@ -71,13 +64,10 @@ class CommandMultiplexer:
         return tuple(self._inputs)
 
     def resolve(self, source: str) -> str:
-        """Return the name of the input for a source: its own name, its topic, or one of `ALIASES`. Raises InputError."""
-        if source in self._inputs:
-            return source
-        for wanted in (source, *ALIASES.get(source, ())):
-            for name, one in self._inputs.items():
-                if wanted in (name, one.params.topic.strip("/")):
-                    return name
+        """Return the name of the input for a source: its own name, its topic, or one of its `ALIASES`. Raises InputError."""
+        found = self.params.input_of(source)
+        if found is not None:
+            return found.name
         known = ", ".join(self._inputs)
         raise InputError(
             f'the multiplexer has no input "{source}" (it has: {known}); add an entry with this name to twist_mux/topics',

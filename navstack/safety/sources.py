@@ -212,17 +212,17 @@ class ScanSource(Source):
             self._key = key
         out = np.empty((len(ranges), 2))
         count, valid = kernels.scan_points(ranges, self._directions, data.range_min, data.range_max, out)
-        self._fault = self._describe_fault(valid, len(ranges))
+        self._fault = self._describe_fault(valid, len(ranges), data.range_min)
         return out[:count]
 
-    def _describe_fault(self, valid: int, beams: int) -> str:
+    def _describe_fault(self, valid: int, beams: int, range_min: float) -> str:
         """Why a scan with so few valid beams is no data: it would look as if nothing was there."""
         share = self.params.min_valid_share
         if valid >= share * beams and (valid > 0 or share <= 0.0):
             return ""
         return (
             f"{valid} of {beams} beams of {self.topic} are valid (min_valid_share {share:g}): something covers the sensor, "
-            "or its ranges are below range_min"
+            f"or all that it sees is nearer than its range_min of {range_min:g} m"
         )
 
 

@@ -58,7 +58,7 @@ def test_commands_that_are_worse_than_a_stop_are_not_explained() -> None:
     scene = safety_scene(0)  # round, radius 0.2 m, 1 m/s²
     person = shapely.Point(0.25, 0.0).buffer(0.02)
 
-    def worse(sent: Twist2D, velocity: Twist2D, obstacle: shapely.Geometry = person) -> bool:
+    def worse(sent: Twist2D, velocity: Twist2D, obstacle: shapely.Polygon = person) -> bool:
         moment = Moment(0.0, Pose2D(0.0, 0.0), velocity, velocity, sent, solids, np.empty((0, 2)))
         return is_worse_than_stop(scene, moment, obstacle)
 

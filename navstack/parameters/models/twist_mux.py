@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Final
 
 from pydantic import Field, field_validator
 
 from navstack.core.parameters import ParamModel, param
 from navstack.parameters.models.velocity_smoother import ROS2_NO_EFFECT
+
+ALIASES: Final[dict[str, tuple[str, ...]]] = {
+    "navigation": ("navi", "nav", "nav_vel", "move_base", "cmd_vel_nav", "input/navi"),
+    "motion": ("behavior", "behaviors", "navigation", "navi", "nav", "nav_vel", "move_base", "cmd_vel_nav"),
+    "teleop": ("keyboard", "key", "key_vel", "keyop", "joystick", "joy", "joy_vel", "cmd_vel_teleop", "input/teleop"),
+}
+"""Names of inputs that navstack's own sources use if none has the name of the source, the preferred one first."""
 
 
 class MuxInputParams(ParamModel):
@@ -71,3 +78,14 @@ class TwistMuxParams(ParamModel):
         if not value:
             raise ValueError("topics is empty, so no command reaches the robot; list an input, or remove twist_mux")
         return value
+
+    def input_of(self, source: str) -> MuxInputParams | None:
+        """Return the input of a source: that with its name, its topic, or one of its `ALIASES`; None if there is none."""
+        for entry in self.topics:
+            if entry.name == source:
+                return entry
+        for wanted in (source, *ALIASES.get(source, ())):
+            for entry in self.topics:
+                if wanted in (entry.name, entry.topic.strip("/")):
+                    return entry
+        return None
