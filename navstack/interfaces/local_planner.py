@@ -149,6 +149,15 @@ class LocalPlanner(ABC):
         Raises a ControlError; a NoValidControlError with the table of samples if every sample is rejected.
         """
 
+    def brake(self, inputs: ControlInput) -> LocalPlan | None:
+        """The next command after a cancel, to brake; None, the default, to command a stop at once.
+
+        Called once per control cycle until it returns None, which it must within a few seconds. The goal remains PREEMPTING
+        until then; a new goal ends the braking.
+        """
+        del inputs
+        return None
+
     @abstractmethod
     def goal_reached(self, inputs: ControlInput) -> bool:
         """True if the robot is at the goal within the tolerances."""

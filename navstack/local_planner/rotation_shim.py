@@ -206,6 +206,10 @@ class RotationShim(PathFollower):
         self._inputs = inputs
         return super().compute_command(inputs)
 
+    def brake(self, inputs: ControlInput) -> LocalPlan | None:
+        """As the other controller brakes; a turn stops at once."""
+        return None if self._turning else self.primary.brake(inputs)
+
     def follow(self, now: Following) -> LocalPlan:
         """Turn, or let the other controller drive."""
         if now.new_goal:

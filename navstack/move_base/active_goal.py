@@ -44,6 +44,9 @@ class ActiveGoal:
     stale_since: float | None = None
     """Time since which the local costmap is stale (s); None while it is current."""
 
+    braking_since: float | None = None
+    """Time at which the local planner began to brake after a cancel (s)."""
+
     def age(self, now: float) -> float:
         """Return the time since acceptance (s)."""
         accepted_at = self.handle.accepted_at

@@ -5,11 +5,13 @@ Source: move_base/src/move_base.cpp (executeCycle).
 
 from __future__ import annotations
 
+from typing import Final
+
 from navstack.core.errors import NavError
 from navstack.interfaces import ControlInput, Plan
 from navstack.move_base import plugin_calls, status_messages
 from navstack.move_base.active_goal import ActiveGoal
-from navstack.move_base.command_output import CommandOutput
+from navstack.move_base.command_output import ZERO, CommandOutput
 from navstack.move_base.costmap_updater import CostmapUpdater
 from navstack.move_base.errors import NoProgressError
 from navstack.move_base.goal_lifecycle import GoalLifecycle
@@ -22,6 +24,9 @@ from navstack.move_base.schedule import EPSILON_S, Schedule
 from navstack.move_base.speed_limiter import SpeedLimiter
 from navstack.move_base.stale_sensors import StaleSensorCheck
 from navstack.move_base.states import Mode, NavEvent
+
+LONGEST_BRAKING_S: Final = 5.0
+"""A local planner that still brakes then is stopped (s)."""
 
 
 class ControlCycle:
@@ -73,6 +78,8 @@ class ControlCycle:
     def run(self, now: float) -> None:
         """Run the cycle of `now` (s)."""
         self.schedule.advance(now)
+        if self._goals.is_canceled and self._brake(now):
+            return
         if self._goals.must_end(now):
             return
         navigation = self._navigation
@@ -96,6 +103,31 @@ class ControlCycle:
             self._plan_requests.check_timeout(now)
         if now - self._command.time >= 2.0 * self.schedule.period - EPSILON_S:
             self._stop_without_command(now)
+
+    def _brake(self, now: float) -> bool:
+        """Let the local planner brake after a cancel; return False when it is at rest, or does not brake.
+
+        It ends by itself; a planner that does not is stopped after LONGEST_BRAKING_S. An error stops the robot at once.
+        """
+        navigation = self._navigation
+        goal, plan = navigation.goal, navigation.plan
+        moving = navigation.state.mode is Mode.CONTROLLING and self._command.last != ZERO
+        if goal is None or plan is None or not moving or self._sensors.is_stale(goal, now):
+            return False
+        if goal.braking_since is None:
+            goal.braking_since = now
+        if min(goal.braking_since + LONGEST_BRAKING_S, goal.deadline) <= now:
+            return False
+        try:
+            inputs = self._costmaps.control_input(plan, now)
+            local_plan = plugin_calls.brake(navigation.local_planner, inputs)
+        except NavError:
+            return False
+        if local_plan is None:
+            return False
+        navigation.local_plan = navigation.last_tick.local_plan = local_plan
+        self._command.send(local_plan.command, now)
+        return True
 
     def _change_frame(self, goal: ActiveGoal, now: float) -> None:
         """Transform the goal again, because the global costmap has another frame."""

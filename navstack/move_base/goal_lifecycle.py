@@ -46,6 +46,11 @@ class GoalLifecycle:
                 locate_goal(navigation, goal, now)
         return goal
 
+    @property
+    def is_canceled(self) -> bool:
+        """True if the active goal must end and no goal follows it."""
+        return self._server.preempt_requested and not self._server.is_new_goal_available
+
     def must_end(self, now: float) -> bool:
         """Apply cancel requests, new goals and the time limit; return True if there is no active goal afterwards."""
         if self._server.preempt_requested and self._is_preempted(now):

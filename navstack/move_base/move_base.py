@@ -197,7 +197,7 @@ class MoveBase:
         return self.server.submit(goal, self._now)
 
     def cancel_goal(self, goal: GoalHandle | str) -> None:
-        """Cancel a goal, by its handle or id. It ends within one control cycle."""
+        """Cancel a goal, by its handle or id. It ends within one control cycle, or when the local planner has braked."""
         self.server.cancel(self._now, goal if isinstance(goal, str) else goal.id)
 
     def cancel_all_goals(self) -> None:

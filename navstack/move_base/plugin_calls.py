@@ -153,12 +153,16 @@ def set_plan(planner: LocalPlanner, plan: Plan) -> None:
 
 def compute_command(planner: LocalPlanner, inputs: ControlInput) -> LocalPlan:
     """Return a local plan with a finite command. Raises NavError."""
-    try:
-        plan: Any = planner.compute_command(inputs)
-    except NavError:
-        raise
-    except Exception as exc:
-        raise plugin_error(planner, exc) from exc
+    return _checked_plan(planner, call(planner, planner.compute_command, inputs))
+
+
+def brake(planner: LocalPlanner, inputs: ControlInput) -> LocalPlan | None:
+    """Return a local plan with a finite command that brakes, None to stop at once. Raises NavError."""
+    plan: Any = call(planner, planner.brake, inputs)
+    return None if plan is None else _checked_plan(planner, plan)
+
+
+def _checked_plan(planner: LocalPlanner, plan: Any) -> LocalPlan:
     if not isinstance(plan, LocalPlan):
         raise _broken_contract(planner, f"returned a {type(plan).__name__}, not a LocalPlan")
     _check_command(planner, plan.command)

@@ -98,3 +98,49 @@ def test_a_path_that_is_too_tight_is_named_with_its_place() -> None:
     )
     assert match is not None, note
     assert float(match[1]) < 0.85
+
+
+# --- braking after a cancel -------------------------------------------------------------------------------------------
+
+
+def cancelled(*overrides: str, again: bool = False) -> tuple[Run, list[tuple[float, float, str]]]:
+    """A car that is cancelled in full drive; per cycle time, speed commanded and activity. `again`: a new goal meanwhile."""
+    run = Run(load_scenario(shipped_scenarios()["car_reverse_out"], params=["car_rpp"], overrides=overrides))
+    robot, move_base = run.robot, run.move_base
+    rows: list[tuple[float, float, str]] = []
+    while run.step() and len(rows) < 40:
+        rows.append((robot.time, move_base.command.vx, move_base.activity))
+    move_base.cancel_all_goals()
+    while len(rows) < 80:
+        if again and len(rows) == 45:
+            move_base.send_goal(Pose2D(13.4, 6.7, -1.57))
+        robot.advance_to(move_base.next_due(robot.time + 1e-6))
+        move_base.tick(robot.time)
+        rows.append((robot.time, move_base.command.vx, move_base.activity))
+    run.goals.finish_ended()
+    return run, rows
+
+
+def test_a_cancelled_car_stops_at_once_or_brakes() -> None:
+    _, rows = cancelled()
+    assert rows[39][1] == pytest.approx(-0.7)
+    assert rows[40][1:] == (0.0, "IDLE")
+    run, rows = cancelled(
+        "RegulatedPurePursuitController/use_cancel_deceleration=true",
+        "RegulatedPurePursuitController/cancel_deceleration=1.0",
+    )
+    speeds = [speed for _, speed, _ in rows[39:]]
+    # 0.7 m/s by 0.05 m/s a cycle: 13 commands, then the stop
+    assert speeds[:16] == pytest.approx([*np.linspace(-0.7, -0.05, 14), 0.0, 0.0], abs=1e-9)
+    assert [activity for _, _, activity in rows[39:54]] == [*["CONTROLLING"] * 14, "IDLE"]
+    assert run.outcomes[0].state == "PREEMPTED" and run.outcomes[0].error_name == "CANCELED"
+
+
+def test_a_new_goal_ends_the_braking() -> None:
+    _, rows = cancelled(
+        "RegulatedPurePursuitController/use_cancel_deceleration=true",
+        "RegulatedPurePursuitController/cancel_deceleration=1.0",
+        again=True,
+    )
+    assert rows[44][1] == pytest.approx(-0.45)
+    assert rows[60][1] == pytest.approx(-0.7)

@@ -17,10 +17,7 @@ class RegulatedPurePursuitParams(PathFollowerParams):
     NO_EFFECT: ClassVar[Mapping[str, str]] = {
         **PathFollowerParams.NO_EFFECT,
         "stateful": "the goal checker latches the position; set goal_checker/stateful",
-        "use_cancel_deceleration": "a canceled goal commands zero at once; the velocity smoother limits the deceleration",
-        "cancel_deceleration": "a canceled goal commands zero at once; the velocity smoother limits the deceleration",
         "use_interpolation": "the carrot is always interpolated",
-        "max_angular_decel": "braking a turn is limited by max_angular_accel",
     }
 
     max_linear_vel: float = param(0.5, "highest speed", unit="m/s", gt=0.0)
@@ -63,6 +60,12 @@ class RegulatedPurePursuitParams(PathFollowerParams):
     rotate_to_heading_angular_vel: float = param(1.8, "turning speed in place", unit="rad/s", gt=0.0)
     max_angular_accel: float = param(3.2, "turning acceleration in place", unit="rad/s²", gt=0.0)
     allow_reversing: bool = param(False, "drive backward to a carrot behind the robot")
+    use_cancel_deceleration: bool = param(
+        False,
+        "a canceled goal is braked with cancel_deceleration; otherwise it commands zero at once",
+        ros_differs="from the last command, not from the measured speed; a turn in place is braked, too",
+    )
+    cancel_deceleration: float = param(3.2, "deceleration of a canceled goal", unit="m/s²", gt=0.0)
     use_collision_detection: bool = param(True, "check the arc of the command for collisions")
     max_allowed_time_to_collision_up_to_carrot: float = param(
         1.0, "duration of the check, which also ends at the carrot", unit="s", ge=0.0
@@ -88,6 +91,12 @@ class RegulatedPurePursuitParams(PathFollowerParams):
         ros_differs="always in force; in Nav2 only with use_dynamic_window",
     )
     max_linear_accel: float = param(2.5, "acceleration; with use_dynamic_window", unit="m/s²", gt=0.0)
+    max_angular_decel: float = param(
+        -3.2,
+        "angular deceleration, negative; with use_dynamic_window, and for a turn in place when its goal is canceled",
+        unit="rad/s²",
+        lt=0.0,
+    )
     max_linear_decel: float = param(-2.5, "deceleration, negative; with use_dynamic_window", unit="m/s²", lt=0.0)
     min_turning_r: float = param(
         0.0,

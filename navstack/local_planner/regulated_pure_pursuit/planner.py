@@ -12,10 +12,10 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from navstack.core import Path, Pose2D, Twist2D, angle_between, normalize_angle
+from navstack.core import Costmap, Footprint, Path, Pose2D, Twist2D, angle_between, normalize_angle
 from navstack.core.errors import NoValidControlError
 from navstack.core.parameters import ParamModel
-from navstack.interfaces import LocalPlan, VelocityLimits
+from navstack.interfaces import ControlInput, LocalPlan, VelocityLimits
 from navstack.local_planner import _carrot_kernels as kernels
 from navstack.local_planner.path_follower import Following, PathFollower, check_speed
 from navstack.local_planner.regulated_pure_pursuit import regulation
@@ -36,6 +36,15 @@ class _Carrot(NamedTuple):
     @property
     def distance(self) -> float:
         return math.hypot(self.x, self.y)
+
+
+class _Scene(NamedTuple):
+    """What the collision check of an arc needs."""
+
+    pose: Pose2D
+    costmap: Costmap
+    footprint: Footprint
+    track_unknown_space: bool
 
 
 @LOCAL_PLANNERS.register(
@@ -80,7 +89,7 @@ class RegulatedPurePursuit(PathFollower):
             min_vel_theta=0.0,
             acc_lim_x=min(p.max_linear_accel, -p.max_linear_decel),
             acc_lim_y=0.0,
-            acc_lim_theta=p.max_angular_accel,
+            acc_lim_theta=min(p.max_angular_accel, -p.max_angular_decel),
             yaw_goal_tolerance=self.goal_checker.yaw_tolerance,
             min_turning_radius=p.min_turning_r,
         )
@@ -135,6 +144,30 @@ class RegulatedPurePursuit(PathFollower):
             local_plan=Path(now.path.poses, now.costmap.frame),
             notes=tuple(notes),
         )
+
+    def brake(self, inputs: ControlInput) -> LocalPlan | None:
+        """Brake on the arc of the last command, with `use_cancel_deceleration`; None at rest, and before an obstacle.
+
+        ROS differs: Nav2 brakes from the measured speed, and not before a turn in place has ended.
+        """
+        p, last = self.params, self._last
+        if not p.use_cancel_deceleration or last is None:
+            return None
+        v = regulation.towards_zero(last.vx, p.cancel_deceleration * self.period)
+        if last.vx != 0.0:
+            command = Twist2D(v, 0.0, last.wz * v / last.vx)
+        else:
+            command = Twist2D(0.0, 0.0, regulation.towards_zero(last.wz, -p.max_angular_decel * self.period))
+        if command == Twist2D():
+            self._last = command
+            return None
+        scene = _Scene(inputs.state.pose, inputs.costmap, inputs.footprint, inputs.track_unknown_space)
+        hit, poses = self._collision(scene, command, abs(command.vx) / p.cancel_deceleration, math.inf)
+        if hit >= 0:
+            return None
+        self._last = command
+        note = f"the goal is canceled: braking with {p.cancel_deceleration:g} m/s²"
+        return LocalPlan(command, "brake", trajectory=poses, notes=(note,))
 
     def _lookahead(self, now: Following) -> float:
         p = self.params
@@ -272,10 +305,12 @@ class RegulatedPurePursuit(PathFollower):
             p.max_linear_accel * period,
             -p.max_linear_decel * period,
             p.max_angular_accel * period,
-            p.max_angular_accel * period,
+            -p.max_angular_decel * period,
         )
         window = regulation.dynamic_window(self._last.vx, self._last.wz, speed, limits, sign)
         v, w = regulation.nearest_to_arc(window, curvature, sign)
+        if p.min_turning_r > 0.0:
+            v, w = regulation.held_to_radius(v, w, self._last.vx, window, p.min_turning_r)
         if abs(v - speed) > 1e-9 or abs(w - speed * curvature) > 1e-9:
             notes.append(
                 f"the accelerations allow {window.v_min:.2f} .. {window.v_max:.2f} m/s and {window.w_min:.2f} .. "
@@ -290,25 +325,9 @@ class RegulatedPurePursuit(PathFollower):
         p = self.params
         if not p.use_collision_detection:
             return None
-        duration, reach = self._checked(now, command, ahead)
-        geometry, pose = now.costmap.geometry, now.state.pose
-        self._grid[:] = geometry.origin_x, geometry.origin_y, geometry.resolution
-        self._start[:] = pose
-        self._twist[:] = command.vx, command.wz, now.footprint.circumscribed_radius
-        self._reach[:] = duration, reach, 0.0 if self.as_nav2 else 1.0
-        blocking = not now.track_unknown_space
-        hit, count = kernels.arc_collision(
-            now.costmap.data,
-            self._grid,
-            now.footprint.vertices,
-            blocking,
-            not self.as_nav2,
-            self._start,
-            self._twist,
-            self._reach,
-            self._poses,
-        )
-        poses = self._poses[:count].copy()
+        scene = _Scene(now.state.pose, now.costmap, now.footprint, now.track_unknown_space)
+        pose = scene.pose
+        hit, poses = self._collision(scene, command, *self._checked(now, command, ahead))
         if hit < 0:
             return poses
         # ROS differs: the robot is stopped now, and Nav2 goes on from its last command
@@ -323,6 +342,26 @@ class RegulatedPurePursuit(PathFollower):
             command=list(command),
             plan=plan,
         )
+
+    def _collision(self, scene: _Scene, command: Twist2D, duration: float, reach: float) -> tuple[int, Any]:
+        """Index of the first pose that collides, -1 without one, and the poses (n, 3) on the way of a command."""
+        geometry = scene.costmap.geometry
+        self._grid[:] = geometry.origin_x, geometry.origin_y, geometry.resolution
+        self._start[:] = scene.pose
+        self._twist[:] = command.vx, command.wz, scene.footprint.circumscribed_radius
+        self._reach[:] = duration, reach, 0.0 if self.as_nav2 else 1.0
+        hit, count = kernels.arc_collision(
+            scene.costmap.data,
+            self._grid,
+            scene.footprint.vertices,
+            not scene.track_unknown_space,
+            not self.as_nav2,
+            self._start,
+            self._twist,
+            self._reach,
+            self._poses,
+        )
+        return int(hit), self._poses[:count].copy()
 
     def _checked(self, now: Following, command: Twist2D, ahead: _Carrot) -> tuple[float, float]:
         """Duration (s) and distance (m) of the check."""

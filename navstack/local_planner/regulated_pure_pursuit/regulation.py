@@ -12,6 +12,8 @@ NEAR_M2 = 0.001
 """Squared distance (m²) of a carrot up to which the robot drives straight."""
 STRAIGHT = 1e-3
 """Curvatures below this (1/m) count as straight, speeds below this (m/s, rad/s) as rest."""
+ROUNDING = 1e-9
+"""Speeds below this (m/s, rad/s) are what rounding leaves of zero."""
 EQUAL = 1e-4
 """Distances of two corners of a window to an arc that count as equal."""
 
@@ -109,3 +111,24 @@ def nearest_to_arc(window: Window, curvature: float, sign: float) -> tuple[float
     shortest = min(distances)
     near = [c for c, d in zip(corners, distances) if d <= shortest + EQUAL]
     return max(near, key=lambda c: sign * c[0])
+
+
+def held_to_radius(v: float, w: float, last_v: float, window: Window, radius: float) -> tuple[float, float]:
+    """Return the velocity (v, w), changed as little as possible, on a circle of at least `radius` (m).
+
+    It turns less, and where the angular deceleration does not allow that, it brakes less: from a last velocity that keeps to
+    the radius, one of both can always be commanded.
+    """
+    highest = abs(v) / radius
+    if abs(w) <= highest:
+        return v, w
+    turning = min(max(math.copysign(highest, w), window.w_min), window.w_max)
+    if abs(turning) <= highest:
+        return v, turning
+    return math.copysign(abs(turning) * radius, last_v if last_v != 0.0 else v), turning
+
+
+def towards_zero(value: float, change: float) -> float:
+    """Return `value` nearer to zero by `change`, not beyond it."""
+    left = abs(value) - change
+    return math.copysign(left, value) if left > ROUNDING else 0.0
