@@ -57,10 +57,11 @@ app.command("plan")(plan.plan)
 app.command("simulate")(simulate.simulate)
 app.command("live")(live.live)
 app.command("tour")(tour.tour)
-# a negative distance or angle is an argument, not an option
+# a negative distance, angle or coordinate is an argument, not an option
 _NEGATIVE: Final[dict[str, Any]] = {"ignore_unknown_options": True}
 app.command("move", context_settings=_NEGATIVE)(motions.move)
 app.command("turn", context_settings=_NEGATIVE)(motions.turn)
+app.command("drive-to", context_settings=_NEGATIVE)(motions.drive_to)
 app.command("follow")(motions.follow)
 app.command("teleop")(teleop.teleop)
 app.command("plot")(plot.plot)

@@ -59,7 +59,11 @@ def raised_terminations() -> Generator[Interrupt]:
 
 @contextmanager
 def interrupt_flag() -> Generator[Interrupt]:
-    """Yields an object that is True after SIGINT, SIGTERM or SIGHUP; a second signal of the kind ends the command at once."""
+    """Yields an object that is True after SIGINT, SIGTERM or SIGHUP; a second signal of the kind ends the command at once.
+
+    It does so by KeyboardInterrupt or SystemExit, so that the terminal is restored and begun files are removed. A third one
+    ends a process that does not get there.
+    """
     flag = Interrupt()
     if threading.current_thread() is not threading.main_thread():  # signals are only received there
         yield flag
@@ -69,7 +73,12 @@ def interrupt_flag() -> Generator[Interrupt]:
     def handle(number: int, frame: FrameType | None) -> None:
         del frame
         flag.signal = flag.signal or number
-        signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
+        signal.signal(number, signal.default_int_handler if number == signal.SIGINT else leave)
+
+    def leave(number: int, frame: FrameType | None) -> None:
+        del frame
+        signal.signal(number, signal.SIG_DFL)
+        raise SystemExit(128 + number)
 
     for number, handler in before.items():
         # nohup ignores SIGHUP, and a background job of a shell SIGINT: that stays so

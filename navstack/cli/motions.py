@@ -1,4 +1,4 @@
-"""`navstack move`, `navstack turn` and `navstack follow`: single motions, without a planner."""
+"""`navstack move`, `turn`, `drive-to` and `follow`: single motions, without a planner."""
 
 from __future__ import annotations
 
@@ -91,6 +91,37 @@ def turn(
 
 
 @options.with_options(chosen=MotionOptions)
+def drive_to(
+    pose: Annotated[
+        str,
+        typer.Argument(
+            metavar="X,Y[,YAW]|PLACE", help="Pose in the map (m, rad), or a place of a packaged map: 3,7.45,1.57."
+        ),
+    ],
+    world: World = "office",
+    backwards: Annotated[bool, typer.Option("--backwards", help="Drive there backwards.")] = False,
+    speed: Annotated[float | None, typer.Option("--speed", help="Speed (m/s).", min=1e-3)] = None,
+    tolerance: Annotated[float | None, typer.Option("--tolerance", help="Tolerance (m).", min=1e-4)] = None,
+    chosen: MotionOptions = MotionOptions(),
+    out: options.RunOutput = Path("navstack_drive_to"),
+    json_: options.Json = False,
+) -> int:
+    """Drive a simulated robot straight to a pose, without a planner: face it, drive, turn to its heading.
+
+    It stops before obstacles and does not go around them; `navstack simulate --goal` does.
+
+    Exit codes: 0 the pose was reached, 1 it was not, 2 invalid input, 130 interrupted.
+    """
+    from navstack.cli.motion_run import run_motions
+    from navstack.motion.steps import read_step
+
+    target = _pose_or_place(pose, world)
+    values = {"speed": speed, "tolerance": tolerance, "backwards": backwards or None}
+    step = read_step({"drive_to": target, **_given(values)})
+    return run_motions(chosen.build(world, (step,)), out, json_=json_)
+
+
+@options.with_options(chosen=MotionOptions)
 def follow(
     trajectory: Annotated[
         str,
@@ -140,6 +171,25 @@ def follow(
     if chosen.start is None:
         scenario = _with_room(scenario, world, step)
     return run_motions(scenario, out, json_=json_)
+
+
+def _pose_or_place(text: str, world: str) -> list[float]:
+    """Pose of an argument. Raises InputError."""
+    from navstack.cli.arguments import parse_pose
+    from navstack.core.errors import InputError
+    from navstack.map_io import map_names
+    from navstack.places import load_places
+
+    if "," in text:
+        return list(parse_pose(text, "the pose"))
+    places = load_places(world).places if world in map_names() else {}
+    if text in places:
+        return list(places[text])
+    known = ", ".join(places)
+    also = f", or a place of {world}: {known}" if known else ""
+    raise InputError(
+        f'the pose "{text}" is neither x,y or x,y,yaw in metres and radians, such as 3,7.45,1.57{also}', value=text
+    )
 
 
 def _with_room(scenario: Scenario, world: str, step: FollowStep) -> Scenario:

@@ -84,6 +84,7 @@ class DriveToPose(BasicMotion):
         error = angle_between(pose.yaw, self.goal.yaw)
         if abs(error) > p.tolerance_radian or not slow:
             return self._turn(error, data, dt)
+        self._phase = "reached"
         return self.done(data)
 
     def ahead(self, pose: Pose2D, now: float, *, whole: bool) -> NDArray[np.float64]:

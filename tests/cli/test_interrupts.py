@@ -95,6 +95,18 @@ def test_the_second_signal_ends_the_command() -> None:
             os.kill(os.getpid(), signal.SIGINT)
 
 
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_the_second_termination_ends_the_command_in_good_order(number: signal.Signals) -> None:
+    """The terminal is restored and begun files are removed; a third signal finds the default handler."""
+    with interrupt_flag() as flag:
+        os.kill(os.getpid(), number)
+        assert flag.exit_code == 128 + number
+        with pytest.raises(SystemExit) as left:
+            os.kill(os.getpid(), number)
+        assert left.value.code == 128 + number
+        assert signal.getsignal(number) == signal.SIG_DFL
+
+
 def test_an_ignored_signal_stays_ignored() -> None:
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:

@@ -10,6 +10,7 @@ import pytest
 
 from navstack.cli.app import run
 from navstack.motion import poly_path, save_trajectory
+from navstack.places import load_places
 from navstack.record import Record
 
 
@@ -46,6 +47,18 @@ def test_turn_by_any_angle_in_a_scenario(capsys: pytest.CaptureFixture[str]) -> 
     assert found["goals"][0]["figures"]["turned_rad"] == pytest.approx(-6.981, abs=0.02)
     assert run(["turn", "270deg", "--shortest"]) == 0
     assert "turn turned -89.9 of -90.0 degrees" in capsys.readouterr().out
+
+
+def test_drive_to_a_pose_and_to_a_place(capsys: pytest.CaptureFixture[str]) -> None:
+    code, found = document(capsys, "drive-to", "1.2,7.6,0.5", "--speed", "0.5", "--tolerance", "0.02")
+    assert code == 0
+    assert found["goals"][0]["step"] == "drive to 1.2, 7.6, 0.5"
+    assert found["goals"][0]["figures"]["left_m"] < 0.02
+    assert found["goals"][0]["figures"]["left_rad"] < 0.02
+    assert "reached, 0.0" in found["goals"][0]["text"]
+    start = load_places("office").places["corridor_west"]
+    away = f"{start.x},{start.y},{start.yaw}"
+    assert run(["drive-to", "corridor_west", "--start", away, "--out", "place"]) == 0
 
 
 def test_follow_prints_draws_and_writes_the_errors(capsys: pytest.CaptureFixture[str], folder: Path) -> None:
@@ -91,6 +104,8 @@ def test_a_shape_starts_where_it_has_room(capsys: pytest.CaptureFixture[str]) ->
         (["move", "1", "--sped=3"], 'there is no option "--sped=3"'),
         (["move", "far"], 'the distance "far" is not a number'),
         (["turn", "1 gon"], "neither rad nor deg"),
+        (["drive-to", "3,x"], 'the pose "3,x": "x" is not a number'),
+        (["drive-to", "kitchn"], 'the pose "kitchn" is neither x,y or x,y,yaw'),
         (["follow", "circle"], "neither a shape (heart, figure_eight) nor a file"),
         (["follow", "absent.csv"], "cannot read absent.csv"),
         (["move", "1", "atlantis"], 'no file, packaged map or scenario is called "atlantis"'),

@@ -19,6 +19,7 @@ import pytest
 
 import navstack as nav
 from navstack.cli.app import run as command
+from navstack.cli.interrupts import interrupt_flag
 from navstack.cli.teleop import Session, drive
 from navstack.cli.terminal import ARROWS, map_lines, single_keys
 from navstack.core import GridGeometry, OccupancyGrid, Pose2D
@@ -216,6 +217,18 @@ def test_a_kill_restores_the_terminal_and_keeps_the_record(shell: Callable[..., 
     assert termios.tcgetattr(it.slave) == it.before
     assert (tmp_path / "navstack_teleop" / "run.png").stat().st_size > 10_000
     assert len(Record.load(tmp_path / "navstack_teleop").times) > 3
+
+
+def test_a_second_kill_restores_the_terminal_too(terminal: tuple[int, int]) -> None:
+    _, slave = terminal
+    before = termios.tcgetattr(slave)
+    with pytest.raises(SystemExit) as left, interrupt_flag() as flag, single_keys():
+        os.kill(os.getpid(), signal.SIGTERM)
+        assert flag()
+        assert termios.tcgetattr(slave) != before
+        os.kill(os.getpid(), signal.SIGTERM)
+    assert left.value.code == 128 + signal.SIGTERM
+    assert termios.tcgetattr(slave) == before
 
 
 # --- the session ------------------------------------------------------------------------------------------------------
