@@ -1,5 +1,6 @@
 """Odometry filters."""
 
+from navstack.localization.ekf.ekf import Ekf, Innovation
 from navstack.localization.ekf.pose_ekf import PoseStep, RobotPoseEkf
 
-__all__ = ["PoseStep", "RobotPoseEkf"]
+__all__ = ["Ekf", "Innovation", "PoseStep", "RobotPoseEkf"]
