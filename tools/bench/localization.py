@@ -2,14 +2,15 @@
 
     python tools/bench/localization.py [--repeats N]
 
-One update: motion model, sensor model and resampling with all particles kept (min_particles = max_particles), a scan of 640 beams,
-the map of the C++ times, a cloud of 0.3 m and 0.17 rad. Processor times; the median of the repeats counts. C++ times are scaled by
-the calibration.
+One update: motion model, sensor model and resampling with all particles kept (min_particles = max_particles), a scan of 640
+beams, the map of the C++ times, a cloud of 0.3 m and 0.17 rad. Processor times; the median of the repeats counts. C++ times are
+scaled by the calibration.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import os
 import statistics
@@ -78,7 +79,7 @@ def bench_amcl(data: Any, grid: OccupancyGrid, times: Any, scale: float, repeats
             particles.resample(free, (0.0, 0.0), 0.1)
             particles.clusters()
             stamps.append(time.process_time())
-            stages.append([1e3 * (b - a) for a, b in zip(stamps, stamps[1:], strict=False)])
+            stages.append([1e3 * (b - a) for a, b in itertools.pairwise(stamps)])
 
         for _ in range(repeats + 1):
             update()
