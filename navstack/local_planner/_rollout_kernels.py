@@ -19,19 +19,23 @@ def point_cells(poses, counts, grid, cells, padded, boxes):
     """
     nx, ny = grid[0].nx, grid[0].ny
     origin_x, origin_y, resolution = grid[0].origin_x, grid[0].origin_y, grid[0].resolution
-    width = nx + 2
+    columns, width, one = np.int32(nx), np.int32(nx + 2), np.int32(1)
     x0, y0, x1, y1 = nx, ny, np.int64(0), np.int64(0)
+    xs, ys = np.empty(poses.shape[1]), np.empty(poses.shape[1])
     for k in range(len(counts)):
         low_x, low_y, high_x, high_y = np.int32(nx), np.int32(ny), np.int32(-1), np.int32(-1)
-        for i in range(np.uint64(counts[k])):
-            fx = (poses[k, i, 0] - origin_x) / resolution
-            fy = (poses[k, i, 1] - origin_y) / resolution
-            # branchless, so that the loop is vectorized; NaN counts as off the map
+        row, padded_row = cells[k], padded[k]
+        number = np.uint64(counts[k])
+        for i in range(number):
+            xs[i], ys[i] = poses[k, i, 0], poses[k, i, 1]
+        for i in range(number):
+            fx, fy = (xs[i] - origin_x) / resolution, (ys[i] - origin_y) / resolution
+            # branchless, in contiguous arrays and in 32 bits, so that the loop is vectorized; NaN counts as off the map
             inside = (fx >= 0.0) & (fy >= 0.0) & (fx < nx) & (fy < ny)
             ix = np.int32(fx if inside else -1.0)
             iy = np.int32(fy if inside else -1.0)
-            cells[k, i] = iy * nx + ix if inside else -1
-            padded[k, i] = (iy + 1) * width + ix + 1 if inside else -1
+            row[i] = iy * columns + ix if inside else -one
+            padded_row[i] = (iy + one) * width + ix + one if inside else -one
             low_x, high_x = min(low_x, ix), max(high_x, ix)
             low_y, high_y = min(low_y, iy), max(high_y, iy)
         boxes[k, 0] = low_x

@@ -27,13 +27,15 @@ LIMITS = DWAPlanner(DWAParams(max_vel_trans=0.5)).limits
     resolution=st.sampled_from([0.02, 0.03, 0.06]),
     lethal=st.sampled_from([0.0, 0.0005, 0.01]),
     sums=st.booleans(),
+    alike=st.booleans(),
     speed=st.sampled_from([0.1, 0.5]),
     footprint=st.sampled_from(FOOTPRINTS),
 )
 def test_obstacle_scores_equal_those_of_every_point_on_its_own(
-    seed: int, resolution: float, lethal: float, sums: bool, speed: float, footprint: Footprint
+    seed: int, resolution: float, lethal: float, sums: bool, alike: bool, speed: float, footprint: Footprint
 ) -> None:
-    """The kernel leaves out points, edges and squares that cannot change the score; fine maps have parts of each kind."""
+    """Points that cannot change the score are left out, edges are looked up in tables, lethal cells are listed; fine maps have
+    parts of each kind. Rollouts that resemble each other share tables."""
     rng = np.random.default_rng(seed)
     g = GridGeometry(90, 80, resolution, -1.0, 0.5)
     costs = (rng.random((g.ny, g.nx)) ** 6 * 100.0).astype(np.uint8)
@@ -43,6 +45,9 @@ def test_obstacle_scores_equal_those_of_every_point_on_its_own(
     costmap = Costmap(g, costs, "odom")
     points = rng.uniform(-0.02, 1.02, (10, 1, 3)) * (g.width_m, g.height_m, 6.0) + (g.origin_x, g.origin_y, 0.0)
     points = points + np.linspace(0.0, 1.0, 12)[:, None] * rng.uniform(-0.3, 0.3, (10, 1, 3))
+    if alike:
+        points = points[:1] + np.linspace(0.0, 1.0, 12)[:, None] * rng.uniform(0.0, 0.3, (10, 1, 3))
+        points[:, 0] = (g.origin_x + 40 * resolution, g.origin_y + 30 * resolution, 0.0)  # corners on borders of cells
     rollouts = Rollouts(np.tile((speed, 0.0, 0.0), (10, 1)), points, rng.integers(1, 13, 10))
     params = ObstacleParams(sum_scores=sums, scaling_speed=0.25, max_scaling_factor=0.2)
     critic = ObstacleCritic("obstacle", params)

@@ -5,25 +5,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from navstack.core.footprint_kernels import edge_cost, footprint_overlaps_lethal, place_footprint
+from navstack.core.footprint_kernels import edge_cost, footprint_overlaps_lethal
 from navstack.core.jit import kernel
-from navstack.local_planner.critics._bound_kernels import (
-    BOUND_GRIDS,
-    bound_footprint_costs,
-    footprint_scale,
-    large_edge_cost,
-    large_overlaps_lethal,
-)
+from navstack.local_planner.critics._bound_kernels import BOUND_GRIDS, bound_footprint_costs, footprint_scale
+from navstack.local_planner.critics._footprint_table_kernels import split_table_scratch
+from navstack.local_planner.critics._table_score_kernels import IN_COLLISION, table_scores
 
 # codes of the critics
-IN_COLLISION = -6.0
 REVERSAL = -5.0
 OFF_MAP = -4.0
 
 
 @kernel
 def obstacle_scores(
-    costs, settings_, vertices, commands, poses, counts, alive, cells, boxes, bounds, out, first_collision
+    costs, settings_, vertices, commands, poses, counts, alive, cells, boxes, scratch, out, first_collision
 ):
     """ObstacleCostFunction: per rollout the highest (or summed) cost of max(footprint, centre); IN_COLLISION if it collides.
 
@@ -31,16 +26,37 @@ def obstacle_scores(
     ROS differs: only the cells of its edges are checked.
 
     `settings_` (1,): see `OBSTACLE_SETTINGS`. `cells` (K, T): flat cell of each point, -1 off the map; `boxes` (K + 1, 4):
-    see `point_cells`. `first_collision` (K,): index of the first point in collision, -1 without. `bounds` (BOUND_GRIDS, ny, nx)
-    is scratch: the footprint is rasterized only where the upper bound of its cost can change the result.
+    see `point_cells`. `first_collision` (K,): index of the first point in collision, -1 without. `scratch`: see
+    `ObstacleScratch`; its size decides whether tables of the edges are used.
+    """
+    bounds = costs.size * BOUND_GRIDS
+    tables = (bounds + 7) // 8 * 8
+    if len(scratch) > tables:
+        grid = scratch[: costs.size].reshape(costs.shape)
+        parts = (*split_table_scratch(scratch[tables:], cells.size, len(vertices)), grid)
+        box = boxes[len(counts)]
+        if table_scores(
+            costs, settings_, vertices, commands, poses, counts, alive, cells, box, parts, out, first_collision
+        ):
+            return
+    grids = scratch[:bounds].reshape(BOUND_GRIDS, costs.size)
+    walked_scores(costs, settings_, vertices, commands, poses, counts, alive, cells, boxes, grids, out, first_collision)
+
+
+@kernel
+def walked_scores(
+    costs, settings_, vertices, commands, poses, counts, alive, cells, boxes, bounds, out, first_collision
+):
+    """`obstacle_scores` by walking the edges of footprints, where an upper bound of their cost can change the result.
+
+    `bounds` (BOUND_GRIDS, ny * nx) is scratch.
     """
     settings = settings_[0]
     origin_x, origin_y, resolution = settings.origin_x, settings.origin_y, settings.resolution
     sum_scores = settings.sum_scores
-    large = bound_footprint_costs(costs, settings, vertices, commands, alive, boxes[len(counts)], bounds)
-    flat, flat_bounds = costs.ravel(), bounds.reshape(BOUND_GRIDS, costs.size)
-    squares = flat_bounds[2]
     ny, nx = costs.shape
+    bound_footprint_costs(costs, settings, commands, alive, boxes[len(counts)], bounds.reshape(BOUND_GRIDS, ny, nx))
+    flat = costs.ravel()
     number = len(vertices)
     corners = np.empty((2, number))
     corner_cells, placed = np.empty((2, number), np.int32), np.empty((2, number))
@@ -58,7 +74,7 @@ def obstacle_scores(
         # start at the point with the highest bound: after it most other points cannot raise the maximum
         most, first = np.uint8(0), 0
         for i in range(n):
-            around[i] = 255 if cells[k, i] < 0 else flat_bounds[bound, cells[k, i]]
+            around[i] = 255 if cells[k, i] < 0 else bounds[bound, cells[k, i]]
             if around[i] > most:
                 most, first = around[i], i
         if most == 0:
@@ -68,18 +84,9 @@ def obstacle_scores(
         done = -1
         if not sum_scores and cells[k, first] >= 0:
             x, y, yaw = poses[k, first, 0], poses[k, first, 1], poses[k, first, 2]
-            if large:
-                cost = large_edge_cost(flat, squares, nx, ny, settings, corners, x, y, yaw, corner_cells, 0)
-            else:
-                cost = edge_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, corner_cells)
+            cost = edge_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, corner_cells)
             if most >= 254 and cost < 254:
-                if large:
-                    place_footprint(costs, origin_x, origin_y, resolution, corners, x, y, yaw, placed)
-                    overlap = large_overlaps_lethal(flat, squares, nx, placed)
-                else:
-                    overlap = footprint_overlaps_lethal(
-                        costs, origin_x, origin_y, resolution, corners, x, y, yaw, placed
-                    )
+                overlap = footprint_overlaps_lethal(costs, origin_x, origin_y, resolution, corners, x, y, yaw, placed)
                 cost = np.int64(254) if overlap else cost
             # in collision: the loop below searches for the first point that is
             highest = max(cost, np.int64(flat[cells[k, first]])) if cost < 254 else np.int64(253)
@@ -90,19 +97,11 @@ def obstacle_scores(
             cost = np.int64(256)
             if cells[k, i] >= 0:
                 x, y, yaw = poses[k, i, 0], poses[k, i, 1], poses[k, i, 2]
-                if large:
-                    floor = np.int64(0) if sum_scores else highest
-                    cost = large_edge_cost(flat, squares, nx, ny, settings, corners, x, y, yaw, corner_cells, floor)
-                else:
-                    cost = edge_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, corner_cells)
+                cost = edge_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, corner_cells)
                 if around[i] >= 254 and cost < 254:
-                    if large:
-                        place_footprint(costs, origin_x, origin_y, resolution, corners, x, y, yaw, placed)
-                        overlap = large_overlaps_lethal(flat, squares, nx, placed)
-                    else:
-                        overlap = footprint_overlaps_lethal(
-                            costs, origin_x, origin_y, resolution, corners, x, y, yaw, placed
-                        )
+                    overlap = footprint_overlaps_lethal(
+                        costs, origin_x, origin_y, resolution, corners, x, y, yaw, placed
+                    )
                     cost = np.int64(254) if overlap else cost
             if cost >= 254:
                 first_collision[k] = i

@@ -13,6 +13,7 @@ from navstack.core.footprint_kernels import overlaps_cell
 from navstack.core.parameters import ParamModel, param
 from navstack.interfaces import Critic, RejectionDetail, Rollouts, ScoringContext
 from navstack.local_planner.critics._bound_kernels import BOUND_GRIDS
+from navstack.local_planner.critics._footprint_table_kernels import table_scratch_size
 from navstack.local_planner.critics._kernels import obstacle_scores
 from navstack.local_planner.critics._weights import RosDistro, obstacle_weight
 from navstack.local_planner.rollouts import shared_cells
@@ -31,6 +32,37 @@ OBSTACLE_SETTINGS = np.dtype(
     ]
 )
 """Settings of the obstacle kernels: m, m, m, m, m/s, m/s, -, -."""
+
+
+LONG_EDGE = 9.0
+"""Cells: footprints whose edges are as long on average are scored by tables; shorter ones are walked faster."""
+
+
+class ObstacleScratch:
+    """Memory of the obstacle kernels, kept between cycles.
+
+    It contains the bounds of footprints that are walked and, for footprints with long edges, the tables of their edges.
+    """
+
+    def __init__(self) -> None:
+        self._array = np.empty(0, np.uint8)
+        self._for: tuple[Footprint | None, float] = None, 0.0
+        self._vertices = 0
+
+    def fit(self, context: ScoringContext, points: int) -> NDArray[np.uint8]:
+        """Memory for this cycle's costmap and footprint, and for rollouts of `points` points."""
+        g, footprint = context.costmap.geometry, context.footprint
+        if self._for[0] is not footprint or self._for[1] != g.resolution:
+            self._for = footprint, g.resolution
+            edges = footprint.vertices - np.roll(footprint.vertices, 1, axis=0)
+            long = float(np.hypot(*edges.T).mean()) >= LONG_EDGE * g.resolution
+            self._vertices = len(edges) if long else 0
+        size = (g.nx * g.ny * BOUND_GRIDS + 7) // 8 * 8
+        if self._vertices:
+            size += table_scratch_size(points, self._vertices)
+        if len(self._array) < size:
+            self._array = np.empty(size, np.uint8)
+        return self._array if self._vertices else self._array[:size]
 
 
 class ObstacleParams(ParamModel):
@@ -58,7 +90,7 @@ class ObstacleCritic(Critic):
         self._scale = params.occdist_scale
         self._context: ScoringContext | None = None
         self._rollouts: Rollouts | None = None
-        self._bounds = np.empty((BOUND_GRIDS, 0, 0), np.uint8)
+        self._scratch = ObstacleScratch()
         self._out = np.empty(0)
         self.first_collision: NDArray[np.int64] = np.empty(0, np.int64)
         """(K,) index of the first point in collision, -1 without; of the last scored cycle."""
@@ -77,8 +109,6 @@ class ObstacleCritic(Critic):
         """Store the costmap and the footprint of this cycle."""
         self._context = context
         self._scale = self.weight(context)
-        if self._bounds.shape[1:] != context.costmap.data.shape:
-            self._bounds = np.empty((BOUND_GRIDS, *context.costmap.data.shape), np.uint8)
 
     def settings(self, context: ScoringContext) -> NDArray[Any]:
         """(1,) of OBSTACLE_SETTINGS."""
@@ -118,7 +148,7 @@ class ObstacleCritic(Critic):
             rollouts.alive,
             cells.flat,
             cells.boxes,
-            self._bounds,
+            self._scratch.fit(context, rollouts.poses.shape[0] * rollouts.poses.shape[1]),
             self._out,
             self.first_collision,
         )

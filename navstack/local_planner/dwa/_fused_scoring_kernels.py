@@ -36,7 +36,7 @@ def split_scores(scores, number):
 
 @kernel
 def score_motion_and_obstacles(
-    costs, cycle, vertices, commands, poses, counts, alive, cells, bounds, scores, rejected_by, first_collision
+    costs, cycle, vertices, commands, poses, counts, alive, cells, scratch, scores, rejected_by, first_collision
 ):
     """Begin the table and score the critics oscillation and obstacle.
 
@@ -52,7 +52,7 @@ def score_motion_and_obstacles(
         add_scores(raw, weights[OSCILLATION], OSCILLATION, alive, table, totals, rejected_by)
     if weights[OBSTACLE] != 0.0:
         obstacle_scores(
-            costs, cycle, vertices, commands, poses, counts, alive, flat, boxes, bounds, raw, first_collision
+            costs, cycle, vertices, commands, poses, counts, alive, flat, boxes, scratch, raw, first_collision
         )
         add_scores(raw, weights[OBSTACLE], OBSTACLE, alive, table, totals, rejected_by)
 

@@ -22,8 +22,7 @@ from navstack.local_planner.critics import (
     PathCritic,
     TwirlingCritic,
 )
-from navstack.local_planner.critics._bound_kernels import BOUND_GRIDS
-from navstack.local_planner.critics.obstacle import OBSTACLE_SETTINGS
+from navstack.local_planner.critics.obstacle import OBSTACLE_SETTINGS, ObstacleScratch
 from navstack.local_planner.dwa._fused_scoring_kernels import (
     CRITICS,
     GOAL_GRID,
@@ -88,7 +87,7 @@ class FusedScorer:
         self._cycle = np.zeros(1, CYCLE)
         self._cells = np.empty(0, np.int32)
         self._grids = np.empty((3, 0), np.int32)
-        self._bounds = np.empty((BOUND_GRIDS, 0, 0), np.uint8)
+        self._obstacle_scratch = ObstacleScratch()
         self._first_collision = np.empty(0, np.int64)
         self._unpublished: tuple[ScoringContext, Rollouts, NDArray[np.float64]] | None = None
 
@@ -117,7 +116,7 @@ class FusedScorer:
             rollouts.counts,
             rollouts.alive,
             self._cells,
-            self._bounds,
+            self._obstacle_scratch.fit(context, k * t),
             scores,
             rejected_by,
             self._first_collision,
@@ -189,9 +188,9 @@ class FusedScorer:
     def _fit(self, context: ScoringContext, k: int, t: int) -> None:
         """Enlarge the buffers to the map and the rollouts of this cycle."""
         ny, nx = context.costmap.data.shape
-        if self._bounds.shape[1:] != (ny, nx):
-            self._grids = np.empty((3, storage_size(nx, ny)), np.int32)
-            self._bounds = np.empty((BOUND_GRIDS, ny, nx), np.uint8)
+        size = storage_size(nx, ny)
+        if self._grids.shape[1] != size:
+            self._grids = np.empty((3, size), np.int32)
         if len(self._cells) < 2 * k * t + 4 * (k + 1):
             self._cells = np.empty(2 * k * t + 4 * (k + 1), np.int32)
         if len(self._first_collision) != k:
