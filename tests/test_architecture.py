@@ -22,7 +22,7 @@ TOP_LEVEL = {"pyproject.toml", "README.md", "navstack", "params", "maps", "tests
 # Imports go down only: a package may import packages of a lower level. Names of the packages, levels from the bottom up.
 LEVELS: tuple[tuple[str, ...], ...] = (
     ("core",),
-    ("interfaces", "kinematics", "curves"),
+    ("interfaces", "kinematics", "curves", "logs"),
     ("plugins",),
     ("parameters",),
     ("plugin", "map_io", "costmap", "global_planner", "local_planner", "recovery", "motion", "safety", "sim"),
@@ -33,7 +33,7 @@ LEVELS: tuple[tuple[str, ...], ...] = (
     ("places", "basic_navigator"),
     ("record", "jobs", "statistics"),
     ("scenario",),
-    ("plot", "explain", "bench"),
+    ("plot", "explain", "bench", "replay"),
     ("tune", "live"),
     ("cli",),
 )

@@ -122,6 +122,13 @@ class NotSupportedError(InputError):
     name = "NOT_SUPPORTED"
 
 
+class LogError(InputError):
+    """A recorded log (bag, MCAP) cannot be read, or lacks what was asked for. `data["offset"]` is the byte, if known."""
+
+    code = 9009
+    name = "INVALID_LOG"
+
+
 # --- frames -----------------------------------------------------------------------------------------------------------
 
 

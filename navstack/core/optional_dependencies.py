@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from navstack.core.errors import InputError
 
-_EXTRAS: Final = {"aiohttp": "live"}
+_EXTRAS: Final = {"aiohttp": "live", "rosbags": "bags", "lz4": "bags", "mcap": "mcap"}
 """Name of the extra that contains a module, if it is not `tune`."""
 _PACKAGES: Final = {"ruamel.yaml": "ruamel.yaml", "distributed": "dask[distributed]"}
 """Name of the package, where it is not the first part of the module's name."""
@@ -21,8 +21,9 @@ def require(module: str, purpose: str) -> Any:
     try:
         return importlib.import_module(module)
     except ImportError as exc:
-        extra = _EXTRAS.get(module, "tune")
-        package = _PACKAGES.get(module, module.partition(".")[0])
+        first = module.partition(".")[0]
+        extra = _EXTRAS.get(first, "tune")
+        package = _PACKAGES.get(module, first)
         raise InputError(
             f"{purpose} needs {package}, which is not installed; install the extra `{extra}`: pip install '.[{extra}]' in a "
             "clone of navstack",

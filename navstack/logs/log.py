@@ -1,0 +1,204 @@
+"""What every log offers, whatever its format: its channels and its messages, ordered by time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Protocol
+
+from navstack.core.errors import LogError
+
+NS_PER_S = 1_000_000_000
+
+
+def topic_name(topic: str) -> str:
+    """Return a topic with a leading slash and no repeated ones: `scan` and `//scan` are `/scan`."""
+    return "/" + "/".join(part for part in topic.split("/") if part)
+
+
+def seconds(nanoseconds: int, since: int = 0) -> float:
+    """Return a time in seconds since `since`, correctly rounded; both in nanoseconds.
+
+    A time that was a multiple of a microsecond before it was written keeps its value to the bit.
+    """
+    return (nanoseconds - since) / NS_PER_S
+
+
+def damaged(
+    path: Path, message: str, offset: int, channels: Sequence[Channel], span_ns: tuple[int, int] | None
+) -> LogError:
+    """Return the error of a file of which only a part can be read: `message` says what is wrong at byte `offset`."""
+    count = sum(channel.count for channel in channels)
+    if span_ns is None or not count:
+        readable = "no message can be read"
+    else:
+        noun = "message" if count == 1 else "messages"
+        readable = f"{count:,} {noun} of the first {seconds(span_ns[1], span_ns[0]):.1f} s can be read: use --partial"
+    return LogError(f"{path} {message} (offset {offset:,}); {readable}", path=str(path), offset=offset, messages=count)
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """A topic with one type of message."""
+
+    topic: str
+    type: str
+    """Type in the notation of ROS 2, in both versions: `sensor_msgs/msg/LaserScan`."""
+    count: int = 0
+    """Number of messages; 0 if the file does not say."""
+    definition: str = field(default="", repr=False)
+    """Definition of the type in the notation of .msg files; empty if the file has none."""
+    latched: bool = False
+    """The last message was sent to every new subscriber (ROS 1), or kept for it (ROS 2: transient local)."""
+
+
+class LogMessage:
+    """A message as it was recorded; it is decoded when `data` is first read."""
+
+    __slots__ = ("_decode", "channel", "raw", "time_ns")
+
+    def __init__(self, channel: Channel, time_ns: int, raw: bytes, decode: Callable[[Channel, bytes], Any]) -> None:
+        """`time_ns`: time of the recording (ns since the epoch of the log's clock)."""
+        self.channel = channel
+        self.time_ns = time_ns
+        self.raw = raw
+        self._decode = decode
+
+    @property
+    def topic(self) -> str:
+        """The topic, with a leading slash."""
+        return self.channel.topic
+
+    @property
+    def type(self) -> str:
+        """The type, as `sensor_msgs/msg/LaserScan`."""
+        return self.channel.type
+
+    @property
+    def time(self) -> float:
+        """Time of the recording (s since the epoch of the log's clock); `time_ns` is exact."""
+        return seconds(self.time_ns)
+
+    @property
+    def data(self) -> Any:
+        """The message, of the type that rosbags makes of its definition. Raises LogError if it cannot be decoded."""
+        return self._decode(self.channel, self.raw)
+
+
+class Source(Protocol):
+    """A file format: finds the channels, and yields raw messages ordered by time."""
+
+    @property
+    def channels(self) -> Sequence[Channel]:
+        """The channels of the file."""
+        ...
+
+    @property
+    def span_ns(self) -> tuple[int, int] | None:
+        """Times of the first and the last message (ns); None without messages."""
+        ...
+
+    @property
+    def problem(self) -> LogError | None:
+        """What is damaged; None if the file is complete. The messages are those that can be read."""
+        ...
+
+    def raw_messages(
+        self, channels: Collection[Channel], start_ns: int | None, end_ns: int | None
+    ) -> Iterator[tuple[Channel, int, bytes]]:
+        """Yield channel, time (ns) and bytes of the messages with `start_ns` <= time <= `end_ns`, ordered by time."""
+        ...
+
+    def decode(self, channel: Channel, raw: bytes) -> Any:
+        """Decode a message. Raises LogError."""
+        ...
+
+    def close(self) -> None:
+        """Close the file."""
+        ...
+
+
+class Log:
+    """An open log. Close it, or use it in a `with` statement.
+
+    `is_ros1` is True for bags of ROS 1. `problem` says what is damaged in a file that was opened with `partial=True`.
+    """
+
+    def __init__(self, path: Path, source: Source, *, format: str, is_ros1: bool) -> None:
+        self.path = path
+        self.format = format
+        """`ROS 1 bag`, `ROS 2 bag (sqlite3)`, `ROS 2 bag (mcap)` or `MCAP`."""
+        self.is_ros1 = is_ros1
+        self._source = source
+
+    def __enter__(self) -> Log:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file."""
+        self._source.close()
+
+    @cached_property
+    def channels(self) -> tuple[Channel, ...]:
+        """The channels, ordered by topic and type."""
+        return tuple(sorted(self._source.channels, key=lambda channel: (channel.topic, channel.type)))
+
+    @property
+    def problem(self) -> LogError | None:
+        """What is damaged; None if the file is complete."""
+        return self._source.problem
+
+    @property
+    def start_ns(self) -> int:
+        """Time of the first message (ns); 0 without messages."""
+        span = self._source.span_ns
+        return 0 if span is None else span[0]
+
+    @property
+    def end_ns(self) -> int:
+        """Time of the last message (ns); 0 without messages."""
+        span = self._source.span_ns
+        return 0 if span is None else span[1]
+
+    @property
+    def duration(self) -> float:
+        """Time between the first and the last message (s)."""
+        return seconds(self.end_ns, self.start_ns)
+
+    def has(self, topic: str) -> bool:
+        """Return True if the log has this topic."""
+        return any(channel.topic == topic_name(topic) for channel in self.channels)
+
+    def topics_of(self, *types: str) -> list[str]:
+        """Return the topics with one of these types, ordered."""
+        return sorted({channel.topic for channel in self.channels if channel.type in types})
+
+    def messages(
+        self, topics: Collection[str] | None = None, *, start: float | None = None, end: float | None = None
+    ) -> Iterator[LogMessage]:
+        """Yield the messages of these topics (None: of all), ordered by the time of their recording.
+
+        `start` and `end` are in seconds since the first message of the log; both limits belong to the range. Raises LogError
+        for a topic that the log does not have, and at a part of the file that cannot be read.
+        """
+        channels = self.channels
+        if topics is not None:
+            wanted = {topic_name(topic) for topic in topics}
+            missing = sorted(wanted - {channel.topic for channel in channels})
+            if missing:
+                known = ", ".join(sorted({channel.topic for channel in channels})) or "none"
+                raise LogError(f"{self.path} has no topic {', '.join(missing)}; its topics are {known}", topics=missing)
+            channels = tuple(channel for channel in channels if channel.topic in wanted)
+        first = None if start is None else self.start_ns + round(start * NS_PER_S)
+        last = None if end is None else self.start_ns + round(end * NS_PER_S)
+        decode = self._source.decode
+        for channel, time_ns, raw in self._source.raw_messages(channels, first, last):
+            yield LogMessage(channel, time_ns, raw, decode)
