@@ -57,7 +57,11 @@ def read_layout(file: BinaryIO) -> BagLayout:
         try:
             return _indexed(file, size, index_at, header.u32(b"conn_count"), header.u32(b"chunk_count"))
         except BagFormatError as exc:
-            what = "is truncated" if index_at >= size or isinstance(exc, EndOfFile) else f"has a damaged index: {exc.message}"
+            what = (
+                "is truncated"
+                if index_at >= size or isinstance(exc, EndOfFile)
+                else f"has a damaged index: {exc.message}"
+            )
             reason = BagFormatError(what, min(exc.offset, size))
     return _scanned(file, size, first, reason)
 

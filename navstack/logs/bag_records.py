@@ -38,7 +38,7 @@ class BagFormatError(Exception):
         self.offset = offset
 
 
-class EndOfFile(BagFormatError):  # noqa: N818 - not an error in every place
+class EndOfFile(BagFormatError):
     """The file ends within a record."""
 
 
@@ -139,7 +139,9 @@ def decompress(data: bytes, compression: str, size: int, offset: int) -> bytes:
         elif compression == "bz2":
             content = bz2.BZ2Decompressor().decompress(data, max_length=size + 1)
         elif compression == "lz4":
-            content = require("lz4.frame", "a bag with LZ4 compression").LZ4FrameDecompressor().decompress(data, size + 1)
+            content = (
+                require("lz4.frame", "a bag with LZ4 compression").LZ4FrameDecompressor().decompress(data, size + 1)
+            )
         else:
             raise BagFormatError(f"a chunk has the unknown compression {compression[:20]!r}", offset)
     except (OSError, RuntimeError, ValueError, EOFError) as exc:

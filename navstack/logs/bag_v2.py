@@ -18,6 +18,7 @@ from navstack.logs.chunk_merge import ordered_messages
 from navstack.logs.decoding import Decoder
 from navstack.logs.log import Channel, Log, damaged, seconds
 
+
 def open_bag(path: Path) -> Log:
     """Open a ROS 1 bag. Raises LogError."""
     decoder = Decoder(ros1=True)

@@ -58,4 +58,3 @@ class Decoder:
 
 def _reason(exc: Exception) -> str:
     return shortened(" ".join(str(exc).split()) or type(exc).__name__, 120)
-

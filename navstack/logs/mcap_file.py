@@ -126,16 +126,21 @@ class _McapFile:
             summary = reader.SeekingReader(self._file, record_size_limit=MAX_RECORD).get_summary()
         except Exception:  # any error of the library on a damaged file: the scan says where
             return False
-        statistics = None if summary is None else summary.statistics
-        if statistics is None or not summary.chunk_indexes or not summary.channels:
+        if summary is None or (statistics := summary.statistics) is None:
+            return False
+        if not summary.chunk_indexes or not summary.channels:
             return False
         if any(
-            index.chunk_start_offset + 9 > self._size or not index.message_index_offsets.keys() <= summary.channels.keys()
+            index.chunk_start_offset + 9 > self._size
+            or not index.message_index_offsets.keys() <= summary.channels.keys()
             for index in summary.chunk_indexes
         ):
             return False
         self._counts = dict(statistics.channel_message_counts)
-        if sum(self._counts.values()) != statistics.message_count or len(summary.chunk_indexes) != statistics.chunk_count:
+        if (
+            sum(self._counts.values()) != statistics.message_count
+            or len(summary.chunk_indexes) != statistics.chunk_count
+        ):
             return False
         self._known = dict(summary.channels)
         for schema in summary.schemas.values():
@@ -257,7 +262,9 @@ class _McapFile:
         except (_FormatError, struct.error) as exc:
             reason = exc.message if isinstance(exc, _FormatError) else "a chunk is cut off"
             raise LogError(
-                f"{self._path} is damaged: {reason} (offset {entry.offset:,})", path=str(self._path), offset=entry.offset
+                f"{self._path} is damaged: {reason} (offset {entry.offset:,})",
+                path=str(self._path),
+                offset=entry.offset,
             ) from exc
 
     def _chunk_content(self, at: int, length: int) -> bytes:

@@ -222,6 +222,10 @@ class RunRecorder:
         """Returns the run so far, as `Record.load` would read it."""
         return Record(*self._members())
 
+    def set_sensors(self, sensors: Mapping[str, Transform2D]) -> None:
+        """Replaces the poses of the lidar frames in the base frame: those of a log are known only when its scans arrive."""
+        self._sensors = {frame: [*pose] for frame, pose in sensors.items()}
+
     def set_scenario(self, scenario: Mapping[str, Any]) -> None:
         """Replaces the JSON data that describe the run: a run that people take part in is known only at its end."""
         self._scenario = jsonable(dict(scenario))

@@ -1,0 +1,240 @@
+"""ROS messages as navstack's types. Times are exact integers (ns); `Clock` makes seconds of them.
+
+A message is read by the names of its fields, so the types of rosbags, of ROS 1 and of ROS 2 all fit.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import (
+    GridGeometry,
+    LaserScan,
+    OccupancyGrid,
+    Pose2D,
+    RangeReading,
+    Twist2D,
+)
+from navstack.core.errors import LogError, NavError
+from navstack.core.frames import clean_frame
+from navstack.logs.log import NS_PER_S, LogMessage, seconds
+from navstack.logs.rotations import Quaternion, Transform3D
+
+SCAN: Final = "sensor_msgs/msg/LaserScan"
+CLOUD: Final = "sensor_msgs/msg/PointCloud2"
+RANGE: Final = "sensor_msgs/msg/Range"
+ODOMETRY: Final = "nav_msgs/msg/Odometry"
+MAP: Final = "nav_msgs/msg/OccupancyGrid"
+PATH: Final = "nav_msgs/msg/Path"
+POSE: Final = "geometry_msgs/msg/PoseStamped"
+TWIST: Final = "geometry_msgs/msg/Twist"
+TWIST_STAMPED: Final = "geometry_msgs/msg/TwistStamped"
+ACTION_GOAL: Final = "move_base_msgs/msg/MoveBaseActionGoal"
+ACTION_RESULT: Final = "move_base_msgs/msg/MoveBaseActionResult"
+GOAL_ID: Final = "actionlib_msgs/msg/GoalID"
+TRANSFORMS: Final = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+LARGEST_GRID: Final = 100_000_000
+"""Largest number of cells of a map."""
+_FIELD_TYPES: Final = {
+    1: "i1",
+    2: "u1",
+    3: "i2",
+    4: "u2",
+    5: "i4",
+    6: "u4",
+    7: "f4",
+    8: "f8",
+}
+"""Types of sensor_msgs/PointField."""
+
+
+class Clock:
+    """Seconds of a replay: since the first message of the log.
+
+    The stamps of the messages may belong to another clock than the times of the recording (a recording of a simulation by
+    ROS 2): `stamp_shift_ns` is then their difference.
+    """
+
+    def __init__(self, start_ns: int, stamp_shift_ns: int = 0) -> None:
+        self.start_ns = start_ns
+        self.stamp_shift_ns = stamp_shift_ns
+
+    def time(self, time_ns: int) -> float:
+        """Return the time (s) of a recording."""
+        return seconds(time_ns, self.start_ns)
+
+    def stamp(self, message: Any) -> float:
+        """Return the time (s) in the header of a message."""
+        return seconds(stamp_ns(message.header) + self.stamp_shift_ns, self.start_ns)
+
+
+def stamp_ns(header: Any) -> int:
+    """Return the stamp of a header (ns)."""
+    return int(header.stamp.sec) * NS_PER_S + int(header.stamp.nanosec)
+
+
+def short_decimal(value: float) -> float:
+    """Return the number with the fewest digits that is the same float32: 0.05 for 0.05000000074505806.
+
+    The resolution of a map is a float32 in its message, but its author wrote 0.05.
+    """
+    return float(str(np.float32(value)))
+
+
+def quaternion_of(message: Any) -> Quaternion:
+    """Return a geometry_msgs/Quaternion, normalized. Raises LogError if it is zero or not finite."""
+    found = Quaternion(float(message.x), float(message.y), float(message.z), float(message.w))
+    if not found.is_valid:
+        raise LogError(f"the quaternion {tuple(found)} is not a rotation")
+    return found.normalized()
+
+
+def pose_of(message: Any) -> Pose2D:
+    """Return a geometry_msgs/Pose in the plane. Raises LogError for a quaternion that is not a rotation."""
+    return Pose2D(float(message.position.x), float(message.position.y), quaternion_of(message.orientation).yaw)
+
+
+class StampedTransform(NamedTuple):
+    """A transform of /tf: the pose of `child` in `parent`, at `stamp` (s)."""
+
+    parent: str
+    child: str
+    stamp: float
+    transform: Transform3D
+
+
+def transforms_of(message: Any, clock: Clock) -> list[StampedTransform]:
+    """Return the transforms of a tf2_msgs/TFMessage. Raises LogError for one that is not finite."""
+    found: list[StampedTransform] = []
+    for item in message.transforms:
+        parent, child = clean_frame(item.header.frame_id), clean_frame(item.child_frame_id)
+        position = item.transform.translation
+        x, y, z = float(position.x), float(position.y), float(position.z)
+        if not math.isfinite(x + y + z):
+            raise LogError(f'the transform from "{child}" to "{parent}" is not finite')
+        rotation = quaternion_of(item.transform.rotation)
+        found.append(StampedTransform(parent, child, clock.stamp(item), Transform3D(x, y, z, rotation)))
+    return found
+
+
+class Odometry(NamedTuple):
+    """A nav_msgs/Odometry in the plane."""
+
+    stamp: float
+    frame: str
+    child: str
+    pose: Pose2D
+    velocity: Twist2D
+
+
+def odometry_of(message: Any, clock: Clock) -> Odometry:
+    """Return an odometry message. Raises LogError for a pose that is not a pose."""
+    return Odometry(
+        clock.stamp(message),
+        clean_frame(message.header.frame_id),
+        clean_frame(message.child_frame_id),
+        pose_of(message.pose.pose),
+        twist_of(message.twist.twist),
+    )
+
+
+def twist_of(message: Any) -> Twist2D:
+    """Return a geometry_msgs/Twist in the plane."""
+    return Twist2D(float(message.linear.x), float(message.linear.y), float(message.angular.z))
+
+
+def scan_of(message: Any, topic: str, stamp: float, *, height: float, upside_down: bool) -> LaserScan:
+    """Return a scan; `upside_down` reverses the direction of its angles."""
+    sign = -1.0 if upside_down else 1.0
+    return LaserScan(
+        np.ascontiguousarray(message.ranges, np.float32),
+        sign * float(message.angle_min),
+        sign * float(message.angle_increment),
+        float(message.range_min),
+        float(message.range_max),
+        stamp,
+        clean_frame(message.header.frame_id),
+        topic,
+        height,
+    )
+
+
+def range_of(message: Any, topic: str, stamp: float) -> RangeReading:
+    """Return the reading of a sonar or infrared sensor."""
+    return RangeReading(
+        float(message.range),
+        float(message.field_of_view),
+        float(message.min_range),
+        float(message.max_range),
+        stamp,
+        clean_frame(message.header.frame_id),
+        topic,
+    )
+
+
+def points_of(message: Any) -> NDArray[np.float32]:
+    """Return the points (n, 3) of a sensor_msgs/PointCloud2, in its frame. Raises LogError."""
+    fields = {field.name: field for field in message.fields}
+    order = ">" if message.is_bigendian else "<"
+    try:
+        types = [order + _FIELD_TYPES[fields[name].datatype] for name in "xyz"]
+        offsets = [int(fields[name].offset) for name in "xyz"]
+        layout = np.dtype(
+            {"names": ["x", "y", "z"], "formats": types, "offsets": offsets, "itemsize": int(message.point_step)}
+        )
+        width, height, row = int(message.width), int(message.height), int(message.row_step)
+        data = np.ascontiguousarray(message.data, np.uint8)
+        if width * height == 0:
+            return np.empty((0, 3), np.float32)
+        if row < width * layout.itemsize or len(data) < row * (height - 1) + width * layout.itemsize:
+            raise ValueError(f"{len(data)} bytes are not enough for {width} x {height} points")
+        rows = [np.frombuffer(data, layout, width, row * i) for i in range(height)]
+        points = rows[0] if height == 1 else np.concatenate(rows)
+        return np.column_stack([points[name] for name in "xyz"]).astype(np.float32)
+    except (KeyError, ValueError, TypeError) as exc:
+        raise LogError(f"a point cloud is not valid: {exc}") from exc
+
+
+def map_of(message: Any) -> OccupancyGrid:
+    """Return a nav_msgs/OccupancyGrid. Raises LogError."""
+    info = message.info
+    width, height, resolution = int(info.width), int(info.height), short_decimal(info.resolution)
+    data = np.asarray(message.data, np.int8)
+    if width * height != len(data) or not 0 < width * height <= LARGEST_GRID:
+        raise LogError(f"a map of {width} x {height} cells has {len(data)} values")
+    origin = pose_of(info.origin)
+    try:
+        geometry = GridGeometry(width, height, resolution, origin.x, origin.y)
+        return OccupancyGrid(
+            data.reshape(height, width), geometry, origin.yaw, clean_frame(message.header.frame_id), raw=True
+        )
+    except NavError as exc:
+        raise LogError(f"a map is not valid: {exc.message}") from exc
+
+
+class LoggedGoal(NamedTuple):
+    """A goal that was sent to the robot."""
+
+    pose: Pose2D
+    frame: str
+    id: str
+
+
+def goal_of(message: LogMessage) -> LoggedGoal:
+    """Return the goal of a PoseStamped or a MoveBaseActionGoal. Raises LogError."""
+    data = message.data
+    goal_id = ""
+    if message.type == ACTION_GOAL:
+        goal_id = str(data.goal_id.id)
+        data = data.goal.target_pose
+    return LoggedGoal(pose_of(data.pose), clean_frame(data.header.frame_id), goal_id)
+
+
+def path_of(message: Any) -> NDArray[np.float64]:
+    """Return the poses (n, 3) of a nav_msgs/Path: x, y, yaw. Raises LogError."""
+    poses = [pose_of(item.pose) for item in message.poses]
+    return np.array(poses, np.float64).reshape(-1, 3)

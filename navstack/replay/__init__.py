@@ -1,0 +1,1 @@
+"""Replays logs through the stack, open loop, and exports runs as logs."""
