@@ -17,6 +17,7 @@ from typing import Annotated, Any, Final
 import typer
 
 from navstack.cli import (
+    bag,
     bench,
     check,
     explain,
@@ -27,6 +28,7 @@ from navstack.cli import (
     params,
     plan,
     plot,
+    replay,
     simulate,
     sweep,
     teleop,
@@ -65,10 +67,12 @@ app.command("drive-to", context_settings=_NEGATIVE)(motions.drive_to)
 app.command("follow")(motions.follow)
 app.command("teleop")(teleop.teleop)
 app.command("plot")(plot.plot)
+app.command("replay")(replay.replay)
 app.command("check")(check.check)
 app.command("info")(info.info)
 app.command("sweep")(sweep.sweep)
 app.command("tune")(tune.tune)
+app.add_typer(bag.app, name="bag")
 app.add_typer(bench.app, name="bench")
 app.add_typer(explain.app, name="explain")
 app.add_typer(params.app, name="params")

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import LaserScan, PointCloud, Pose2D, RangeReading, Transform2D, Twist2D
+from navstack.core import LaserScan, PointCloud, Pose2D, Transform2D, Twist2D
 from navstack.core.errors import RecordError
 from navstack.logs import messages as ros
 from navstack.logs.builder import MessageBuilder
@@ -125,9 +125,7 @@ class _Tap:
         for frame in robot.frames.frames():
             if frame in (map_frame, odom, base):
                 continue
-            static.append(
-                (_ns(0.0), base, frame, robot.frames.lookup(base, frame), heights.get(frame, 0.0))
-            )
+            static.append((_ns(0.0), base, frame, robot.frames.lookup(base, frame), heights.get(frame, 0.0)))
         # static if it is known before the robot moves, at any time
         self._dynamic_map = robot.frames.latest_stamp(map_frame, odom) != np.inf
         if not self._dynamic_map:
@@ -168,7 +166,7 @@ class _Tap:
                 self._write(topic, ros.SCAN, time, build.scan(_ns(data.stamp), data))
             elif isinstance(data, PointCloud):
                 self._write(topic, ros.CLOUD, time, build.cloud(_ns(data.stamp), data))
-            elif isinstance(data, RangeReading):
+            else:
                 self._write(topic, ros.RANGE, time, build.range(_ns(data.stamp), data))
         for reading in self._robot.imu_readings():
             topic = "/" + reading.topic.strip("/")
@@ -280,9 +278,7 @@ class _Names:
         self.global_costmap = f"{prefix}/global_costmap"
         self.local_costmap = f"{prefix}/local_costmap"
         self.plan = f"{prefix}/{_class(configuration.global_planner.name)}/plan" if ros1 else "/plan"
-        self.local_plan = (
-            f"{prefix}/{_class(configuration.local_planner.name)}/local_plan" if ros1 else "/local_plan"
-        )
+        self.local_plan = f"{prefix}/{_class(configuration.local_planner.name)}/local_plan" if ros1 else "/local_plan"
 
 
 def _class(name: str) -> str:
@@ -298,4 +294,3 @@ def _heights(run: Run) -> dict[str, float]:
 
 def _ns(time: float) -> int:
     return EPOCH_NS + round(time * 1e9)
-

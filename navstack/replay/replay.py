@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 from navstack.bringup import build_move_base
-from navstack.core import Listener, OccupancyGrid, Pose2D, Twist2D
+from navstack.core import Event, Listener, OccupancyGrid, Pose2D, Twist2D
 from navstack.core.errors import NavError
 from navstack.logs import Log, LogMessage
 from navstack.logs import messages as ros
@@ -76,6 +76,24 @@ class ReplayOptions:
     """Record the scans."""
 
 
+class _Failures:
+    """Notes that the local planner found no valid command."""
+
+    hears_feedback = False
+
+    def __init__(self) -> None:
+        self._failed = False
+
+    def on_event(self, event: Event) -> None:
+        """Receive an event of the goal manager."""
+        self._failed = self._failed or event.kind == "control_failed"
+
+    def take(self) -> bool:
+        """Return True if there was no valid command since the last call."""
+        failed, self._failed = self._failed, False
+        return failed
+
+
 class Replay:
     """One replay of a log with one configuration. `run` does it; the results are then in the attributes."""
 
@@ -112,7 +130,10 @@ class Replay:
         self.recorder = (
             ReplayRecorder(log, configuration, static_map, self.robot, scans=options.scans) if record else None
         )
-        own = [] if self.recorder is None else [self.recorder.recorder]
+        self._failures = _Failures()
+        own: list[Listener] = [self._failures]
+        if self.recorder is not None:
+            own.append(self.recorder.recorder)
         self.move_base: MoveBase = build_move_base(
             self.configuration, self.robot, static_map=static_map, listeners=[*own, *listeners]
         )
@@ -208,7 +229,7 @@ class Replay:
                 len(self.goals) - 1 if active else -1,
                 move_base.command,
                 robot.recorded,
-                rejected=move_base.activity == "CONTROLLING" and tick.local_plan is None,
+                rejected=self._failures.take(),
                 controlled=tick.local_plan is not None,
                 planned=tick.plan is not None,
             )

@@ -18,11 +18,14 @@ from navstack.logs.messages import Clock, StampedTransform
 from navstack.logs.rotations import Transform3D, quaternion_of_yaw
 from navstack.parameters.configuration import Configuration
 from navstack.parameters.models.sim import SimParams
+from navstack.replay.logged_robot import LoggedRobot
 from navstack.replay.player import Player
-from navstack.replay.topics import Topics
+from navstack.replay.topics import Topics, find_topics
 
 LOOK_AHEAD_S: Final = 30.0
 """A log must show its transforms and its first messages within this time (s)."""
+LOOK_BACK_S: Final = 10.0
+"""The last poses are known from this much of a log (s)."""
 CLOCKS_DIFFER_S: Final = 600.0
 """Stamps that differ more from the time of the recording (s) belong to another clock."""
 FREE_EXTENT_M: Final = 100.0
@@ -202,3 +205,24 @@ def empty_map(log: Log, topics: Topics, initial_pose: Pose2D | None, frame: str)
     x, y = (round(value - 0.5 * FREE_EXTENT_M, 2) for value in (centre.x, centre.y))
     data = np.zeros((cells, cells), np.int8)
     return OccupancyGrid(data, GridGeometry(cells, cells, 0.05, x, y), 0.0, frame, raw=True)
+
+
+def last_pose(log: Log, configuration: Configuration, chosen: Mapping[str, str], initial_pose: Pose2D | None) -> Pose2D:
+    """Return the pose of the robot in the global frame at the end of a log. Raises LogError if it is not known."""
+    topics = find_topics(log, configuration, chosen)
+    clock, _ = find_clock(log, topics)
+    robot = LoggedRobot()
+    base = configuration.local_costmap.params.robot_base_frame
+    player = Player(robot, topics, clock, base_frame=base, periods={})
+    first_transforms(log, player, configuration, {})
+    place_robot(log, player, configuration, initial_pose)
+    wanted = [topic for topic in (*topics.transforms, topics.odometry) if topic]
+    for message in log.messages(wanted, start=max(0.0, log.duration - LOOK_BACK_S)):
+        player.play(message)
+    frame = configuration.global_costmap.params.global_frame
+    pose = robot.pose_in(frame, base)
+    if pose is None:
+        raise LogError(
+            f'the pose of the robot in "{frame}" is not known at the end of {log.path}; give the goal as x,y,yaw'
+        )
+    return pose

@@ -1,0 +1,199 @@
+"""`navstack replay`: what costmaps, plans and commands would have been on what a robot recorded."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from navstack.cli import options
+from navstack.cli.replay_options import OpenedReplay, ReplayInput
+
+if TYPE_CHECKING:
+    from navstack.cli.interrupts import Interrupt
+    from navstack.parameters.configuration import Configuration
+    from navstack.replay.replay import Replay
+
+
+@options.with_options(chosen=ReplayInput)
+def replay(
+    chosen: ReplayInput,
+    from_: Annotated[
+        float | None, typer.Option("--from", metavar="T", help="First time (s since the first message).", min=0.0)
+    ] = None,
+    to: Annotated[
+        float | None, typer.Option("--to", metavar="T", help="Last time (s since the first message).", min=0.0)
+    ] = None,
+    versus: Annotated[
+        list[str],
+        typer.Option(
+            "--versus",
+            metavar="NAME|DIR|FILE",
+            help="Second parameter set, replayed on the same part (repeatable, in loading order).",
+        ),
+    ] = [],
+    scans: Annotated[bool, typer.Option("--scans/--no-scans", help="Record the scans (about 1 kB each).")] = True,
+    out: options.RunOutput = Path("navstack_replay"),
+    json_: options.Json = False,
+) -> int:
+    """Replay a log through costmaps, planners and controller, open loop: the robot does what the log says.
+
+    The record opens with `navstack plot`, `explain` and `live`. Exit codes: 0, 2 invalid input, 130 interrupted: the record
+    ends there.
+    """
+    from navstack.cli.interrupts import interrupt_flag
+    from navstack.core.errors import InputError
+    from navstack.core.file_lock import locked_folder
+    from navstack.core.files import ensure_directory
+    from navstack.parameters.configuration import load_configuration
+
+    if from_ is not None and to is not None and not from_ < to:
+        raise InputError(f"--from {from_:g} is not before --to {to:g}; give a span of the log in seconds")
+    with (
+        locked_folder(ensure_directory(out)),
+        interrupt_flag() as interrupt,
+        chosen.opened(start=from_, end=to, scans=scans) as opened,
+    ):
+        configurations = {"": opened.configuration}
+        if versus:
+            configurations["versus"] = load_configuration(
+                versus, overrides=chosen.set_, distro=chosen.distro, allow_missing=chosen.allow_missing
+            )
+        return _replay(opened, configurations, out, interrupt, json_=json_)
+
+
+def _replay(
+    opened: OpenedReplay, configurations: dict[str, Configuration], folder: Path, interrupt: Interrupt, *, json_: bool
+) -> int:
+    from navstack.cli.output import print_files, print_json
+    from navstack.core.files import write_json
+    from navstack.replay.report import ReplayReport
+
+    documents: dict[str, Any] = {}
+    files: dict[str, str] = {}
+    reports: dict[str, ReplayReport] = {}
+    for name, configuration in configurations.items():
+        done = _run(opened, configuration, interrupt, quiet=json_)
+        reports[name] = ReplayReport(done)
+        written = _write(done, reports[name], folder / name if name else folder)
+        files |= {f"{name} {what}".strip(): file for what, file in written.items()}
+        documents[name or "replay"] = {**reports[name].as_dict(), "wall_s": done.wall_s}
+        if not json_:
+            _print(done, reports[name], opened if not name else None)
+    if len(reports) > 1 and not json_:
+        _print_versus(*reports.values())
+    files["summary"] = str(folder / "summary.json")
+    document = {**documents, "files": files}
+    write_json(folder / "summary.json", document)
+    if json_:
+        print_json(document)
+    else:
+        print_files(files)
+    return interrupt.exit_code if interrupt() else 0
+
+
+def _run(opened: OpenedReplay, configuration: Configuration, interrupt: Interrupt, *, quiet: bool) -> Replay:
+    from navstack.cli.output import loading_kernels
+    from navstack.cli.replay_options import reading_bar
+    from navstack.replay.replay import Replay
+
+    done = Replay(opened.log, configuration, opened.static_map, opened.options)
+    with loading_kernels(quiet=quiet):
+        pass
+    with reading_bar(opened.log, quiet=quiet) as progress:
+        done.run(progress, interrupt)
+    return done
+
+
+def _write(done: Replay, report: Any, folder: Path) -> dict[str, str]:
+    """Write the record and the pictures; return their names."""
+    from navstack.core.files import ensure_directory
+    from navstack.plot import plot_run
+    from navstack.plot.replay import plot_replay
+
+    ensure_directory(folder)
+    assert done.recorder is not None
+    recorder = done.recorder.recorder
+    files = {what: str(name) for what, name in recorder.save(folder).items()}
+    record = recorder.record()
+    if len(record.samples):
+        plot_run(record, folder / "run.png")
+        files["picture"] = str(folder / "run.png")
+    if done.cycles:
+        first = report.commands.first if report.commands is not None else None
+        times, commands, recorded, rejected = report.series()
+        plot_replay(
+            times,
+            commands,
+            recorded,
+            rejected,
+            folder / "commands.png",
+            title=f"replay of {done.log.path.name}: commands",
+            first_difference=None if first is None else first.time,
+        )
+        files["commands"] = str(folder / "commands.png")
+    return files
+
+
+def _print(done: Replay, report: Any, opened: OpenedReplay | None) -> None:
+    from rich.markup import escape
+
+    from navstack.cli.output import print_note, stdout, titled_table
+
+    out = stdout()
+    for note in [*(opened.notes if opened is not None else ()), *done.notes]:
+        print_note(note)
+    if done.goals:
+        table = titled_table("goals", left=("goal", "navstack", "log"), right=("sent", "ended", "gave up"))
+        for goal in done.goals:
+            recorded = goal.recorded_text or ("ended" if goal.recorded_end == goal.recorded_end else "")
+            table.add_row(
+                f"{goal.pose.x:g}, {goal.pose.y:g}, {goal.pose.yaw:.2f}",
+                goal.handle.status.name,
+                escape(recorded),
+                f"{goal.time:.1f} s",
+                f"{goal.ended:.1f} s",
+                str(len(goal.attempts)),
+            )
+        out.print(table)
+        for goal in done.goals:
+            for reason in dict.fromkeys(goal.attempts):
+                out.print(f"goal {goal.pose.x:g}, {goal.pose.y:g}: navstack gave up: {escape(reason)}")
+    else:
+        out.print("no goal: give one with --goal x,y,yaw or --goal end; costmaps only")
+    for line in report.lines():
+        out.print(escape(line))
+    factor = done.duration / done.wall_s if done.wall_s > 0.0 else 0.0
+    out.print(f"{factor:.0f} times real time")
+
+
+def _print_versus(first: Any, second: Any) -> None:
+    """Print both replays side by side."""
+    from navstack.cli.output import stdout, titled_table
+
+    def values(report: Any) -> list[str]:
+        commands, plans = report.commands, report.plans
+        return [
+            f"{report.controlled + report.rejected:,}",
+            f"{100.0 * report.rejected_share:.1f} %" if report.rejected_share == report.rejected_share else "",
+            f"{100.0 * commands.different / commands.cycles:.1f} %" if commands else "",
+            f"{commands.mean_linear:.3f} m/s" if commands else "",
+            f"{commands.mean_angular:.3f} rad/s" if commands else "",
+            f"{commands.first.time:.2f} s" if commands and commands.first else "",
+            f"{plans.length:.2f} m" if plans else "",
+        ]
+
+    names = [
+        "control cycles",
+        "without a valid command",
+        "commands that differ from the log",
+        "mean difference, forward",
+        "mean difference, turn",
+        "first difference",
+        "mean length of the plans",
+    ]
+    table = titled_table("versus", left=("",), right=("--params", "--versus"))
+    for name, a, b in zip(names, values(first), values(second), strict=True):
+        table.add_row(name, a, b)
+    stdout().print(table)

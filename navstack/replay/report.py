@@ -1,0 +1,169 @@
+"""The results of a replay as a document, and as lines of text."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core.errors import NavError
+from navstack.logs.log import seconds
+from navstack.replay.comparison import CommandComparison, PlanComparison, compare_commands, compare_plans
+
+if TYPE_CHECKING:
+    from navstack.replay.replay import Replay, ReplayedGoal
+
+
+class ReplayReport:
+    """What a replay found."""
+
+    def __init__(self, replay: Replay) -> None:
+        self._replay = replay
+        self.commands: CommandComparison | None = compare_commands(replay.cycles)
+        self.plans: PlanComparison | None = compare_plans(_plans_of(replay), _recorded_plans(replay))
+        active = [cycle for cycle in replay.cycles if cycle.goal >= 0]
+        self.cycles = len(replay.cycles)
+        self.active = len(active)
+        """Cycles with an active goal."""
+        self.rejected = sum(cycle.rejected for cycle in active)
+        """Cycles in which the local planner found no valid command."""
+        self.controlled = sum(cycle.controlled for cycle in active)
+
+    @property
+    def rejected_share(self) -> float:
+        """Share of the control cycles without a valid command; nan without control cycles."""
+        cycles = self.controlled + self.rejected
+        return self.rejected / cycles if cycles else math.nan
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the results for JSON."""
+        replay = self._replay
+        return {
+            "log": str(replay.log.path),
+            "start_ns": replay.log.start_ns,
+            "duration_s": replay.duration,
+            "cycles": self.cycles,
+            "active_cycles": self.active,
+            "control_cycles": self.controlled + self.rejected,
+            "rejected_cycles": self.rejected,
+            "commands": None if self.commands is None else self.commands.as_dict(),
+            "plans": None if self.plans is None else self.plans.as_dict(),
+            "goals": [_goal(goal) for goal in replay.goals],
+            "silences": [
+                {"topic": s.topic, "start_s": s.start, "duration_s": s.duration} for s in replay.player.silences
+            ],
+            "late_transforms": replay.player.late_transforms,
+            "problems": dict(replay.player.problems),
+            "notes": replay.notes,
+        }
+
+    def lines(self) -> list[str]:
+        """Return the results in words."""
+        found = [
+            f"{self._replay.duration:.1f} s of the log, {self.cycles:,} cycles, {self.active:,} of them with an active goal"
+        ]
+        if self.controlled + self.rejected:
+            found.append(
+                f"no valid command in {self.rejected:,} of {self.controlled + self.rejected:,} control cycles "
+                f"({100.0 * self.rejected_share:.1f} %)"
+            )
+        if self.commands is not None:
+            found += _command_lines(self.commands)
+        if self.plans is not None:
+            p = self.plans
+            found.append(
+                f"{p.plans} plans compared: mean length {p.length:.2f} m, in the log {p.recorded_length:.2f} m; mean of the "
+                f"largest deviations {p.deviation:.2f} m, largest {p.largest:.2f} m at {p.largest_at:.2f} s"
+            )
+        silences = self._replay.player.silences
+        if silences:
+            longest = max(silences, key=lambda silence: silence.duration)
+            found.append(
+                f"{len(silences)} silences of sensors or odometry; the longest: {longest.topic}, {longest.duration:.2f} s from "
+                f"{longest.start:.2f} s"
+            )
+        late = self._replay.player.late_transforms
+        if late:
+            found.append(f"{late:,} transforms arrived more than 0.1 s after their stamp")
+        for text, count in sorted(self._replay.player.problems.items(), key=lambda item: -item[1])[:5]:
+            found.append(f"{count:,} times: {text}")
+        return found
+
+    def series(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+        """Return times (n,), commands (n, 3), commands of the log (n, 3) and rejected cycles (n,) for a picture.
+
+        NaN where there is no command.
+        """
+        cycles = self._replay.cycles
+        nothing = (math.nan,) * 3
+        return (
+            np.array([cycle.time for cycle in cycles]),
+            np.array([cycle.command if cycle.goal >= 0 else nothing for cycle in cycles], np.float64).reshape(-1, 3),
+            np.array([cycle.recorded or nothing for cycle in cycles], np.float64).reshape(-1, 3),
+            np.array([cycle.rejected for cycle in cycles], np.bool_),
+        )
+
+
+def _command_lines(c: CommandComparison) -> list[str]:
+    share = 100.0 * c.different / c.cycles
+    text = (
+        f"commands differ from the log in {c.different:,} of {c.cycles:,} cycles ({share:.1f} %), equal to the bit in "
+    )
+    text += (
+        f"{c.equal:,}, opposite in {c.opposite:,}; mean difference {c.mean_linear:.3f} m/s, {c.mean_angular:.3f} rad/s"
+    )
+    lines = [text]
+    if c.first is not None:
+        ours, theirs = c.first.command, c.first.recorded
+        navstack = f"navstack {ours.vx:.3f} m/s, {ours.wz:.3f} rad/s"
+        lines.append(
+            f"first difference at {c.first.time:.2f} s: {navstack}; log {theirs.vx:.3f} m/s, {theirs.wz:.3f} rad/s"
+        )
+    return lines
+
+
+def _goal(goal: ReplayedGoal) -> dict[str, Any]:
+    handle = goal.handle
+    return {
+        "goal": list(goal.pose),
+        "frame": goal.frame,
+        "time_s": goal.time,
+        "state": handle.status.name,
+        "text": handle.text,
+        "message": handle.result.message if handle.is_done else "",
+        "ended_s": goal.ended,
+        "attempts": list(goal.attempts),
+        "recorded_end_s": goal.recorded_end,
+        "recorded_text": goal.recorded_text,
+    }
+
+
+def _plans_of(replay: Replay) -> list[tuple[float, NDArray[np.float64]]]:
+    if replay.recorder is None or not replay.player.plans:
+        return []
+    plans = replay.recorder.recorder.record().plans
+    return [(plan.t, plan.poses) for plan in plans]
+
+
+def _recorded_plans(replay: Replay) -> list[tuple[float, NDArray[np.float64]]]:
+    """Return the plans in the log, in the frame of the global costmap."""
+    target = replay.move_base.global_costmap.frame
+    found: list[tuple[float, NDArray[np.float64]]] = []
+    for path in replay.player.plans:
+        poses = path.poses
+        if path.frame and path.frame != target:
+            try:
+                poses = replay.robot.frames.lookup(target, path.frame).apply_poses(poses)
+            except NavError:
+                continue
+        found.append((path.time, poses))
+    return found
+
+
+def clock_text(replay: Replay, time: float) -> str:
+    """Return the date and time of a time (s) of a replay, in UTC."""
+    from datetime import UTC, datetime
+
+    return datetime.fromtimestamp(seconds(replay.log.start_ns) + time, UTC).strftime("%Y-%m-%d %H:%M:%S")
