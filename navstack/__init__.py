@@ -57,6 +57,7 @@ _WHERE = {
 _MODULE_OF = {name: module for module, names in _WHERE.items() for name in names}
 
 if TYPE_CHECKING:
+    from navstack import logs as logs
     from navstack.bringup import build_costmap, build_move_base, plan, plan_on_map, simulated_robot
     from navstack.core import (
         Costmap,
@@ -135,6 +136,8 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
+    if name == "logs":
+        return importlib.import_module("navstack.logs")
     module = _MODULE_OF.get(name)
     if module is None:
         raise AttributeError(f"module 'navstack' has no attribute {name!r}")

@@ -33,7 +33,8 @@ LEVELS: tuple[tuple[str, ...], ...] = (
     ("places", "basic_navigator"),
     ("record", "jobs", "statistics"),
     ("scenario",),
-    ("plot", "explain", "bench", "replay"),
+    ("replay",),
+    ("plot", "explain", "bench"),
     ("tune", "live"),
     ("cli",),
 )

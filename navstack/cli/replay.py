@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
@@ -13,7 +14,10 @@ from navstack.cli.replay_options import OpenedReplay, ReplayInput
 if TYPE_CHECKING:
     from navstack.cli.interrupts import Interrupt
     from navstack.parameters.configuration import Configuration
-    from navstack.replay.replay import Replay
+    from navstack.replay.replay import LogReplay
+
+WARM_UP_S: Final = 1.0
+"""The first second is replayed twice: the first time compiles or loads the kernels."""
 
 
 @options.with_options(chosen=ReplayInput)
@@ -93,20 +97,21 @@ def _replay(
     return interrupt.exit_code if interrupt() else 0
 
 
-def _run(opened: OpenedReplay, configuration: Configuration, interrupt: Interrupt, *, quiet: bool) -> Replay:
+def _run(opened: OpenedReplay, configuration: Configuration, interrupt: Interrupt, *, quiet: bool) -> LogReplay:
     from navstack.cli.output import loading_kernels
     from navstack.cli.replay_options import reading_bar
-    from navstack.replay.replay import Replay
+    from navstack.replay.replay import LogReplay
 
-    done = Replay(opened.log, configuration, opened.static_map, opened.options)
+    first = dataclasses.replace(opened.options, end=(opened.options.start or 0.0) + WARM_UP_S)
     with loading_kernels(quiet=quiet):
-        pass
+        LogReplay(opened.log, configuration, opened.static_map, first, record=False).run()
+    done = LogReplay(opened.log, configuration, opened.static_map, opened.options)
     with reading_bar(opened.log, quiet=quiet) as progress:
         done.run(progress, interrupt)
     return done
 
 
-def _write(done: Replay, report: Any, folder: Path) -> dict[str, str]:
+def _write(done: LogReplay, report: Any, folder: Path) -> dict[str, str]:
     """Write the record and the pictures; return their names."""
     from navstack.core.files import ensure_directory
     from navstack.plot import plot_run
@@ -136,7 +141,7 @@ def _write(done: Replay, report: Any, folder: Path) -> dict[str, str]:
     return files
 
 
-def _print(done: Replay, report: Any, opened: OpenedReplay | None) -> None:
+def _print(done: LogReplay, report: Any, opened: OpenedReplay | None) -> None:
     from rich.markup import escape
 
     from navstack.cli.output import print_note, stdout, titled_table

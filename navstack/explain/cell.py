@@ -65,7 +65,7 @@ def explain_cell(replayed: Replay, x: float, y: float, *, costmap: str = "global
             frame=live.frame,
         )
     provenance = live.explain_cell(*point)
-    robot = replayed.run.robot.pose
+    robot = replayed.robot_pose
     return CellReport(provenance, replayed.time, (x, y), live.frame, robot, summary_of(provenance))
 
 

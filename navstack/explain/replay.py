@@ -8,11 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from navstack.core import Transform2D
+from navstack.core import Pose2D, Transform2D
 from navstack.core.errors import InputError, RecordError
 from navstack.costmap import LayeredCostmap
 from navstack.record import Record
+from navstack.replay import LogReplay, is_of_log, replay_of_log
 from navstack.scenario import Run, Scenario
+
+Replayed = Run | LogReplay
+"""A simulation that runs again, or a log that is replayed again."""
 
 COSTMAPS = ("global", "local")
 _SLACK_S = 1e-3
@@ -25,7 +29,7 @@ class Replay:
 
     record: Record | None
     """The record; None for a run that goes on."""
-    run: Run
+    run: Replayed
     time: float
     """Time of the last control cycle (s)."""
 
@@ -37,8 +41,13 @@ class Replay:
 
     def to_map(self, name: str) -> Transform2D:
         """Returns the transform from a costmap's frame to the map frame, by the robot's localization at this time."""
-        robot = self.run.robot
-        return robot.frames.lookup(robot.map_frame, self.costmap(name).frame)
+        frames = self.run.move_base.robot.frames
+        return frames.lookup(_map_frame(self.run), self.costmap(name).frame)
+
+    @property
+    def robot_pose(self) -> Pose2D:
+        """The robot in the map frame: its true pose in a simulation, its localization in a log."""
+        return self.run.robot.pose if isinstance(self.run, Run) else self.run.pose
 
 
 def time_in(record: Record, time: float | None) -> float:
@@ -67,20 +76,25 @@ def replay(record: Record, time: float | None = None) -> Replay:
     the replay differs from the record: the diagnostics would then be about another run.
     """
     until = time_in(record, time)
-    run = Run(Scenario.from_record(record))
+    run = replay_of_log(record) if is_of_log(record) else Run(Scenario.from_record(record))
     for expected in record.times[: record.index_at(until) + 1].tolist():
         if not run.step():
             raise _differs(record, expected, "the run has ended")
-        if run.robot.time != expected:
-            raise _differs(record, expected, f"the control cycle is at {run.robot.time:.6f} s")
+        if run.move_base.now != expected:
+            raise _differs(record, expected, f"the control cycle is at {run.move_base.now:.6f} s")
     _check(record, run, until)
-    return Replay(record, run, run.robot.time)
+    return Replay(record, run, run.move_base.now)
 
 
-def _check(record: Record, run: Run, until: float) -> None:
+def _map_frame(run: Replayed) -> str:
+    return run.robot.map_frame if isinstance(run, Run) else run.move_base.global_costmap.frame
+
+
+def _check(record: Record, run: Replayed, until: float) -> None:
     """Raises RecordError unless the replay equals the record up to its end, bit by bit."""
-    assert run.recorder is not None
-    again = run.recorder.record()
+    recorder = run.recorder if isinstance(run, Run) else run.run_recorder
+    assert recorder is not None
+    again = recorder.record()
     n = len(again.times)
     before, now = record.samples[:n], again.samples
     for column in now.dtype.names or ():

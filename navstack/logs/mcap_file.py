@@ -6,6 +6,7 @@ Source of the format: mcap.dev/spec.
 
 from __future__ import annotations
 
+import contextlib
 import io
 import struct
 from collections.abc import Collection, Iterator, Sequence
@@ -22,6 +23,7 @@ from navstack.logs.log import Channel, Log, damaged, topic_name
 
 SCHEMA, CHANNEL, MESSAGE, CHUNK = 0x03, 0x04, 0x05, 0x06
 DATA_END: Final = 0x0F
+MAGIC: Final = b"\x89MCAP0\r\n"
 MAX_RECORD: Final = 500_000_000
 """Largest record, and largest uncompressed chunk (bytes)."""
 LOOSE: Final = 1000
@@ -46,6 +48,8 @@ class _Entry:
     end_ns: int
     counts: dict[int, int] = field(default_factory=dict[int, int])
     end: int = -1
+    is_cut: bool = False
+    """True for a chunk that the end of the file cuts off."""
 
 
 class _FormatError(Exception):
@@ -165,9 +169,12 @@ class _McapFile:
             self._file.seek(at)
             op, length = _HEAD.unpack(self._file.read(9))
             if op == DATA_END:
-                complete = True
+                self._file.seek(-len(MAGIC), 2)
+                complete = self._file.read() == MAGIC
                 break
             if at + 9 + length > self._size or length > MAX_RECORD or op == 0:
+                if op == CHUNK:
+                    self._add_cut_chunk(at)
                 break
             try:
                 if op == CHUNK:
@@ -193,6 +200,20 @@ class _McapFile:
             elif op == MESSAGE:
                 number, _, time_ns, _ = _message(content, start, end, at)
                 self._count(entry, number, time_ns, at)
+        if entry.counts:
+            self._entries.append(entry)
+
+    def _add_cut_chunk(self, at: int) -> None:
+        """Add the messages of a chunk that the end of the file cuts off."""
+        entry = _Entry(at, 1 << 64, 0, is_cut=True)
+        with contextlib.suppress(_FormatError, struct.error):
+            content = self._chunk_content(at, self._size - at - 9, cut=True)
+            for op, start, end in _records(content, at):
+                if op in (SCHEMA, CHANNEL):
+                    self._add_description(op, content[start:end], at)
+                elif op == MESSAGE:
+                    number, _, time_ns, _ = _message(content, start, end, at)
+                    self._count(entry, number, time_ns, at)
         if entry.counts:
             self._entries.append(entry)
 
@@ -254,12 +275,16 @@ class _McapFile:
                 op, length = _HEAD.unpack(self._file.read(9))
                 if op != CHUNK:
                     raise _FormatError("the index points to a record that is not a chunk", entry.offset)
-                content = self._chunk_content(entry.offset, length)
+                if entry.is_cut:
+                    length = self._size - entry.offset - 9
+                content = self._chunk_content(entry.offset, length, cut=entry.is_cut)
             for op, start, end in _records(content, entry.offset):
                 if op == MESSAGE:
                     number, at, time_ns, data = _message(content, start, end, entry.offset)
                     yield at, number, time_ns, data
         except (_FormatError, struct.error) as exc:
+            if entry.is_cut:
+                return
             reason = exc.message if isinstance(exc, _FormatError) else "a chunk is cut off"
             raise LogError(
                 f"{self._path} is damaged: {reason} (offset {entry.offset:,})",
@@ -267,8 +292,8 @@ class _McapFile:
                 offset=entry.offset,
             ) from exc
 
-    def _chunk_content(self, at: int, length: int) -> bytes:
-        """Return the uncompressed content of the chunk at `at`. Raises _FormatError."""
+    def _chunk_content(self, at: int, length: int, *, cut: bool = False) -> bytes:
+        """Return the uncompressed content of the chunk at `at`, or its readable part if it is `cut` off. Raises _FormatError."""
         if length > MAX_RECORD or at + 9 + length > self._size:
             raise _FormatError("a chunk is longer than the file", at)
         self._file.seek(at + 9)
@@ -280,10 +305,10 @@ class _McapFile:
         except struct.error as exc:
             raise _FormatError("a chunk is cut off", at) from exc
         body = data[40 + name_length :]
-        if stored != len(body) or size > MAX_RECORD:
+        if (stored != len(body) and not cut) or size > MAX_RECORD:
             raise _FormatError(f"a chunk has a wrong size ({size_text(size)})", at)
         content = _decompress(body, name, size, at)
-        if len(content) != size:
+        if len(content) != size and not cut:
             raise _FormatError(f"a chunk has {len(content)} bytes instead of {size}", at)
         return content
 
@@ -298,12 +323,25 @@ def _decompress(body: bytes, name: bytes, size: int, at: int) -> bytes:
             return lz4.LZ4FrameDecompressor().decompress(body, size + 1)
         if name == b"zstd":
             zstandard = require("zstandard", "an MCAP file with zstd compression")
-            return zstandard.ZstdDecompressor().stream_reader(body).read(size + 1)
+            with zstandard.ZstdDecompressor().stream_reader(body) as stream:
+                return _read_at_most(stream, size + 1)
     except NavError:
         raise
     except Exception as exc:  # any error of the library on damaged bytes
         raise _FormatError(f"a chunk cannot be decompressed ({shortened(str(exc), 60)})", at) from exc
     raise _FormatError(f"a chunk has the unknown compression {name[:20]!r}", at)
+
+
+def _read_at_most(stream: Any, size: int) -> bytes:
+    """Return up to `size` bytes of a stream; a single read may return less than there is."""
+    parts: list[bytes] = []
+    while size > 0:
+        part = stream.read(size)
+        if not part:
+            break
+        parts.append(part)
+        size -= len(part)
+    return b"".join(parts)
 
 
 def _records(content: bytes, offset: int) -> Iterator[tuple[int, int, int]]:

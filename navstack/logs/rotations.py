@@ -31,16 +31,16 @@ class Quaternion(NamedTuple):
         return math.isfinite(sum(self)) and any(self)
 
     def normalized(self) -> Quaternion:
-        """Return the unit quaternion; one of a pure heading is returned as it is."""
+        """Return the unit quaternion; one that is a unit quaternion up to rounding is returned as it is."""
         x, y, z, w = self
-        if x == 0.0 and y == 0.0:
-            return self
         norm = math.sqrt(x * x + y * y + z * z + w * w)
+        if abs(norm - 1.0) < 1e-12:
+            return self
         return Quaternion(x / norm, y / norm, z / norm, w / norm)
 
 
 def quaternion_of_yaw(yaw: float) -> Quaternion:
-    """Return a quaternion whose `yaw` is exactly `yaw` (rad, in (-pi, pi]).
+    """Return a quaternion whose `yaw` is exactly `yaw` (rad, in (-pi, pi], zero or at least 1e-300).
 
     sin and cos of half the angle lose the last bit, which can decide whether a ray ends in one cell or in the next; a change
     of z and w by a unit or two in the last place restores it.

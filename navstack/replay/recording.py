@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from navstack.bringup import odometry_frame, true_footprint
 from navstack.core import LaserScan, OccupancyGrid, Pose2D, RobotState, Transform2D, Twist2D
@@ -51,6 +51,7 @@ class ReplayRecorder:
         configuration: Configuration,
         static_map: OccupancyGrid | None,
         robot: LoggedRobot,
+        options: Mapping[str, Any],
         *,
         scans: bool,
     ) -> None:
@@ -60,7 +61,7 @@ class ReplayRecorder:
         self._local = odometry_frame(configuration)
         self._configuration = configuration
         self._map = static_map
-        self._log = log.path
+        self._log = {"path": str(log.path.resolve()), "partial": log.problem is not None, "options": dict(options)}
         self._first: Pose2D | None = None
         self._goals: list[Pose2D] = []
         self._sensors: dict[str, Transform2D] = {}
@@ -138,8 +139,8 @@ class ReplayRecorder:
                 configuration=configuration,
                 start=self._first or Pose2D(0.0, 0.0),
                 goals=tuple(self._goals),
-                name=Path(self._log).name,
-                names={"log": Path(self._log).name},
+                name=Path(str(self._log["path"])).name,
+                names={"log": self._log},
             )
             self.recorder.set_scenario(scenario.as_dict())
         self.recorder.finish([_result(goal, move_base) for goal in goals])

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Final
+from typing import Any, Final
 
 from navstack.bringup import build_move_base
 from navstack.core import Event, Listener, OccupancyGrid, Pose2D, Twist2D
@@ -20,6 +20,7 @@ from navstack.logs import messages as ros
 from navstack.logs.messages import Clock
 from navstack.move_base import GoalHandle, MoveBase
 from navstack.parameters.configuration import Configuration
+from navstack.record import RunRecorder
 from navstack.replay.comparison import Cycle
 from navstack.replay.logged_robot import LoggedRobot
 from navstack.replay.player import Player
@@ -75,6 +76,32 @@ class ReplayOptions:
     scans: bool = True
     """Record the scans."""
 
+    def as_dict(self) -> dict[str, Any]:
+        """Return the options as JSON data."""
+        return {
+            "start": self.start,
+            "end": self.end,
+            "topics": dict(self.topics),
+            "goals": [[time, *pose] for time, pose in self.goals],
+            "initial_pose": None if self.initial_pose is None else list(self.initial_pose),
+            "mountings": {frame: [parent, *values] for frame, (parent, values) in self.mountings.items()},
+            "scans": self.scans,
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> ReplayOptions:
+        """Restore the options. Raises KeyError, TypeError or ValueError for other data."""
+        pose = data["initial_pose"]
+        return cls(
+            data["start"],
+            data["end"],
+            {str(name): str(topic) for name, topic in data["topics"].items()},
+            tuple((float(goal[0]), Pose2D(*map(float, goal[1:]))) for goal in data["goals"]),
+            None if pose is None else Pose2D(*map(float, pose)),
+            {str(frame): (str(value[0]), tuple(map(float, value[1:]))) for frame, value in data["mountings"].items()},
+            bool(data["scans"]),
+        )
+
 
 class _Failures:
     """Notes that the local planner found no valid command."""
@@ -94,7 +121,7 @@ class _Failures:
         return failed
 
 
-class Replay:
+class LogReplay:
     """One replay of a log with one configuration. `run` does it; the results are then in the attributes."""
 
     def __init__(
@@ -128,7 +155,9 @@ class Replay:
         self.cycles: list[Cycle] = []
         self.goals: list[ReplayedGoal] = []
         self.recorder = (
-            ReplayRecorder(log, configuration, static_map, self.robot, scans=options.scans) if record else None
+            ReplayRecorder(log, configuration, static_map, self.robot, options.as_dict(), scans=options.scans)
+            if record
+            else None
         )
         self._failures = _Failures()
         own: list[Listener] = [self._failures]
@@ -141,6 +170,7 @@ class Replay:
         self._now = -math.inf
         self._goals = sorted(options.goals, key=lambda goal: goal[0])
         self._begin = -math.inf if options.start is None else options.start
+        self._steps = self._run()
         self._patience = 1.0 / max(self.configuration.move_base.controller_frequency, 1.0)
 
     @property
@@ -148,37 +178,61 @@ class Replay:
         """Length of the replayed part (s)."""
         return self.cycles[-1].time - self.cycles[0].time if self.cycles else 0.0
 
+    @property
+    def run_recorder(self) -> RunRecorder | None:
+        """The record so far; None without one."""
+        return None if self.recorder is None else self.recorder.recorder
+
+    @property
+    def pose(self) -> Pose2D:
+        """The robot in the global frame; at the origin as long as it is not known."""
+        frame, base = self.move_base.global_costmap.frame, self.configuration.local_costmap.params.robot_base_frame
+        return self.robot.pose_in(frame, base) or Pose2D(0.0, 0.0)
+
+    def step(self) -> bool:
+        """Read the log up to the next cycle and run it. Returns False at the end of the log."""
+        if next(self._steps, None) is None:
+            self._finish()
+            return False
+        return True
+
     def run(self, progress: Progress | None = None, stop: Callable[[], bool] | None = None) -> None:
         """Replay the log. `stop` is called about once per second of the log; True ends the replay with a complete record."""
         begin = time.perf_counter()
-        group: list[LogMessage] = []
         shown = -math.inf
-        for message in self.log.messages(self.topics.used, end=self.options.end):
-            if group and message.time_ns != group[0].time_ns:
-                now = self.clock.time(group[0].time_ns)
-                self._play(now, group)
-                group = []
-                if now - shown >= 1.0:
-                    shown = now
-                    if progress is not None:
-                        progress(now)
-                    if stop is not None and stop():
-                        break
-            group.append(message)
-        if group:
-            self._play(self.clock.time(group[0].time_ns), group)
+        for now in self._steps:
+            if now - shown >= 1.0:
+                shown = now
+                if progress is not None:
+                    progress(now)
+                if stop is not None and stop():
+                    break
+        self._finish()
+        self.wall_s = time.perf_counter() - begin
+
+    def _finish(self) -> None:
         self._settle_goals(final=True)
         if self.recorder is not None:
             self.recorder.finish(self.goals, self.move_base)
-        self.wall_s = time.perf_counter() - begin
 
     # --- one moment of the log ----------------------------------------------------------------------------------------
 
-    def _play(self, now: float, group: Sequence[LogMessage]) -> None:
+    def _run(self) -> Iterator[float]:
+        """Play the log; yields the time (s) of each cycle after it has run."""
+        group: list[LogMessage] = []
+        for message in self.log.messages(self.topics.used, end=self.options.end):
+            if group and message.time_ns != group[0].time_ns:
+                yield from self._play(self.clock.time(group[0].time_ns), group)
+                group = []
+            group.append(message)
+        if group:
+            yield from self._play(self.clock.time(group[0].time_ns), group)
+
+    def _play(self, now: float, group: Sequence[LogMessage]) -> Iterator[float]:
         """Play the messages of one time: data first, then the cycle, then goals and cancels, and the cycle that they cause."""
         driving = now >= self._begin
         if driving:
-            self._run_late_cycles(now)
+            yield from self._run_late_cycles(now)
         events: list[LogMessage] = []
         for message in group:
             if message.topic in self.topics.goals or message.topic in (self.topics.cancels, self.topics.results):
@@ -190,31 +244,31 @@ class Replay:
         own = self._own_goals(now)
         has_begun = self._now > -math.inf
         if has_begun or not (events or own):
-            self._run_cycles(now, at_least_one=bool(events or own) and self._now < now)
+            yield from self._run_cycles(now, at_least_one=bool(events or own) and self._now < now)
         for message in events:
             self._on_event(message, now)
         for pose in own:
             self._send(pose, self.move_base.global_costmap.frame, "", now)
         if events or own:
-            self._run_cycles(now)
+            yield from self._run_cycles(now)
 
-    def _run_late_cycles(self, until: float) -> None:
+    def _run_late_cycles(self, until: float) -> Iterator[float]:
         """Run the cycles that are due long before the next message."""
         while self._now > -math.inf:
             due = self.move_base.next_due(self._now)
             if not due + self._patience < until:
                 return
-            self._tick(max(due, self._now))
+            yield self._tick(max(due, self._now))
 
-    def _run_cycles(self, now: float, *, at_least_one: bool = False) -> None:
+    def _run_cycles(self, now: float, *, at_least_one: bool = False) -> Iterator[float]:
         """Run the cycles that are due at `now` (s)."""
         for _ in range(MAX_IDLE_CYCLES):
             if not at_least_one and self.move_base.next_due(max(self._now, now)) > now + TOLERANCE_S:
                 return
             at_least_one = False
-            self._tick(now)
+            yield self._tick(now)
 
-    def _tick(self, now: float) -> None:
+    def _tick(self, now: float) -> float:
         move_base, robot = self.move_base, self.robot
         self._resend(now)
         move_base.tick(now)
@@ -236,6 +290,7 @@ class Replay:
         )
         if self.recorder is not None:
             self.recorder.tick(move_base, len(self.goals) - 1)
+        return now
 
     # --- goals --------------------------------------------------------------------------------------------------------
 

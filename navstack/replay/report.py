@@ -13,13 +13,13 @@ from navstack.logs.log import seconds
 from navstack.replay.comparison import CommandComparison, PlanComparison, compare_commands, compare_plans
 
 if TYPE_CHECKING:
-    from navstack.replay.replay import Replay, ReplayedGoal
+    from navstack.replay.replay import LogReplay, ReplayedGoal
 
 
 class ReplayReport:
     """What a replay found."""
 
-    def __init__(self, replay: Replay) -> None:
+    def __init__(self, replay: LogReplay) -> None:
         self._replay = replay
         self.commands: CommandComparison | None = compare_commands(replay.cycles)
         self.plans: PlanComparison | None = compare_plans(_plans_of(replay), _recorded_plans(replay))
@@ -140,14 +140,14 @@ def _goal(goal: ReplayedGoal) -> dict[str, Any]:
     }
 
 
-def _plans_of(replay: Replay) -> list[tuple[float, NDArray[np.float64]]]:
+def _plans_of(replay: LogReplay) -> list[tuple[float, NDArray[np.float64]]]:
     if replay.recorder is None or not replay.player.plans:
         return []
     plans = replay.recorder.recorder.record().plans
     return [(plan.t, plan.poses) for plan in plans]
 
 
-def _recorded_plans(replay: Replay) -> list[tuple[float, NDArray[np.float64]]]:
+def _recorded_plans(replay: LogReplay) -> list[tuple[float, NDArray[np.float64]]]:
     """Return the plans in the log, in the frame of the global costmap."""
     target = replay.move_base.global_costmap.frame
     found: list[tuple[float, NDArray[np.float64]]] = []
@@ -162,7 +162,7 @@ def _recorded_plans(replay: Replay) -> list[tuple[float, NDArray[np.float64]]]:
     return found
 
 
-def clock_text(replay: Replay, time: float) -> str:
+def clock_text(replay: LogReplay, time: float) -> str:
     """Return the date and time of a time (s) of a replay, in UTC."""
     from datetime import UTC, datetime
 

@@ -28,7 +28,7 @@ LOOK_BACK_S: Final = 10.0
 """The last poses are known from this much of a log (s)."""
 CLOCKS_DIFFER_S: Final = 600.0
 """Stamps that differ more from the time of the recording (s) belong to another clock."""
-FREE_EXTENT_M: Final = 100.0
+FREE_EXTENT_M: Final = 40.0
 """Width and height of the map of a robot without a map (m)."""
 
 
@@ -191,7 +191,7 @@ def logged_map(log: Log, topics: Topics) -> OccupancyGrid | None:
 
 
 def empty_map(log: Log, topics: Topics, initial_pose: Pose2D | None, frame: str) -> OccupancyGrid:
-    """Return a free map of 100 x 100 m around the first pose of the robot."""
+    """Return a free map of 40 x 40 m around the first pose of the robot."""
     centre = initial_pose
     if centre is None and topics.odometry:
         for message in log.messages([topics.odometry]):

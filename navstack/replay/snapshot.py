@@ -12,7 +12,7 @@ from navstack.core import LETHAL, Costmap, OccupancyGrid, Pose2D, Transform2D
 from navstack.core.errors import LogError, NavError
 from navstack.logs import Log
 from navstack.parameters.configuration import Configuration
-from navstack.replay.replay import Replay, ReplayOptions
+from navstack.replay.replay import LogReplay, ReplayOptions
 from navstack.scenario import Scenario
 from navstack.sim import Shape
 
@@ -39,7 +39,7 @@ def snapshot(
     if not 0.0 <= time <= log.duration:
         raise LogError(f"{log.path} has {log.duration:.1f} s; {time:g} s is not in it", time=time)
     options = replace(options or ReplayOptions(), start=max(0.0, time - LOOK_BACK_S), end=time, scans=False)
-    replay = Replay(log, configuration, static_map, options, record=False)
+    replay = LogReplay(log, configuration, static_map, options, record=False)
     replay.run()
     frame = configuration.global_costmap.params.global_frame
     start = replay.robot.pose_in(frame, configuration.local_costmap.params.robot_base_frame)
@@ -67,7 +67,7 @@ def snapshot(
     )
 
 
-def _lethal(replay: Replay, costmap: Costmap, frame: str) -> NDArray[np.float64]:
+def _lethal(replay: LogReplay, costmap: Costmap, frame: str) -> NDArray[np.float64]:
     """Return the centres (n, 2) of the lethal cells in `frame`."""
     rows, columns = np.nonzero(costmap.data == LETHAL)
     g = costmap.geometry

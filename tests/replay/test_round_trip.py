@@ -1,0 +1,139 @@
+"""Simulate, export, replay with the same parameters: the same costmaps cell for cell, the same commands cycle for cycle."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from navstack.core import Pose2D
+from navstack.core.errors import InputError, RecordError
+from navstack.logs import open_log
+from navstack.map_io import load_map, map_path
+from navstack.parameters.configuration import load_configuration
+from navstack.record import Record
+from navstack.replay import LogReplay
+from navstack.replay.export import export_run
+from navstack.replay.setup import logged_map
+from navstack.replay.topics import find_topics
+from navstack.scenario import Run, Scenario, read_scenario, shipped_scenarios
+
+NOT_IN_A_LOG = {"clearances", "solid_corners", "solid_discs", "solid_first"}
+"""What only a simulator knows."""
+
+
+def recorded(scenario: Scenario) -> Record:
+    run = Run(scenario)
+    while run.step():
+        pass
+    assert run.recorder is not None
+    return run.recorder.record()
+
+
+def office(*overrides: str, params: str = "turtlebot") -> Scenario:
+    grid = load_map(map_path("office"))
+    start, goal = Pose2D(2.0, 7.45, 0.0), Pose2D(4.5, 7.45, 0.0)
+    configuration = load_configuration([params], overrides=list(overrides))
+    return Scenario(grid, configuration, start, (goal,), seed=3)
+
+
+def packaged(name: str) -> Scenario:
+    return read_scenario(shipped_scenarios()[name]).build()
+
+
+SCENARIOS: dict[str, Any] = {
+    "narrow door": lambda: packaged("narrow_door"),
+    "pedestrian": lambda: packaged("crossing_pedestrian"),
+    "holonomic": lambda: packaged("holonomic_robot"),
+    "rotating laser": lambda: office(
+        "navstack/sim/laser/fov=6.283185307179586", "navstack/sim/laser/yaw=0.3", "navstack/sim/laser/beams=360"
+    ),
+    "slip and noise": lambda: office(
+        "navstack/sim/wheel_slip=0.05",
+        "navstack/sim/odometry_noise=0.05",
+        "navstack/sim/laser/range_noise=0.01",
+        "navstack/sim/laser/dropout=0.02",
+    ),
+    "unreachable": lambda: packaged("unreachable_goal"),
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "suffix"),
+    [(name, suffix) for name in SCENARIOS for suffix in ("bag", "mcap") if suffix == "bag" or name != "unreachable"],
+)
+def test_replay_equals_the_run(name: str, suffix: str, tmp_path: Path) -> None:
+    scenario = SCENARIOS[name]()
+    run = recorded(scenario)
+    file = tmp_path / f"run.{suffix}"
+    exported = export_run(run, file)
+    assert exported.duration == run.times[-1] and exported.messages > 100
+    with open_log(file) as log:
+        found = logged_map(log, find_topics(log, scenario.configuration))
+        assert found is not None
+        replay = LogReplay(log, scenario.configuration, found)
+        replay.run()
+    again = replay.recorder.recorder.record() if replay.recorder is not None else None
+    assert again is not None
+    assert not replay.player.problems
+    for key, array in run.arrays.items():
+        if key not in NOT_IN_A_LOG:
+            assert array.tobytes() == again.arrays[key].tobytes(), key
+    compared = [cycle for cycle in replay.cycles if cycle.controlled and cycle.recorded is not None]
+    assert len(compared) > 5 or name == "unreachable"
+    assert all(cycle.command == cycle.recorded for cycle in compared)
+
+
+def test_export_is_the_same_file_every_time(tmp_path: Path) -> None:
+    run = recorded(packaged("narrow_door"))
+    for suffix in ("bag", "mcap"):
+        first, second = tmp_path / f"a.{suffix}", tmp_path / f"b.{suffix}"
+        export_run(run, first)
+        export_run(run, second)
+        assert first.read_bytes() == second.read_bytes()
+
+
+def test_other_suffix_and_replays_are_refused(tmp_path: Path) -> None:
+    run = recorded(packaged("unreachable_goal"))
+    with pytest.raises(InputError, match=r"end the name with \.bag \(ROS 1\) or \.mcap \(ROS 2\)"):
+        export_run(run, tmp_path / "run.db3")
+    run.scenario["log"] = {"path": "x.bag"}
+    with pytest.raises(RecordError, match="the replay of a log, which has no simulation to export"):
+        export_run(run, tmp_path / "run.bag")
+    assert not list(tmp_path.iterdir())
+
+
+def test_run_of_another_version_is_refused(tmp_path: Path) -> None:
+    run = recorded(packaged("narrow_door"))
+    run.arrays["samples"] = np.array(run.samples)
+    run.arrays["samples"]["vx"][5] += 1e-9
+    with pytest.raises(RecordError, match="the run is not the same when it is simulated again"):
+        export_run(run, tmp_path / "run.bag")
+    assert not list(tmp_path.iterdir())
+
+
+def test_costmaps_of_the_export_are_those_of_the_run(tmp_path: Path) -> None:
+    from navstack.logs.builder import published_costs
+
+    scenario = packaged("narrow_door")
+    run = recorded(scenario)
+    export_run(run, tmp_path / "run.bag")
+    values = published_costs()
+    grid = None
+    origin = None
+    with open_log(tmp_path / "run.bag") as log:
+        for message in log.messages(["/move_base/global_costmap/costmap", "/move_base/global_costmap/costmap_updates"]):
+            data = message.data
+            if message.topic.endswith("costmap"):
+                grid = data.data.reshape(data.info.height, data.info.width).copy()
+                origin = data.info.origin.position
+            else:
+                assert grid is not None
+                window = data.data.reshape(data.height, data.width)
+                grid[data.y : data.y + data.height, data.x : data.x + data.width] = window
+            expected = run.costmap_at("global", message.time - 1_600_000_000.0 + 1e-6)
+            assert expected is not None and grid is not None and origin is not None
+            assert np.array_equal(grid, values[expected.data])
+            assert (origin.x, origin.y) == (expected.geometry.origin_x, expected.geometry.origin_y)
