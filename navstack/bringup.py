@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -37,6 +37,9 @@ from navstack.parameters.configuration import Configuration, CostmapConfiguratio
 from navstack.plugins import GLOBAL_PLANNERS
 from navstack.safety import CollisionDetector, CollisionMonitor, CommandChain, CommandMultiplexer, VelocitySmoother
 from navstack.sim import Shape, SimulatedRobot, World
+
+RECOVERY_TIME_LIMIT_S: Final = 120.0
+"""A recovery behavior that runs longer (s) fails."""
 
 
 def build_costmap(
@@ -90,6 +93,7 @@ def build_move_base(
     *,
     static_map: OccupancyGrid | None = None,
     listeners: Sequence[Listener] = (),
+    recovery_time_limit_s: float = RECOVERY_TIME_LIMIT_S,
 ) -> MoveBase:
     """Build a goal manager for `robot` with the planners, costmaps and recovery behaviors of a configuration.
 
@@ -117,6 +121,7 @@ def build_move_base(
         listeners=listeners,
         goal_time_limit_s=configuration.navstack.goal_time_limit or math.inf,
         stall_timeout_s=configuration.navstack.stall_timeout,
+        recovery_time_limit_s=recovery_time_limit_s,
     )
 
 

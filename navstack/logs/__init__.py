@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from navstack.logs.log import Channel, Log, LogMessage, topic_name
 from navstack.logs.open_log import open_log
-
-open = open_log
+from navstack.logs.open_log import open_log as open
 
 __all__ = ["Channel", "Log", "LogMessage", "open", "open_log", "topic_name"]

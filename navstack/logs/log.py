@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -133,6 +134,8 @@ class Log:
         """`ROS 1 bag`, `ROS 2 bag (sqlite3)`, `ROS 2 bag (mcap)` or `MCAP`."""
         self.is_ros1 = is_ros1
         self._source = source
+        # a replay that is explained keeps its log open; nobody closes it there
+        self._finalizer = weakref.finalize(self, source.close)
 
     def __enter__(self) -> Log:
         return self
@@ -144,7 +147,7 @@ class Log:
 
     def close(self) -> None:
         """Close the file."""
-        self._source.close()
+        self._finalizer()
 
     @cached_property
     def channels(self) -> tuple[Channel, ...]:

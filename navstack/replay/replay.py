@@ -33,6 +33,9 @@ MAX_IDLE_CYCLES: Final = 1000
 TOLERANCE_S: Final = 1e-8
 """Times that differ by less are equal."""
 
+RECOVERY_TIME_LIMIT_S: Final = 20.0
+"""A recovery behavior that runs longer (s) fails: the robot of a log does not turn because navstack wants it to."""
+
 Progress = Callable[[float], None]
 """Called about once per second of the log with its time (s)."""
 
@@ -164,7 +167,11 @@ class LogReplay:
         if self.recorder is not None:
             own.append(self.recorder.recorder)
         self.move_base: MoveBase = build_move_base(
-            self.configuration, self.robot, static_map=static_map, listeners=[*own, *listeners]
+            self.configuration,
+            self.robot,
+            static_map=static_map,
+            listeners=[*own, *listeners],
+            recovery_time_limit_s=RECOVERY_TIME_LIMIT_S,
         )
         self.wall_s = 0.0
         self._now = -math.inf
