@@ -5,6 +5,7 @@ A message is read by the names of its fields, so the types of rosbags, of ROS 1 
 
 from __future__ import annotations
 
+import json
 import math
 from typing import Any, Final, NamedTuple
 
@@ -37,6 +38,9 @@ ACTION_GOAL: Final = "move_base_msgs/msg/MoveBaseActionGoal"
 ACTION_RESULT: Final = "move_base_msgs/msg/MoveBaseActionResult"
 GOAL_ID: Final = "actionlib_msgs/msg/GoalID"
 TRANSFORMS: Final = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+EXPORTED_SENSORS: Final = "/navstack/sensors"
+"""Topic of an exported run: `ScanFields` of each topic of scans, as JSON in a std_msgs/String."""
+STRING: Final = "std_msgs/msg/String"
 LARGEST_GRID: Final = 100_000_000
 """Largest number of cells of a map."""
 _FIELD_TYPES: Final = {
@@ -147,15 +151,31 @@ def twist_of(message: Any) -> Twist2D:
     return Twist2D(float(message.linear.x), float(message.linear.y), float(message.angular.z))
 
 
-def scan_of(message: Any, topic: str, stamp: float, *, height: float, upside_down: bool) -> LaserScan:
-    """Return a scan; `upside_down` reverses the direction of its angles."""
+class ScanFields(NamedTuple):
+    """The fields of a scan that do not change, in double precision: a message stores them as float32."""
+
+    angle_min: float
+    angle_increment: float
+    range_min: float
+    range_max: float
+
+    def agrees_with(self, message: Any) -> bool:
+        """Return True if a message has the same values, as float32."""
+        return all(np.float32(value) == np.float32(getattr(message, name)) for name, value in self._asdict().items())
+
+
+def scan_of(
+    message: Any, topic: str, stamp: float, *, height: float, upside_down: bool, fields: ScanFields | None = None
+) -> LaserScan:
+    """Return a scan; `upside_down` reverses the direction of its angles. `fields` replace those of the message if they agree."""
     sign = -1.0 if upside_down else 1.0
+    exact = message if fields is None or not fields.agrees_with(message) else fields
     return LaserScan(
         np.ascontiguousarray(message.ranges, np.float32),
-        sign * float(message.angle_min),
-        sign * float(message.angle_increment),
-        float(message.range_min),
-        float(message.range_max),
+        sign * float(exact.angle_min),
+        sign * float(exact.angle_increment),
+        float(exact.range_min),
+        float(exact.range_max),
         stamp,
         clean_frame(message.header.frame_id),
         topic,
@@ -214,6 +234,15 @@ def map_of(message: Any) -> OccupancyGrid:
         )
     except NavError as exc:
         raise LogError(f"a map is not valid: {exc.message}") from exc
+
+
+def scan_fields_of(message: Any) -> dict[str, ScanFields]:
+    """Return the fields of the scans of an exported run by topic. Raises LogError."""
+    try:
+        found = json.loads(message.data)
+        return {str(topic): ScanFields(**{k: float(v) for k, v in of.items()}) for topic, of in found["scans"].items()}
+    except (ValueError, TypeError, KeyError, AttributeError) as exc:
+        raise LogError(f"{EXPORTED_SENSORS} has no valid description of the sensors: {exc}") from exc
 
 
 class LoggedGoal(NamedTuple):

@@ -6,6 +6,7 @@ to the millimetre and has no transforms between two control cycles.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -132,6 +133,13 @@ class _Tap:
             static.append((_ns(0.0), map_frame, odom, robot.frames.lookup(map_frame, odom), 0.0))
         kind = ros.TRANSFORMS[0]
         self._write("/tf_static", kind, 0.0, build.transforms(static), latched=True)
+        sim = self._run.scenario.configuration.navstack.sim
+        scans = {
+            "/" + lidar.topic.strip("/"): {name: getattr(lidar, name) for name in ros.ScanFields._fields}
+            for lidar in (sim.lidar(name) for name in sim.lasers)
+        }
+        text = build.of(ros.STRING, data=json.dumps({"scans": scans}))
+        self._write(ros.EXPORTED_SENSORS, ros.STRING, 0.0, text, latched=True)
         self._write("/map", ros.MAP, 0.0, build.map(_ns(0.0), self._run.scenario.map), latched=True)
         state = robot.state()
         self._write_state(0.0, robot.pose, state.pose, state.velocity)

@@ -76,6 +76,7 @@ class Player:
         self._periods = periods
         self._rates: dict[str, _Rate] = {}
         self._tilted: set[str] = set()
+        self._scan_fields: dict[str, ros.ScanFields] = {}
         self.derives_odometry_frame = not any(topic == "/tf" for topic in topics.transforms)
         """True if the log has no /tf: the pose of the odometry then is the transform odom -> base."""
 
@@ -125,6 +126,8 @@ class Player:
                 poses = ros.path_of(path)
                 frame = path.header.frame_id or (path.poses[0].header.frame_id if path.poses else "")
                 self.plans.append(RecordedPath(self.clock.time(message.time_ns), ros.clean_frame(frame), poses))
+            elif topic == ros.EXPORTED_SENSORS:
+                self._scan_fields = ros.scan_fields_of(message.data)
             elif topic == self._topics.truth:
                 self.robot.true_pose = ros.pose_of(message.data.pose.pose)
         except (LogError, FrameError) as exc:
@@ -176,4 +179,6 @@ class Player:
         if tilt > LEVEL and frame not in self._tilted:
             self._tilted.add(frame)
             self._problem(f'{topic}: "{frame}" is tilted by {tilt:.2f} rad; its scans are used as if it was level')
-        self.robot.add_scan(ros.scan_of(data, sensor.name, stamp, height=mounting.height, upside_down=upside_down))
+        fields = self._scan_fields.get(topic)
+        scan = ros.scan_of(data, sensor.name, stamp, height=mounting.height, upside_down=upside_down, fields=fields)
+        self.robot.add_scan(scan)

@@ -58,13 +58,15 @@ class Topics:
     truth: str = ""
     """Odometry with the true pose of a simulated robot."""
     transforms: tuple[str, ...] = ()
+    exported: str = ""
+    """Topic with the fields of the scans of an exported run."""
     notes: list[str] = field(default_factory=list[str])
     """What was chosen without being named, and what is missing."""
 
     @property
     def used(self) -> list[str]:
         """Every topic that is read."""
-        single = (self.odometry, self.cancels, self.results, self.commands, self.truth)
+        single = (self.odometry, self.cancels, self.results, self.commands, self.truth, self.exported)
         names = [*self.sensors, *self.goals, *self.plans, *self.transforms, *single]
         return sorted({name for name in names if name})
 
@@ -98,6 +100,7 @@ def find_topics(log: Log, configuration: Configuration, chosen: Mapping[str, str
         if "/plan" in names
         else tuple(t for t in log.topics_of(ros.PATH) if t.endswith("plan") and t.split("/")[-1] not in LOCAL_PLANS)
     )
+    topics.exported = ros.EXPORTED_SENSORS if ros.EXPORTED_SENSORS in log.topics_of(ros.STRING) else ""
     topics.transforms = tuple(t for t in ("/tf", "/tf_static") if log.has(t))
     return topics
 

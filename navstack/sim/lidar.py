@@ -19,10 +19,6 @@ def scan_settings(
     return np.array([(height, angle_min, angle_increment, range_min, range_max)], SCAN)
 
 
-def _float32(value: float) -> float:
-    return float(np.float32(value))
-
-
 class Lidar:
     """Computes scans of a world from poses of the robot."""
 
@@ -30,14 +26,12 @@ class Lidar:
         """`number` distinguishes the lidars of a robot: each has its own random stream."""
         self.params = params
         self.mounting = Transform2D(params.x, params.y, params.yaw)
-        angles = _float32(params.angle_min) + _float32(params.angle_increment) * np.arange(params.beams)
+        angles = params.angle_min + params.angle_increment * np.arange(params.beams)
         self._beams: NDArray[np.float64] = np.column_stack((np.cos(angles), np.sin(angles)))
         self._settings = scan_settings(
             params.height, params.angle_min, params.angle_increment, params.range_min, params.range_max
         )
-        # a message stores these as float32, so that a run that is exported and replayed sees the same scans
-        self._angle_min, self._angle_increment = _float32(params.angle_min), _float32(params.angle_increment)
-        self._range_min, self._range_max = _float32(params.range_min), _float32(params.range_max)
+        self._angle_min, self._angle_increment = params.angle_min, params.angle_increment
         self._no_noise = np.empty((0, params.beams))
         self._noisy = params.range_noise > 0.0 or params.dropout > 0.0
         self._seed = seed
@@ -55,8 +49,8 @@ class Lidar:
             lambda: self._ranges(world, base, index, solids_then),
             self._angle_min,
             self._angle_increment,
-            self._range_min,
-            self._range_max,
+            p.range_min,
+            p.range_max,
             stamp,
             p.frame,
             p.topic,

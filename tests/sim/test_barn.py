@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from navstack.core import Footprint, LaserScan, Pose2D, Twist2D
+from navstack.core import Footprint, Pose2D, Twist2D
 from navstack.sim import LidarParams, SimParams, SimulatedRobot, World
 
 JACKAL = Footprint(np.array([[-0.21, -0.165], [0.21, -0.165], [0.21, 0.165], [-0.21, 0.165]]))
@@ -50,13 +50,13 @@ def worlds(data_dir: Path) -> list[World]:
 
 
 def test_start_and_goal_are_free_and_scans_see_every_cylinder_in_sight(worlds: list[World]) -> None:
+    lidar = PARAMS.lidar("laser")
+    angles = lidar.angle_min + lidar.angle_increment * np.arange(lidar.beams)
     for world in worlds:
         assert world.is_free(JACKAL, START)
         assert world.is_free(JACKAL, GOAL)
         robot = SimulatedRobot(PARAMS, world, JACKAL, START)
         scan = robot.scans()[0]
-        assert isinstance(scan, LaserScan)
-        angles = scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))
         eye = np.array([0.055 * math.cos(1.57), 0.055 * math.sin(1.57)])
         towards = np.column_stack((np.cos(1.57 + angles), np.sin(1.57 + angles)))
         # all beams against all discs, in one table
