@@ -17,6 +17,14 @@ _Commands = Annotated[
         help="Also draw the commands over time: requested, after the velocity smoother, sent to the robot.",
     ),
 ]
+_Steering = Annotated[
+    Path | None,
+    typer.Option(
+        "--steering",
+        metavar="FILE",
+        help="Also draw speed and steering angle of a car or a tricycle over time, with their limits.",
+    ),
+]
 
 
 def plot(
@@ -44,6 +52,7 @@ def plot(
         typer.Option("--animation", metavar="FILE", help="Write the animation here (.gif, or .mp4 with ffmpeg)."),
     ] = None,
     commands: _Commands = None,
+    steering: _Steering = None,
     speed: Annotated[
         float, typer.Option("--speed", help="Simulated seconds per second of the animation.", min=0.1)
     ] = 4.0,
@@ -54,7 +63,7 @@ def plot(
     from navstack.cli.output import counting_bar, print_files, print_json
     from navstack.core.errors import InputError
     from navstack.map_io import map_names
-    from navstack.plot import animate_run, plot_commands, plot_run
+    from navstack.plot import animate_run, plot_commands, plot_run, plot_steering
     from navstack.record import Record
 
     run = Path(source)
@@ -70,6 +79,8 @@ def plot(
     files = {"picture": str(plot_run(record, picture))}
     if commands is not None:
         files["commands"] = str(plot_commands(record, file_in("commands.png")(commands) or commands))
+    if steering is not None:
+        files["steering"] = str(plot_steering(record, file_in("steering.png")(steering) or steering))
     if animate or animation is not None:
         movie = animation or picture.with_suffix(".gif")
         with counting_bar("drawing", quiet=json_) as progress:

@@ -14,6 +14,7 @@ from navstack.explain.command_chain import command_after
 from navstack.explain.command_summary import average_summary, count_rejections, summary_of
 from navstack.explain.replay import Replay, replay, time_in
 from navstack.explain.samples import SampleReport, rank_samples
+from navstack.explain.steering import SteeringReport, steering_after
 from navstack.interfaces import ControlDiagnostics, LocalPlan
 from navstack.local_planner.path_follower import PathFollower
 from navstack.record import Record
@@ -50,6 +51,9 @@ class CommandReport:
     chain: RecordedCommand | None = None
     """What multiplexer, velocity smoother and collision monitor made of the command; None without them."""
 
+    steering: SteeringReport | None = None
+    """What the command asks of the steering; None for a base that is not steered."""
+
     @property
     def legal(self) -> tuple[SampleReport, ...]:
         """Samples that no critic rejected, by rank."""
@@ -75,6 +79,7 @@ class CommandReport:
             "samples": [sample.as_dict() for sample in self.samples],
             "notes": list(plan.notes),
             "chain": self.chain.as_dict() if self.chain is not None else None,
+            "steering": self.steering.as_dict() if self.steering is not None else None,
         }
 
 
@@ -117,6 +122,7 @@ def explain_command(record: Record, time: float | None = None) -> CommandReport:
         poses=details.rollouts.poses if details else None,
         counts=details.rollouts.counts if details else None,
         chain=command_after(record, replayed.time),
+        steering=steering_after(record, replayed.time, plan.command),
     )
 
 

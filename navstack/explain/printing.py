@@ -14,6 +14,7 @@ from navstack.explain.command_summary import velocity_text
 from navstack.explain.goal import GoalReport
 from navstack.explain.passages import LABELS, RATINGS, PassageReport
 from navstack.explain.samples import SampleReport
+from navstack.explain.steering import steering_sentence
 
 SHOWN = 12
 """Rows of the table without --all."""
@@ -86,6 +87,8 @@ def print_command(out: Console, report: CommandReport, *, everything: bool = Fal
     out.print(f"[bold]{escape(report.summary)}[/]")
     if report.chain is not None:
         out.print(escape(chain_sentence(report.chain)))
+    if report.steering is not None:
+        out.print(escape(steering_sentence(report.steering)))
     for note in plan.notes:
         out.print(f"note: {escape(note)}")
     shown = _shown_samples(report, everything=everything)

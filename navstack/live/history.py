@@ -20,7 +20,7 @@ TRAIL = 2000
 
 
 class Sample(NamedTuple):
-    """One control cycle: time (s), clearance (m), velocities and commands (m/s, rad/s), state."""
+    """One control cycle: time (s), clearance (m), velocities and commands (m/s, rad/s), state, steering angle (rad)."""
 
     t: float
     clearance: float
@@ -29,6 +29,7 @@ class Sample(NamedTuple):
     command_vx: float
     command_wz: float
     state: str
+    steering: float = 0.0
 
 
 class NumberedEvent(NamedTuple):
@@ -88,6 +89,7 @@ class History:
                 command.vx,
                 command.wz,
                 move_base.state.name,
+                robot.steering_angle,
             )
         )
         for scan in move_base.last_tick.scans:

@@ -16,6 +16,7 @@ from navstack.live.grids import GridView
 from navstack.live.potential import PotentialView
 from navstack.live.session import Session
 from navstack.live.trajectories import trajectories_of
+from navstack.record import SteeredBase
 from navstack.sim import PedestrianMotion, Shape
 
 LAYERS: Final = ("global", "local", "scan", "trajectories", "potential")
@@ -85,6 +86,11 @@ class SessionView:
             "collisions": len(robot.collisions),
             "length": round(run.path_length, 3),
         }
+        steered = SteeredBase.of(robot.params)
+        if steered is not None:
+            width = float(np.ptp(robot.footprint.vertices[:, 1]))
+            entries["steering"] = round(robot.steering_angle, 4)
+            entries["wheels"] = [_rounded(wheel, 4) for wheel in steered.wheels(width, robot.steering_angle)]
         self._if_changed(entries, "goals", self._goals())
         self._if_changed(entries, "shapes", [_shape(shape) for shape in session.shapes])
         self._if_changed(entries, "interactions", self._interactions())
@@ -208,7 +214,7 @@ def _new_part(trail: list[tuple[float, float]]) -> list[tuple[float, float]]:
 def _sample(sample: Any) -> list[Any]:
     clearance = None if not math.isfinite(sample.clearance) else round(sample.clearance, 3)
     numbers = _rounded((sample.vx, sample.wz, sample.command_vx, sample.command_wz), 3)
-    return [round(sample.t, 3), clearance, *numbers, sample.state]
+    return [round(sample.t, 3), clearance, *numbers, sample.state, round(sample.steering, 4)]
 
 
 def _shape(shape: Shape) -> dict[str, Any]:

@@ -38,6 +38,7 @@ def world_frame(stage: Stage, *, server: str, read_only: bool) -> Frame:
         },
         "footprint": robot.footprint.vertices.tolist(),
         "padded": [s.run.move_base.local_costmap.footprint.vertices.tolist() for s in stage.sessions],
+        "wheelbase": robot.params.wheelbase if robot.params.is_steered else None,
         "holonomic": robot.params.kinematics == "holonomic",
         "limits": {name: _finite(getattr(limits, name)) for name in limits._fields},
         "places": _places(session.origin.map_file),

@@ -9,6 +9,7 @@ from navstack.plot.recorded_costmap import plot_costmap_at
 from navstack.plot.reports import plot_command, plot_goal_reports, plot_inflation_curves, plot_passage_report
 from navstack.plot.run import plot_run
 from navstack.plot.states import plot_states
+from navstack.plot.steering import plot_steering
 
 __all__ = [
     "animate_run",
@@ -23,4 +24,5 @@ __all__ = [
     "plot_plan",
     "plot_run",
     "plot_states",
+    "plot_steering",
 ]

@@ -16,6 +16,7 @@ from navstack.plot.film_layers import CostmapLayer, Stamp
 from navstack.plot.obstacles import draw_obstacles, obstacle_patches, obstacles_moved
 from navstack.plot.picture import Picture
 from navstack.plot.run import area_of_run, draw_ends, draw_map, incidents
+from navstack.plot.steering import wheel_lines
 from navstack.record import Record
 
 Entries = list[tuple[Any, str]]
@@ -93,6 +94,7 @@ class Film:
             f"{t - float(record.times[0]):.1f} s    {record.states[i]}"
             + (f"    goal {goal + 1}" if goal >= 0 else "")
             + f"    {np.hypot(v[0], v[1]):.2f} m/s  {v[2]:+.2f} rad/s"
+            + ("" if record.steered_base is None else f"    steering {record.steering[i]:+.2f} rad")
         )
 
 
@@ -110,8 +112,9 @@ class _RobotArtists:
         self._footprint.set(animated=True, facecolor=colors.FOOTPRINT, linewidth=1.4)
         self._heading = drawing.draw_line(axes, empty, colors.BLACK, width=1.6, zorder=6.1, **options)
         (self._scan,) = axes.plot([], [], ".", ms=3.0, color=colors.SCAN, ls="none", zorder=4.5, **options)
+        self._wheels = drawing.draw_line(axes, empty, colors.INK, width=3.0, zorder=6.2, **options)
         self.paths = (self._scan, self._plan, self._driven, self._local)
-        self.body = (self._footprint, self._heading)
+        self.body = (self._footprint, self._heading, self._wheels)
 
     def entries(self) -> Entries:
         """Returns the entries of the legend."""
@@ -139,6 +142,8 @@ class _RobotArtists:
         scans = [scan.points for scan in record.scans_at(t)]
         self._scan.set_data(*np.concatenate([np.empty((0, 2)), *scans]).T)
         self._footprint.set_xy(record.footprint.at(pose))
+        if record.steered_base is not None:
+            self._wheels.set_data(*wheel_lines(record, i).T)
         reach = record.footprint.circumscribed_radius
         self._heading.set_data([pose.x, pose.x + reach * np.cos(pose.yaw)], [pose.y, pose.y + reach * np.sin(pose.yaw)])
 

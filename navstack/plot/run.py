@@ -15,6 +15,7 @@ from navstack.plot import areas, canvas, colors, drawing, legend
 from navstack.plot.commands import draw_changed_commands
 from navstack.plot.obstacles import draw_obstacles
 from navstack.plot.picture import Picture
+from navstack.plot.steering import wheel_lines
 from navstack.record import Record
 
 MOST_REPLANS = 40
@@ -230,6 +231,8 @@ def _draw_footprints(axes: Any, record: Record, entries: list[tuple[Any, str]]) 
     handle: Any = None
     for row in sorted(rows | {len(poses) - 1}):
         handle = drawing.draw_footprint(axes, record.footprint, drawing.pose_of(poses[row]))
+        if record.steered_base is not None:
+            drawing.draw_line(axes, wheel_lines(record, row), colors.INK, width=2.0, zorder=4.5)
     entries.append((handle, "footprint"))
 
 

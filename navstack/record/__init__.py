@@ -6,5 +6,6 @@
 from navstack.record.entries import RecordedLocalPlan, RecordedPlan, RecordedScan
 from navstack.record.reader import Record
 from navstack.record.recorder import RunRecorder
+from navstack.record.steering import SteeredBase
 
-__all__ = ["Record", "RecordedLocalPlan", "RecordedPlan", "RecordedScan", "RunRecorder"]
+__all__ = ["Record", "RecordedLocalPlan", "RecordedPlan", "RecordedScan", "RunRecorder", "SteeredBase"]

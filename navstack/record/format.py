@@ -26,6 +26,8 @@ same file byte for byte. "map" below is the global frame, "odom" the local frame
     scan_sources      [[topic, frame], ..], see column `source` of `scans`
     sensors           {frame of a lidar: [x, y, yaw] in base}; absent in records of 0.1.0
 
+    steering          {"kinematics", "wheelbase" m, "max_angle" rad, "max_rate" rad/s or null}; absent for a base that is not
+                      steered
     zones             [{"name", "action", "corners" [[x, y], ..] m, base}, ..]: of the collision monitor; absent without one
 
 `events.jsonl`, one object per line: `{"time" s, "kind", "text", "data"}` as in `navstack.core.Event`; events of kind
@@ -66,6 +68,7 @@ Plain arrays:
     map                      (ny, nx) i1    100 occupied, 0 free, -1 unknown, [iy, ix]; absent without a map
     clearances               (n,) f8 m      a row per row of `samples`: distance from the unpadded footprint to the nearest
                                             obstacle, inf without obstacles; absent if unknown (a real robot)
+    steering                 (n,) f8 rad    a row per row of `samples`: steering angle; absent for a base that is not steered
     solid_discs              (r, k, 3) f4   x, y, radius, map: obstacles besides the map. r is 1 if none of them moves;
     solid_corners            (r, m, 2) f4   else there is a row per row of `samples`. Corners x, y of p polygons; those of
     solid_first              (p + 1,) i8    polygon i start at solid_first[i]. All absent if there are no obstacles besides

@@ -29,6 +29,7 @@ from navstack.interfaces import LocalPlan
 from navstack.record.archive import locate, read
 from navstack.record.commands import RecordedCommand, recorded_command
 from navstack.record.entries import RecordedLocalPlan, RecordedPlan, RecordedScan
+from navstack.record.steering import SteeredBase, steered_base_of
 
 
 class Record:
@@ -117,6 +118,17 @@ class Record:
     def clearances(self) -> NDArray[np.float64]:
         """(n,) distance (m) from the unpadded footprint to the nearest obstacle, inf without obstacles, nan if unknown."""
         found = self.arrays.get("clearances")
+        return np.full(len(self.times), np.nan) if found is None else found
+
+    @cached_property
+    def steered_base(self) -> SteeredBase | None:
+        """The base, if it is steered: a car or a tricycle."""
+        return steered_base_of(self.meta)
+
+    @property
+    def steering(self) -> NDArray[np.float64]:
+        """(n,) steering angle (rad) of a steered base, nan for any other."""
+        found = self.arrays.get("steering")
         return np.full(len(self.times), np.nan) if found is None else found
 
     @property

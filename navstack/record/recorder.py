@@ -34,6 +34,7 @@ from navstack.record.log import render_log
 from navstack.record.reader import Record
 from navstack.record.scans import ScanBuffer, scan_arrays
 from navstack.record.solids import SolidNames, SolidsBuffer
+from navstack.record.steering import SteeredBase
 from navstack.safety import CommandStep
 
 
@@ -68,12 +69,13 @@ class RunRecorder:
         local_frame: str = "odom",
         base_frame: str = "base_link",
         sensors: Mapping[str, Transform2D] | None = None,
+        steering: SteeredBase | None = None,
         keep_tables: bool = True,
         keep_scans: bool = True,
     ) -> None:
         """`footprint`: without the costmaps' padding. `scenario`: JSON data that describes the run. `sensors`: pose of every
-        lidar frame in the base frame. `keep_tables=False` omits the local planner's samples (a few hundred bytes per cycle),
-        `keep_scans=False` the scans (about 1 kB each).
+        lidar frame in the base frame. `steering`: of a steered base. `keep_tables=False` omits the local planner's samples (a
+        few hundred bytes per cycle), `keep_scans=False` the scans (about 1 kB each).
         """
         self._map = map
         self._footprint = footprint
@@ -87,6 +89,7 @@ class RunRecorder:
         self._samples = array("d")
         self._sample_goal = array("i")
         self._clearances = array("d")
+        self._steered_base, self._steering = steering, array("d")
         self._clearance_source: Callable[[], Sequence[float]] | None = None
         self._solids = SolidsBuffer()
         self._sample_state: list[str] = []
@@ -135,12 +138,16 @@ class RunRecorder:
         state: int | str,
         goal_index: int,
         clearance: float = math.nan,
+        steering: float = 0.0,
     ) -> None:
         """Adds a control cycle: true `pose` in the global frame, odometry `odom`, command and state.
 
-        `clearance` (m): distance from the unpadded footprint to the nearest obstacle, if known.
+        `clearance` (m): distance from the unpadded footprint to the nearest obstacle, if known. `steering` (rad): the angle of
+        a steered base.
         """
         self._clearances.append(clearance)
+        if self._steered_base is not None:
+            self._steering.append(steering)
         self._samples.extend((t, *pose, *odom.pose, *odom.velocity, *map_to_odom, *command))
         self._sample_goal.append(goal_index)
         self._sample_state.append(state if isinstance(state, str) else str(state))
@@ -259,6 +266,8 @@ class RunRecorder:
         clearances = np.array(self._clearances, "<f8")
         if not np.isnan(clearances).all():
             arrays["clearances"] = clearances
+        if self._steered_base is not None:
+            arrays["steering"] = np.array(self._steering, "<f8")
         arrays |= self._solids.arrays(len(values))
         for name, rows in (("goals", self._goals), ("collisions", self._collisions)):
             columns = np.array(rows, np.float64).reshape(-1, 4)
@@ -287,6 +296,8 @@ class RunRecorder:
             "scan_sources": [list(source) for source in self._scans],
             "sensors": self._sensors,
         }
+        if self._steered_base is not None:
+            meta["steering"] = self._steered_base.as_dict()
         if self._zones:
             meta["zones"] = self._zones
         return meta, self._events, arrays

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from navstack.core.bounded_reading import short_repr
 from navstack.record.commands import check_commands, check_zones
 from navstack.record.format import ARRAYS, COSTMAP_TABLE, META, TABLES, VERSION
+from navstack.record.steering import check_steering
 
 
 def check(meta: dict[str, Any], events: list[dict[str, Any]], arrays: dict[str, NDArray[Any]]) -> None:
@@ -26,6 +27,7 @@ def check(meta: dict[str, Any], events: list[dict[str, Any]], arrays: dict[str, 
         clearances.dtype != np.dtype("<f8") or clearances.shape != (len(arrays["samples"]),)
     ):
         raise ValueError("clearances does not have one row per sample")
+    check_steering(meta, arrays)
     if "solid_discs" in arrays:
         _check_solids(arrays)
     for name in ("plan_poses", "local_plan_samples", "local_plan_poses"):

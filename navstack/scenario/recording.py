@@ -5,7 +5,7 @@ from __future__ import annotations
 from navstack.bringup import odometry_frame, true_footprint
 from navstack.core import LaserScan, Transform2D
 from navstack.move_base import MoveBase
-from navstack.record import RunRecorder
+from navstack.record import RunRecorder, SteeredBase
 from navstack.record.solids import SolidNames
 from navstack.scenario.scenario import Scenario
 from navstack.sim import SimulatedRobot
@@ -24,6 +24,7 @@ def new_recorder(scenario: Scenario, robot: SimulatedRobot, *, scans: bool) -> R
         local_frame=odometry_frame(configuration),
         base_frame=configuration.local_costmap.params.robot_base_frame,
         sensors={lidar.frame: Transform2D(lidar.x, lidar.y, lidar.yaw) for lidar in lidars},
+        steering=SteeredBase.of(sim),
         keep_scans=scans,
     )
     solids = robot.solids
@@ -65,4 +66,5 @@ def record_tick(
         command=move_base.command if robot.by_hand is None else robot.by_hand,
         state=move_base.activity,
         goal_index=goal,
+        steering=robot.steering_angle,
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from navstack.scenario import shipped_scenarios
 from tests.browser.conftest import CORRIDOR, Live, at, drag, value, wait_until
 
 Start = Callable[..., Live]
@@ -177,3 +178,23 @@ def test_a_window_that_moves_by_more_than_its_width_is_emptied(live: Start, open
     )
     empty = [0] * 6
     assert cells == [[2, 3, 0, 5, 6, 0], [0, 4, 5, 0, 0, 0], [3, 0, 0, 6, 0, 0], empty, empty, empty, empty]
+
+
+def test_a_car_shows_its_wheels_and_its_steering_angle(live: Start, open_page: Open) -> None:
+    text = shipped_scenarios()["car_park"].read_text(encoding="utf-8").replace("car_mppi", "car_rpp")
+    page = open_page(live(text, paused=True, ahead=10.0))
+    angle = value(page, "side.steering")
+    assert abs(angle) > 0.3
+    wheels = value(page, "side.wheels")
+    assert len(wheels) == 4 and [wheel[0] for wheel in wheels] == [0, 0, 0.5, 0.5]
+    assert wheels[2][2] * angle > 0.0 and wheels[0][2] == 0.0
+    page.click("#show-robot")
+    assert page.locator("canvas[aria-label='Steering angle over time']").is_visible()
+    assert "steering" in page.locator("#tab-robot .numbers").inner_text().lower()
+
+
+def test_a_robot_that_turns_in_place_has_no_steering_chart(live: Start, open_page: Open) -> None:
+    page = open_page(live(paused=True, ahead=1.0))
+    page.click("#show-robot")
+    assert not page.locator("canvas[aria-label='Steering angle over time']").is_visible()
+    assert value(page, "side.steering === undefined")

@@ -39,12 +39,14 @@ export class Panel {
   buildRobot() {
     const { theme, why } = this.app, chart = (label) => el('canvas', { className: 'chart', role: 'img', 'aria-label': label, title: 'Click: why this command' });
     this.numbers = el('div', { className: 'numbers' });
-    const canvases = [chart('Speed over time'), chart('Turning over time'), chart('Clearance over time')], picked = (time) => why.command(time);
+    const canvases = [chart('Speed over time'), chart('Turning over time'), chart('Clearance over time'), chart('Steering angle over time')], picked = (time) => why.command(time);
     this.charts = [
       new Chart(canvases[0], theme, 'm/s', [['speed', 'chart1', 2], ['command', 'chart2', 4, true]], picked),
       new Chart(canvases[1], theme, 'rad/s', [['turning', 'chart1', 3], ['command', 'chart2', 5, true]], picked),
       new Chart(canvases[2], theme, 'm', [['clearance', 'chart3', 1]], picked),
+      new Chart(canvases[3], theme, 'rad', [['steering angle', 'chart1', 7]], picked),
     ];
+    canvases[3].hidden = true; // only a car or a tricycle steers
     this.events = el('ul', { className: 'list events', id: 'events' });
     $('tab-robot').append(this.numbers, el('h2', {}, 'Over time'), ...canvases,
       el('div', { className: 'row wrap' },
@@ -93,6 +95,9 @@ export class Panel {
       ['command', fixed(side.command[0], 2), 'm/s'], ['command', fixed(side.command[2], 2), 'rad/s'], ['driven', fixed(side.length, 1), 'm'],
       ['x', fixed(side.pose[0], 2), 'm'], ['y', fixed(side.pose[1], 2), 'm'], ['collisions', String(side.collisions), ''],
     ];
+    const steers = side.steering !== undefined;
+    if (steers) values.splice(6, 0, ['steering', fixed(side.steering, 2), 'rad']);
+    this.charts[3].canvas.hidden = !steers;
     refresh(this.numbers, JSON.stringify(values), () => values.map(([label, value, unit]) => el('div', { className: 'number' }, el('span', {}, label), el('b', {}, value), ' ', el('i', {}, unit))));
     for (const chart of this.charts) chart.draw(side.samples, clock);
     const events = side.events.filter((event) => event[1] <= side.t + 1e-6).slice(-60);

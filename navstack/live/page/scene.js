@@ -275,6 +275,14 @@ export class Scene {
     c.closePath();
     c.fillStyle = this.theme.robotEdge;
     c.fill();
+    const half = 0.125 * (world.wheelbase ?? 0);
+    for (const [x, y, direction] of side.wheels ?? []) {
+      c.beginPath();
+      c.moveTo(x - half * Math.cos(direction), y - half * Math.sin(direction));
+      c.lineTo(x + half * Math.cos(direction), y + half * Math.sin(direction));
+      Object.assign(c, { strokeStyle: this.theme.text, lineWidth: Math.max(2.5 * this.px, 0.2 * half) });
+      c.stroke();
+    }
     c.restore();
   }
 }
