@@ -9,6 +9,10 @@ import typer
 
 from navstack.cli import options
 
+_Animation = Annotated[
+    Path | None,
+    typer.Option("--animation", metavar="FILE", help="Write the animation here (.gif, or .mp4 with ffmpeg)."),
+]
 _Commands = Annotated[
     Path | None,
     typer.Option(
@@ -47,10 +51,7 @@ def plot(
     animate: Annotated[
         bool, typer.Option("--animate", help="Also write an animation, with the picture's name and the suffix .gif.")
     ] = False,
-    animation: Annotated[
-        Path | None,
-        typer.Option("--animation", metavar="FILE", help="Write the animation here (.gif, or .mp4 with ffmpeg)."),
-    ] = None,
+    animation: _Animation = None,
     commands: _Commands = None,
     steering: _Steering = None,
     speed: Annotated[
