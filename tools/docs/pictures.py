@@ -47,6 +47,8 @@ def main() -> None:
             *(part for value in noise for part in ("--set", f"navstack/sim/{value}")),
         )
         shutil.copy(folder / "follow" / "tracking.png", images / "tracking.png")
+        navstack("simulate", "car_park", "--out", folder / "car")
+        navstack("plot", folder / "car", "--out", images / "car_park.png", "--steering", images / "car_steering.png")
         navstack("info", "--states", images / "states.png")
 
 
