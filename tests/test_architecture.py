@@ -33,7 +33,7 @@ LEVELS: tuple[tuple[str, ...], ...] = (
     ("places", "basic_navigator"),
     ("record", "jobs", "statistics"),
     ("scenario",),
-    ("replay",),
+    ("replay", "drives"),
     ("plot", "explain", "bench"),
     ("tune", "live"),
     ("cli",),

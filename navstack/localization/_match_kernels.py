@@ -185,3 +185,56 @@ def agreement(poses, ends, eye, field, settings, out):
         out[i, 1] = explained / max(returns, 1)
         out[i, 2] = (returns - explained - through) / max(returns, 1)
         out[i, 3] = through / max(returns, 1)
+
+
+@kernel
+def search_grid(pose, points, likely, window, every):
+    """Return the best pose (x, y, yaw) on a grid around `pose`, using every `every`-th point; see `search_window`."""
+    per, half, step = 1.0 / window[0], window[1], window[2]
+    turn, turn_step = window[3], window[4]
+    ny, nx = likely.shape
+    n_xy, n_yaw = math.ceil(half / step), math.ceil(turn / turn_step)
+    m = (points.shape[0] + every - 1) // every
+    xs, ys = np.empty(m), np.empty(m)
+    x0, y0, a0 = pose
+    best, bx, by, ba = -math.inf, x0, y0, a0
+    for k in range(-n_yaw, n_yaw + 1):
+        a = a0 + k * turn_step
+        c, s = math.cos(a), math.sin(a)
+        for j in range(m):
+            px, py = points[j * every, 0], points[j * every, 1]
+            xs[j] = (x0 + c * px - s * py) * per
+            ys[j] = (y0 + s * px + c * py) * per
+        turned = (k * turn_step / window[6]) ** 2
+        for v in range(-n_xy, n_xy + 1):
+            for u in range(-n_xy, n_xy + 1):
+                prior = -0.5 * (turned + (u * u + v * v) * (step / window[5]) ** 2)
+                if prior + window[7] <= best:
+                    continue
+                total = 0.0
+                for j in range(m):
+                    fx, fy = xs[j] + u * step * per, ys[j] + v * step * per
+                    if fx >= 0.0 and fy >= 0.0 and fx < nx and fy < ny:
+                        total += likely[int(fy), int(fx)]
+                score = total / m * window[7] + prior
+                if score > best:
+                    best, bx, by, ba = score, x0 + u * step, y0 + v * step, a
+    return bx, by, ba
+
+
+@kernel
+def search_window(poses, points, likely, window):
+    """Move each of the `poses` (n, 3) to the best pose around it, in place, by trying poses on a grid, then on a finer one.
+
+    `window` = [resolution (m), half width (m), step (m), half angle (rad), step (rad), standard deviation of the position (m),
+    of the heading (rad), evidence, n: the first grid uses every n-th point]. The score is the mean of `likely` (ny, nx) at the
+    cells of the `points` (m, 2), times the evidence, plus the logarithm of the prior around the given pose.
+    """
+    fine = window.copy()
+    fine[1], fine[3] = window[2], window[4]
+    fine[2], fine[4] = 0.5 * window[2], 0.5 * window[4]
+    fine[5], fine[6] = 1e3, 1e3  # the prior has done its part
+    for i in range(poses.shape[0]):
+        pose = search_grid((poses[i, 0], poses[i, 1], poses[i, 2]), points, likely, window, int(window[8]))
+        x, y, a = search_grid(pose, points, likely, fine, 1)
+        poses[i, 0], poses[i, 1], poses[i, 2] = x, y, a

@@ -10,13 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Pose2D, Transform2D
-from navstack.localization._match_kernels import AGREE, MATCH, agreement, refine
+from navstack.localization._match_kernels import AGREE, MATCH, agreement, refine, search_window
 from navstack.localization.beams import Beams
 from navstack.localization.match_map import MatchMap
 
 _LOG, _EXPLAINED, _THROUGH = 0, 1, 3
 _SAME_M: Final = 0.3
 _SAME_RAD: Final = 0.2
+_LARGE_STEP: Final = 0.1
+"""Uncertainty of a step (m or rad) from which a refinement may end in a wrong maximum."""
+_PRIOR_M: Final = 0.05
+_PRIOR_RAD: Final = 0.03
+"""Uncertainty of the odometry over the shortest step."""
+_FEW: Final = 3
+"""Up to this number of poses, the grid around each is fine at once."""
+_LARGEST_WINDOW_M: Final = 1.5
+_LARGEST_WINDOW_RAD: Final = 0.8
 
 
 class Frame(NamedTuple):
@@ -116,10 +125,14 @@ class Hypotheses:
         self.frames.append(frame)
         self.scores = np.roll(self.scores, -1, axis=1)
         if len(self):
+            self._look_around(self.poses, frame, prior)
             self.information, self.scores[:, -1] = self._fit(self.poses, frame, prior)
 
-    def add(self, poses: NDArray[np.float64]) -> None:
-        """Add poses (n, 3) at the last frame; rate them with all frames of the window, backward."""
+    def add(self, poses: NDArray[np.float64], *, margin: float) -> None:
+        """Add poses (n, 3) at the last frame; rate them with all frames of the window, backward.
+
+        Those whose likelihood falls behind the best one by `margin` (natural logarithm) are dropped on the way.
+        """
         if len(poses) == 0 or not self.frames:
             return
         window = self.scores.shape[1]
@@ -133,8 +146,12 @@ class Hypotheses:
         for k in range(1, len(self.frames)):
             later, frame = self.frames[-k], self.frames[-k - 1]
             step = later.odometry.inverse() @ frame.odometry
-            back = _moved(back, step)
-            _, scores[:, -k - 1] = self._fit(back, frame, self._prior(step))
+            back, prior = _moved(back, step), self._prior(step)
+            self._look_around(back, frame, prior)
+            _, scores[:, -k - 1] = self._fit(back, frame, prior)
+            logs = np.nansum(scores[:, :, _LOG], axis=1)
+            rivals = logs >= logs.max() - margin
+            now, back, information, scores = now[rivals], back[rivals], information[rivals], scores[rivals]
         self.poses = np.concatenate((self.poses, now))
         self.information = np.concatenate((self.information, information))
         self.scores = np.concatenate((self.scores, scores))
@@ -157,7 +174,28 @@ class Hypotheses:
 
     def _prior(self, step: Transform2D) -> tuple[float, float]:
         length, turn = float(np.hypot(step.x, step.y)), abs(step.yaw)
-        return 0.05 + 0.2 * length, 0.03 + 0.15 * length + 0.2 * turn
+        return _PRIOR_M + 0.2 * length, _PRIOR_RAD + 0.15 * length + 0.2 * turn
+
+    def _look_around(self, poses: NDArray[np.float64], frame: Frame, prior: tuple[float, float]) -> None:
+        """Move the poses, after a large step, to the best ones within three standard deviations of the odometry; in place."""
+        sigma, sigma_yaw = prior
+        if max(sigma - _PRIOR_M, sigma_yaw - _PRIOR_RAD) <= _LARGE_STEP:
+            return
+        step = 1.0 if len(poses) <= _FEW else 2.0
+        window = np.array(
+            [
+                self.map.resolution,
+                min(3.0 * sigma, _LARGEST_WINDOW_M),
+                0.1 * step,
+                min(3.0 * sigma_yaw, _LARGEST_WINDOW_RAD),
+                0.035 * step,
+                sigma,
+                sigma_yaw,
+                2.0 * self._settings.evidence,
+                step,
+            ]
+        )
+        search_window(poses, frame.beams.points, self.map.likely, window)
 
     def _fit(
         self, poses: NDArray[np.float64], frame: Frame, prior: tuple[float, float]

@@ -58,6 +58,12 @@ class MatchMap:
         return self.frame.apply_poses(poses)
 
     @cached_property
+    def likely(self) -> NDArray[np.float32]:
+        """(ny, nx) likelihood of a beam's end in each cell, 1 at an obstacle."""
+        sigma = max(SIGMA_M, self.resolution)
+        return np.exp(-0.5 * (self.field / np.float32(sigma)) ** 2)
+
+    @cached_property
     def pyramid(self) -> SearchField:
         """The field of the global search."""
         n = self._factor

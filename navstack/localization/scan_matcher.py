@@ -7,7 +7,7 @@ explains what was seen and no other does.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,9 @@ from navstack.localization.beams import scan_beams
 from navstack.localization.hypotheses import Frame, Hypotheses, MatchSettings
 from navstack.localization.match_map import MatchMap
 from navstack.localization.scan_search import search_scan
+
+_MARGIN: Final = 15.0
+"""Hypotheses whose likelihood is smaller than the best one's by this much (natural logarithm) are dropped."""
 
 
 class ScanMatcherParams(ParamModel):
@@ -121,8 +124,8 @@ class ScanMatcher(Localizer):
         if self._globally and not self._certain and self._moved - self._searched_at >= self.params.search_distance:
             self._searched_at = self._moved
             found = search_scan(h.map, beams, keep=self.params.max_hypotheses, beam_count=self.params.search_beams)
-            h.add(found.poses)
-        h.prune(margin=15.0, keep=self.params.max_hypotheses)
+            h.add(found.poses, margin=_MARGIN)
+        h.prune(margin=_MARGIN, keep=self.params.max_hypotheses)
         self._judge(h)
         return self._publish(h, odometry, scan.stamp)
 

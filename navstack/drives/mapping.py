@@ -1,0 +1,121 @@
+"""An occupancy grid from the scans of a log and known poses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import GridGeometry, OccupancyGrid, Transform2D
+from navstack.core.errors import LogError
+from navstack.drives._mapping_kernels import MODEL, add_scan
+from navstack.drives.messages import DriveFrame
+from navstack.localization.beams import scan_beams
+from navstack.map_io import MAX_CELLS
+
+_MARGIN_M: Final = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class MappingModel:
+    """How scans change the occupancy of cells; probabilities."""
+
+    hit: float = 0.7
+    """Occupancy of a cell after one beam has ended in it."""
+    miss: float = 0.4
+    """Occupancy of a cell after one beam has passed through it."""
+    limit: float = 0.99
+    """Greatest occupancy; 1 - limit is the smallest."""
+    occupied: float = 0.6
+    """From this occupancy on, a cell is occupied."""
+    free: float = 0.45
+    """Up to this occupancy, a cell is free."""
+    max_range: float = 30.0
+    """Longer beams end here and have no return (m)."""
+    clear_without_return: bool = False
+    """Whether beams without a return clear cells: true for a sensor that always sees what is within its range. Glass, black
+    surfaces and mirrors give no return either."""
+
+
+class _Bounds:
+    """Smallest box around points (m)."""
+
+    def __init__(self) -> None:
+        self.low: NDArray[np.float64] = np.full(2, np.inf)
+        self.high: NDArray[np.float64] = np.full(2, -np.inf)
+
+    def add(self, points: NDArray[np.float64]) -> None:
+        self.low = np.minimum(self.low, points.min(axis=0))
+        self.high = np.maximum(self.high, points.max(axis=0))
+
+
+def map_from_frames(
+    frames: Callable[[], Iterable[DriveFrame]], *, resolution: float = 0.05, model: MappingModel | None = None
+) -> tuple[OccupancyGrid, int]:
+    """Return the grid that the scans with a reference pose give, and the number of these scans.
+
+    `frames` returns the frames of the log; it is called twice, first for the size of the grid. A beam raises the log-odds of
+    the cell where it ends and lowers those of the cells before it; a scan changes a cell once at most. Cells that no beam has
+    touched are unknown. Raises LogError if no frame has a reference, or the grid would exceed the limit of maps.
+    """
+    m = model or MappingModel()
+    bounds, count = _Bounds(), 0
+    for _, eye, ends in _placed(frames(), m):
+        count += 1
+        bounds.add(eye[None])
+        returned = ends[ends[:, 2] > 0.0, :2]
+        if len(returned):
+            bounds.add(returned)
+    if count == 0:
+        raise LogError(
+            "no scan of the log has a reference pose, so there is no map without solving SLAM; use a log with corrected poses"
+        )
+    geometry = _geometry(bounds, resolution)
+    odds, seen = np.zeros(geometry.shape, np.float32), np.zeros(geometry.shape, np.int32)
+    settings = np.array([(resolution, _log_odds(m.hit), -_log_odds(m.miss), _log_odds(m.limit))], MODEL)
+    corner = np.array([geometry.origin_x, geometry.origin_y])
+    for number, (_, eye, ends) in enumerate(_placed(frames(), m), start=1):
+        ends[:, :2] -= corner
+        add_scan(odds, seen, number, eye - corner, ends, settings)
+    cells = np.full(geometry.shape, -1, np.int8)
+    cells[(seen > 0) & (odds <= _log_odds(m.free))] = 0
+    cells[odds >= _log_odds(m.occupied)] = 100
+    return OccupancyGrid(cells, geometry), count
+
+
+def _placed(
+    frames: Iterable[DriveFrame], model: MappingModel
+) -> Iterator[tuple[DriveFrame, NDArray[np.float64], NDArray[np.float64]]]:
+    """Yield the frames with a reference, with the sensor (2,) and the ends of the beams (n, 3) in the map (m)."""
+    for frame in frames:
+        if frame.reference is None:
+            continue
+        base = Transform2D(*frame.reference)
+        scan = frame.scan
+        if not model.clear_without_return:
+            ranges = np.where(scan.ranges < scan.range_max, scan.ranges, np.float32(np.nan))
+            scan = replace(scan, ranges=ranges)
+        beams = scan_beams(scan, frame.sensor, model.max_range)
+        ends = beams.ends.copy()
+        ends[:, :2] = base.apply_points(ends[:, :2])
+        yield frame, base.apply_points(beams.eye[None])[0], ends
+
+
+def _geometry(bounds: _Bounds, resolution: float) -> GridGeometry:
+    """Return the grid around the bounds, its corner a multiple of the resolution."""
+    low = np.floor((bounds.low - _MARGIN_M) / resolution) * resolution
+    ny, nx = (math.ceil(v) for v in ((bounds.high - low + _MARGIN_M) / resolution)[::-1].tolist())
+    if nx * ny > MAX_CELLS:
+        raise LogError(
+            f"the map would have {nx} x {ny} cells, more than {MAX_CELLS // 10**6} million; use a coarser --resolution than "
+            f"{resolution:g} m, or a shorter --max-range"
+        )
+    return GridGeometry(nx, ny, resolution, round(float(low[0]), 9), round(float(low[1]), 9))
+
+
+def _log_odds(probability: float) -> float:
+    return math.log(probability / (1.0 - probability))

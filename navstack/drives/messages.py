@@ -1,0 +1,95 @@
+"""Messages of a log, and the interface that every format offers."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from navstack.core import LaserScan, Pose2D, Transform2D
+
+
+@dataclass(frozen=True, slots=True)
+class Odometry:
+    """Pose of the base in the odometry frame at `stamp` (s). The frame never jumps."""
+
+    stamp: float
+    pose: Transform2D
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scan:
+    """A scan; `sensor` is the pose of its sensor in the base frame."""
+
+    scan: LaserScan
+    sensor: Transform2D
+
+    @property
+    def stamp(self) -> float:
+        """Time of the scan (s)."""
+        return self.scan.stamp
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """The pose of the base in the map at `stamp` (s), as whoever made the log knew it."""
+
+    stamp: float
+    pose: Pose2D
+
+
+DriveMessage = Odometry | Scan | Reference
+
+
+class Drive(ABC):
+    """A log of one robot. Reading is streaming: memory does not grow with the length of the log."""
+
+    kind: ClassVar[str]
+    """Name of the format."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    @abstractmethod
+    def __iter__(self) -> Iterator[DriveMessage]:
+        """Yield the messages, from the beginning, in the order of the log; stamps never decrease.
+
+        The odometry and the reference of a scan come before the scan. Raises LogError.
+        """
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DriveFrame:
+    """A scan with the odometry and, if there is one, the reference pose at its stamp."""
+
+    index: int
+    """Number of the scan in the log, from 0."""
+    scan: LaserScan
+    sensor: Transform2D
+    odometry: Transform2D
+    reference: Pose2D | None
+
+
+def drive_frames(log: Drive, *, every: int = 1, first: int = 0) -> Iterator[DriveFrame]:
+    """Yield scans `first`, `first + every`, .. of a log with the last odometry before each.
+
+    A reference belongs to a scan if their stamps are equal. Scans before the first odometry are left out.
+    """
+    odometry: Transform2D | None = None
+    reference: Reference | None = None
+    index = 0
+    for message in log:
+        if isinstance(message, Odometry):
+            odometry = message.pose
+        elif isinstance(message, Reference):
+            reference = message
+        else:
+            if odometry is not None and index >= first and (index - first) % every == 0:
+                known = reference is not None and reference.stamp == message.stamp
+                yield DriveFrame(
+                    index, message.scan, message.sensor, odometry, reference.pose if reference and known else None
+                )
+            index += 1
+            reference = None
