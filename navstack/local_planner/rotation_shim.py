@@ -144,7 +144,10 @@ class RotationShim(PathFollower):
             self.primary.set_limits()
         self._inputs: ControlInput | None = None
         self._turning = self._may_turn = False
-        self._last = 0.0
+        self._turned = False
+        """True if the last command was a turn of the shim."""
+        self._last: Twist2D | None = None
+        """The last command; None if the robot was stopped since, or has not been commanded."""
         self._max_vel_theta: float | None = None
 
     @property
@@ -183,7 +186,7 @@ class RotationShim(PathFollower):
         """Forget the previous goal."""
         super().reset()
         self.primary.reset()
-        self._turning, self._last = False, 0.0
+        self._turning, self._last = False, None
 
     def goal_reached(self, inputs: ControlInput) -> bool:
         """By the goal checker; by the other controller if that has its own."""
@@ -195,7 +198,7 @@ class RotationShim(PathFollower):
 
     def arrived(self) -> None:
         """Start the next goal from rest."""
-        self._turning, self._last = False, 0.0
+        self._turning, self._last = False, None
         if isinstance(self.primary, PathFollower):
             self.primary.arrived()
 
@@ -216,21 +219,23 @@ class RotationShim(PathFollower):
             self._may_turn = True
         error, mode, reason = self._turn(now)
         if error is not None:
-            speed = self._turning_speed(error, now.state.velocity.wz)
-            cost = self._cost_ahead(now, error, speed)
-            if cost is None:
-                self._turning, self._last = mode == "follow", speed
+            command = self._turning_command(now, error)
+            if self._cost_ahead(now, error, command) is None:
+                self._turning, self._turned, self._last = mode == "follow", True, command
+                what = "turning in place" if command.vx == command.vy == 0.0 else "braking to turn in place"
                 return LocalPlan(
-                    Twist2D(0.0, 0.0, speed),
+                    command,
                     mode,
                     local_plan=Path(now.path.poses, now.costmap.frame),
-                    notes=(f"{reason}: turning in place",),
+                    notes=(f"{reason}: {what}",),
                 )
-        if self._turning and isinstance(self.primary, PathFollower):
-            self.primary.take_over(Twist2D(0.0, 0.0, self._last))
-        self._turning = False
+        take_over = self._turning if self.as_nav2 else self._turned
+        if take_over and self._last is not None and isinstance(self.primary, PathFollower):
+            self.primary.take_over(self._last)
+        self._turning = self._turned = False
+        self._last = None
         plan = self._drive(now)
-        self._last = plan.command.wz
+        self._last = plan.command
         return plan
 
     def _drive(self, now: Following) -> LocalPlan:
@@ -269,17 +274,30 @@ class RotationShim(PathFollower):
             yaw = math.atan2(y - pose.y, x - pose.x)
         return angle_between(pose.yaw, yaw)
 
-    def _turning_speed(self, error: float, measured: float) -> float:
-        p = self.params
-        last = measured if p.closed_loop else self._last
-        rate = turning_speed if self.as_nav2 else limited_turning_speed
-        return rate(error, self._speed, p.max_angular_accel, last, self.period)
+    def _turning_command(self, now: Following, error: float) -> Twist2D:
+        """The turning speed, and what is left of the speed of driving.
 
-    def _cost_ahead(self, now: Following, error: float, speed: float) -> int | None:
+        ROS differs: brakes within the accelerations of the other controller, where Nav2 stops at once.
+        """
+        p, measured = self.params, now.state.velocity
+        last = measured if self._last is None else self._last
+        before = measured.wz if p.closed_loop else last.wz if self._last is not None or not self.as_nav2 else 0.0
+        if self.as_nav2:
+            return Twist2D(0.0, 0.0, turning_speed(error, self._speed, p.max_angular_accel, before, self.period))
+        speed = limited_turning_speed(error, self._speed, p.max_angular_accel, before, self.period)
+        return Twist2D(*self._braked(last), speed)
+
+    def _braked(self, last: Twist2D) -> tuple[float, float]:
+        """The velocity (m/s) one period after `last`, braking."""
+        limits = self.primary.limits
+        return _toward_zero(last.vx, limits.acc_lim_x * self.period), _toward_zero(
+            last.vy, limits.acc_lim_y * self.period
+        )
+
+    def _cost_ahead(self, now: Following, error: float, command: Twist2D) -> int | None:
         """The cost under the footprint with which the turn collides, 256 outside the costmap; None if it does not."""
-        p, pose = self.params, now.state.pose
-        for turned in self._headings(now, error, speed):
-            at = Pose2D(pose.x, pose.y, pose.yaw + turned)
+        p = self.params
+        for at in self._poses_ahead(now, error, command):
             cost = footprint_cost(now.costmap, now.footprint, at, interior=not self.as_nav2)
             if cost is None:
                 return LETHAL + 2
@@ -288,6 +306,20 @@ class RotationShim(PathFollower):
             if cost >= p.max_cost_threshold:
                 return cost
         return None
+
+    def _poses_ahead(self, now: Following, error: float, command: Twist2D) -> Iterator[Pose2D]:
+        """The poses at which the turn is checked: while the robot brakes, then on the spot."""
+        pose = now.state.pose
+        while command.vx != 0.0 or command.vy != 0.0:
+            turned = command.wz * self.period
+            yaw = pose.yaw + 0.5 * turned
+            x = pose.x + self.period * (command.vx * math.cos(yaw) - command.vy * math.sin(yaw))
+            y = pose.y + self.period * (command.vx * math.sin(yaw) + command.vy * math.cos(yaw))
+            pose, error = Pose2D(x, y, pose.yaw + turned), normalize_angle(error - turned)
+            yield pose
+            command = Twist2D(*self._braked(command), command.wz)
+        for turned in self._headings(now, error, command.wz):
+            yield Pose2D(pose.x, pose.y, pose.yaw + turned)
 
     def _headings(self, now: Following, error: float, speed: float) -> Iterator[float]:
         """The angles (rad) from the heading at which the turn is checked."""
@@ -308,3 +340,8 @@ class RotationShim(PathFollower):
     def diagnostics(self) -> ControlDiagnostics | None:
         """Those of the other controller if it drove."""
         return None if self._turning else self.primary.diagnostics()
+
+
+def _toward_zero(velocity: float, change: float) -> float:
+    """A velocity that is nearer to zero by at most `change`; at once without an acceleration limit."""
+    return math.copysign(max(abs(velocity) - change, 0.0), velocity) if change > 0.0 else 0.0

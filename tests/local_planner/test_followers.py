@@ -3,28 +3,29 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
 
-from navstack.core import Path, Pose2D, RobotState, Twist2D, normalize_angle
-from navstack.core.errors import ControlError
-from navstack.interfaces import ControlInput
+from navstack.bench.limits import LIMIT_CASES, Limits, excess, search_excess
+from navstack.core import Path, Pose2D, Twist2D
+from navstack.core.errors import NoValidControlError
 from navstack.local_planner import (
     GracefulController,
     GracefulParams,
     RegulatedPurePursuit,
     RegulatedPurePursuitParams,
     RotationShim,
+    RotationShimParams,
 )
 from navstack.local_planner.goal_checkers.simple import SimpleGoalCheckerParams
 from navstack.local_planner.graceful._law_kernels import law
 from navstack.local_planner.graceful.planner import LAW
+from navstack.local_planner.regulated_pure_pursuit.regulation import Window, held_to_radius
 from navstack.local_planner.turning import limited_turning_speed, turning_speed
 from navstack.parameters.configuration import check_parameters
-from navstack.testing.doubles import FOOTPRINT, control_input, driven, local_costmap
+from navstack.testing.doubles import control_input, driven
 
 FAR = SimpleGoalCheckerParams(path_length_tolerance=0.0, xy_goal_tolerance=0.0)
 
@@ -113,46 +114,81 @@ def test_a_turn_takes_the_time_of_the_closed_form() -> None:
 # --- limits over random cycles ----------------------------------------------------------------------------------------
 
 
-def random_cycles(controller: Any, cycles: int, seed: int) -> list[Twist2D]:
-    """Commands of a robot that follows random paths; None of them is checked here."""
-    rng = np.random.default_rng(seed)
-    pose, velocity, out = Pose2D(0.0, 0.0), Twist2D(), list[Twist2D]()
-    for cycle in range(cycles):
-        if cycle % 25 == 0:
-            turns = np.cumsum(rng.normal(0.0, 0.15, 40)) + rng.uniform(-math.pi, math.pi)
-            xy = np.cumsum(np.column_stack((np.cos(turns), np.sin(turns))) * 0.05, axis=0)
-            poses = np.column_stack(
-                (pose.x + xy[:, 0], pose.y + xy[:, 1], [normalize_angle(t) for t in turns.tolist()])
-            )
-            controller.set_plan(Path(poses, "odom"), Pose2D(*poses[-1].tolist()))
-        costmap = local_costmap(pose)
-        try:
-            velocity = controller.compute_command(ControlInput(RobotState(pose, velocity), costmap, FOOTPRINT)).command
-        except ControlError:
-            velocity = Twist2D()
-        out.append(velocity)
+@pytest.mark.parametrize("name", LIMIT_CASES)
+def test_no_limit_is_exceeded(name: str) -> None:
+    """Velocity, acceleration from command to command, turning radius. `tools/search_limits.py` searches longer."""
+    case = LIMIT_CASES[name]
+    found = search_excess(case, 1500, seed=7)
+    assert found.cycles > 1200
+    assert {k: v for k, v in found.by_limit.items() if v > case.tolerance} == {}
+
+
+def test_an_excess_is_measured() -> None:
+    limits = Limits(-0.2, 0.5, 1.0, faster_x=1.0, slower_x=2.0, theta=3.0, radius=0.5)
+    still, moving = Twist2D(), Twist2D(0.5, 0.0, 1.0)
+    assert excess(limits, still, Twist2D(0.05, 0.0, 0.1), 0.05)["ax"] == pytest.approx(0.0)
+    assert excess(limits, still, Twist2D(0.07, 0.0, 0.1), 0.05)["ax"] == pytest.approx(0.02)
+    assert excess(limits, moving, Twist2D(0.38, 0.0, 1.0), 0.05)["ax"] == pytest.approx(0.02)
+    assert excess(limits, moving, Twist2D(0.5, 0.0, 0.8), 0.05)["az"] == pytest.approx(0.05)
+    found = excess(limits, moving, Twist2D(0.6, 0.0, -1.5), 0.05)
+    assert (found["vx"], found["wz"], found["radius"]) == (
+        pytest.approx(0.1),
+        pytest.approx(0.5),
+        pytest.approx(0.15),
+    )
+
+
+def test_rounding_does_not_turn_the_robot_round() -> None:
+    """On the tightest arc, |w| r may exceed |v| by a bit: the direction stays."""
+    window = Window(-0.08, 0.0, -0.11, 0.15)
+    v = -0.0761
+    w = math.nextafter(-v / 0.6, math.inf)
+    assert held_to_radius(v, w, 0.01, window, 0.6)[0] == v
+    # braking from an arc: the speed falls no faster than the turning speed allows
+    assert held_to_radius(0.31, -0.537, 0.4, Window(0.31, 0.31, -0.80, -0.537), 0.6) == (
+        pytest.approx(0.3222),
+        -0.537,
+    )
+
+
+# --- rotation shim ----------------------------------------------------------------------------------------------------
+
+
+def shim(**values: Any) -> RotationShim:
+    window = RegulatedPurePursuitParams(
+        use_dynamic_window=True, use_rotate_to_heading=False, max_linear_accel=1.0, max_linear_decel=-1.0
+    )
+    return RotationShim(RotationShimParams(closed_loop=False, sections={"primary_controller": window}, **values))
+
+
+def test_the_shim_brakes_before_it_turns() -> None:
+    """From 0.5 m/s at 1 m/s² it takes ten cycles; Nav2 commands zero at once."""
+    controller = shim()
+    pose, velocity, speeds = Pose2D(0.0, 0.0), Twist2D(0.5, 0.0, 0.0), list[float]()
+    path = Path(np.array([(0.0, 0.05 * i, math.pi / 2) for i in range(40)]), "odom")
+    controller.set_plan(path, Pose2D(*path.poses[-1].tolist()))
+    for _ in range(12):
+        plan = controller.compute_command(control_input(pose, velocity))
+        velocity = plan.command
+        speeds.append(velocity.vx)
         pose = driven(pose, velocity, 0.05)
-    return out
+    assert speeds == pytest.approx([0.05 * i for i in range(9, 0, -1)] + [0.0] * 3)
+    assert plan.notes[0].endswith("turning in place")
 
 
-def test_the_dynamic_window_keeps_every_limit() -> None:
-    controller = pursuit(use_dynamic_window=True)
-    commands = random_cycles(controller, 1500, 3)
-    p = controller.params
-    for last, now in pairwise(commands):
-        assert 0.0 <= now.vx <= p.max_linear_vel + 1e-12
-        assert p.min_angular_vel - 1e-12 <= now.wz <= p.max_angular_vel + 1e-12
-        assert abs(now.vx - last.vx) <= p.max_linear_accel * 0.05 + 1e-9
-        assert abs(now.wz - last.wz) <= p.max_angular_accel * 0.05 + 1e-9
-
-
-@pytest.mark.parametrize("cls", [GracefulController, RotationShim])
-def test_speeds_are_limited(cls: Any) -> None:
-    controller = cls(cls.Params(sections={"goal_checker": FAR}))
-    limits = controller.limits
-    for now in random_cycles(controller, 600, 5):
-        assert limits.min_vel_x - 1e-9 <= now.vx <= limits.max_vel_x + 1e-9
-        assert abs(now.wz) <= limits.max_vel_theta + 1e-9
+def test_the_shim_does_not_turn_where_it_would_collide_while_it_brakes() -> None:
+    """A wall beyond the robot: at rest it can turn, at speed it would slide into the wall, and the other controller drives."""
+    path = Path(np.array([(0.0, 0.05 * i, math.pi / 2) for i in range(40)]), "odom")
+    wall = [(0.3, y) for y in np.arange(-0.6, 0.6, 0.05).tolist()]
+    for speed, turns in ((0.0, True), (0.5, False)):
+        controller = shim()
+        controller.set_plan(path, Pose2D(*path.poses[-1].tolist()))
+        try:
+            plan = controller.compute_command(control_input(Pose2D(0.0, 0.0), Twist2D(speed, 0.0, 0.0), wall))
+        except NoValidControlError:
+            assert not turns
+        else:
+            assert plan.notes[0].endswith("turning in place") is turns
 
 
 # --- graceful ---------------------------------------------------------------------------------------------------------

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import subprocess
 import sys
 from typing import Any
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navstack.core import Costmap, Footprint, GridGeometry, Pose2D, RobotState, Twist2D
+from navstack.core import Footprint, Pose2D, RobotState, Twist2D
 from navstack.core.errors import NoValidControlError, ParameterError
 from navstack.interfaces import ControlInput, Inflation
 from navstack.local_planner.mppi import MPPIParams, MPPIPlanner
@@ -28,7 +27,7 @@ from navstack.local_planner.mppi.critics import (
     TwirlingCritic,
     VelocityDeadbandCritic,
 )
-from navstack.local_planner.mppi.motion_models import ACKERMANN, DIFF, OMNI, MotionModelParams
+from navstack.local_planner.mppi.motion_models import DIFF, OMNI, MotionModelParams
 from navstack.local_planner.mppi.optimizer import FILTERS, Optimizer
 from navstack.parameters.configuration import check_parameters, load_configuration
 from navstack.testing.doubles import FOOTPRINT, driven, local_costmap, straight_path
@@ -276,67 +275,6 @@ def test_far_from_the_origin_the_command_is_the_same() -> None:
 
 
 # --- limits -----------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("model", "radius"), [(DIFF, 0.2), (OMNI, 0.2), (ACKERMANN, 0.6)], ids=["diff", "omni", "ackermann"]
-)
-def test_no_limit_is_exceeded_in_random_scenes(model: str, radius: float) -> None:
-    """Velocity, acceleration from command to command, turning radius: with a robot that lags, jumps of the goal, obstacles.
-
-    NAVSTACK_MPPI_CYCLES is the number of cycles, by default few.
-    """
-    cycles = int(os.environ.get("NAVSTACK_MPPI_CYCLES", "1500"))
-    assert worst_excess(model, radius, cycles, seed=1) <= 1e-5
-
-
-def worst_excess(model: str, radius: float, cycles: int, seed: int) -> float:
-    """The largest excess over a limit (m/s, rad/s, relative to the limit for the radius)."""
-    rng = np.random.default_rng(seed)
-    p = params(model, radius, batch_size=64, ax_max=2.0, ax_min=-2.5, ay_min=-2.0, vy_max=0.3, regenerate_noises=True)
-    planner = MPPIPlanner(p)
-    pose, velocity, last, worst = Pose2D(0.0, 0.0), Twist2D(), Twist2D(), 0.0
-    base = Costmap(GridGeometry(80, 80, 0.05, -2.0, -2.0), np.zeros((80, 80), np.uint8), "odom")
-    for cycle in range(cycles):
-        if cycle % 50 == 0:
-            pose = Pose2D(0.0, 0.0, float(rng.uniform(-3.0, 3.0)))
-            goal = Pose2D(*rng.uniform(-1.8, 1.8, 2).tolist(), float(rng.uniform(-3.0, 3.0)))
-            planner.set_plan(straight_path(pose, goal), goal)
-            base.data[:] = np.where(rng.random((80, 80)) < 0.002, 100, rng.integers(0, 60))
-            base.data[:] = np.where(rng.random((80, 80)) < 0.0005, 254, base.data)
-        inputs = ControlInput(RobotState(pose, velocity), base, FOOTPRINT, inflation=Inflation(0.18, 0.5, 5.0))
-        try:
-            plan = planner.compute_command(inputs)
-        except NoValidControlError:
-            velocity = last = Twist2D()  # the robot is stopped
-            continue
-        command = plan.command
-        if plan.mode == "arrived":
-            velocity = last = Twist2D()
-            continue
-        worst = max(worst, excess(p, radius if model == ACKERMANN else 0.0, last, command))
-        # the robot follows with a lag that differs from cycle to cycle
-        share = float(rng.uniform(0.3, 1.0))
-        velocity = Twist2D(*(v + share * (c - v) for v, c in zip(velocity, command, strict=True)))
-        pose, last = driven(pose, velocity, 0.05), command
-        if abs(pose.x) > 1.7 or abs(pose.y) > 1.7:
-            pose = Pose2D(0.0, 0.0, pose.yaw)
-    return worst
-
-
-def excess(p: MPPIParams, radius: float, last: Twist2D, command: Twist2D) -> float:
-    """The largest excess of a command over a limit."""
-    found = [command.vx - p.vx_max, p.vx_min - command.vx, abs(command.vy) - p.vy_max, abs(command.wz) - p.wz_max]
-    for before, now, up, down in (
-        (last.vx, command.vx, p.ax_max, -p.ax_min),
-        (last.vy, command.vy, p.ay_max, -p.ay_min),
-        (last.wz, command.wz, p.az_max, p.az_max),
-    ):
-        slower = abs(now) < abs(before) and before * now >= 0.0
-        found.append(abs(now - before) - (down if slower else max(up, down)) * p.period)
-    if radius > 0.0:
-        found.append(abs(command.wz) * radius - abs(command.vx))
-    return max(found)
 
 
 def test_speed_limits_hold_for_every_axis() -> None:

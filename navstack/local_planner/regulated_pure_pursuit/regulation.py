@@ -119,7 +119,7 @@ def held_to_radius(v: float, w: float, last_v: float, window: Window, radius: fl
     It turns less, and where the angular deceleration does not allow that, it brakes less: from a last velocity that keeps to
     the radius, one of both can always be commanded.
     """
-    highest = abs(v) / radius
+    highest = abs(v) / radius * (1.0 + 1e-12)  # a velocity on the tightest arc may be off by rounding
     if abs(w) <= highest:
         return v, w
     turning = min(max(math.copysign(highest, w), window.w_min), window.w_max)
