@@ -195,53 +195,59 @@ def expand(distances, queue, state, until, width):
 
 @kernel
 def expand_directed(distances, queue, state, until, width):
-    """Expand a directed wavefront until it reaches the cell `until`, or completely."""
+    """Expand a directed wavefront until it reaches the cell `until`, or completely.
+
+    A free neighbour in the direction of the target belongs to a path of the same length: it is the next cell, without the stack.
+    """
     half = len(queue) // 2
     base = half if state[SWAPPED] else 0
     short, long, length = np.int64(state[SHORT]), np.int64(state[LONG]), np.int64(state[LENGTH])
     to_x, to_y = np.int64(state[TARGET_X]), np.int64(state[TARGET_Y])
+    cell, x, y, distance = np.int64(0), np.int64(0), np.int64(0), np.int64(0)
+    follows = False
     while distances[until] == FREE_UNREACHED:
-        if short == 0:
-            if long == 0:
-                break
-            base = half - base
-            short, long, length = long, 0, length + 2
-        short -= 1
-        cell = np.uint32(queue[base + short])
-        if distances[cell] != FREE_UNREACHED:
-            continue
-        y = np.int64(cell // np.uint32(width))
-        x = np.int64(cell) - y * width
-        distances[cell] = length - abs(x - to_x) - abs(y - to_y)
+        if not follows:
+            if short == 0:
+                if long == 0:
+                    break
+                base = half - base
+                short, long, length = long, 0, length + 2
+            short -= 1
+            cell = np.int64(queue[base + short])
+            if distances[np.uint64(cell)] != FREE_UNREACHED:
+                continue
+            y = np.int64(np.uint32(cell) // np.uint32(width))
+            x = cell - y * width
+            distance = length - abs(x - to_x) - abs(y - to_y)
+        distances[np.uint64(cell)] = distance
         other = half - base
-
-        near = np.int64(cell) - 1
-        new = distances[near] == FREE_UNREACHED
-        nearer = x > to_x
-        queue[base + short if nearer else other + long] = near
-        short += new & nearer
-        long += new & (not nearer)
-
-        near = np.int64(cell) + 1
-        new = distances[near] == FREE_UNREACHED
-        nearer = x < to_x
-        queue[base + short if nearer else other + long] = near
-        short += new & nearer
-        long += new & (not nearer)
-
-        near = np.int64(cell) - width
-        new = distances[near] == FREE_UNREACHED
-        nearer = y > to_y
-        queue[base + short if nearer else other + long] = near
-        short += new & nearer
-        long += new & (not nearer)
-
-        near = np.int64(cell) + width
-        new = distances[near] == FREE_UNREACHED
-        nearer = y < to_y
-        queue[base + short if nearer else other + long] = near
-        short += new & nearer
-        long += new & (not nearer)
+        beside, level = x == to_x, y == to_y
+        step_x, step_y = 1 if x <= to_x else -1, 1 if y <= to_y else -1
+        # branchless: a cell that is not put on a stack is overwritten by the next one
+        along_x, along_y = cell + step_x, cell + step_y * width
+        new_x, new_y = (
+            distances[np.uint64(along_x)] == FREE_UNREACHED,
+            distances[np.uint64(along_y)] == FREE_UNREACHED,
+        )
+        queue[np.uint64(other + long)] = cell - step_x
+        long += distances[np.uint64(cell - step_x)] == FREE_UNREACHED
+        queue[np.uint64(other + long)] = cell - step_y * width
+        long += distances[np.uint64(cell - step_y * width)] == FREE_UNREACHED
+        queue[np.uint64(other + long)] = along_x
+        long += new_x & beside
+        queue[np.uint64(other + long)] = along_y
+        long += new_y & level
+        nearer_x, nearer_y = new_x & (not beside), new_y & (not level)
+        queue[np.uint64(base + short)] = along_x
+        short += nearer_x & nearer_y
+        follows = nearer_x | nearer_y
+        cell = along_y if nearer_y else along_x
+        x += 0 if nearer_y else step_x
+        y += step_y if nearer_y else 0
+        distance += 1
+    if follows:
+        queue[base + short] = cell
+        short += 1
     state[SHORT], state[LONG], state[LENGTH] = short, long, length
     state[SWAPPED] = 1 if base > 0 else 0
 
