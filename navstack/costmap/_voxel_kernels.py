@@ -60,6 +60,67 @@ def clear_level_ray(columns, costs, offset, line, steps, level, levels):
 
 
 @kernel
+def ray_ends(points, grid, sensor, reach, size, ends, cells):
+    """Compute where the rays from `sensor` (x, y, z) to the points end: shortened by two cells, clipped to the map and the
+    heights.
+
+    `size`: columns and rows of the map. Writes to `ends` (3, N): x and y at `reach` at the latest (m), length (cells); to `cells`
+    (4, N): ix, iy, iz, and whether the ray is inside the map. Without branches, so that the loop is vectorized.
+    """
+    g = grid[0]
+    origin_x, origin_y, origin_z, resolution, z_resolution = (
+        g.origin_x,
+        g.origin_y,
+        g.origin_z,
+        g.resolution,
+        g.z_resolution,
+    )
+    top, levels = g.max_height, np.float64(g.levels)
+    nx, ny = size
+    sx, sy, sz = sensor
+    x0, y0, z0 = (sx - origin_x) / resolution, (sy - origin_y) / resolution, (sz - origin_z) / z_resolution
+    end_x, end_y = origin_x + (nx - 0.5) * resolution, origin_y + (ny - 0.5) * resolution
+    number = np.uint64(ends.shape[1])
+    for i in range(number):
+        ends[0, i], ends[1, i], ends[2, i] = points[i, 0], points[i, 1], points[i, 2]
+    for i in range(number):
+        a, b, c = ends[0, i] - sx, ends[1, i] - sy, ends[2, i] - sz
+        distance = math.sqrt(a * a + b * b + c * c)
+        finite = distance < np.inf
+        rest = (distance - 2.0 * resolution) / distance
+        short = rest if (distance > 0.0) & (rest > 0.0) else 0.0
+        wx, wy, wz = short * a + sx, short * b + sy, short * c + sz
+        a, b, c = wx - sx, wy - sy, wz - sz
+        above, below = (top - 0.01 - sz) / c, (origin_z - sz) / c
+        above = above if above < 1.0 else 1.0
+        t = 1.0
+        t = (above if above > 0.0 else 0.0) if wz > top else (below if (wz < origin_z) & (below < t) else t)
+        left, right = (origin_x - sx) / a, (end_x - sx) / a
+        low, high = (origin_y - sy) / b, (end_y - sy) / b
+        t = left if (wx < origin_x) & (left < t) else t
+        t = low if (wy < origin_y) & (low < t) else t
+        t = right if (wx > end_x) & (right < t) else t
+        t = high if (wy > end_y) & (high < t) else t
+        wx, wy, wz = sx + a * t, sy + b * t, sz + c * t
+        # ROS differs: there, rounding puts some clipped rays just below the origin, and they are lost
+        wx, wy, wz = (
+            wx if wx > origin_x else origin_x,
+            wy if wy > origin_y else origin_y,
+            wz if wz > origin_z else origin_z,
+        )
+        x1, y1, z1 = (wx - origin_x) / resolution, (wy - origin_y) / resolution, (wz - origin_z) / z_resolution
+        inside = finite & (x1 < nx) & (y1 < ny) & (z1 < levels)
+        dx, dy = wx - sx, wy - sy
+        full = math.sqrt(dx * dx + dy * dy)
+        cut = reach / full
+        dx, dy = dx * cut if full > reach else dx, dy * cut if full > reach else dy
+        ends[0, i], ends[1, i] = sx + dx, sy + dy
+        ends[2, i] = math.sqrt((x0 - x1) * (x0 - x1) + (y0 - y1) * (y0 - y1) + (z0 - z1) * (z0 - z1))
+        cells[0, i], cells[1, i] = np.int32(x1 if inside else 0.0), np.int32(y1 if inside else 0.0)
+        cells[2, i], cells[3, i] = np.int32(z1 if inside else 0.0), np.int32(1 if inside else 0)
+
+
+@kernel
 def clear_voxel_rays(costs, columns, points, count, grid, sx, sy, sz, reach, reach_cells, bounds):
     """Clear the voxels between the sensor at (sx, sy, sz) and each point, and set the cost of each column on the way.
 
@@ -76,7 +137,7 @@ def clear_voxel_rays(costs, columns, points, count, grid, sx, sy, sz, reach, rea
         g.resolution,
         g.z_resolution,
     )
-    top, levels, mark_threshold, unknown_threshold = g.max_height, g.levels, g.mark_threshold, g.unknown_threshold
+    levels, mark_threshold, unknown_threshold = g.levels, g.mark_threshold, g.unknown_threshold
     if not (sx >= origin_x and sy >= origin_y and sz >= origin_z):
         return False
     x0, y0 = (sx - origin_x) / resolution, (sy - origin_y) / resolution
@@ -86,50 +147,19 @@ def clear_voxel_rays(costs, columns, points, count, grid, sx, sy, sz, reach, rea
     ix0, iy0, iz0 = int(x0), int(y0), int(z0)
     flat_columns, flat_costs = columns.reshape(-1), costs.reshape(-1)
     level_mask = (1 << levels) - 1
-    end_x, end_y = origin_x + (nx - 0.5) * resolution, origin_y + (ny - 0.5) * resolution
+    ends, cells = np.empty((3, count)), np.empty((4, count), np.int32)
+    ray_ends(points, grid, (sx, sy, sz), reach, (float(nx), float(ny)), ends, cells)
     min_x, min_y, max_x, max_y = bounds[0], bounds[1], bounds[2], bounds[3]
     last_x, last_y, last_z = -1, -1, -1
     for i in range(count):
-        wx, wy, wz = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
-        a, b, c = wx - sx, wy - sy, wz - sz
-        distance = math.sqrt(a * a + b * b + c * c)
-        if not (distance < math.inf):
+        if cells[3, i] == 0:
             continue
-        short = max((distance - 2.0 * resolution) / distance, 0.0) if distance > 0.0 else 0.0
-        wx, wy, wz = short * a + sx, short * b + sy, short * c + sz
-        a, b, c = wx - sx, wy - sy, wz - sz
-        t = 1.0
-        if wz > top:
-            t = max(0.0, min(t, (top - 0.01 - sz) / c))
-        elif wz < origin_z:
-            t = min(t, (origin_z - sz) / c)
-        if wx < origin_x:
-            t = min(t, (origin_x - sx) / a)
-        if wy < origin_y:
-            t = min(t, (origin_y - sy) / b)
-        if wx > end_x:
-            t = min(t, (end_x - sx) / a)
-        if wy > end_y:
-            t = min(t, (end_y - sy) / b)
-        # ROS differs: there, rounding puts some clipped rays just below the origin, and they are lost
-        wx, wy, wz = max(sx + a * t, origin_x), max(sy + b * t, origin_y), max(sz + c * t, origin_z)
-        if not (wx >= origin_x and wy >= origin_y and wz >= origin_z):
-            continue
-        x1, y1 = (wx - origin_x) / resolution, (wy - origin_y) / resolution
-        z1 = (wz - origin_z) / z_resolution
-        if not (x1 < nx and y1 < ny and z1 < levels):
-            continue
-        dx, dy = wx - sx, wy - sy
-        full = math.sqrt(dx * dx + dy * dy)
-        if full > reach:
-            cut = reach / full
-            dx, dy = dx * cut, dy * cut
-        min_x, min_y, max_x, max_y = min(min_x, sx + dx), min(min_y, sy + dy), max(max_x, sx + dx), max(max_y, sy + dy)
-
-        ix1, iy1, iz1 = int(x1), int(y1), int(z1)
+        min_x, min_y = min(min_x, ends[0, i]), min(min_y, ends[1, i])
+        max_x, max_y = max(max_x, ends[0, i]), max(max_y, ends[1, i])
+        ix1, iy1, iz1 = np.int64(cells[0, i]), np.int64(cells[1, i]), np.int64(cells[2, i])
         span_x, span_y, span_z = abs(ix1 - ix0), abs(iy1 - iy0), abs(iz1 - iz0)
         dominant = max(span_x, span_y, span_z)
-        length = math.sqrt((x0 - x1) * (x0 - x1) + (y0 - y1) * (y0 - y1) + (z0 - z1) * (z0 - z1))
+        length = ends[2, i]
         steps = dominant
         if length > reach_cells:
             steps = int(reach_cells / length * dominant)
