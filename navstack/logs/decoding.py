@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any, Final
 
 from navstack.core.bounded_reading import shortened
 from navstack.core.errors import LogError
 from navstack.core.optional_dependencies import require
 from navstack.logs.log import Channel
+
+MOST_TYPES: Final = 500
+"""Largest number of definitions whose decoders are kept."""
+
+Decode = Callable[[bytes, str], Any]
 
 
 class Decoder:
@@ -15,9 +22,9 @@ class Decoder:
 
     def __init__(self, *, ros1: bool) -> None:
         """`ros1`: messages are serialized as in ROS 1, else as CDR. Raises InputError if rosbags is not installed."""
-        self._typesys = require("rosbags.typesys", "reading a log")
+        require("rosbags.typesys", "reading a log")
         self._ros1 = ros1
-        self._decoders: dict[tuple[str, str], Any] = {}
+        self._decoders: dict[tuple[str, str], Decode] = {}
 
     def decode(self, channel: Channel, raw: bytes) -> Any:
         """Return a message. Raises LogError."""
@@ -35,17 +42,10 @@ class Decoder:
                 type=channel.type,
             ) from exc
 
-    def _decoder(self, channel: Channel) -> Any:
+    def _decoder(self, channel: Channel) -> Decode:
         """Return the function that decodes a channel's messages. Raises LogError for a definition that is not valid."""
-        typesys = self._typesys
         try:
-            if channel.definition:
-                store = typesys.get_typestore(typesys.Stores.EMPTY)
-                store.register(typesys.get_types_from_msg(channel.definition, channel.type))
-            else:
-                stores = typesys.Stores
-                store = typesys.get_typestore(stores.ROS1_NOETIC if self._ros1 else stores.ROS2_HUMBLE)
-            store.get_msgdef(channel.type)
+            return _decode_of(channel.type, channel.definition, self._ros1)
         except Exception as exc:
             # any error of the parser of definitions
             raise LogError(
@@ -53,7 +53,19 @@ class Decoder:
                 topic=channel.topic,
                 type=channel.type,
             ) from exc
-        return store.deserialize_ros1 if self._ros1 else store.deserialize_cdr
+
+
+@lru_cache(MOST_TYPES)
+def _decode_of(kind: str, definition: str, ros1: bool) -> Decode:
+    """Return the function of a type; code is generated for it, which takes some milliseconds."""
+    typesys = require("rosbags.typesys", "reading a log")
+    if definition:
+        store = typesys.get_typestore(typesys.Stores.EMPTY)
+        store.register(typesys.get_types_from_msg(definition, kind))
+    else:
+        store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC if ros1 else typesys.Stores.ROS2_HUMBLE)
+    store.get_msgdef(kind)
+    return store.deserialize_ros1 if ros1 else store.deserialize_cdr
 
 
 def _reason(exc: Exception) -> str:

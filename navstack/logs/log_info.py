@@ -201,15 +201,14 @@ class _Collector:
         stamp_ns = ros.stamp_ns(header)
         if stamp_ns:
             self._delays.setdefault(topic.topic, []).append((message.time_ns - stamp_ns) / NS_PER_S)
-        frame = getattr(header, "frame_id", "")
+        frame = str(getattr(header, "frame_id", ""))
         if frame:
-            self._frames.setdefault(topic.topic, set()).add(str(frame))
+            self._frames.setdefault(topic.topic, set()).add(frame)
 
     def _add_transforms(self, message: LogMessage) -> None:
         is_static = message.topic.endswith("_static")
-        for item in message.data.transforms:
-            parent, child = clean_frame(item.header.frame_id), clean_frame(item.child_frame_id)
-            stamp = seconds(ros.stamp_ns(item.header), self._log.start_ns)
+        for parent, child, stamp_ns in ros.edges_of(message.data):
+            stamp = seconds(stamp_ns, self._log.start_ns)
             edge = self._edges.get(child)
             if edge is None:
                 edge = self._edges[child] = TransformInfo(parent, child, is_static, parents=(parent,))

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import json
 import math
-from typing import Any, Final, NamedTuple
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, Final, NamedTuple, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +26,9 @@ from navstack.core.errors import LogError, NavError
 from navstack.core.frames import clean_frame
 from navstack.logs.log import NS_PER_S, LogMessage, seconds
 from navstack.logs.rotations import Quaternion, Transform3D
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 SCAN: Final = "sensor_msgs/msg/LaserScan"
 CLOUD: Final = "sensor_msgs/msg/PointCloud2"
@@ -56,6 +61,19 @@ _FIELD_TYPES: Final = {
 """Types of sensor_msgs/PointField."""
 
 
+def checked(convert: Callable[P, R]) -> Callable[P, R]:
+    """Raise LogError where a message lacks a field, or has one of another type: its definition is not that of ROS."""
+
+    @wraps(convert)
+    def call(*args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            return convert(*args, **kwargs)
+        except (AttributeError, TypeError, ValueError, OverflowError) as exc:
+            raise LogError(f"a message is not of the type that it has in ROS: {exc}") from exc
+
+    return call
+
+
 class Clock:
     """Seconds of a replay: since the first message of the log.
 
@@ -76,6 +94,28 @@ class Clock:
         return seconds(stamp_ns(message.header) + self.stamp_shift_ns, self.start_ns)
 
 
+@checked
+def frame_of(message: Any) -> str:
+    """Return the frame in the header of a message."""
+    return clean_frame(message.header.frame_id)
+
+
+@checked
+def header_ns(message: Any) -> int:
+    """Return the stamp in the header of a message (ns)."""
+    return stamp_ns(message.header)
+
+
+@checked
+def edges_of(message: Any) -> list[tuple[str, str, int]]:
+    """Return (parent, child, stamp in ns) of the transforms of a TFMessage."""
+    return [
+        (clean_frame(item.header.frame_id), clean_frame(item.child_frame_id), stamp_ns(item.header))
+        for item in message.transforms
+    ]
+
+
+@checked
 def stamp_ns(header: Any) -> int:
     """Return the stamp of a header (ns)."""
     return int(header.stamp.sec) * NS_PER_S + int(header.stamp.nanosec)
@@ -89,6 +129,7 @@ def short_decimal(value: float) -> float:
     return float(str(np.float32(value)))
 
 
+@checked
 def quaternion_of(message: Any) -> Quaternion:
     """Return a geometry_msgs/Quaternion, normalized. Raises LogError if it is zero or not finite."""
     found = Quaternion(float(message.x), float(message.y), float(message.z), float(message.w))
@@ -97,6 +138,7 @@ def quaternion_of(message: Any) -> Quaternion:
     return found.normalized()
 
 
+@checked
 def pose_of(message: Any) -> Pose2D:
     """Return a geometry_msgs/Pose in the plane. Raises LogError for a quaternion that is not a rotation."""
     return Pose2D(float(message.position.x), float(message.position.y), quaternion_of(message.orientation).yaw)
@@ -111,6 +153,7 @@ class StampedTransform(NamedTuple):
     transform: Transform3D
 
 
+@checked
 def transforms_of(message: Any, clock: Clock) -> list[StampedTransform]:
     """Return the transforms of a tf2_msgs/TFMessage. Raises LogError for one that is not finite."""
     found: list[StampedTransform] = []
@@ -135,6 +178,7 @@ class Odometry(NamedTuple):
     velocity: Twist2D
 
 
+@checked
 def odometry_of(message: Any, clock: Clock) -> Odometry:
     """Return an odometry message. Raises LogError for a pose that is not a pose."""
     return Odometry(
@@ -146,6 +190,7 @@ def odometry_of(message: Any, clock: Clock) -> Odometry:
     )
 
 
+@checked
 def twist_of(message: Any) -> Twist2D:
     """Return a geometry_msgs/Twist in the plane."""
     return Twist2D(float(message.linear.x), float(message.linear.y), float(message.angular.z))
@@ -164,6 +209,7 @@ class ScanFields(NamedTuple):
         return all(np.float32(value) == np.float32(getattr(message, name)) for name, value in self._asdict().items())
 
 
+@checked
 def scan_of(
     message: Any, topic: str, stamp: float, *, height: float, upside_down: bool, fields: ScanFields | None = None
 ) -> LaserScan:
@@ -183,6 +229,7 @@ def scan_of(
     )
 
 
+@checked
 def range_of(message: Any, topic: str, stamp: float) -> RangeReading:
     """Return the reading of a sonar or infrared sensor."""
     return RangeReading(
@@ -196,6 +243,7 @@ def range_of(message: Any, topic: str, stamp: float) -> RangeReading:
     )
 
 
+@checked
 def points_of(message: Any) -> NDArray[np.float32]:
     """Return the points (n, 3) of a sensor_msgs/PointCloud2, in its frame. Raises LogError."""
     fields = {field.name: field for field in message.fields}
@@ -219,6 +267,7 @@ def points_of(message: Any) -> NDArray[np.float32]:
         raise LogError(f"a point cloud is not valid: {exc}") from exc
 
 
+@checked
 def map_of(message: Any) -> OccupancyGrid:
     """Return a nav_msgs/OccupancyGrid. Raises LogError."""
     info = message.info
@@ -253,6 +302,26 @@ class LoggedGoal(NamedTuple):
     id: str
 
 
+@checked
+def command_of(message: LogMessage) -> Twist2D:
+    """Return the velocity of a Twist or a TwistStamped."""
+    data = message.data
+    return twist_of(data.twist if message.type == TWIST_STAMPED else data)
+
+
+@checked
+def goal_id_of(message: Any) -> str:
+    """Return the id of an actionlib_msgs/GoalID."""
+    return str(message.id)
+
+
+@checked
+def result_of(message: Any) -> tuple[str, str]:
+    """Return the id of the goal and the text of a MoveBaseActionResult."""
+    return str(message.status.goal_id.id), str(message.status.text)
+
+
+@checked
 def goal_of(message: LogMessage) -> LoggedGoal:
     """Return the goal of a PoseStamped or a MoveBaseActionGoal. Raises LogError."""
     data = message.data
@@ -263,7 +332,10 @@ def goal_of(message: LogMessage) -> LoggedGoal:
     return LoggedGoal(pose_of(data.pose), clean_frame(data.header.frame_id), goal_id)
 
 
-def path_of(message: Any) -> NDArray[np.float64]:
-    """Return the poses (n, 3) of a nav_msgs/Path: x, y, yaw. Raises LogError."""
+@checked
+def path_of(message: Any) -> tuple[str, NDArray[np.float64]]:
+    """Return the frame and the poses (n, 3) of a nav_msgs/Path: x, y, yaw. Raises LogError."""
     poses = [pose_of(item.pose) for item in message.poses]
-    return np.array(poses, np.float64).reshape(-1, 3)
+    # navfn leaves the header of an empty path empty
+    frame = message.header.frame_id or (message.poses[0].header.frame_id if message.poses else "")
+    return clean_frame(frame), np.array(poses, np.float64).reshape(-1, 3)

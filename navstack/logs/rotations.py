@@ -28,7 +28,7 @@ class Quaternion(NamedTuple):
     @property
     def is_valid(self) -> bool:
         """True if it is finite and not zero."""
-        return math.isfinite(sum(self)) and any(self)
+        return 1e-6 < math.hypot(*self) < 1e6
 
     def normalized(self) -> Quaternion:
         """Return the unit quaternion; one that is a unit quaternion up to rounding is returned as it is."""

@@ -117,19 +117,16 @@ class Player:
                 self._note_rate(topic, self.clock.time(message.time_ns))
                 self._odometry(message)
             elif topic == self._topics.commands:
-                data = message.data
-                twist = ros.twist_of(data.twist if message.type == ros.TWIST_STAMPED else data)
+                twist = ros.command_of(message)
                 self.robot.recorded = twist
                 self.commands.append((self.clock.time(message.time_ns), twist))
             elif topic in self._topics.plans:
-                path = message.data
-                poses = ros.path_of(path)
-                frame = path.header.frame_id or (path.poses[0].header.frame_id if path.poses else "")
-                self.plans.append(RecordedPath(self.clock.time(message.time_ns), ros.clean_frame(frame), poses))
+                frame, poses = ros.path_of(message.data)
+                self.plans.append(RecordedPath(self.clock.time(message.time_ns), frame, poses))
             elif topic == ros.EXPORTED_SENSORS:
                 self._scan_fields = ros.scan_fields_of(message.data)
             elif topic == self._topics.truth:
-                self.robot.true_pose = ros.pose_of(message.data.pose.pose)
+                self.robot.true_pose = ros.odometry_of(message.data, self.clock).pose
         except (LogError, FrameError) as exc:
             self._problem(f"{topic}: {exc.message}")
 
@@ -168,7 +165,7 @@ class Player:
         if sensor.type == ros.RANGE:
             self.robot.add_scan(ros.range_of(data, sensor.name, stamp))
             return
-        frame = ros.clean_frame(data.header.frame_id)
+        frame = ros.frame_of(data)
         mounting = self.frames.mounting(frame)
         if sensor.type == ros.CLOUD:
             points = np.ascontiguousarray(mounting.levelled(ros.points_of(data)))

@@ -314,7 +314,7 @@ class LogReplay:
                 goal = ros.goal_of(message)
                 self._send(goal.pose, goal.frame, goal.id, now)
             elif message.topic == self.topics.cancels:
-                self._cancel(str(message.data.id))
+                self._cancel(ros.goal_id_of(message.data))
             else:
                 self._on_result(message, now)
         except NavError as exc:
@@ -343,12 +343,11 @@ class LogReplay:
 
     def _on_result(self, message: LogMessage, now: float) -> None:
         """Note the end of a goal in the log; navstack's goal ends as well."""
-        status = message.data.status
-        goal_id = str(status.goal_id.id)
+        goal_id, text = ros.result_of(message.data)
         goal = next((g for g in reversed(self.goals) if g.id == goal_id), self.goals[-1] if self.goals else None)
         if goal is None:
             return
-        goal.recorded_end, goal.recorded_text = now, str(status.text)
+        goal.recorded_end, goal.recorded_text = now, text
         if not goal.handle.is_done:
             self.move_base.cancel_goal(goal.handle)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from statistics import median
 from typing import Any, Final
 
@@ -36,9 +37,10 @@ def find_clock(log: Log, topics: Topics) -> tuple[Clock, str]:
     """Return the clock of a log, and a note if the stamps belong to another clock than the times of the recording."""
     shifts: list[int] = []
     for message in log.messages(topics.used, end=LOOK_AHEAD_S):
-        header = getattr(message.data, "header", None) if message.topic in (topics.odometry, *topics.sensors) else None
-        if header is not None:
-            shifts.append(message.time_ns - ros.stamp_ns(header))
+        if message.topic not in (topics.odometry, *topics.sensors):
+            continue
+        with suppress(LogError):
+            shifts.append(message.time_ns - ros.header_ns(message.data))
         if len(shifts) >= 50:
             break
     shift = round(median(shifts)) if shifts else 0
@@ -104,7 +106,7 @@ def _sensor_frames(log: Log, player: Player) -> dict[str, str]:
         for message in log.messages(sorted(wanted), end=LOOK_AHEAD_S):
             if message.topic not in found:
                 try:
-                    found[message.topic] = clean_frame(message.data.header.frame_id)
+                    found[message.topic] = ros.frame_of(message.data)
                 except LogError:
                     continue
             if len(found) == len(wanted):
@@ -163,8 +165,7 @@ def _moving_parents(log: Log, player: Player) -> dict[str, str]:
     if "/tf" in player.frames_topics:
         for message in log.messages(["/tf"], end=LOOK_AHEAD_S):
             try:
-                for item in message.data.transforms:
-                    found[clean_frame(item.child_frame_id)] = clean_frame(item.header.frame_id)
+                found |= {child: parent for parent, child, _ in ros.edges_of(message.data)}
             except LogError:
                 continue
     return found
@@ -196,7 +197,7 @@ def empty_map(log: Log, topics: Topics, initial_pose: Pose2D | None, frame: str)
     if centre is None and topics.odometry:
         for message in log.messages([topics.odometry]):
             try:
-                centre = ros.pose_of(message.data.pose.pose)
+                centre = ros.odometry_of(message.data, Clock(log.start_ns)).pose
             except NavError:
                 continue
             break

@@ -1,4 +1,4 @@
-"""20,000 mutated maps, records, scenarios, parameter files and launch files (`tools/fuzz_inputs.py`)."""
+"""20,000 mutated maps, records, scenarios, parameter files and launch files, and 4,000 logs (`tools/fuzz_inputs.py`)."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_an_input_depends_on_seed_and_number_only(tmp_path: Path) -> None:
     one, other = Inputs(tmp_path / "a"), Inputs(tmp_path / "b")
     other.make("map", random.Random(5))
     for number in range(40):
-        made = [i.make(KINDS[number % 5], random.Random(f"9/{number}")) for i in (one, other)]
+        made = [i.make(KINDS[number % len(KINDS)], random.Random(f"9/{number}")) for i in (one, other)]
         assert made[0].reader == made[1].reader
         assert made[0].path.name == made[1].path.name
         if made[0].path.is_file() and not made[0].path.is_symlink():
@@ -78,6 +78,6 @@ def test_failing_reads_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     counts: Counts = fuzz_in_processes(Plan(0), 10, 2)
     assert counts.inputs == 10
     assert counts.accepted == 4  # the inputs that take memory, and the good ones
-    assert sorted(text.split(":")[0] for text in counts.tracebacks) == ["input 1", "input 6", "map 0 (x)", "map 5 (x)"]
-    assert sorted(text.split(":")[0] for text in counts.large) == ["scenario 2 (x)", "scenario 7 (x)"]
+    assert sorted(text.split(":")[0] for text in counts.tracebacks) == ["input 1", "input 6", "log 5 (x)", "map 0 (x)"]
+    assert sorted(text.split(":")[0] for text in counts.large) == ["record 7 (x)", "scenario 2 (x)"]
     assert counts.slow == []

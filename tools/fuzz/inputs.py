@@ -28,11 +28,19 @@ from navstack.scenario.suites.barn_worlds import load_worlds
 from tools.fuzz.arrays import mutated_archive, packed
 from tools.fuzz.images import mutated_image
 from tools.fuzz.launch import mutated_launch
+from tools.fuzz.logs import mutated_log, read_log, valid_logs
 from tools.fuzz.text import mutated_yaml
 from tools.fuzz.values import SPECIAL_FILES
 
-KINDS: Final = ("map", "record", "scenario", "parameters", "launch")
-_SUFFIXES: Final = {"map": ".yaml", "record": ".npz", "scenario": ".yaml", "parameters": ".yaml", "launch": ".launch"}
+KINDS: Final = ("map", "record", "scenario", "parameters", "launch", "log")
+_SUFFIXES: Final = {
+    "map": ".yaml",
+    "record": ".npz",
+    "scenario": ".yaml",
+    "parameters": ".yaml",
+    "launch": ".launch",
+    "log": ".bag",
+}
 _SPECIAL_SHARE: Final = 0.01
 _CHECK_SHARE: Final = 0.02
 """Share of the parameter inputs that are checked completely; the others are read and merged."""
@@ -90,6 +98,7 @@ class Inputs:
         ).encode()
         self.members = _record_members()
         self.worlds = _world_members()
+        self.logs = valid_logs(folder)
         _make_special_files(folder)
 
     def make(self, kind: str, rng: random.Random) -> Input:
@@ -107,6 +116,9 @@ class Inputs:
                 path = self._write("run.npz", mutated_archive(self.members, rng))
             case "scenario":
                 path = self._write("scenario.yaml", mutated_yaml(rng.choice(self.scenarios), rng))
+            case "log":
+                name = rng.choice(sorted(self.logs))
+                path = self._write(f"fuzzed.{name}", mutated_log(self.logs[name], rng))
             case "parameters":
                 path = self._write("fuzzed.yaml", mutated_yaml(rng.choice(self.parameters), rng))
             case _:
@@ -135,6 +147,8 @@ class Inputs:
                 return lambda: _use_map(load_mask(path) if chance < 0.1 else load_map(path))
             case "record":
                 return lambda: _use_record(path, again=chance < 0.05)
+            case "log":
+                return lambda: read_log(path, partial=chance < 0.5)
             case "scenario":
                 return lambda: check_scenario(path) if chance < _CHECK_SHARE else read_scenario(path)
             case "parameters" if chance < _CHECK_SHARE:
@@ -174,6 +188,8 @@ def _arguments(kind: str, name: str, chance: float) -> list[str]:
             return ["plan", name, "--start", "0.2,0.2", "--goal", "0.4,0.2", "--json"]
         case "record":
             return ["explain", "goal", name, "--json"]
+        case "log":
+            return ["bag", "info", name, "--partial", *(["--json"] if chance < 0.5 else [])]
         case "parameters" if chance < 0.5:
             return ["check", "turtlebot", name, "--json"]
         case _:
