@@ -12,7 +12,7 @@ from navstack.cli.out_path import file_in
 from navstack.cli.replay_options import LogFile, Partial, ReplayInput
 
 if TYPE_CHECKING:
-    from navstack.logs.log_info import LogInfo
+    from navstack.logs.log_info import LogInfo, TopicInfo
 
 app = typer.Typer(
     name="bag",
@@ -52,27 +52,17 @@ def _print_info(found: LogInfo) -> None:
 
     from rich.markup import escape
 
-    from navstack.cli.output import stdout, titled_table
+    from navstack.cli.output import stdout
 
     out = stdout()
     start = datetime.fromtimestamp(found.start_ns / 1e9, UTC).strftime("%Y-%m-%d %H:%M:%S")
     out.print(
         f"{escape(found.path)}: {found.format}, {found.duration:.1f} s from {start} UTC, {found.messages:,} messages"
     )
-    table = titled_table("topics", left=("topic",), right=("messages", "rate", "longest gap"))
-    for topic in found.topics:
-        table.add_row(
-            escape(topic.topic),
-            f"{topic.count:,}",
-            f"{topic.rate:.1f} Hz" if topic.rate == topic.rate else "",
-            f"{topic.longest_gap:.2f} s at {topic.gap_at:.1f} s" if topic.count > 1 else "",
-        )
-    out.print(table)
     for topic in found.topics:
         kinds = ", ".join(kind.replace("/msg/", "/") for kind in topic.types)
         frames = f' in "{", ".join(topic.frames[:4])}"' if topic.frames else ""
-        delay = f", {1000.0 * topic.delay:.0f} ms after its stamp" if topic.delay == topic.delay else ""
-        out.print(f"{escape(topic.topic)}: {escape(kinds + frames)}{delay}")
+        out.print(f"[bold]{escape(topic.topic)}[/]: {escape(kinds + frames)}, {_rate_text(topic)}")
     out.print()
     _print_transforms(found)
     for need in found.needs:
@@ -81,6 +71,16 @@ def _print_info(found: LogInfo) -> None:
     for topic in found.topics:
         if topic.problem:
             out.print(f"[yellow]warning:[/] {escape(topic.problem)}")
+
+
+def _rate_text(topic: TopicInfo) -> str:
+    parts = [f"{topic.count:,} message{'s' * (topic.count != 1)}"]
+    if topic.rate == topic.rate:
+        parts.append(f"{topic.rate:.3g} Hz, longest gap {topic.longest_gap:.2f} s at {topic.gap_at:.1f} s")
+    if abs(topic.delay) >= 0.0005:
+        when = "after" if topic.delay > 0.0 else "before"
+        parts.append(f"recorded {1000.0 * abs(topic.delay):.0f} ms {when} its stamp")
+    return ", ".join(parts)
 
 
 def _print_transforms(found: LogInfo) -> None:

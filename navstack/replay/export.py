@@ -285,13 +285,9 @@ class _Names:
         prefix = "/move_base" if ros1 else ""
         self.global_costmap = f"{prefix}/global_costmap"
         self.local_costmap = f"{prefix}/local_costmap"
-        self.plan = f"{prefix}/{_class(configuration.global_planner.name)}/plan" if ros1 else "/plan"
-        self.local_plan = f"{prefix}/{_class(configuration.local_planner.name)}/local_plan" if ros1 else "/local_plan"
-
-
-def _class(name: str) -> str:
-    """Return the last part of a plugin's name: `DWAPlannerROS` for `dwa_local_planner/DWAPlannerROS`."""
-    return name.replace("::", "/").rpartition("/")[2]
+        planner, controller = configuration.global_planner, configuration.local_planner
+        self.plan = f"{prefix}/{planner.namespace or planner.name}/plan" if ros1 else "/plan"
+        self.local_plan = f"{prefix}/{controller.namespace or controller.name}/local_plan" if ros1 else "/local_plan"
 
 
 def _heights(run: Run) -> dict[str, float]:

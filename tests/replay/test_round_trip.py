@@ -137,3 +137,21 @@ def test_costmaps_of_the_export_are_those_of_the_run(tmp_path: Path) -> None:
             assert expected is not None and grid is not None and origin is not None
             assert np.array_equal(grid, values[expected.data])
             assert (origin.x, origin.y) == (expected.geometry.origin_x, expected.geometry.origin_y)
+
+
+def test_mcap_passes_the_checks_of_its_library(tmp_path: Path) -> None:
+    from mcap.reader import NonSeekingReader, make_reader
+
+    export_run(recorded(packaged("narrow_door")), tmp_path / "run.mcap")
+    with (tmp_path / "run.mcap").open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        summary = reader.get_summary()
+        assert summary is not None and summary.statistics is not None
+        messages = sum(1 for _ in reader.iter_messages())
+        assert messages == summary.statistics.message_count > 1000
+        assert {schema.encoding for schema in summary.schemas.values()} == {"ros2msg"}
+        assert {channel.message_encoding for channel in summary.channels.values()} == {"cdr"}
+    with (tmp_path / "run.mcap").open("rb") as file:
+        assert (
+            sum(1 for _ in NonSeekingReader(file, validate_crcs=True).iter_messages(log_time_order=False)) == messages
+        )

@@ -1,0 +1,119 @@
+"""A ROS 1 graph from Debian's packages: a master on a free port, and a virtual display for RViz.
+
+Without the packages, these tests skip with a reason; with NAVSTACK_ROS1_TESTS=1 they fail. The programs are run by Debian's
+Python, in processes of their own.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+WANTED = os.environ.get("NAVSTACK_ROS1_TESTS") == "1"
+PYTHON = "/usr/bin/python3"
+TIMEOUT_S = 60.0
+"""Longest wait for a program: far more than it takes, also on a busy machine."""
+
+
+def wait_for(condition: Callable[[], Any], what: str, timeout_s: float = TIMEOUT_S) -> Any:
+    """Return the first true value of `condition`; fail after the time-out."""
+    end = time.monotonic() + timeout_s
+    pause = subprocess.Popen(["/bin/cat"], stdin=subprocess.PIPE)
+    try:
+        while True:
+            found = condition()
+            if found:
+                return found
+            if time.monotonic() > end:
+                pytest.fail(f"{what} did not happen within {timeout_s:g} s")
+            try:
+                pause.wait(0.1)
+            except subprocess.TimeoutExpired:
+                continue
+    finally:
+        pause.kill()
+        pause.communicate()
+
+
+def missing() -> str:
+    """Return what is not installed; empty if everything is there."""
+    programs = [name for name in ("rosmaster", "rosbag", "rviz", "Xvfb") if shutil.which(name, path="/usr/bin") is None]
+    return ", ".join(programs)
+
+
+class Graph:
+    """A running master, and the programs that were started with it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            self.port = int(probe.getsockname()[1])
+        self.environment = {
+            "PATH": "/usr/bin:/bin",
+            "HOME": str(folder),
+            "ROS_MASTER_URI": f"http://127.0.0.1:{self.port}",
+            "ROS_IP": "127.0.0.1",
+            "ROS_HOME": str(folder / "ros"),
+            "LIBGL_ALWAYS_SOFTWARE": "1",
+            "QT_X11_NO_MITSHM": "1",
+        }
+        self._programs: list[subprocess.Popen[bytes]] = []
+        self.start("rosmaster", "--core", "-p", str(self.port))
+        wait_for(self._has_master, "the start of the ROS master")
+
+    def _has_master(self) -> bool:
+        with socket.socket() as probe:
+            return probe.connect_ex(("127.0.0.1", self.port)) == 0
+
+    def start(self, *command: str, **environment: str) -> subprocess.Popen[bytes]:
+        """Start a program; its output goes to a file."""
+        log = (self.folder / f"{Path(command[0]).name}_{len(self._programs)}.log").open("wb")
+        with log:
+            program = subprocess.Popen(
+                command, env={**self.environment, **environment}, stdout=log, stderr=log, start_new_session=True
+            )
+        self._programs.append(program)
+        return program
+
+    def run(self, *command: str) -> str:
+        """Run a program to its end; return its output."""
+        done = subprocess.run(
+            command, env=self.environment, capture_output=True, text=True, timeout=TIMEOUT_S, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    def close(self) -> None:
+        """End all programs, the last one first."""
+        for program in reversed(self._programs):
+            if program.poll() is None:
+                os.killpg(program.pid, signal.SIGTERM)
+            try:
+                program.wait(5.0)
+            except subprocess.TimeoutExpired:
+                os.killpg(program.pid, signal.SIGKILL)
+                program.wait()
+
+
+@pytest.fixture
+def graph(tmp_path: Path) -> Iterator[Graph]:
+    """A ROS graph."""
+    absent = missing()
+    if absent:
+        message = f"no ROS 1 ({absent} missing): install Debian's packages with tools/install_ros1.sh"
+        pytest.fail(message) if WANTED else pytest.skip(message)
+    graph = Graph(tmp_path)
+    try:
+        yield graph
+    finally:
+        graph.close()
