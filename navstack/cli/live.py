@@ -96,12 +96,20 @@ def _sessions(chosen: ScenarioOptions, live: LiveOptions) -> tuple[list[Session]
 
 def _recorded(run: Path, speed: float | None) -> Session:
     """A session of a recorded run, which is simulated again. Raises RecordError if that gives another run."""
+    from navstack.core.errors import InputError
     from navstack.explain import replay
     from navstack.live.session import Session
     from navstack.record import Record
+    from navstack.replay import is_of_log
     from navstack.scenario import Scenario
 
     record = Record.load(run)
+    if is_of_log(record):
+        raise InputError(
+            f"{run} is the replay of a log, and live shows simulated runs; watch it with `navstack plot {run} --animate`, or "
+            "write a moment of the log as a scenario with `navstack bag scenario`",
+            path=str(run),
+        )
     replay(record)
     session = Session(Scenario.from_record(record), speed=speed)
     session.end = float(record.times[-1])

@@ -127,9 +127,8 @@ def main() -> None:
         duration = write_large_bag(file, arguments.gigabytes)
         print(f"synthetic bag: {file.stat().st_size / 1e9:.2f} GB, {duration:.0f} s")
         cpu, peak = measured(["bag", "info", str(file)])
-        print(
-            f"bag info: {duration / cpu:.0f} times real time (CPU), {file.stat().st_size / 1e6 / cpu:.0f} MB/s, peak {peak:.0f} MB"
-        )
+        rate = file.stat().st_size / 1e6 / cpu
+        print(f"bag info: {duration / cpu:.0f} times real time (CPU), {rate:.0f} MB/s, peak {peak:.0f} MB")
         options = ["--map", "none", "--goal", "0:-2,0", "--no-scans", "--out", str(folder / "out")]
         cpu, peak = measured(["replay", str(file), *options])
         print(f"replay: {duration / cpu:.0f} times real time (CPU), peak {peak:.0f} MB")
