@@ -101,3 +101,24 @@ def wrap_yaws(particles: NDArray[np.float64]) -> None:
         yaw = particles[i, 2]
         if not -math.pi <= yaw < math.pi:
             particles[i, 2] = yaw - full * math.floor((yaw + math.pi) / full)
+
+
+@kernel
+def turn_by(particles: NDArray[np.float64], turns: NDArray[np.float64], distance: float) -> None:
+    """Turn each of the `particles` by its own rate (rad/m) times `distance` (m)."""
+    for i in range(len(particles)):
+        particles[i, 2] += turns[i] * distance
+
+
+@kernel
+def draw_turns(
+    turns: NDArray[np.float64],
+    parents: NDArray[np.int64],
+    start: float,
+    walk: float,
+    state: NDArray[np.uint64],
+    out: NDArray[np.float64],
+) -> None:
+    """Inherit the turn rates (rad/m) of the `parents` (n,) with a normal step `walk`; without one (-1), draw from `start`."""
+    for i in range(len(parents)):
+        out[i] = turns[parents[i]] + normal(walk, state) if parents[i] >= 0 else normal(start, state)

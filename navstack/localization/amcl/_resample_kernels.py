@@ -109,30 +109,27 @@ def resample(
     settings: NDArray[np.void],
     state: NDArray[np.uint64],
     keys: NDArray[np.int64],
-    numbers: NDArray[np.int32],
-    bins: NDArray[np.int64],
-    members: NDArray[np.int32],
     out: NDArray[np.float64],
-    counts: NDArray[np.int64],
+    parents: NDArray[np.int64],
 ) -> int:
     """Draw particles with replacement into `out` (max, 3) until their number exceeds that of the occupied bins; return it.
 
-    `counts` (2,) receives the number of bins and that of the uniform poses among the particles.
+    `parents` (max,) receives the index of each one's particle, -1 for a uniform pose.
     """
     keys[:] = -1
     wrapped = settings[0]["wrapped"]
     share = settings[0]["injected_share"]
     most = min(settings[0]["max_particles"], len(out))
     occupied = 0
-    injected = 0
     limit = particle_limit(0, settings)
     n = 0
     while n < most:
         if uniform(state) < share:
             draw_uniform(free, settings, state, out[n])
-            injected += 1
+            parents[n] = -1
         else:
             j = pick(sums, guide, uniform(state))
+            parents[n] = j
             out[n, 0] = particles[j, 0]
             out[n, 1] = particles[j, 1]
             out[n, 2] = particles[j, 2]
@@ -140,14 +137,9 @@ def resample(
         slot = slot_of(keys, key)
         if keys[slot] == -1:
             keys[slot] = key
-            numbers[slot] = occupied
-            bins[occupied] = key
             occupied += 1
             limit = particle_limit(occupied, settings)
-        members[n] = numbers[slot]
         n += 1
         if n > limit:
             break
-    counts[0] = occupied
-    counts[1] = injected
     return n

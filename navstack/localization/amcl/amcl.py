@@ -13,7 +13,7 @@ from navstack.core import LaserScan, OccupancyGrid, Pose2D, Transform2D, angle_b
 from navstack.core.errors import InputError
 from navstack.core.parameters import ParamModel
 from navstack.interfaces import Localizer, PoseEstimate
-from navstack.localization.amcl.odometry import OdometryErrors, OdometryHistory
+from navstack.localization.amcl.odometry import OdometryHistory
 from navstack.localization.amcl.particles import Clusters, ParticleSet
 from navstack.localization.amcl.sensor_model import Readings, SensorModel
 from navstack.parameters.models.amcl import AmclParams
@@ -44,8 +44,6 @@ class Amcl(Localizer):
         self.particles = ParticleSet(params, params.random_seed if params.random_seed >= 0 else seed)
         self.rejections: deque[Rejection] = deque(maxlen=100)
         """Inputs that were not used, with the reason."""
-        self.errors = OdometryErrors()
-        """What the corrections say about the odometry (`learn_odometry`)."""
         self._per_axis = "axis_threshold" in params.ros_defects
         self._alphas = np.array(params.alphas)
         self._model: SensorModel | None = None
@@ -171,10 +169,7 @@ class Amcl(Localizer):
         if not (moved > self.params.update_min_d or abs(dyaw) > self.params.update_min_a or self._forced):
             return
         self._forced = False
-        motion = dx, dy, dyaw
-        if self.params.learn_odometry:
-            motion = self.errors.corrected(motion)
-        self.particles.move(np.array(motion), last.yaw, self._alphas, self.params.odom_model_type)
+        self.particles.move(np.array([dx, dy, dyaw]), last.yaw, self._alphas, self.params.odom_model_type)
         self._due = dict.fromkeys(self._stamps, True)
         self._last = odometry
 
@@ -198,8 +193,6 @@ class Amcl(Localizer):
         clusters = self.particles.clusters()
         pose = clusters.pose
         pose = Pose2D(pose.x, pose.y, normalize_angle(pose.yaw))
-        if self.params.learn_odometry:
-            self.errors.learn(pose, odometry)
         map_to_odom = Transform2D(*pose) @ odometry.inverse()
         self._estimate = PoseEstimate(pose, clusters.covariance, map_to_odom, stamp, self._details(clusters))
         return self._estimate
@@ -212,6 +205,7 @@ class Amcl(Localizer):
             "cluster_covariance": clusters.covariances[0],
             "injected": self.particles.injected,
             "effective": self.particles.effective,
+            "turn": self.particles.turn,
         }
 
     # --- start --------------------------------------------------------------------------------------------------------
@@ -231,7 +225,6 @@ class Amcl(Localizer):
     def _restart(self) -> None:
         self._last = None
         self._updates = 0
-        self.errors.forget()
 
     def _cell_origin(self) -> tuple[float, float]:
         """Return the point (m) of the cell (0, 0): its centre, or its corner as in amcl."""

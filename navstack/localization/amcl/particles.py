@@ -14,6 +14,10 @@ from navstack.parameters.models.amcl import AmclParams
 
 Array = NDArray[np.float64]
 CONVERGED_M = 0.5
+START_TURN = 0.08
+"""Standard deviation of the odometry's turn error at the start (rad/m)."""
+TURN_STEP = 0.002
+"""Its random step per resampling (rad/m): the error may change as the robot drives, and few particles stay diverse."""
 
 
 class Clusters(NamedTuple):
@@ -51,6 +55,9 @@ class ParticleSet:
         size = 1 << max(4, (2 * most - 1).bit_length())
         self._poses, self._next = np.zeros((most, 3)), np.zeros((most, 3))
         self._weights = np.zeros(most)
+        self._parents = np.zeros(most, np.int64)
+        self._learns = params.learn_odometry
+        self._turns = np.zeros(most)
         self._keys, self._numbers = np.full(size, -1, np.int64), np.zeros(size, np.int32)
         self._bins, self._members = np.zeros(most, np.int64), np.zeros(most, np.int32)
         self._settings = np.zeros(1, _resample_kernels.RESAMPLING)
@@ -77,6 +84,16 @@ class ParticleSet:
     def weights(self) -> Array:
         """(n,), sum 1: a view."""
         return self._weights[: self.count]
+
+    @property
+    def turns(self) -> Array:
+        """(n,) turn of the robot beyond that of its odometry (rad/m), of each particle: a view."""
+        return self._turns[: self.count]
+
+    @property
+    def turn(self) -> float:
+        """Mean turn beyond the odometry's (rad/m)."""
+        return float(self.weights @ self.turns)
 
     @property
     def effective(self) -> float:
@@ -118,9 +135,14 @@ class ParticleSet:
         self._wrap()
 
     def move(self, motion: Array, start_yaw: float, alphas: Array, model: str) -> None:
-        """Apply a motion model to `motion` (3,), see the kernels."""
+        """Apply a motion model to `motion` (3,), see the kernels; with `learn_odometry`, each particle also turns at its rate."""
+        half = 0.5 * math.hypot(*motion[:2].tolist()) if self._learns else 0.0
+        if half:
+            _motion_kernels.turn_by(self.poses, self.turns, half)
         move = _motion_kernels.move_diff if model.startswith("diff") else _motion_kernels.move_omni
         move(self.poses, motion, start_yaw, alphas, model.endswith("corrected"), self.random)
+        if half:
+            _motion_kernels.turn_by(self.poses, self.turns, half)
         self._wrap()
 
     def weigh(self, factors: Array) -> bool:
@@ -149,14 +171,16 @@ class ParticleSet:
         self._place(origin, cell)
         sums, guide = np.empty(self.count + 1), np.empty(self.count + 1, np.int32)
         _resample_kernels.cumulate(self.weights, sums, guide)
-        counts = np.zeros(2, np.int64)
         self.count = _resample_kernels.resample(
-            self.poses, sums, guide, free, self._settings, self.random,
-            self._keys, self._numbers, self._bins, self._members, self._next, counts,
-        )  # fmt: skip
+            self.poses, sums, guide, free, self._settings, self.random, self._keys, self._next, self._parents
+        )
         self._poses, self._next = self._next, self._poses
         self.weights[:] = 1.0 / self.count
-        self.injected = int(counts[1])
+        parents = self._parents[: self.count]
+        self.injected = int(np.count_nonzero(parents < 0)) if share > 0.0 else 0
+        if self._learns:
+            turns = self._turns.copy()
+            _motion_kernels.draw_turns(turns, parents, START_TURN, TURN_STEP, self.random, self._turns)
         if share > 0.0:
             self.slow = self.fast = 0.0
         self.converged = self.is_converged()
@@ -180,6 +204,9 @@ class ParticleSet:
         """Start with so many particles of equal weight."""
         self.count = count
         self.weights[:] = 1.0 / count
+        if self._learns:
+            none = np.full(count, -1, np.int64)
+            _motion_kernels.draw_turns(self._turns, none, START_TURN, 0.0, self.random, self._turns)
         self.slow = self.fast = 0.0
         self.converged = False
         self.injected = 0

@@ -149,7 +149,8 @@ class AmclParams(ParamModel):
     initial_pose: InitialPoseParams | None = param(None, "pose at the start, as Nav2 writes it")
     random_seed: int = param(-1, "seed of the particles; negative: that of the run", le=0xFFFFFFFF)
     learn_odometry: bool = param(
-        False, "learn the turn and scale errors of the odometry from the corrections and subtract them; not in amcl"
+        True,
+        "each particle also estimates the turn error of the odometry per metre, as unequal wheels cause it; not in amcl",
     )
     ros_defects: list[Defect] = param([], "defects of noetic's amcl to reproduce, see the parity page; not in amcl")
 
