@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
+from typing import Final
+
 from navstack.core import Twist2D
 from navstack.explain.command_summary import velocity_text
 from navstack.record import Record
 from navstack.record.commands import RecordedCommand, recorded_command
 
-_LATEST_S = 0.5
+_CLAUSE: Final = re.compile(r"; (?=(?:velocity_smoother|collision_monitor|release): )")
+_LATEST_S: Final = 0.5
 """A command that reached the chain is passed on within this time (s)."""
 
 
@@ -30,13 +34,16 @@ def chain_sentence(step: RecordedCommand) -> str:
 
 
 def _parts(step: RecordedCommand) -> list[str]:
-    parts = step.reason.split("; collision_monitor: ")
+    """The clauses of the reason, each with the part of the chain that made the change."""
     out: list[str] = []
-    if step.smoothed != step.requested:
-        out.append(f"{parts[0]}: {_change(step.requested, step.smoothed)}")
-    if step.sent != step.smoothed:
-        reason = parts[-1].removeprefix("collision_monitor: ")
-        out.append(f"collision_monitor: {reason}")
+    for clause in _CLAUSE.split(step.reason):
+        part, _, reason = clause.partition(": ")
+        if part == "velocity_smoother":
+            out.append(f"{clause}: {_change(step.requested, step.smoothed)}")
+        elif part == "release":
+            out.append(f"velocity_smoother: {reason}")
+        elif clause:
+            out.append(clause)
     return out
 
 

@@ -46,10 +46,14 @@ class CommandStep:
     """Why the smoother changed it, empty if it did not."""
     decision: MonitorDecision | None = None
     """What the collision monitor decided; None without one."""
+    release_reason: str = ""
+    """Why the robot got less than the collision monitor allowed: it speeds up within the limits of the smoother; else empty."""
 
     @property
     def changed_by(self) -> str:
         """`collision_monitor`, `velocity_smoother` or empty: the last one that changed the command."""
+        if self.release_reason:
+            return "velocity_smoother"
         if self.sent != self.smoothed:
             return "collision_monitor"
         return "velocity_smoother" if self.smoothed != self.requested else ""
@@ -65,8 +69,10 @@ class CommandStep:
         parts: list[str] = []
         if self.smoothed != self.requested:
             parts.append(f"velocity_smoother: {self.smoother_reason}")
-        if self.decision is not None and self.sent != self.smoothed:
+        if self.decision is not None and self.decision.command != self.smoothed:
             parts.append(f"collision_monitor: {self.decision.reason}")
+        if self.release_reason:
+            parts.append(f"release: {self.release_reason}")
         return "; ".join(parts)
 
     def as_dict(self) -> dict[str, Any]:
@@ -245,14 +251,38 @@ class CommandChain:
     def _pass_on(self, now: float) -> CommandStep:
         requested = self._requested
         assert requested is not None
-        sent, is_sent, decision = self._smoothed, True, None
+        sent, is_sent, released, decision = self._smoothed, True, "", None
         if self.monitor is not None:
             decision = self.monitor.process(self._smoothed, now, self.robot.state().velocity)
-            sent, is_sent = decision.command, decision.is_sent
+            is_sent = decision.is_sent
+            sent, released = self._release(decision, now)
         self._checked_at = now
-        step = CommandStep(now, self._source, requested, self._smoothed, sent, is_sent, self._smoother_reason, decision)
+        step = CommandStep(
+            now, self._source, requested, self._smoothed, sent, is_sent, self._smoother_reason, decision, released
+        )
         self.last = step
         self._steps.append(step)
         if is_sent:
             self.robot.command(sent)
         return step
+
+    def _release(self, decision: MonitorDecision, now: float) -> tuple[Twist2D, str]:
+        """Return what the robot gets of a command that the monitor lets pass, and why it is less, empty if it is not.
+
+        The smoother limits changes of its own output. A robot that the monitor has held must not jump to that output when it lets
+        go, and the output must not rise meanwhile.
+        """
+        assert self.monitor is not None
+        sent, released = decision.command, ""
+        if self.smoother is None or self.monitor.params.nav2_compatible:
+            return sent, released
+        last = self.last
+        if last is not None and last.sent != last.smoothed:
+            limited = self.smoother.release(last.sent, sent, now - last.time)
+            sent, released = limited.twist, limited.reason
+            if released:
+                self.monitor.note_sent(sent)
+        # a slowdown is a factor of the output: continuing from the product would apply it again and again
+        if sent != self._smoothed and decision.action != "slowdown":
+            self.smoother.feed_back(sent, now)
+        return sent, released

@@ -153,6 +153,10 @@ class CollisionMonitor:
         self._approach.sent[:] = out
         return decision
 
+    def note_sent(self, command: Twist2D) -> None:
+        """Tell that the robot got a slower command than the last decision's: it is the one in force until the robot reacts."""
+        self._approach.sent[:] = command
+
     # --- judgment -----------------------------------------------------------------------------------------------------
 
     def _judge(self, verdict: _Verdict, command: Twist2D, measured: Twist2D, now: float) -> None:

@@ -119,6 +119,38 @@ class VelocitySmoother:
         self._stopped = not out.any()
         return SmoothedCommand(sent, target, self._reason(target, sent, decided, current, timed_out=timed_out))
 
+    def feed_back(self, sent: Twist2D, now: float) -> None:
+        """Continue from what the robot got at `now` (s), because a later part has changed the output.
+
+        Otherwise the output would rise while the collision monitor holds the robot, and be sent at once when it lets go. Closed
+        loop continues from the odometry anyway; Nav2 does neither.
+        """
+        if self._closed_loop or self.params.nav2_compatible:
+            return
+        self._last = np.array(sent, np.float64)
+        self._suppressed = np.zeros(3, np.bool_)
+        self._stopped = not self._last.any()
+        self._last_step = now
+
+    def release(self, before: Twist2D, wanted: Twist2D, dt: float) -> SmoothedCommand:
+        """Return as much of a command as `max_accel` allows `dt` (s) after `before`; the factor is the same for all axes.
+
+        Braking is not limited: what is slower is at once.
+        """
+        if self._closed_loop or self.params.nav2_compatible:
+            return SmoothedCommand(wanted, wanted, "")
+        factor, axis = 1.0, 0
+        for i in range(3):
+            accel = float(self._limits[kernels.ACCEL, i])
+            held = abs(before[i]) if before[i] * wanted[i] > 0.0 else 0.0
+            reach = held + accel * min(max(dt, 0.0), _MOST_PERIODS * self._period)
+            if abs(wanted[i]) > reach + kernels.ROUNDING and reach < factor * abs(wanted[i]):
+                factor, axis = reach / abs(wanted[i]), i
+        if factor >= 1.0:
+            return SmoothedCommand(wanted, wanted, "")
+        reason = f"max_accel {self._limits[kernels.ACCEL, axis]:g} of {_AXES[axis]} after the collision monitor"
+        return SmoothedCommand(Twist2D(*(factor * v for v in wanted)), wanted, reason)
+
     def _time_step(self, now: float) -> float:
         """The time for which accelerations count (s)."""
         if self._last_step == -math.inf:

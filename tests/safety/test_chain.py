@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
+import math
+from typing import Any
+
+import numpy as np
 import pytest
 
 from navstack.core import Twist2D
 from navstack.core.errors import InputError
+from navstack.explain.command_chain import chain_sentence
 from navstack.parameters.models.velocity_smoother import VelocitySmootherParams
-from navstack.safety import CommandChain, VelocitySmoother
+from navstack.record.commands import CommandBuffer, RecordedCommand, recorded_command
+from navstack.safety import CommandChain, CommandStep, VelocitySmoother
 from tests.safety.rig import ScriptedRobot, monitor, scan_of, square, zone
 
 STOP = zone(action_type="stop", points=square(0.4))
@@ -104,3 +111,92 @@ def test_halt_stops_without_a_ramp() -> None:
     chain.halt(0.01)
     assert robot.commands[-1] == Twist2D()
     assert chain.tick(0.1) is None
+
+
+# --- the monitor holds the robot: the smoother does not wind up ------------------------------------------------------
+
+
+def held(action: str, **values: Any) -> CommandChain:
+    smoother = VelocitySmoother(VelocitySmootherParams(max_velocity=[1.0, 0.0, 2.5]))  # 2.5 m/s², 20 Hz: 0.125 a step
+    circle = zone(type="circle", radius=0.6, action_type=action, **values)
+    return CommandChain(ScriptedRobot(), smoother=smoother, monitor=monitor({"z": circle}, base_shift_correction=False))
+
+
+def drive(chain: CommandChain, steps: range, twist: Twist2D, *points: tuple[float, float]) -> list[CommandStep]:
+    """The steps of a chain at 20 Hz with a command and the points of a scan."""
+    made: list[CommandStep] = []
+    for k in steps:
+        now = 0.05 * k
+        robot = chain.robot
+        assert isinstance(robot, ScriptedRobot)
+        robot.data.append(scan_of(*points, stamp=now))
+        chain.scans()
+        chain.send("navigation", twist, now)
+        step = chain.tick(now)
+        assert step is not None
+        made.append(step)
+    return made
+
+
+@pytest.mark.parametrize(
+    ("action", "values", "held_at"),
+    [
+        ("stop", {}, 0.0),
+        ("limit", {"linear_limit": 0.25}, 0.25),
+        ("slowdown", {"slowdown_ratio": 0.25}, 0.25),
+        ("approach", {"time_before_collision": 1.0}, 0.1),
+    ],
+)
+def test_a_held_robot_speeds_up_within_the_limits_when_it_is_let_go(
+    action: str, values: dict[str, Any], held_at: float
+) -> None:
+    chain = held(action, **values)
+    forward = Twist2D(1.0)
+    holding = drive(chain, range(40), forward, (0.7, 0.0) if action == "approach" else (0.5, 0.0))
+    assert holding[-1].sent.vx == pytest.approx(held_at)
+    if action != "slowdown":
+        assert holding[-1].smoothed.vx == pytest.approx(held_at + 0.125)  # one step ahead, not the whole command
+    free = drive(chain, range(40, 60), forward, (5.0, 0.0))
+    speeds = [held_at, *(step.sent.vx for step in free)]
+    assert max(b - a for a, b in itertools.pairwise(speeds)) <= 0.125 + 1e-9
+    assert speeds[-1] == 1.0
+    assert len([v for v in speeds if v < 1.0]) <= math.ceil((1.0 - held_at) / 0.125) + 1
+    if action == "slowdown":
+        assert free[0].changed_by == "velocity_smoother"
+        assert "release: max_accel 2.5 of x after the collision monitor" in free[0].reason
+        assert "velocity_smoother: max_accel 2.5 of x after" in chain_sentence(recorded(free[0]))
+    # a stop is at once
+    stop = drive(chain, range(60, 61), forward, (0.5, 0.0), (0.19, 0.0))
+    assert stop[0].sent.vx <= 0.25 + 1e-9
+
+
+def recorded(step: CommandStep) -> RecordedCommand:
+    buffer = CommandBuffer()
+    buffer.add(step)
+    return recorded_command(buffer.table()[0])
+
+
+def test_nav2_compatible_winds_up() -> None:
+    circle = zone(type="circle", radius=0.6, action_type="stop")
+    smoother = VelocitySmoother(VelocitySmootherParams())
+    as_nav2 = monitor({"z": circle}, nav2_compatible=True, base_shift_correction=False)
+    chain = CommandChain(ScriptedRobot(), smoother=smoother, monitor=as_nav2)
+    assert drive(chain, range(20), Twist2D(0.5), (0.5, 0.0))[-1].smoothed == Twist2D(0.5)
+    assert drive(chain, range(20, 21), Twist2D(0.5), (5.0, 0.0))[0].sent == Twist2D(0.5)
+
+
+def test_speeding_up_stays_within_the_limits_whatever_comes_and_goes() -> None:
+    rng = np.random.default_rng(7)
+    chain = held("slowdown", slowdown_ratio=0.3)
+    before = Twist2D()
+    twist, points = Twist2D(), [(5.0, 0.0)]
+    for k in range(2000):
+        if rng.random() < 0.2:
+            twist = Twist2D(float(rng.uniform(-1.0, 1.0)), 0.0, float(rng.uniform(-2.5, 2.5)))
+        if rng.random() < 0.2:
+            points = [(float(rng.choice([0.5, 5.0])), 0.0)]
+        sent = drive(chain, range(k, k + 1), twist, *points)[0].sent
+        for axis, limit in ((0, 2.5), (2, 3.2)):
+            was = abs(before[axis]) if before[axis] * sent[axis] > 0.0 else 0.0
+            assert abs(sent[axis]) <= was + 0.05 * limit + 1e-9, (k, before, sent)
+        before = sent
