@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from navstack.core import Costmap, Footprint, Pose2D, Twist2D
 from navstack.core.errors import RecordError
+from navstack.explain.command_by_hand import driven_by_hand
 from navstack.explain.command_chain import command_after
 from navstack.explain.command_summary import average_summary, count_rejections, summary_of
 from navstack.explain.replay import Replay, replay, time_in
@@ -134,6 +135,9 @@ def _summary(cycle: _Cycle, samples: tuple[SampleReport, ...], rejections: str) 
 
 
 def _replay_cycle(record: Record, requested: float) -> _Cycle:
+    key = driven_by_hand(record, requested)
+    if key is not None and (key.is_held or not _searched_after(record, key.time, requested)):
+        return _Cycle(replay(record, requested), "teleop", key.plan, reasons=key.reason)
     replayed = replay(record, _last_search(record, requested))
     if replayed.run.move_base.motions.running is not None:
         return _motion_cycle(record, replayed)
@@ -163,6 +167,12 @@ def _motion_cycle(record: Record, replayed: Replay) -> _Cycle:
     assert recorded is not None
     plan = replace(recorded.plan, notes=())
     return _Cycle(replayed, f"motion {plan.mode}", plan, reasons="; ".join(recorded.plan.notes))
+
+
+def _searched_after(record: Record, since: float, until: float) -> bool:
+    """True if the local planner or a motion computed a command after `since`, until `until` (s)."""
+    times = record.local_plan_times
+    return bool(((times > since) & (times <= until + 1e-9)).any())
 
 
 def _last_search(record: Record, time: float) -> float:

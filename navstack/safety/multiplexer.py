@@ -15,6 +15,8 @@ from navstack.parameters.models.twist_mux import MuxInputParams, MuxLockParams, 
 
 STOP: Final = Twist2D()
 _ROUNDING_S: Final = 1e-9
+_AFTER_S: Final = 2e-7
+"""How long after a timeout the next step is due: at the timeout itself, an input is still alive."""
 
 
 @dataclass(slots=True)
@@ -57,6 +59,7 @@ class CommandMultiplexer:
         self._by_priority = sorted(self._inputs.values(), key=lambda one: -one.params.priority)  # stable: ties in order
         self._driving: str | None = None
         """The input whose command was passed on last; None after a stop."""
+        self._stepped_at = -math.inf
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -116,6 +119,7 @@ class CommandMultiplexer:
 
     def step(self, now: float) -> Twist2D | None:
         """Return a stop, once, if the input that drove the robot is silent or locked at `now` (s) and no other one drives."""
+        self._stepped_at = now
         if self._driving is None or self.active(now) == self._driving:
             return None
         self._driving = None
@@ -123,13 +127,17 @@ class CommandMultiplexer:
 
     @property
     def due(self) -> float:
-        """Time at which the input that drives the robot times out (s); inf if it does not."""
+        """Time at which the input that drives the robot times out, or a lock does (s); inf if none does."""
         if self._driving is None:
             return math.inf
         one = self._inputs[self._driving]
         times = [one.received_at + one.params.timeout] if one.params.timeout > 0.0 else []
-        times += [lock.received_at + lock.params.timeout for lock in self._locks.values() if lock.params.timeout > 0.0]
-        return min(times, default=math.inf) + 2.0 * _ROUNDING_S
+        expiries = (
+            lock.received_at + lock.params.timeout for lock in self._locks.values() if lock.params.timeout > 0.0
+        )
+        # a lock that had expired at the last step has been looked at
+        times += [time for time in expiries if time + _AFTER_S > self._stepped_at]
+        return min(times, default=math.inf) + _AFTER_S
 
     def why_not(self, source: str, now: float) -> str:
         """Return why commands of a source do not drive the robot at `now` (s), empty if they do."""

@@ -134,3 +134,23 @@ def test_why_a_source_does_not_drive() -> None:
     m.set_lock("pause", True, 0.1)
     assert m.why_not("keyboard", 0.1) == "keyboard (priority 90) is locked by pause (priority 100)"
     assert m.why_not("navigation", 0.1).startswith("navigation (priority 10) is locked by pause")
+
+
+def test_a_step_is_due_when_the_robot_must_stop() -> None:
+    """At exactly the timeout an input is alive: a step there must not be due again at the same time."""
+    it = CommandMultiplexer(TwistMuxParams())
+    it.command("teleop", Twist2D(0.3), 2.0)
+    assert it.due > 2.5 + 1e-7  # a simulated clock rounds to 1e-8 s
+    assert it.step(2.5) is None
+    assert it.step(it.due) == Twist2D()
+    assert it.due == math.inf
+
+
+def test_an_expired_lock_is_not_due_again_and_again() -> None:
+    topics = [MuxInputParams(name="navigation", priority=10)]
+    it = CommandMultiplexer(TwistMuxParams(topics=topics, locks=[MuxLockParams(name="quiet", timeout=0.5, priority=5)]))
+    it.set_lock("quiet", False, 0.0)
+    it.command("navigation", Twist2D(0.3), 0.0)
+    assert it.due == pytest.approx(0.5, abs=1e-5)
+    assert it.step(it.due) is None  # a lower priority: the navigation drives on
+    assert it.due == math.inf

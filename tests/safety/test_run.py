@@ -65,9 +65,14 @@ def test_the_record_has_commands_before_and_after(record: Record, tmp_path: Path
     np.testing.assert_allclose(slowed["sent_vx"], 0.5 * slowed["smoothed_vx"], atol=1e-12)
     unchanged = rows[rows["changed_by"] == ""]
     assert (unchanged["sent_vx"] == unchanged["requested_vx"]).all()
-    steps = np.abs(np.diff(np.concatenate(([0.0], rows["smoothed_vx"]))))
+    # the smoother continues from its output, or from what the robot got where the monitor held it
+    held = (rows["sent_vx"] != rows["smoothed_vx"]) & (rows["action"] != "slowdown")
+    base = np.concatenate(([0.0], np.where(held, rows["sent_vx"], rows["smoothed_vx"])[:-1]))
+    steps = np.abs(rows["smoothed_vx"] - base)
+    sent = np.diff(np.concatenate(([0.0], np.abs(rows["sent_vx"]))))
     dt = np.diff(np.concatenate(([rows["t"][0] - 0.05], rows["t"])))
     assert (steps <= 1.0 * np.minimum(dt, 0.1) + 1e-9).all()
+    assert (sent <= 1.0 * np.minimum(dt, 0.1) + 1e-9).all()
     assert [(name, action, len(corners)) for name, action, corners in record.zones] == [
         ("Slow", "slowdown", 48),
         ("Stop", "stop", 4),
