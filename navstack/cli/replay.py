@@ -37,6 +37,13 @@ def replay(
             help="Second parameter set, replayed on the same part (repeatable, in loading order).",
         ),
     ] = [],
+    record: Annotated[
+        bool,
+        typer.Option(
+            "--record/--no-record",
+            help="Keep a record, about 0.2 MB of memory per second; without, only the summary and the chart of commands.",
+        ),
+    ] = True,
     scans: Annotated[bool, typer.Option("--scans/--no-scans", help="Record the scans (about 1 kB each).")] = True,
     out: options.RunOutput = Path("navstack_replay"),
     json_: options.Json = False,
@@ -64,11 +71,17 @@ def replay(
             configurations["versus"] = load_configuration(
                 versus, overrides=chosen.set_, distro=chosen.distro, allow_missing=chosen.allow_missing
             )
-        return _replay(opened, configurations, out, interrupt, json_=json_)
+        return _replay(opened, configurations, out, interrupt, record=record, json_=json_)
 
 
 def _replay(
-    opened: OpenedReplay, configurations: dict[str, Configuration], folder: Path, interrupt: Interrupt, *, json_: bool
+    opened: OpenedReplay,
+    configurations: dict[str, Configuration],
+    folder: Path,
+    interrupt: Interrupt,
+    *,
+    record: bool,
+    json_: bool,
 ) -> int:
     from navstack.cli.output import print_files, print_json
     from navstack.core.files import write_json
@@ -78,7 +91,7 @@ def _replay(
     files: dict[str, str] = {}
     reports: dict[str, ReplayReport] = {}
     for name, configuration in configurations.items():
-        done = _run(opened, configuration, interrupt, quiet=json_)
+        done = _run(opened, configuration, interrupt, record=record, quiet=json_)
         reports[name] = ReplayReport(done)
         written = _write(done, reports[name], folder / name if name else folder)
         files |= {f"{name} {what}".strip(): file for what, file in written.items()}
@@ -97,7 +110,9 @@ def _replay(
     return interrupt.exit_code if interrupt() else 0
 
 
-def _run(opened: OpenedReplay, configuration: Configuration, interrupt: Interrupt, *, quiet: bool) -> LogReplay:
+def _run(
+    opened: OpenedReplay, configuration: Configuration, interrupt: Interrupt, *, record: bool, quiet: bool
+) -> LogReplay:
     from navstack.cli.output import loading_kernels
     from navstack.cli.replay_options import reading_bar
     from navstack.replay.replay import LogReplay
@@ -105,7 +120,7 @@ def _run(opened: OpenedReplay, configuration: Configuration, interrupt: Interrup
     first = dataclasses.replace(opened.options, end=(opened.options.start or 0.0) + WARM_UP_S)
     with loading_kernels(quiet=quiet):
         LogReplay(opened.log, configuration, opened.static_map, first, record=False).run()
-    done = LogReplay(opened.log, configuration, opened.static_map, opened.options)
+    done = LogReplay(opened.log, configuration, opened.static_map, opened.options, record=record)
     with reading_bar(opened.log, quiet=quiet) as progress:
         done.run(progress, interrupt)
     return done
@@ -118,13 +133,14 @@ def _write(done: LogReplay, report: Any, folder: Path) -> dict[str, str]:
     from navstack.plot.replay import plot_replay
 
     ensure_directory(folder)
-    assert done.recorder is not None
-    recorder = done.recorder.recorder
-    files = {what: str(name) for what, name in recorder.save(folder).items()}
-    record = recorder.record()
-    if len(record.samples):
-        plot_run(record, folder / "run.png")
-        files["picture"] = str(folder / "run.png")
+    files: dict[str, str] = {}
+    recorder = done.run_recorder
+    if recorder is not None:
+        files = {what: str(name) for what, name in recorder.save(folder).items()}
+        record = recorder.record()
+        if len(record.samples):
+            plot_run(record, folder / "run.png")
+            files["picture"] = str(folder / "run.png")
     if done.cycles:
         first = report.commands.first if report.commands is not None else None
         times, commands, recorded, rejected = report.series()

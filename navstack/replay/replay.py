@@ -12,6 +12,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from navstack.bringup import build_move_base
 from navstack.core import Event, Listener, OccupancyGrid, Pose2D, Twist2D
 from navstack.core.errors import NavError
@@ -157,6 +160,8 @@ class LogReplay:
         self.notes += place_robot(log, self.player, configuration, options.initial_pose)
         self.cycles: list[Cycle] = []
         self.goals: list[ReplayedGoal] = []
+        self.plans: list[tuple[float, NDArray[np.float64]]] = []
+        """Plans (time in s, poses (n, 3)) of navstack, if the log has plans."""
         self.recorder = (
             ReplayRecorder(log, configuration, static_map, self.robot, options.as_dict(), scans=options.scans)
             if record
@@ -282,6 +287,8 @@ class LogReplay:
         self._now = now
         self._settle_goals()
         tick = move_base.last_tick
+        if tick.plan is not None and self.topics.plans:
+            self.plans.append((now, tick.plan.path.poses))
         active = bool(self.goals) and not self.goals[-1].handle.is_done
         self.cycles.append(
             Cycle(

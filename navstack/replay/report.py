@@ -22,7 +22,7 @@ class ReplayReport:
     def __init__(self, replay: LogReplay) -> None:
         self._replay = replay
         self.commands: CommandComparison | None = compare_commands(replay.cycles)
-        self.plans: PlanComparison | None = compare_plans(_plans_of(replay), _recorded_plans(replay))
+        self.plans: PlanComparison | None = compare_plans(replay.plans, _recorded_plans(replay))
         active = [cycle for cycle in replay.cycles if cycle.goal >= 0]
         self.cycles = len(replay.cycles)
         self.active = len(active)
@@ -138,13 +138,6 @@ def _goal(goal: ReplayedGoal) -> dict[str, Any]:
         "recorded_end_s": goal.recorded_end,
         "recorded_text": goal.recorded_text,
     }
-
-
-def _plans_of(replay: LogReplay) -> list[tuple[float, NDArray[np.float64]]]:
-    if replay.recorder is None or not replay.player.plans:
-        return []
-    plans = replay.recorder.recorder.record().plans
-    return [(plan.t, plan.poses) for plan in plans]
 
 
 def _recorded_plans(replay: LogReplay) -> list[tuple[float, NDArray[np.float64]]]:
