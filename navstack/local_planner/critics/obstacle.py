@@ -38,6 +38,10 @@ LONG_EDGE = 9.0
 """Cells: footprints whose edges are as long on average are scored by tables; shorter ones are walked faster."""
 
 
+FEW_POINTS = 100
+"""Fewer points are walked, too: tables are not worth while."""
+
+
 class ObstacleScratch:
     """Memory of the obstacle kernels, kept between cycles.
 
@@ -58,11 +62,12 @@ class ObstacleScratch:
             long = float(np.hypot(*edges.T).mean()) >= LONG_EDGE * g.resolution
             self._vertices = len(edges) if long else 0
         size = (g.nx * g.ny * BOUND_GRIDS + 7) // 8 * 8
-        if self._vertices:
+        tables = self._vertices > 0 and points >= FEW_POINTS
+        if tables:
             size += table_scratch_size(points, self._vertices)
         if len(self._array) < size:
             self._array = np.empty(size, np.uint8)
-        return self._array if self._vertices else self._array[:size]
+        return self._array if tables else self._array[:size]
 
 
 class ObstacleParams(ParamModel):

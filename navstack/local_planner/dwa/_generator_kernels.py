@@ -13,6 +13,11 @@ import numpy as np
 
 from navstack.core.jit import kernel
 
+FEWEST = 4
+"""Points of a rollout that is integrated by `integrate_forwards`: more."""
+HALF_PI_HIGH, HALF_PI_LOW = 1.5707963267341256, 6.077100506506192e-11
+"""pi / 2 in two parts: multiples of the first one are exact."""
+HEADING_ERROR = 1e-14
 EPS = 1e-4  # tolerance of the speed limits (SimpleTrajectoryGenerator::generateTrajectory)
 
 
@@ -91,6 +96,55 @@ def accelerate_towards(velocity, target, acceleration, dt):
 
 
 @kernel
+def turned_steps(yaws, number, step, steps_x, steps_y):
+    """Write `step` (m) in the directions of the first `number` of `yaws` (rad) to `steps_x`, `steps_y`; vectorized.
+
+    Taylor polynomials after a reduction to at most pi / 4, with errors below HEADING_ERROR * step.
+    """
+    for i in range(np.uint64(number)):
+        quarter = np.int32(yaws[i] * (2.0 / math.pi) + 4096.5) - np.int32(4096)
+        r = (yaws[i] - quarter * HALF_PI_HIGH) - quarter * HALF_PI_LOW
+        q = r * r
+        s = 1 / 6227020800 + q * (-1 / 1307674368000 + q * (1 / 355687428096000))
+        s = r * (1.0 + q * (-1 / 6 + q * (1 / 120 + q * (-1 / 5040 + q * (1 / 362880 + q * (-1 / 39916800 + q * s))))))
+        c = -1 / 3628800 + q * (1 / 479001600 + q * (-1 / 87178291200 + q * (1 / 20922789888000)))
+        c = 1.0 + q * (-1 / 2 + q * (1 / 24 + q * (-1 / 720 + q * (1 / 40320 + q * c))))
+        odd = (quarter & np.int32(1)) != 0
+        a, b = s if odd else c, c if odd else s
+        steps_x[i] = step * (-a if ((quarter + np.int32(1)) & np.int32(2)) != 0 else a)
+        steps_y[i] = step * (-b if (quarter & np.int32(2)) != 0 else b)
+
+
+@kernel
+def integrate_forwards(x, y, yaw, vx, vw, dt, number, poses, k, buffers):
+    """Write `number` poses with constant speeds vx, vw and vy = 0 to `poses[k]`, as `integrate`; return False if they are
+    uncertain.
+
+    Steps are computed with a small error. Where it does not change how a coordinate is rounded, the result is exact.
+    `buffers` (3, T) is scratch.
+    """
+    yaws, steps_x, steps_y = buffers[0], buffers[1], buffers[2]
+    farthest = abs(vx) * dt * number
+    if not (abs(yaw) + abs(vw) * dt * number < 1000.0 and farthest < 1e6):
+        return False
+    f32 = np.float32
+    error = np.float64(abs(vx)) * dt * HEADING_ERROR + 1e-15 * (abs(x) + abs(y) + farthest)
+    for i in range(number):
+        yaws[i] = yaw
+        poses[k, i, 2] = yaw
+        yaw = f32(yaw + vw * dt)
+    turned_steps(yaws, number, np.float64(vx) * dt, steps_x, steps_y)
+    differences = 0
+    for i in range(number):
+        poses[k, i, 0] = x
+        poses[k, i, 1] = y
+        next_x, next_y = x + steps_x[i], y + steps_y[i]
+        x, y = f32(next_x - error), f32(next_y - error)
+        differences += (x != f32(next_x + error)) | (y != f32(next_y + error))
+    return differences == 0
+
+
+@kernel
 def integrate(samples, pose, velocity, settings, counts, commands, poses):
     """Write the rollouts to `poses` (K, T, 3): the poses BEFORE each step, from `pose` on; the last pose is not scored.
 
@@ -103,6 +157,7 @@ def integrate(samples, pose, velocity, settings, counts, commands, poses):
     half_pi = 0.5 * math.pi
     x0, y0, yaw0 = f32(pose[0]), f32(pose[1]), f32(pose[2])
     cos0, sin0 = math.cos(np.float64(yaw0)), math.sin(np.float64(yaw0))
+    buffers = np.empty((3, poses.shape[1]))
     for k in range(len(samples)):
         tx, ty, tw = f32(samples[k, 0]), f32(samples[k, 1]), f32(samples[k, 2])
         n = counts[k]
@@ -118,6 +173,11 @@ def integrate(samples, pose, velocity, settings, counts, commands, poses):
         commands[k, 1] = vy
         commands[k, 2] = vw
         x, y, yaw = x0, y0, yaw0
+        done = False
+        if n > FEWEST and not accelerate and vy == f32(0.0) and vx != f32(0.0):
+            done = integrate_forwards(x, y, yaw, vx, vw, dt, n, poses, k, buffers)
+        if done:
+            continue
         c, s, at = cos0, sin0, yaw0
         for i in range(n):
             poses[k, i, 0] = x
