@@ -37,6 +37,21 @@ class Path:
         x, y = self.poses[:, 0], self.poses[:, 1]
         return float(np.hypot(x[1:] - x[:-1], y[1:] - y[:-1]).sum())
 
+    @property
+    def directions(self) -> NDArray[np.int8]:
+        """(n,) direction of travel at each pose: 1 forward, -1 backward, 0 in place (or without motion).
+
+        It is that of the step from the pose to the next one, against the heading; the last pose has that of the step before.
+        A plan of a planner that ignores headings has meaningless directions.
+        """
+        if len(self.poses) < 2:
+            return np.zeros(len(self.poses), np.int8)
+        steps = np.diff(self.poses[:, :2], axis=0)
+        yaw = self.poses[:-1, 2] + 0.5 * (np.remainder(np.diff(self.poses[:, 2]) + np.pi, 2.0 * np.pi) - np.pi)
+        along = steps[:, 0] * np.cos(yaw) + steps[:, 1] * np.sin(yaw)
+        signs = np.where(np.hypot(steps[:, 0], steps[:, 1]) < 1e-9, 0, np.sign(along)).astype(np.int8)
+        return np.append(signs, signs[-1])
+
     def transformed(self, transform: Transform2D, frame: str) -> Path:
         """Return the path in `frame`; `transform` is the pose of this path's frame in it."""
         return Path(transform.apply_poses(self.poses), frame)

@@ -97,11 +97,17 @@ LOCAL_PLANNER_VALUES: dict[str, dict[str, Any]] = {
     },
 }
 """A turtlebot; other local planners run with their defaults."""
+GLOBAL_PLANNER_VALUES: dict[str, dict[str, Any]] = {
+    "smac_hybrid": {"minimum_turning_radius": 0.1, "motion_model_for_search": "REEDS_SHEPP"}
+}
+"""The rooms of the contract are too small for turns of the default radius."""
 
 SUITES: dict[str, type[Any]] = {
     **{f"TestLayer_{e.name}": layer_contract(e.cls) for e in LAYERS},
     **{
-        f"TestGlobalPlanner_{e.name}": global_planner_contract(e.cls, searches=e.name not in STRAIGHT_ONLY)
+        f"TestGlobalPlanner_{e.name}": global_planner_contract(
+            e.cls, searches=e.name not in STRAIGHT_ONLY, **GLOBAL_PLANNER_VALUES.get(e.name, {})
+        )
         for e in GLOBAL_PLANNERS
         if e.name not in GIVEN
     },

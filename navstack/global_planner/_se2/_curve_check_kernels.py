@@ -1,0 +1,179 @@
+# pyright: basic
+"""Cost and collision check of a curve of arcs and straight lines over the costmap. Coordinates are in cells."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from navstack.core.jit import kernel
+from navstack.curves.curve_kernels import LEFT, SEGMENTS, STRAIGHT, advance, curve
+from navstack.global_planner._se2._shape_kernels import cell_weight, centre_cost, near_obstacles, shape_blocked
+
+SPACING = 1.0
+"""Cells between the samples of the costs along a curve."""
+
+
+@kernel
+def segment_cost(costs, p, kind, x, y, yaw, length, radius, limit):
+    """Return the cost of driving along a segment, infinite if the centre may not pass or the cost exceeds `limit`.
+
+    Also returns the number of samples at its end that cost at least `expansion_cost`, and whether others do.
+    """
+    count = max(1, math.ceil(abs(length) / SPACING))
+    factor = abs(length) / count
+    if kind != STRAIGHT:
+        factor *= p.non_straight
+    if length < 0.0:
+        factor *= p.reverse
+    total = 0.0
+    run, earlier = 0, False
+    for k in range(count):
+        px, py, _ = advance(kind, x, y, yaw, length * (k + 1) / count, radius)
+        cost = centre_cost(costs, p, px, py)
+        if cost < 0:
+            return np.inf, 0, False
+        if cost > p.expansion_cost:
+            run += 1
+        elif run > 0:
+            earlier = True
+            run = 0
+        total += factor * cell_weight(p, cost)
+        if total > limit:
+            return np.inf, 0, False
+    return total, run, earlier
+
+
+@kernel
+def segment_free(costs, bits, shape, p, kind, x, y, yaw, length, radius):
+    """Return True if the footprint is free along a segment, wherever it is between the samples."""
+    turn = 0.0 if kind == STRAIGHT else abs(length) / radius
+    if p.corners == 0:
+        count = max(1, math.ceil(2.0 * abs(length)))
+        for k in range(count):
+            px, py, _ = advance(kind, x, y, yaw, length * (k + 1) / count, radius)
+            if centre_cost(costs, p, px, py) < 0:
+                return False
+        return True
+    pieces = max(1, math.ceil(abs(length) / 8.0))
+    x0, y0 = x, y
+    for piece in range(pieces):
+        x1, y1, _ = advance(kind, x, y, yaw, length * (piece + 1) / pieces, radius)
+        # an arc bulges from its chord by at most its length squared over 8 radii
+        bulge = 0.0 if kind == STRAIGHT else (length / pieces) ** 2 / (8.0 * radius)
+        left, right = min(x0, x1) - bulge, max(x0, x1) + bulge
+        low, high = min(y0, y1) - bulge, max(y0, y1) + bulge
+        if near_obstacles(costs, bits, p, left, low, right, high):
+            motion = (abs(length) + p.reach * turn) / pieces
+            count = max(1, math.ceil(motion / p.sample_step))
+            for k in range(count):
+                at = length * (piece + (k + 1) / count) / pieces
+                px, py, pyaw = advance(kind, x, y, yaw, at, radius)
+                if centre_cost(costs, p, px, py) < 0:
+                    return False
+                if shape_blocked(costs, bits, shape, p, px, py, math.cos(pyaw), math.sin(pyaw)):
+                    return False
+        x0, y0 = x1, y1
+    return True
+
+
+@kernel
+def curve_cost(costs, bits, shape, p, start, goal, radius, limit, from_start):
+    """Return the cost of the shortest curve between two poses (3,), infinite if it is blocked or exceeds `limit`.
+
+    With `from_start` False, costs above `expansion_cost` are allowed in one run that ends at the goal only.
+    """
+    kinds, lengths = np.empty(SEGMENTS, np.int64), np.empty(SEGMENTS)
+    dx, dy = (goal[0] - start[0]) / radius, (goal[1] - start[1]) / radius
+    c, s = math.cos(start[2]), math.sin(start[2])
+    count, size = curve(c * dx + s * dy, c * dy - s * dx, goal[2] - start[2], p.reeds_shepp != 0, kinds, lengths)
+    size *= radius
+    if size * p.base_cost > limit or (not from_start and size > p.expansion_length):
+        return np.inf
+    total, run, costly = 0.0, 0, False
+    x, y, yaw = start[0], start[1], start[2]
+    for i in range(count):
+        length = lengths[i] * radius
+        if abs(length) < 1e-9:
+            continue
+        cost, last, earlier = segment_cost(costs, p, kinds[i], x, y, yaw, length, radius, limit - total)
+        if cost == np.inf:
+            return np.inf
+        total += cost
+        x, y, yaw = advance(kinds[i], x, y, yaw, length, radius)
+        samples = max(1, math.ceil(abs(length) / SPACING))
+        if earlier or (run > 0 and last < samples):
+            costly = True
+        run = run + last if last == samples else last
+    if not from_start and costly and not (p.expansion_override != 0 and size < 2.0 * math.pi * p.radius):
+        return np.inf
+    x, y, yaw = start[0], start[1], start[2]
+    for i in range(count):
+        length = lengths[i] * radius
+        if abs(length) < 1e-9:
+            continue
+        if not segment_free(costs, bits, shape, p, kinds[i], x, y, yaw, length, radius):
+            return np.inf
+        x, y, yaw = advance(kinds[i], x, y, yaw, length, radius)
+    return total
+
+
+@kernel
+def line_cost(costs, bits, shape, p, start, goal, limit):
+    """As `curve_cost`, for a robot that drives in any direction: a straight line, on which the heading turns evenly."""
+    dx, dy = goal[0] - start[0], goal[1] - start[1]
+    turn = goal[2] - start[2]
+    turn -= 2.0 * math.pi * math.floor(turn / (2.0 * math.pi) + 0.5)
+    length = math.hypot(dx, dy)
+    if length > p.expansion_length or length * p.base_cost > limit:
+        return np.inf
+    count = max(1, math.ceil(length / SPACING), math.ceil((length + p.reach * abs(turn)) / p.sample_step))
+    total = 0.0
+    for k in range(count):
+        share = (k + 1) / count
+        px, py = start[0] + share * dx, start[1] + share * dy
+        cost = centre_cost(costs, p, px, py)
+        if cost < 0:
+            return np.inf
+        total += length / count * cell_weight(p, cost)
+        if total > limit:
+            return np.inf
+        if p.corners > 0 and near_obstacles(costs, bits, p, px, py, px, py):
+            yaw = start[2] + share * turn
+            if shape_blocked(costs, bits, shape, p, px, py, math.cos(yaw), math.sin(yaw)):
+                return np.inf
+    return total
+
+
+@kernel
+def sweep_free(costs, bits, shape, samples, p, primitive, x, y, c, s):
+    """Return True if the robot may drive a primitive from (x, y), rotated by (c, s); all its samples are checked."""
+    ex, ey = x + c * primitive.dx - s * primitive.dy, y + s * primitive.dx + c * primitive.dy
+    if p.corners > 0:
+        bulge = 0.5 * abs(primitive.length)
+        left, right, low, high = min(x, ex) - bulge, max(x, ex) + bulge, min(y, ey) - bulge, max(y, ey) + bulge
+        if abs(primitive.length) < 4.0:
+            # the bulge of a short arc is well below its chord
+            left, right = min(x, ex) - 0.5, max(x, ex) + 0.5
+            low, high = min(y, ey) - 0.5, max(y, ey) + 0.5
+        exact = near_obstacles(costs, bits, p, left, low, right, high)
+    else:
+        exact = False
+    for k in range(primitive.first, primitive.first + primitive.count):
+        sx, sy = samples[k, 0], samples[k, 1]
+        px, py = x + c * sx - s * sy, y + s * sx + c * sy
+        if centre_cost(costs, p, px, py) < 0:
+            return False
+        if exact:
+            hc = c * samples[k, 2] - s * samples[k, 3]
+            hs = s * samples[k, 2] + c * samples[k, 3]
+            if shape_blocked(costs, bits, shape, p, px, py, hc, hs):
+                return False
+    return True
+
+
+@kernel
+def pose_after(kind, x, y, yaw, length, radius):
+    """As `advance` of the curves: for callers that read paths."""
+    return advance(kind, x, y, yaw, length, radius) if kind >= LEFT else (x, y, yaw)

@@ -1,0 +1,184 @@
+# pyright: basic
+"""Paths as pieces (SEGMENT records): read out of a search, shortened by curves, turned into poses. Coordinates are in cells."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from navstack.core.jit import kernel
+from navstack.curves.curve_kernels import LEFT, RIGHT, SEGMENTS, STRAIGHT, advance, curve
+from navstack.global_planner._se2._curve_check_kernels import curve_cost, segment_cost
+
+IN_PLACE, SIDEWAYS = 0, -1
+PIECE = 4.0
+"""Cells: longest piece of a curve between two poses at which a path may be shortened."""
+RADII = 3
+"""Numbers of radii that are tried: 1, 2 and 4 times the turning radius."""
+
+
+@kernel
+def write_segment(segments, at, kind, x, y, yaw, size, radius):
+    """Write row `at` of a path."""
+    row = segments[at]
+    row.x, row.y, row.yaw = x, y, yaw
+    row.kind_, row.size, row.radius, row.sideways = kind, size, radius, 0.0
+
+
+@kernel
+def write_curve(segments, at, reeds_shepp, start, goal, radius, longest):
+    """Write the shortest curve between two poses (3,) from row `at` on, in pieces of at most `longest`; return the next row."""
+    kinds, lengths = np.empty(SEGMENTS, np.int64), np.empty(SEGMENTS)
+    dx, dy = (goal[0] - start[0]) / radius, (goal[1] - start[1]) / radius
+    c, s = math.cos(start[2]), math.sin(start[2])
+    count, _ = curve(c * dx + s * dy, c * dy - s * dx, goal[2] - start[2], reeds_shepp, kinds, lengths)
+    x, y, yaw = start[0], start[1], start[2]
+    for i in range(count):
+        length = lengths[i] * radius
+        if abs(length) < 1e-9:
+            continue
+        pieces = max(1, math.ceil(abs(length) / longest))
+        for _ in range(pieces):
+            if at >= len(segments):
+                return at
+            write_segment(segments, at, kinds[i], x, y, yaw, length / pieces, radius)
+            x, y, yaw = advance(kinds[i], x, y, yaw, length / pieces, radius)
+            at += 1
+    return at
+
+
+@kernel
+def trace(nodes, primitives, headings, p, last, segments):
+    """Write the path to node `last` and return the number of pieces; `segments`: as many rows as nodes on the path."""
+    count = 0
+    i = last
+    while nodes[i].parent >= 0:
+        count += 1
+        i = nodes[i].parent
+    if count > len(segments):
+        return count
+    i = last
+    for k in range(count):
+        parent = nodes[nodes[i].parent]
+        primitive = primitives[nodes[i].primitive]
+        yaw = headings[parent.heading].yaw
+        row = segments[count - 1 - k]
+        row.x, row.y, row.yaw = parent.x, parent.y, yaw
+        row.size, row.radius, row.sideways = primitive.length, 1.0, 0.0
+        if primitive.in_place != 0:
+            turn = headings[primitive.end].yaw - yaw
+            row.kind_, row.size = IN_PLACE, turn - 2.0 * math.pi * math.floor(turn / (2.0 * math.pi) + 0.5)
+        elif primitive.curvature == 0.0:
+            row.kind_ = STRAIGHT
+        else:
+            row.kind_ = LEFT if primitive.curvature > 0.0 else RIGHT
+            row.radius = 1.0 / abs(primitive.curvature)
+        i = nodes[i].parent
+    return count
+
+
+@kernel
+def pieces_cost(costs, p, segments, out):
+    """Write the cost of each piece of a path."""
+    for i in range(len(segments)):
+        row = segments[i]
+        out[i] = segment_cost(costs, p, row.kind_, row.x, row.y, row.yaw, row.size, row.radius, np.inf)[0]
+
+
+@kernel
+def replace_pieces(segments, work, values, count, first, last, added, fresh):
+    """Replace pieces first .. last - 1 by the first `fresh` rows of `added`; return the new number of pieces."""
+    tail = count - last
+    for k in range(tail):
+        work[k] = segments[last + k]
+    kept = np.empty(tail)
+    for k in range(tail):
+        kept[k] = values[last + k]
+    for k in range(fresh):
+        segments[first + k] = added[k]
+    for k in range(tail):
+        segments[first + fresh + k] = work[k]
+        values[first + fresh + k] = kept[k]
+    return first + fresh + tail
+
+
+@kernel
+def shorten(costs, bits, shapes, p, segments, work, values, count, goal, rounds):
+    """Replace stretches of a path by curves that cost less and are free; return the number of pieces.
+
+    `segments` and `work` have room for more pieces than `count`; the path is unchanged if it ends where they end. Stretches from
+    the whole path down to two pieces are tried, from its start to its end.
+    """
+    shape = shapes[0]
+    pieces_cost(costs, p, segments[:count], values)
+    start, end = np.empty(3), np.empty(3)
+    added = np.zeros(256, segments.dtype)
+    both = p.reeds_shepp
+    for _ in range(rounds):
+        span = count
+        changed = False
+        while span >= 2:
+            i = 0
+            while i + span <= count:
+                j = i + span
+                old = 0.0
+                has_reverse = False
+                for k in range(i, j):
+                    old += values[k]
+                    has_reverse = has_reverse or segments[k].size < 0.0
+                start[0], start[1], start[2] = segments[i].x, segments[i].y, segments[i].yaw
+                if j < count:
+                    end[0], end[1], end[2] = segments[j].x, segments[j].y, segments[j].yaw
+                else:
+                    end[0], end[1], end[2] = goal[0], goal[1], goal[2]
+                best, best_radius = old * 0.999 - 1e-6, 0.0
+                p.reeds_shepp = 1 if both != 0 and has_reverse else 0
+                radius = p.radius
+                for _ in range(RADII):
+                    cost = curve_cost(costs, bits, shape, p, start, end, radius, best, True)
+                    if cost < best:
+                        best, best_radius = cost, radius
+                    radius *= 2.0
+                if best_radius > 0.0:
+                    fresh = write_curve(added, 0, p.reeds_shepp != 0, start, end, best_radius, PIECE)
+                    if fresh < len(added) and count - span + fresh < len(segments):
+                        count = replace_pieces(segments, work, values, count, i, j, added, fresh)
+                        pieces_cost(costs, p, segments[i : i + fresh], values[i : i + fresh])
+                        changed = True
+                        i += max(1, fresh // 2)
+                        continue
+                i += max(1, span // 4)
+            span = span * 2 // 3 if span > 3 else span - 1
+        p.reeds_shepp = both
+        if not changed:
+            break
+    return count
+
+
+@kernel
+def poses_of(segments, goal, spacing, turn_step, out):
+    """Write poses at most `spacing` apart to `out` (n, 3) and return their number; counts only if `out` is too short."""
+    at = 0
+    for i in range(len(segments)):
+        row = segments[i]
+        if row.kind_ == IN_PLACE:
+            count = max(1, math.ceil(abs(row.size) / turn_step - 1e-9))
+        else:
+            count = max(1, math.ceil(abs(row.size) / spacing - 1e-9))
+        for k in range(count):
+            if at < len(out):
+                share = row.size * k / count
+                x, y, yaw = row.x, row.y, row.yaw
+                if row.kind_ == IN_PLACE:
+                    yaw += share
+                elif row.kind_ == SIDEWAYS:
+                    x += share * math.cos(row.yaw + row.sideways)
+                    y += share * math.sin(row.yaw + row.sideways)
+                else:
+                    x, y, yaw = advance(row.kind_, x, y, yaw, share, row.radius)
+                out[at, 0], out[at, 1], out[at, 2] = x, y, yaw
+            at += 1
+    if at < len(out):
+        out[at, 0], out[at, 1], out[at, 2] = goal[0], goal[1], goal[2]
+    return at + 1

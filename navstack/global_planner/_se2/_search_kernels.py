@@ -1,0 +1,218 @@
+# pyright: basic
+"""A* over poses: motion primitives, curves to the goal, buckets instead of a heap. Coordinates are in cells.
+
+Arguments of all kernels: `costs` (ny, nx); `bits`, packed obstacles; `shapes`: the footprint, the samples of the primitives, the
+goals (n, 4); `primitives`, `headings`, `nodes`, `entries`, `field`: records; `lists`: slots of the hash table, heads of the
+buckets; `table`: lengths of curves; `p`: SETTINGS[0].
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from navstack.core.jit import kernel
+from navstack.global_planner._se2._curve_check_kernels import curve_cost, line_cost, sweep_free
+from navstack.global_planner._se2._heuristic_kernels import RING, curve_distance, obstacle_cost
+from navstack.global_planner._se2._shape_kernels import cell_weight, centre_cost
+
+FOUND, EXHAUSTED, LIMIT, GROW, APPROACHED, PAUSED = 1, 2, 3, 4, 5, 6
+BUCKET = 0.5
+"""Cells: width of a bucket of the queue."""
+MIX = np.uint64(0x9E3779B97F4A7C15)
+
+
+@kernel
+def slot_of(slots, nodes, key):
+    """Return the slot of a key in the hash table, or the empty slot where it belongs."""
+    mask = np.uint64(len(slots) - 1)
+    at = (np.uint64(key) * MIX) >> np.uint64(20) & mask
+    while slots[at] != 0 and nodes[slots[at] - 1].key != key:
+        at = (at + np.uint64(1)) & mask
+    return np.int64(at)
+
+
+@kernel
+def rehash(slots, nodes, count):
+    """Fill an empty hash table with the first `count` nodes."""
+    for i in range(count):
+        slots[slot_of(slots, nodes, nodes[i].key)] = i + 1
+
+
+@kernel
+def push(heads, entries, p, node, f):
+    """Put a node into the bucket of its f."""
+    bucket = min(max(np.int64(f / BUCKET), 0), len(heads) - RING - 1)
+    entry = p.free_entry
+    if entry >= 0:
+        p.free_entry = entries[entry].next_entry
+    else:
+        entry = p.entries
+        p.entries += 1
+    entries[entry].node = node
+    entries[entry].next_entry = heads[bucket]
+    heads[bucket] = entry
+    p.queued += 1
+    p.bucket = min(p.bucket, bucket)
+
+
+@kernel
+def pop(heads, entries, p):
+    """Take a node from the lowest bucket; the queue must not be empty."""
+    while heads[p.bucket] < 0:
+        p.bucket += 1
+    entry = heads[p.bucket]
+    heads[p.bucket] = entries[entry].next_entry
+    entries[entry].next_entry = p.free_entry
+    p.free_entry = entry
+    p.queued -= 1
+    return entries[entry].node
+
+
+@kernel
+def heuristic(costs, field, heads, table, goals, p, x, y, yaw):
+    """Return the estimated cost from a pose to the nearest goal; infinite where none can be reached."""
+    h = obstacle_cost(costs, field, heads[len(heads) - RING :], p, np.int64(x), np.int64(y))
+    if h == np.inf or len(goals) > 4:
+        return h
+    least = np.inf
+    for i in range(len(goals)):
+        least = min(least, curve_distance(table, p, x, y, yaw, goals[i, 0], goals[i, 1], goals[i, 2]))
+    return max(h, least)
+
+
+@kernel
+def try_curves(costs, bits, shapes, p, node, yaw):
+    """Try to reach the goals by curves from a node; keep the cheapest path."""
+    shape, goals = shapes[0], shapes[2]
+    start = np.empty(3)
+    start[0], start[1], start[2] = node.x, node.y, yaw
+    # goal headings that are not multiples of `coarse` are tried if one of the multiples was reached
+    for fine in range(2 if p.coarse > 1 else 1):
+        reached = False
+        for i in range(len(goals)):
+            if p.coarse > 1 and (i % p.coarse == 0) != (fine == 0):
+                continue
+            limit = p.best_cost - node.g
+            if limit <= 0.0:
+                return
+            p.curves_tried += 1
+            if p.holonomic != 0:
+                cost = line_cost(costs, bits, shape, p, start, goals[i], limit)
+            else:
+                cost = curve_cost(costs, bits, shape, p, start, goals[i], p.radius, limit, False)
+            if cost < limit:
+                reached = True
+                p.best_cost, p.best_goal, p.best_is_curve = node.g + cost, i, 1
+                p.best_node = -2
+        if not reached:
+            return
+
+
+@kernel
+def primitive_cost(p, primitives, node, row, weight):
+    """Return the cost of driving primitive `row` from a node into a cell of this weight."""
+    primitive = primitives[row]
+    if primitive.in_place != 0:
+        return p.rotation * (weight + 1.0 - p.base_cost)
+    cost = abs(primitive.length) * weight
+    if node.parent >= 0 and primitive.turn != 0:
+        before = primitives[node.primitive]
+        same = before.turn == primitive.turn and before.reverse == primitive.reverse
+        cost *= p.non_straight if same else p.non_straight + p.change
+    return cost * p.reverse if primitive.reverse != 0 else cost
+
+
+@kernel
+def expand(costs, bits, shapes, primitives, headings, nodes, lists, entries, field, table, p, i):
+    """Drive every primitive from node `i`."""
+    slots, heads = lists
+    nx = costs.shape[1]
+    node = nodes[i]
+    heading = headings[node.heading]
+    c, s = heading.cos, heading.sin
+    for row in range(heading.first, heading.first + heading.count):
+        primitive = primitives[row]
+        x, y = node.x + c * primitive.dx - s * primitive.dy, node.y + s * primitive.dx + c * primitive.dy
+        cost = centre_cost(costs, p, x, y)
+        if cost < 0:
+            continue
+        end = (node.heading + primitive.end) % p.bins if p.rotates != 0 else primitive.end
+        g = np.float32(node.g + primitive_cost(p, primitives, node, row, cell_weight(p, cost)))
+        key = (np.int64(y) * nx + np.int64(x)) * p.bins + end
+        slot = slot_of(slots, nodes, key)
+        j = np.int64(slots[slot]) - 1
+        if j >= 0 and (nodes[j].closed != 0 or g >= nodes[j].g):
+            continue
+        if not sweep_free(costs, bits, shapes[0], shapes[1], p, primitive, node.x, node.y, c, s):
+            continue
+        h = heuristic(costs, field, heads, table, shapes[2], p, x, y, headings[end].yaw)
+        if h == np.inf:
+            continue
+        if j < 0:
+            j = p.nodes
+            p.nodes += 1
+            slots[slot] = j + 1
+            nodes[j].key, nodes[j].closed, nodes[j].heading = key, 0, end
+        nodes[j].x, nodes[j].y, nodes[j].g = x, y, g
+        nodes[j].parent, nodes[j].primitive = i, row
+        push(heads, entries, p, j, g + p.weight * h)
+        distance = math.hypot(x - p.goal_x, y - p.goal_y)
+        if distance < p.approach_distance:
+            p.approach_distance, p.approach_node = distance, j
+            p.approach_since = p.expanded
+
+
+@kernel
+def search(costs, bits, shapes, primitives, headings, nodes, lists, entries, field, table, settings):
+    """Search until a goal is reached; returns FOUND, EXHAUSTED, LIMIT, APPROACHED, GROW or PAUSED.
+
+    GROW: call again with larger arrays; PAUSED: call again.
+    """
+    p = settings[0]
+    slots, heads = lists
+    goals = shapes[2]
+    most = headings[0].count
+    for b in range(len(headings)):
+        most = max(most, headings[b].count)
+    while p.queued > 0:
+        if p.nodes + most > len(nodes) or p.entries + most > len(entries) or 2 * (p.nodes + most) > len(slots):
+            return GROW
+        if p.expanded >= p.pause_at:
+            return PAUSED
+        i = pop(heads, entries, p)
+        node = nodes[i]
+        if node.closed != 0:
+            continue
+        if p.best_cost <= p.slack * p.bucket * BUCKET:
+            return FOUND
+        node.closed = 1
+        p.expanded += 1
+        if p.expanded > p.max_expansions:
+            return FOUND if p.best_cost < np.inf else LIMIT
+        yaw = headings[node.heading].yaw
+        for k in range(len(goals)):
+            if (
+                np.int64(node.x) == np.int64(goals[k, 0])
+                and np.int64(node.y) == np.int64(goals[k, 1])
+                and node.heading == np.int64(goals[k, 3])
+                and node.g < p.best_cost
+                and i > 0
+            ):
+                p.best_cost, p.best_node, p.best_goal, p.best_is_curve = node.g, i, k, 0
+        h = heuristic(costs, field, heads, table, goals, p, node.x, node.y, yaw)
+        p.nearest_h = min(p.nearest_h, np.float64(np.int64(h)))
+        period = max(np.float64(np.int64(p.nearest_h / p.expansion_ratio)), math.ceil(p.expansion_ratio))
+        p.countdown = min(p.countdown, period) - 1.0
+        if p.countdown < 0.0 or p.expanded == 1:
+            p.countdown = period
+            if p.expansion_length > 0.0:
+                try_curves(costs, bits, shapes, p, node, yaw)
+                if p.best_node == -2:
+                    p.best_node = i
+        waited = p.approach_limit > 0 and p.expanded - p.approach_since > p.approach_limit
+        if waited and p.tolerance > 0.0 and p.approach_distance <= p.tolerance and p.best_cost == np.inf:
+            return APPROACHED
+        expand(costs, bits, shapes, primitives, headings, nodes, lists, entries, field, table, p, i)
+    return FOUND if p.best_cost < np.inf else EXHAUSTED

@@ -1,0 +1,162 @@
+# pyright: basic
+"""Exact collision checks of a footprint, over the lethal cells of a costmap packed into bits, 64 cells to a word.
+
+`bits` (ny + tile rows, words) uint64: a tile of 64 x 64 cells is packed when it is first needed; then its word in the rows
+after `ny` is 1. Coordinates are in cells.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from navstack.core.footprint_kernels import overlaps_box
+from navstack.core.jit import kernel
+
+TILE = 64
+EDGE = 1e-9
+"""Cells: a polygon that reaches less far into a cell only touches it."""
+LETHAL = np.uint8(254)
+UNKNOWN = np.uint8(255)
+
+
+@kernel
+def pack_tile(costs, bits, tx, ty, unknown_blocked):
+    """Pack the blocked cells of a tile."""
+    ny, nx = costs.shape
+    first = tx * TILE
+    count = min(TILE, nx - first)
+    for iy in range(ty * TILE, min(ny, (ty + 1) * TILE)):
+        word = np.uint64(0)
+        for i in range(count):
+            cost = costs[iy, first + i]
+            blocked = (cost == LETHAL) | ((cost == UNKNOWN) & (unknown_blocked != 0))
+            word |= np.uint64(blocked) << np.uint64(i)
+        bits[iy, tx] = word
+    bits[ny + ty, tx] = np.uint64(1)
+
+
+@kernel
+def span_blocked(bits, iy, x0, x1):
+    """Return True if a packed cell from x0 to x1 of a row is blocked."""
+    w0, w1 = x0 >> 6, x1 >> 6
+    low = np.uint64(0xFFFFFFFFFFFFFFFF) << np.uint64(x0 & 63)
+    high = np.uint64(0xFFFFFFFFFFFFFFFF) >> np.uint64(63 - (x1 & 63))
+    if w0 == w1:
+        return (bits[iy, w0] & low & high) != np.uint64(0)
+    if (bits[iy, w0] & low) != np.uint64(0) or (bits[iy, w1] & high) != np.uint64(0):
+        return True
+    between = np.uint64(0)
+    for w in range(w0 + 1, w1):
+        between |= bits[iy, w]
+    return between != np.uint64(0)
+
+
+@kernel
+def box_blocked(costs, bits, x0, y0, x1, y1, unknown_blocked):
+    """Return True if a cell in the box is blocked, or a part of it is outside the grid; packs the tiles that it needs."""
+    ny, nx = costs.shape
+    if x0 < 0 or y0 < 0 or x1 >= nx or y1 >= ny:
+        return True
+    for ty in range(y0 >> 6, (y1 >> 6) + 1):
+        for tx in range(x0 >> 6, (x1 >> 6) + 1):
+            if bits[ny + ty, tx] == np.uint64(0):
+                pack_tile(costs, bits, tx, ty, unknown_blocked)
+    iy = y0
+    while iy <= y1 and not span_blocked(bits, iy, x0, x1):
+        iy += 1
+    return iy <= y1
+
+
+@kernel
+def shape_blocked(costs, bits, shape, p, x, y, c, s):
+    """Return True if the footprint at (x, y) with heading (c, s) overlaps a blocked cell or the outside of the grid.
+
+    `shape` (6, k): rows 0 and 1 the corners of the padded footprint; the others are scratch. The tiles under it are packed.
+    """
+    ny, nx = costs.shape
+    n = p.corners
+    left, right, low, high = np.inf, -np.inf, np.inf, -np.inf
+    for j in range(n):
+        px = x + c * shape[0, j] - s * shape[1, j]
+        py = y + s * shape[0, j] + c * shape[1, j]
+        shape[4, j], shape[5, j] = px, py
+        left, right, low, high = min(left, px), max(right, px), min(low, py), max(high, py)
+    if not (left >= 0.0 and low >= 0.0 and right <= nx and high <= ny):
+        return True
+    r0, r1 = np.int64(low + EDGE), min(np.int64(high - EDGE), ny - 1)
+    for r in range(r1 - r0 + 1):
+        shape[2, r], shape[3, r] = np.inf, -np.inf
+    px, py = shape[4, n - 1], shape[5, n - 1]
+    for j in range(n):
+        qx, qy = shape[4, j], shape[5, j]
+        ax, ay, bx, by = px, py, qx, qy
+        if ay > by:
+            ax, ay, bx, by = qx, qy, px, py
+        slope = (bx - ax) / (by - ay) if by > ay else 0.0
+        for r in range(max(np.int64(ay), r0), min(np.int64(by), r1) + 1):
+            x0 = ax + (max(ay, np.float64(r)) - ay) * slope
+            x1 = ax + (min(by, r + 1.0) - ay) * slope
+            if by <= ay:
+                x1 = bx
+            shape[2, r - r0] = min(shape[2, r - r0], x0, x1)
+            shape[3, r - r0] = max(shape[3, r - r0], x0, x1)
+        px, py = qx, qy
+    for r in range(r1 - r0 + 1):
+        if shape[2, r] < shape[3, r] - 2.0 * EDGE:
+            x0, x1 = np.int64(shape[2, r] + EDGE), min(np.int64(shape[3, r] - EDGE), nx - 1)
+            if span_blocked(bits, r0 + r, x0, x1):
+                if p.convex != 0:
+                    return True
+                for ix in range(x0, x1 + 1):
+                    if span_blocked(bits, r0 + r, ix, ix) and overlaps_box(
+                        shape[4:6, :n], np.float64(ix), np.float64(r0 + r), ix + 1.0, r0 + r + 1.0
+                    ):
+                        return True
+    return False
+
+
+@kernel
+def near_obstacles(costs, bits, p, left, low, right, high):
+    """Return True if a blocked cell, or the outside, may touch the footprint anywhere in a box; packs its tiles."""
+    x0, y0 = math.floor(left - p.reach), math.floor(low - p.reach)
+    x1, y1 = math.floor(right + p.reach), math.floor(high + p.reach)
+    ny, nx = costs.shape
+    outside = x0 < 0 or y0 < 0 or x1 >= nx or y1 >= ny
+    blocked = box_blocked(costs, bits, max(x0, 0), max(y0, 0), min(x1, nx - 1), min(y1, ny - 1), p.unknown_blocked)
+    # not `outside or blocked`: the tiles must be packed in either case
+    return outside | blocked
+
+
+@kernel
+def centre_cost(costs, p, x, y):
+    """Return the cost of the cell of a point, or -1 if the robot's centre must not be in it."""
+    ny, nx = costs.shape
+    if not (x >= 0.0 and y >= 0.0 and x < nx and y < ny):
+        return -1
+    cost = np.int64(costs[np.int64(y), np.int64(x)])
+    if cost == 255:
+        return -1 if p.unknown_blocked != 0 else 255
+    return -1 if cost >= 253 else cost
+
+
+@kernel
+def cell_weight(p, cost):
+    """Return the cost of driving one cell's length over a cell of this cost."""
+    share = cost / 252.0
+    if p.quadratic != 0:
+        share *= share
+    return p.base_cost + p.cost_penalty * share
+
+
+@kernel
+def pose_free(costs, bits, shape, p, x, y, yaw):
+    """Return True if the robot may be at a pose."""
+    if centre_cost(costs, p, x, y) < 0:
+        return False
+    if p.corners == 0:
+        return True
+    if not near_obstacles(costs, bits, p, x, y, x, y):
+        return True
+    return not shape_blocked(costs, bits, shape, p, x, y, math.cos(yaw), math.sin(yaw))

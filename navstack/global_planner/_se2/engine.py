@@ -1,0 +1,257 @@
+"""The arrays of the search over poses, which are kept from query to query, and the calls of its kernels."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.global_planner._se2 import _heuristic_kernels as heuristics
+from navstack.global_planner._se2 import _path_kernels as paths
+from navstack.global_planner._se2 import _search_kernels as kernels
+from navstack.global_planner._se2 import _shape_kernels as shapes
+from navstack.global_planner._se2.footprint import Shape
+from navstack.global_planner._se2.primitives import PrimitiveTable
+from navstack.global_planner._se2.records import ENTRY, FIELD, NODE, SEGMENT, SETTINGS
+
+UNLIMITED: Final = 1 << 62
+BUCKETS: Final = 1 << 14
+"""Buckets of the queue: of the width of half a cell, so estimates above 8,192 cells share the last one."""
+FIRST_NODES: Final = 1 << 14
+ROUNDS: Final = 2
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a search found: a path, or why there is none."""
+
+    status: int
+    """Of the kernels: FOUND, EXHAUSTED, LIMIT, APPROACHED."""
+    segments: NDArray[np.void]
+    """Pieces of the path (SEGMENT), empty without one."""
+    end: tuple[float, float, float]
+    """Where the path ends (cells, rad)."""
+    cost: float
+    expanded: int
+    visited: int
+    nearest: tuple[float, float]
+    """The visited position nearest to the goal (cells)."""
+    timed_out: bool
+
+    @property
+    def found(self) -> bool:
+        """Whether there is a path."""
+        return self.status in (kernels.FOUND, kernels.APPROACHED)
+
+
+class PoseSearch:
+    """A search over one costmap at a time. All lengths are in cells.
+
+    Memory: 40 bytes per visited state, 8 per slot of the hash table (at most half full), 8 per queued state; 16 per cell of the
+    obstacle heuristic, 1/8 per cell for packed obstacles, both touched only where the search looks; the table of curve lengths.
+    """
+
+    def __init__(self, settings: dict[str, Any]) -> None:
+        self.settings = np.zeros(1, SETTINGS)
+        for name, value in settings.items():
+            self.settings[name] = value
+        self._nodes = np.empty(FIRST_NODES, NODE)
+        self._entries = np.empty(2 * FIRST_NODES, ENTRY)
+        self._slots = np.zeros(4 * FIRST_NODES, np.int32)
+        self._heads = np.empty(BUCKETS + heuristics.RING, np.int32)
+        self._field = np.zeros(0, FIELD)
+        self._field_of: tuple[Any, ...] | None = None
+        self._field_costs = np.zeros((0, 0), np.uint8)
+        self._bits = np.zeros((0, 0), np.uint64)
+        half, bins = int(self.settings["half"][0]), int(self.settings["bins"][0])
+        self._table = np.zeros((2 * half + 1) * (half + 1) * bins, np.float32)
+
+    @property
+    def bytes_per_state(self) -> float:
+        """Bytes held per visited state after the last search: nodes, hash table and queue."""
+        visited = max(1, int(self.settings["nodes"][0]))
+        return (self._nodes.nbytes + self._entries.nbytes + self._slots.nbytes) / visited
+
+    @property
+    def expanded_cells(self) -> int:
+        """Cells of the obstacle heuristic that are closed."""
+        return int(self.settings["closed_cells"][0])
+
+    def place(self, costs: NDArray[np.uint8], shape: Shape) -> None:
+        """Prepare for searches over these costs with this footprint."""
+        self.costs, self.shape = costs, shape
+        ny, nx = costs.shape
+        tile = shapes.TILE
+        rows, words = ny + (ny + tile - 1) // tile, (nx + tile - 1) // tile
+        if shape.corners > 0:
+            self._bits = np.zeros((rows, words), np.uint64)
+        elif self._bits.shape != (1, 1):
+            self._bits = np.zeros((1, 1), np.uint64)
+        p = self.settings
+        p["corners"], p["convex"] = shape.corners, shape.convex
+        p["reach"], p["sample_step"] = shape.reach, shape.step
+
+    def pose_is_free(self, x: float, y: float, yaw: float) -> bool:
+        """Whether the robot may be at a pose."""
+        return bool(shapes.pose_free(self.costs, self._bits, self.shape.rows, self.settings[0], x, y, yaw))
+
+    def set_goal(self, x: float, y: float, start: tuple[float, float], *, keep: bool) -> None:
+        """Prepare the obstacle heuristic to a goal; `keep` an old one for the same cell even if costs have changed."""
+        p = self.settings
+        factor = int(p["factor"][0])
+        ny, nx = self.costs.shape
+        same = (int(x), int(y), self.costs.shape)
+        if self._field_of == same and (keep or np.array_equal(self._field_costs, self.costs)):
+            return
+        self._field = np.zeros(((ny + factor - 1) // factor) * ((nx + factor - 1) // factor), FIELD)
+        self._field_of, self._field_costs = same, self.costs.copy()
+        heuristics.start_field(self.costs, self._field, self._heads[-heuristics.RING :], p[0], x, y, *start)
+
+    def obstacle_cost(self, x: float, y: float) -> float:
+        """The obstacle heuristic at a point; infinite if no cells connect it with the goal."""
+        ring = self._heads[-heuristics.RING :]
+        return float(heuristics.obstacle_cost(self._field_costs, self._field, ring, self.settings[0], int(x), int(y)))
+
+    def search(
+        self,
+        table: PrimitiveTable,
+        start: tuple[float, float, float],
+        start_bin: int,
+        goals: NDArray[np.float64],
+        *,
+        shorten: bool,
+        deadline: float | None = None,
+        interval: int = 5000,
+    ) -> Outcome:
+        """Search from `start` to the cheapest of `goals` (n, 4): x, y, yaw, heading bin. The goal of the heuristic is set."""
+        p = self.settings
+        nx = self.costs.shape[1]
+        if len(table.primitives) and int(table.headings["count"].max()) * 4 > FIRST_NODES:
+            raise ValueError("too many primitives per heading")
+        self._slots[:] = 0
+        self._heads[: -heuristics.RING] = -1
+        p["nodes"], p["entries"], p["free_entry"], p["queued"], p["bucket"] = 1, 0, -1, 0, BUCKETS - 1
+        p["expanded"], p["countdown"], p["nearest_h"] = 0, 0.0, np.inf
+        p["best_node"], p["best_goal"], p["best_cost"], p["best_is_curve"] = -1, -1, np.inf, 0
+        p["pause_at"] = UNLIMITED if deadline is None else interval
+        p["curves_tried"], p["yaw_offset"] = 0, table.headings["yaw"][0]
+        p["rotates"], p["bins"] = table.rotates, len(table.headings)
+        p["goal_x"], p["goal_y"] = goals[0, 0], goals[0, 1]
+        p["approach_node"], p["approach_since"] = 0, 0
+        p["approach_distance"] = math.hypot(start[0] - goals[0, 0], start[1] - goals[0, 1])
+        root = self._nodes[0]
+        root["x"], root["y"], root["g"], root["parent"], root["primitive"] = start[0], start[1], 0.0, -1, -1
+        root["heading"], root["closed"] = start_bin, 0
+        root["key"] = (int(start[1]) * nx + int(start[0])) * len(table.headings) + start_bin
+        all_shapes = (self.shape.rows, table.samples, goals)
+        kernels.rehash(self._slots, self._nodes, 1)
+        h = self.obstacle_cost(start[0], start[1])
+        kernels.push(self._heads, self._entries, p[0], 0, float(p["weight"][0]) * min(h, 1e6))
+        timed_out = False
+        while True:
+            status = int(
+                kernels.search(
+                    self.costs,
+                    self._bits,
+                    all_shapes,
+                    table.primitives,
+                    table.headings,
+                    self._nodes,
+                    (self._slots, self._heads),
+                    self._entries,
+                    self._field,
+                    self._table,
+                    p,
+                )
+            )
+            if status == kernels.GROW:
+                self._grow()
+            elif status == kernels.PAUSED and deadline is not None:
+                p["pause_at"] += interval
+                if time.monotonic() >= deadline:
+                    status, timed_out = kernels.FOUND if p["best_cost"][0] < np.inf else kernels.LIMIT, True
+                    break
+            else:
+                break
+        return self._outcome(status, table, goals, shorten=shorten, timed_out=timed_out)
+
+    def _grow(self) -> None:
+        """Double the arrays of the nodes."""
+        self._nodes = np.concatenate([self._nodes, np.empty(len(self._nodes), NODE)])
+        self._entries = np.concatenate([self._entries, np.empty(len(self._entries), ENTRY)])
+        if 4 * len(self._nodes) > len(self._slots):
+            self._slots = np.zeros(4 * len(self._nodes), np.int32)
+            kernels.rehash(self._slots, self._nodes, int(self.settings["nodes"][0]))
+
+    def _outcome(
+        self, status: int, table: PrimitiveTable, goals: NDArray[np.float64], *, shorten: bool, timed_out: bool
+    ) -> Outcome:
+        p = self.settings[0]
+        near = self._nodes[int(p["approach_node"])]
+        nearest = (float(near["x"]), float(near["y"]))
+        expanded, visited = int(p["expanded"]), int(p["nodes"])
+        if status == kernels.FOUND:
+            last, cost = int(p["best_node"]), float(p["best_cost"])
+        elif float(p["approach_distance"]) <= float(p["tolerance"]):
+            status = kernels.APPROACHED
+            last, cost = int(p["approach_node"]), float(near["g"])
+        else:
+            return Outcome(
+                status, np.zeros(0, SEGMENT), (0.0, 0.0, 0.0), math.inf, expanded, visited, nearest, timed_out
+            )
+        node = self._nodes[last]
+        heading = table.headings[int(node["heading"])]
+        end = np.array([node["x"], node["y"], heading["yaw"]])
+        goal = end.copy()
+        steps = paths.trace(self._nodes, table.primitives, table.headings, p, last, np.zeros(0, SEGMENT))
+        segments = np.zeros(steps + 256, SEGMENT)
+        paths.trace(self._nodes, table.primitives, table.headings, p, last, segments)
+        count = int(steps)
+        if status == kernels.FOUND and p["best_is_curve"]:
+            goal = goals[int(p["best_goal"]), :3].copy()
+            if p["holonomic"]:
+                count = self._write_line(segments, count, end, goal)
+            else:
+                count = int(
+                    paths.write_curve(
+                        segments, count, bool(p["reeds_shepp"]), end, goal, float(p["radius"]), paths.PIECE
+                    )
+                )
+        if shorten and count > 1:
+            room = np.zeros(len(segments) + 512, SEGMENT)
+            room[:count] = segments[:count]
+            work, values = np.zeros(len(room), SEGMENT), np.zeros(len(room))
+            count = int(
+                paths.shorten(
+                    self.costs, self._bits, (self.shape.rows, goals), p, room, work, values, count, goal, ROUNDS
+                )
+            )
+            segments = room
+            cost = float(values[:count].sum())
+        x, y, yaw = (float(v) for v in goal)
+        return Outcome(status, segments[:count], (x, y, yaw), cost, expanded, visited, nearest, timed_out)
+
+    def _write_line(
+        self, segments: NDArray[np.void], count: int, start: NDArray[np.float64], goal: NDArray[np.float64]
+    ) -> int:
+        """Write a straight line of a holonomic robot, as a turn in place where the headings differ."""
+        row = segments[count]
+        dx, dy = goal[0] - start[0], goal[1] - start[1]
+        row["x"], row["y"], row["yaw"] = start
+        row["kind_"], row["size"], row["radius"] = paths.SIDEWAYS, math.hypot(dx, dy), 1.0
+        row["sideways"] = math.atan2(dy, dx) - start[2]
+        return count + 1
+
+
+def poses_of(outcome: Outcome, spacing: float) -> NDArray[np.float64]:
+    """Poses (n, 3) of a path, at most `spacing` cells apart (cells, rad)."""
+    goal = np.array(outcome.end)
+    none = np.zeros((0, 3))
+    turn = math.radians(10.0)
+    out = np.zeros((int(paths.poses_of(outcome.segments, goal, spacing, turn, none)), 3))
+    paths.poses_of(outcome.segments, goal, spacing, turn, out)
+    return out

@@ -1,0 +1,291 @@
+"""The frame of the planners over poses: input, start, goals, the search, and the plan or the reason why there is none."""
+
+from __future__ import annotations
+
+import math
+import time
+from abc import abstractmethod
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import Costmap, Footprint, GridGeometry, Path, Pose2D, normalize_angle
+from navstack.global_planner._se2 import reasons
+from navstack.global_planner._se2.engine import UNLIMITED, Outcome, PoseSearch, poses_of
+from navstack.global_planner._se2.footprint import Shape, shape_of
+from navstack.global_planner._se2.params import PosePlannerParams
+from navstack.global_planner._se2.primitives import PrimitiveTable
+from navstack.global_planner._se2.start import cleared_start
+from navstack.global_planner._search.plan_cache import PlanCache, Request
+from navstack.global_planner._search.start_goal import cells_of, with_yaw_in_range
+from navstack.interfaces import GlobalPlanner, Plan
+
+SPACING: Final = 1.0
+"""Cells: largest distance between poses of a path."""
+_MAX_CANDIDATES: Final = 2000
+
+
+class _Ends(NamedTuple):
+    """Start and goals of a search, in cells."""
+
+    start: tuple[float, float, float]
+    start_bin: int
+    goals: NDArray[np.float64]
+    """(n, 4): x, y, yaw, heading bin."""
+    notes: tuple[str, ...]
+
+
+class PosePlanner(GlobalPlanner):
+    """A planner that searches over poses: subclasses supply the primitives."""
+
+    params: Any
+    """PosePlannerParams of the subclass."""
+
+    def __init__(self, params: PosePlannerParams) -> None:
+        super().__init__(params)
+        self._cache = PlanCache()
+        self._engines: dict[float, PoseSearch] = {}
+
+    # --- what a subclass supplies
+
+    @abstractmethod
+    def settings(self, resolution: float) -> dict[str, Any]:
+        """Return the settings of the search that depend on the subclass's parameters, for cells of `resolution` (m)."""
+
+    @abstractmethod
+    def table(self, resolution: float, shape: Shape, start_yaw: float) -> tuple[PrimitiveTable, int]:
+        """Return the primitives, and the heading bin of the start."""
+
+    @abstractmethod
+    def heading_bin(self, table: PrimitiveTable, yaw: float) -> int:
+        """Return the bin nearest to a heading (rad)."""
+
+    def goal_yaws(self, yaw: float) -> list[float]:
+        """Return the headings accepted at the goal, the requested one first."""
+        mode = self.params.goal_heading_mode
+        if mode == "DEFAULT":
+            return [yaw]
+        if mode == "BIDIRECTIONAL":
+            return [yaw, normalize_angle(yaw + math.pi)]
+        bins = self.goal_headings()
+        return [normalize_angle(yaw + 2.0 * math.pi * k / bins) for k in range(bins)]
+
+    @abstractmethod
+    def goal_headings(self) -> int:
+        """Return how many headings ALL_DIRECTION stands for."""
+
+    @property
+    def downsampling(self) -> int:
+        """Cells of the costmap per cell of the search."""
+        return 1
+
+    # --- planning
+
+    @property
+    def memory(self) -> dict[str, float]:
+        """Bytes per visited state and states visited by the last search, per resolution searched (m)."""
+        return {f"{resolution:g} m": engine.bytes_per_state for resolution, engine in self._engines.items()}
+
+    def reset(self) -> None:
+        """Discard the cached plan and the heuristics: the next plan is computed from scratch."""
+        self._cache = PlanCache()
+        self._engines = {}
+
+    def make_plan(
+        self,
+        costmap: Costmap,
+        start: Pose2D,
+        goal: Pose2D,
+        *,
+        footprint: Footprint | None = None,
+        keep_potential: bool = False,
+    ) -> Plan:
+        """Plan between two poses in the frame of the costmap; the heading of a pose is that of the robot there.
+
+        A polygon is free wherever it is swept, and the round robot of `robot_radius` keeps its centre out of cells of cost 253
+        and more. Raises StartOutsideMapError, GoalOutsideMapError, StartOccupiedError, GoalOccupiedError, NoValidPathError,
+        PlanningTimeoutError, and InputError for a pose that is not finite.
+        """
+        began = time.perf_counter()
+        start, goal = with_yaw_in_range(start), with_yaw_in_range(goal)
+        cells_of(costmap, start, goal)
+        request = Request(start, goal, costmap.geometry, costmap.frame, keep_potential, footprint)
+        cached = self._cache.lookup(costmap, request)
+        if cached is not None:
+            return cached
+        grid = self._grid(costmap)
+        engine = self._engine(grid.geometry.resolution)
+        shape = shape_of(footprint, grid.geometry.resolution)
+        grid, start_note = cleared_start(engine, grid, start, footprint, shape, self.params)
+        table, start_bin = self.table(grid.geometry.resolution, shape, start.yaw)
+        ends = self._ends(engine, grid, start, start_bin, goal, footprint, table)
+        plan = self._search(engine, grid, table, ends, request)
+        notes = (*(() if start_note is None else (start_note,)), *ends.notes, *plan.notes)
+        plan = Plan(
+            path=plan.path,
+            cost=plan.cost,
+            goal=plan.goal,
+            goal_moved_m=plan.goal_moved_m,
+            cells_expanded=plan.cells_expanded,
+            notes=notes,
+            took_s=time.perf_counter() - began,
+        )
+        self._cache.store(costmap, request, plan, costmap.geometry.window)
+        return plan
+
+    def _grid(self, costmap: Costmap) -> Costmap:
+        """The costmap that is searched: with `downsampling`, the maximum of each block."""
+        factor = self.downsampling
+        data = np.ascontiguousarray(costmap.data)
+        if factor == 1:
+            return costmap if data is costmap.data else Costmap(costmap.geometry, data, costmap.frame)
+        g = costmap.geometry
+        rows, columns = np.arange(0, g.ny, factor), np.arange(0, g.nx, factor)
+        small = np.maximum.reduceat(np.maximum.reduceat(data, rows, axis=0), columns, axis=1)
+        geometry = GridGeometry(len(columns), len(rows), g.resolution * factor, g.origin_x, g.origin_y)
+        return Costmap(geometry, small, costmap.frame)
+
+    def _engine(self, resolution: float) -> PoseSearch:
+        if resolution not in self._engines:
+            self._engines[resolution] = PoseSearch({**self._settings(resolution), **self.settings(resolution)})
+        return self._engines[resolution]
+
+    def _settings(self, resolution: float) -> dict[str, Any]:
+        p = self.params
+        return {
+            "unknown_blocked": not p.allow_unknown,
+            "cost_penalty": p.cost_penalty,
+            "base_cost": 1.0 - p.retrospective_penalty,
+            "non_straight": p.non_straight_penalty,
+            "change": p.change_penalty,
+            "reverse": p.reverse_penalty,
+            "quadratic": p.use_quadratic_cost_penalty,
+            "expansion_ratio": p.analytic_expansion_ratio,
+            "expansion_length": p.analytic_expansion_max_length / resolution,
+            "expansion_cost": p.analytic_expansion_max_cost,
+            "expansion_override": p.analytic_expansion_max_cost_override,
+            "coarse": p.coarse_search_resolution if p.goal_heading_mode == "ALL_DIRECTION" else 1,
+            "factor": 2 if p.downsample_obstacle_heuristic else 1,
+            "half": max(1, int(p.lookup_table_size / resolution) // 2),
+            "weight": p.heuristic_weight,
+            "slack": p.heuristic_weight,
+            "max_expansions": p.max_iterations if p.max_iterations > 0 else UNLIMITED,
+            "tolerance": p.tolerance / resolution,
+            "approach_limit": max(0, p.max_on_approach_iterations),
+        }
+
+    def _ends(
+        self,
+        engine: PoseSearch,
+        grid: Costmap,
+        start: Pose2D,
+        start_bin: int,
+        goal: Pose2D,
+        footprint: Footprint | None,
+        table: PrimitiveTable,
+    ) -> _Ends:
+        g = grid.geometry
+        sx, sy = (start.x - g.origin_x) / g.resolution, (start.y - g.origin_y) / g.resolution
+        goals = self._free_goals(engine, grid, goal)
+        notes: list[str] = []
+        keep = self.params.cache_obstacle_heuristic
+        if goals:
+            x, y = goals[0][:2]
+            engine.set_goal(x, y, (sx, sy), keep=keep)
+            if engine.obstacle_cost(sx, sy) == math.inf:
+                raise reasons.no_connection(grid, start, goal, self.params.allow_unknown)
+            if len(goals) == 1 and self.params.goal_heading_mode != "DEFAULT":
+                notes.append("the robot fits at one of the accepted goal headings only")
+        else:
+            goals = self._goals_nearby(engine, grid, start, goal)
+            if not goals:
+                raise reasons.goal_occupied(engine, grid, goal, footprint, self.params.tolerance)
+        rows = np.array([(x, y, yaw, self.heading_bin(table, yaw)) for x, y, yaw in goals], np.float64)
+        return _Ends((sx, sy, start.yaw), start_bin, rows, tuple(notes))
+
+    def _free_goals(self, engine: PoseSearch, grid: Costmap, goal: Pose2D) -> list[tuple[float, float, float]]:
+        g = grid.geometry
+        x, y = (goal.x - g.origin_x) / g.resolution, (goal.y - g.origin_y) / g.resolution
+        return [(x, y, yaw) for yaw in self.goal_yaws(goal.yaw) if engine.pose_is_free(x, y, yaw)]
+
+    def _goals_nearby(
+        self, engine: PoseSearch, grid: Costmap, start: Pose2D, goal: Pose2D
+    ) -> list[tuple[float, float, float]]:
+        """The nearest pose within `tolerance` of a blocked goal where the robot fits and that cells connect with the start."""
+        g = grid.geometry
+        reach = self.params.tolerance / g.resolution
+        if reach < 1.0:
+            return []
+        gx, gy = (goal.x - g.origin_x) / g.resolution, (goal.y - g.origin_y) / g.resolution
+        sx, sy = (start.x - g.origin_x) / g.resolution, (start.y - g.origin_y) / g.resolution
+        n = min(math.ceil(reach), 40)
+        offsets = np.array([(dx, dy) for dx in range(-n, n + 1) for dy in range(-n, n + 1)], np.float64)
+        distance = np.hypot(offsets[:, 0], offsets[:, 1])
+        order = np.argsort(distance, kind="stable")
+        for k in order[distance[order] <= reach][:_MAX_CANDIDATES]:
+            x, y = gx + offsets[k, 0], gy + offsets[k, 1]
+            yaws = [yaw for yaw in self.goal_yaws(goal.yaw) if engine.pose_is_free(x, y, yaw)]
+            if yaws:
+                engine.set_goal(x, y, (sx, sy), keep=False)
+                if engine.obstacle_cost(sx, sy) < math.inf:
+                    return [(x, y, yaw) for yaw in yaws]
+        return []
+
+    def _search(self, engine: PoseSearch, grid: Costmap, table: PrimitiveTable, ends: _Ends, request: Request) -> Plan:
+        start, goal = request.start, request.goal
+        g = grid.geometry
+        if start.distance_to(goal) <= 0.5 * g.resolution and abs(normalize_angle(goal.yaw - start.yaw)) < 1e-3:
+            poses = np.array([start, goal], np.float64)
+            return Plan(Path(poses, request.frame), start.distance_to(goal), goal)
+        outcome = engine.search(
+            table,
+            ends.start,
+            ends.start_bin,
+            ends.goals,
+            shorten=self.params.smooth_path,
+            deadline=self._deadline(),
+            interval=self.params.terminal_checking_interval,
+        )
+        if not outcome.found:
+            raise reasons.no_path(engine, grid, start, goal, outcome, self.params)
+        return self._plan(outcome, grid, request)
+
+    def _deadline(self) -> float | None:
+        limit = self.params.max_planning_time
+        return None if limit <= 0.0 else time.monotonic() + limit
+
+    def _plan(self, outcome: Outcome, grid: Costmap, request: Request) -> Plan:
+        g = grid.geometry
+        poses = poses_of(outcome, SPACING)
+        poses[:, 0] = poses[:, 0] * g.resolution + g.origin_x
+        poses[:, 1] = poses[:, 1] * g.resolution + g.origin_y
+        poses[:, 2] = _in_range(poses[:, 2])
+        poses[0] = request.start
+        end = Pose2D(*(float(v) for v in poses[-1]))
+        goal = request.goal
+        if end.distance_to(goal) < 1e-9 and abs(normalize_angle(end.yaw - goal.yaw)) < 1e-9:
+            end = goal
+            poses[-1] = goal
+        moved = goal.distance_to(end)
+        notes: list[str] = []
+        if moved > 0.0:
+            notes.append(f"the goal itself cannot be reached; the plan ends {moved:.2f} m from it (tolerance)")
+        changes = cusps(poses)
+        if changes:
+            notes.append(f"{changes} change{'s' if changes > 1 else ''} between driving forward and backward")
+        return Plan(
+            Path(poses, request.frame), outcome.cost * g.resolution, end, moved, outcome.expanded, notes=tuple(notes)
+        )
+
+
+def _in_range(yaws: NDArray[np.float64]) -> NDArray[np.float64]:
+    wrapped = np.remainder(yaws + np.pi, 2.0 * np.pi) - np.pi
+    return np.where(wrapped <= -np.pi, np.pi, wrapped)
+
+
+def cusps(poses: NDArray[np.float64]) -> int:
+    """Number of changes between driving forward and backward along poses (n, 3)."""
+    signs = Path(poses).directions
+    signs = signs[signs != 0]
+    return int((signs[1:] != signs[:-1]).sum())

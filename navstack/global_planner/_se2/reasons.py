@@ -1,0 +1,189 @@
+"""Why there is no plan for a robot with a shape and a turning radius."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+import numpy as np
+
+from navstack.core import Costmap, Footprint, Pose2D, describe_cost
+from navstack.core.errors import GoalOccupiedError, NoValidPathError, PlanningError, PlanningTimeoutError
+from navstack.global_planner._se2 import _search_kernels as kernels
+from navstack.global_planner._se2.engine import Outcome, PoseSearch
+from navstack.global_planner._se2.params import PosePlannerParams
+from navstack.global_planner._search import planning_errors
+from navstack.global_planner._search.best_first import BestFirst
+from navstack.global_planner._search.cost_interpreter import CellCosts, cell_costs
+from navstack.global_planner._search.search_space import SearchSpace
+
+_MAX_EXPANDED: Final = 4_000_000
+_AHEAD: Final = 6
+"""Cells: distance over which the direction of a path of cells is taken."""
+_TURN: Final = math.radians(15.0)
+"""Deviation from the direction of the passage at which the footprint is tried, too."""
+
+
+def _costs(allow_unknown: bool) -> CellCosts:
+    return cell_costs(allow_unknown, 50.0, 0.8)
+
+
+def _space(grid: Costmap, allow_unknown: bool) -> SearchSpace:
+    return SearchSpace(grid, _costs(allow_unknown), border_blocked=False)
+
+
+def _cell(grid: Costmap, pose: Pose2D) -> tuple[int, int]:
+    cell = grid.geometry.world_to_cell(pose.x, pose.y)
+    assert cell is not None
+    return cell
+
+
+def goal_occupied(
+    engine: PoseSearch, grid: Costmap, goal: Pose2D, footprint: Footprint | None, tolerance: float
+) -> GoalOccupiedError:
+    """The error for a goal where the robot does not fit, nor within the tolerance (m); says which cell is in its way."""
+    ix, iy = _cell(grid, goal)
+    cost = int(grid.data[iy, ix])
+    within = f", nor within tolerance {tolerance} m of it" if tolerance > 0.0 else ""
+    occupied = planning_errors.occupied_data(_space(grid, True), (ix, iy))
+    data: dict[str, Any] = {**occupied, "x": goal.x, "y": goal.y, "yaw": goal.yaw}
+    blocking = _blocking_cell(grid, goal, footprint)
+    if cost >= 253 or blocking is None:
+        why = f"its centre is in a cell of cost {describe_cost(cost)}"
+    else:
+        x, y = grid.geometry.cell_to_world(*blocking)
+        data["blocked_by"] = [x, y]
+        why = f"its footprint overlaps the obstacle at ({x:.2f}, {y:.2f})"
+    headings = _free_headings(engine, grid, goal)
+    data["free_headings"] = headings
+    if headings:
+        hint = f"it fits there at headings such as {headings[0]:.2f} rad"
+    else:
+        hint = "it fits there at no heading; choose a goal further from obstacles"
+    return GoalOccupiedError(
+        f"the robot does not fit at the goal ({goal.x:.3f}, {goal.y:.3f}) with heading {goal.yaw:.3f}{within}: {why}; {hint}",
+        **data,
+    )
+
+
+def _free_headings(engine: PoseSearch, grid: Costmap, goal: Pose2D) -> list[float]:
+    """Headings (rad) at which the robot fits at the goal, the nearest to the requested one first."""
+    g = grid.geometry
+    x, y = (goal.x - g.origin_x) / g.resolution, (goal.y - g.origin_y) / g.resolution
+    found = [
+        math.remainder(goal.yaw + sign * math.radians(10.0 * k), 2.0 * math.pi)
+        for k in range(1, 19)
+        for sign in (1.0, -1.0)
+    ]
+    return [yaw for yaw in found if engine.pose_is_free(x, y, yaw)]
+
+
+def _blocking_cell(grid: Costmap, pose: Pose2D, footprint: Footprint | None) -> tuple[int, int] | None:
+    """The lethal cell under a footprint that is nearest to its centre."""
+    import shapely
+
+    if footprint is None:
+        return None
+    g = grid.geometry
+    polygon = shapely.Polygon(footprint.at(pose))
+    left, low, right, high = polygon.bounds
+    x0, y0 = g.world_to_cell_unbounded(left, low)
+    x1, y1 = g.world_to_cell_unbounded(right, high)
+    best, nearest = None, math.inf
+    for iy in range(max(0, y0), min(g.ny, y1 + 1)):
+        for ix in range(max(0, x0), min(g.nx, x1 + 1)):
+            if grid.data[iy, ix] == 254:
+                x, y = g.cell_to_world(ix, iy)
+                half = 0.5 * g.resolution
+                distance = math.hypot(x - pose.x, y - pose.y)
+                if distance < nearest and polygon.intersects(shapely.box(x - half, y - half, x + half, y + half)):
+                    best, nearest = (ix, iy), distance
+    return best
+
+
+def no_connection(grid: Costmap, start: Pose2D, goal: Pose2D, allow_unknown: bool) -> PlanningError:
+    """The error for a goal that not even the centre of the robot can reach."""
+    space = _space(grid, allow_unknown)
+    cells = _cell(grid, start), _cell(grid, goal)
+    search = BestFirst(_costs(allow_unknown))
+    search.octile(grid, *cells, max_expanded=_MAX_EXPANDED)
+    nearest = search.nearest_reached(cells[1])
+    return planning_errors.no_path(space, start, goal, cells, nearest, expanded=search.expanded)
+
+
+def no_path(
+    engine: PoseSearch, grid: Costmap, start: Pose2D, goal: Pose2D, outcome: Outcome, params: PosePlannerParams
+) -> PlanningError:
+    """The error for a search that found no path: where the passage is too narrow, or where there is no room to turn."""
+    g = grid.geometry
+    near = (outcome.nearest[0] * g.resolution + g.origin_x, outcome.nearest[1] * g.resolution + g.origin_y)
+    distance = math.hypot(near[0] - goal.x, near[1] - goal.y)
+    narrow = narrow_stretches(engine, grid, start, goal, params.allow_unknown)
+    data: dict[str, Any] = {
+        "nearest_reachable": list(near),
+        "nearest_reachable_distance_m": distance,
+        "states_expanded": outcome.expanded,
+        "states_visited": outcome.visited,
+        "narrow": narrow,
+    }
+    where = f"the nearest state reached is at ({near[0]:.2f}, {near[1]:.2f}), {distance:.2f} m from the goal"
+    ends = f"from ({start.x:.3f}, {start.y:.3f}) to ({goal.x:.3f}, {goal.y:.3f})"
+    if outcome.status == kernels.LIMIT:
+        limit = f"max_iterations = {params.max_iterations}"
+        if outcome.timed_out:
+            limit = f"max_planning_time = {params.max_planning_time} s"
+        return PlanningTimeoutError(
+            f"no path {ends} found within {limit}, after {outcome.expanded:,} states; {where}{_narrow_text(narrow)}; "
+            "increase the limit or the tolerance, or allow reversing",
+            **data,
+        )
+    text = _narrow_text(narrow)
+    if not text:
+        text = (
+            "; the passages are wide enough for the footprint, but not for its turns: the turning radius is too large, or the "
+            "goal can be reached at another heading only"
+        )
+    return NoValidPathError(f"no path {ends} for this footprint and turning radius; {where}{text}", **data)
+
+
+def _narrow_text(narrow: list[dict[str, Any]]) -> str:
+    if not narrow:
+        return ""
+    spots = [
+        f"({s['x']:.2f}, {s['y']:.2f}) at heading {s['heading']:.2f} rad over {s['length_m']:.2f} m" for s in narrow[:3]
+    ]
+    return f"; the shortest way is too narrow for the footprint at {', then at '.join(spots)}"
+
+
+def narrow_stretches(
+    engine: PoseSearch, grid: Costmap, start: Pose2D, goal: Pose2D, allow_unknown: bool
+) -> list[dict[str, Any]]:
+    """Stretches of the cheapest path of cells where the footprint fits at no heading near the direction of the path."""
+    search = BestFirst(_costs(allow_unknown))
+    cells = _cell(grid, start), _cell(grid, goal)
+    if not search.octile(grid, *cells, max_expanded=_MAX_EXPANDED):
+        return []
+    route = search.path(*cells) + 0.5
+    found: list[dict[str, Any]] = []
+    last = -10
+    for i in range(1, len(route) - 1):
+        ahead = route[min(len(route) - 1, i + _AHEAD)] - route[max(0, i - _AHEAD)]
+        heading = math.atan2(ahead[1], ahead[0])
+        x, y = float(route[i, 0]), float(route[i, 1])
+        if any(engine.pose_is_free(x, y, heading + turn) for turn in (0.0, _TURN, -_TURN)):
+            continue
+        step = float(np.hypot(*(route[i + 1] - route[i]))) * grid.geometry.resolution
+        if i == last + 1:
+            found[-1]["length_m"] += step
+        else:
+            wx, wy = x * grid.geometry.resolution, y * grid.geometry.resolution
+            found.append(
+                {
+                    "x": wx + grid.geometry.origin_x,
+                    "y": wy + grid.geometry.origin_y,
+                    "heading": heading,
+                    "length_m": step,
+                }
+            )
+        last = i
+    return found

@@ -1,0 +1,122 @@
+"""Records that the kernels of the search over poses share. Lengths are in cells, angles in radians."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+PRIMITIVE: Final = np.dtype(
+    [
+        ("dx", "f8"),  # end of the primitive, relative to its start
+        ("dy", "f8"),
+        ("length", "f8"),  # signed: negative when driven backward
+        ("curvature", "f8"),  # signed, 1/cells: positive to the left
+        ("end", "i8"),  # heading bins turned (hybrid), or the number of the end heading (lattice)
+        ("turn", "i8"),  # class for change_penalty: 0 straight, 1 left, 2 right
+        ("reverse", "i8"),
+        ("in_place", "i8"),
+        ("first", "i8"),  # first row of its samples
+        ("count", "i8"),  # number of samples, the end included
+    ]
+)
+HEADING: Final = np.dtype([("cos", "f8"), ("sin", "f8"), ("yaw", "f8"), ("first", "i8"), ("count", "i8")])
+"""Rotation of the primitives of a heading bin, its yaw, and the rows of its primitives."""
+NODE: Final = np.dtype(
+    [
+        ("x", "f8"),
+        ("y", "f8"),
+        ("key", "i8"),
+        ("g", "f4"),
+        ("parent", "i4"),
+        ("heading", "i2"),
+        ("primitive", "i2"),
+        ("closed", "i4"),
+    ]
+)
+"""A visited state: 40 bytes."""
+ENTRY: Final = np.dtype([("next_entry", "i4"), ("node", "i4")])
+"""An entry of the queue of the search: a linked list per bucket."""
+FIELD: Final = np.dtype([("cost", "f4"), ("weight", "f4"), ("next", "i4"), ("previous", "i4")])
+"""A cell of the obstacle heuristic: cost 0 untouched, negative open, positive closed; cost of a step into it; its neighbors in
+the list of a bucket."""
+SEGMENT: Final = np.dtype(
+    [
+        ("x", "f8"),
+        ("y", "f8"),
+        ("yaw", "f8"),
+        ("kind_", "i8"),  # of navstack.curves; 0 turns in place, -1 holonomic (a straight line with constant yaw)
+        ("size", "f8"),  # signed length; the angle of a turn in place
+        ("radius", "f8"),
+        ("sideways", "f8"),  # direction of a holonomic line, relative to the yaw
+    ]
+)
+"""A piece of a path, from the pose where it begins."""
+
+SETTINGS: Final = np.dtype(
+    [
+        # --- the grid and the robot
+        ("unknown_blocked", "i8"),
+        ("corners", "i8"),  # of the footprint; 0: round, the costs of the cells decide
+        ("convex", "i8"),
+        ("reach", "f8"),  # circumscribed radius of the padded footprint
+        ("sample_step", "f8"),  # largest motion of a point of the footprint between checks
+        ("bins", "i8"),
+        ("rotates", "i8"),  # whether primitives turn with the heading (hybrid), or each heading has its own (lattice)
+        ("holonomic", "i8"),
+        # --- costs
+        ("cost_penalty", "f8"),
+        ("base_cost", "f8"),  # of a cell: 1 - retrospective_penalty
+        ("non_straight", "f8"),
+        ("change", "f8"),
+        ("reverse", "f8"),
+        ("rotation", "f8"),
+        ("quadratic", "i8"),
+        # --- curves to the goal
+        ("radius", "f8"),
+        ("reeds_shepp", "i8"),
+        ("expansion_ratio", "f8"),
+        ("expansion_length", "f8"),
+        ("expansion_cost", "f8"),
+        ("expansion_override", "i8"),
+        ("coarse", "i8"),  # coarse_search_resolution
+        # --- heuristics
+        ("factor", "i8"),  # cells per cell of the obstacle heuristic
+        ("half", "i8"),  # half the side of the distance table
+        ("yaw_offset", "f8"),  # of heading 0
+        ("weight", "f8"),
+        ("slack", "f8"),  # a curve to the goal is accepted if it costs at most this factor times the least estimate
+        # --- limits
+        ("max_expansions", "i8"),
+        ("pause_at", "i8"),
+        ("tolerance", "f8"),
+        ("approach_limit", "i8"),
+        ("goal_x", "f8"),
+        ("goal_y", "f8"),
+        # --- state of the obstacle heuristic
+        ("focus_x", "i8"),
+        ("focus_y", "i8"),
+        ("level", "i8"),
+        ("open_cells", "i8"),
+        ("closed_cells", "i8"),
+        # --- state of the search
+        ("nodes", "i8"),
+        ("entries", "i8"),
+        ("free_entry", "i8"),
+        ("queued", "i8"),
+        ("bucket", "i8"),
+        ("expanded", "i8"),
+        ("countdown", "f8"),
+        ("nearest_h", "f8"),
+        ("best_node", "i8"),
+        ("best_goal", "i8"),
+        ("best_cost", "f8"),
+        ("best_radius", "f8"),
+        ("best_is_curve", "i8"),
+        ("approach_node", "i8"),
+        ("approach_distance", "f8"),
+        ("approach_since", "i8"),
+        ("curves_tried", "i8"),
+        ("checks", "i8"),
+    ]
+)

@@ -1,0 +1,63 @@
+"""What to do when the robot overlaps obstacles where it starts."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+
+from navstack.core import FREE, Costmap, Footprint, Pose2D, describe_cost
+from navstack.core.errors import StartOccupiedError
+from navstack.global_planner._se2.engine import PoseSearch
+from navstack.global_planner._se2.footprint import Shape
+from navstack.global_planner._se2.params import PosePlannerParams
+
+_NOTE = "the robot overlaps obstacles at the start; the cells under its footprint were treated as free"
+
+
+def cleared_start(
+    engine: PoseSearch,
+    grid: Costmap,
+    start: Pose2D,
+    footprint: Footprint | None,
+    shape: Shape,
+    params: PosePlannerParams,
+) -> tuple[Costmap, str | None]:
+    """Prepare the search over `grid`, in which cells under a blocked start count as free; return it with a note.
+
+    Raises StartOccupiedError if the policy does not allow that.
+    """
+    engine.place(grid.data, shape)
+    g = grid.geometry
+    x, y = (start.x - g.origin_x) / g.resolution, (start.y - g.origin_y) / g.resolution
+    if engine.pose_is_free(x, y, start.yaw):
+        return grid, None
+    cost = int(grid.data[int(y), int(x)])
+    if params.start_policy in ("refuse", "nearest_free"):
+        raise StartOccupiedError(
+            f"the robot overlaps obstacles at the start ({start.x:.3f}, {start.y:.3f}, {start.yaw:.3f}), where the cost of its "
+            f"cell is {describe_cost(cost)}, and start_policy is {params.start_policy}; this planner can start at the pose of "
+            "the robot only: move it, or set start_policy: clear_footprint",
+            x=start.x,
+            y=start.y,
+            yaw=start.yaw,
+            cost=cost,
+        )
+    copy = grid.copy()
+    copy.data[int(y), int(x)] = FREE
+    if params.start_policy == "clear_footprint" and footprint is not None:
+        copy.data[_under(copy, footprint, start)] = FREE
+    engine.place(copy.data, shape)
+    return copy, _NOTE
+
+
+def _under(costmap: Costmap, footprint: Footprint, pose: Pose2D) -> tuple[np.ndarray, np.ndarray]:
+    """Indices (iy, ix) of the cells that the footprint, two cells wider, overlaps: where its padding may touch."""
+    g = costmap.geometry
+    polygon = shapely.Polygon(footprint.at(pose)).buffer(g.resolution)
+    left, low, right, high = polygon.bounds
+    x0, y0 = g.world_to_cell_unbounded(left, low)
+    x1, y1 = g.world_to_cell_unbounded(right, high)
+    xs, ys = np.meshgrid(np.arange(max(x0, 0), min(x1 + 1, g.nx)), np.arange(max(y0, 0), min(y1 + 1, g.ny)))
+    cx, cy = g.origin_x + (xs + 0.5) * g.resolution, g.origin_y + (ys + 0.5) * g.resolution
+    inside = shapely.contains_xy(polygon, cx, cy)
+    return ys[inside], xs[inside]

@@ -1,0 +1,165 @@
+"""An independent referee of plans for robots with a shape and a turning radius: shapely and closed forms, no kernels.
+
+Poses are joined by arcs: two poses a chord c apart that differ by the angle d in heading lie on an arc of radius
+c / (2 sin(d / 2)), and the chord has the mean of both headings, or the opposite direction when driven backward. So curvature,
+continuity and direction are checked exactly between all poses, and the footprint at poses at most a quarter of a cell and one
+degree apart.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from navstack.core import Costmap, Footprint, GridGeometry, Pose2D
+from navstack.core.errors import PlanningError
+from navstack.interfaces import GlobalPlanner, Plan
+
+TOLERANCE = 1e-6
+
+
+def inflated(lethal: NDArray[np.bool_], resolution: float, inscribed: float) -> Costmap:
+    """A costmap with inflation: radius 0.7 m, cost scaling factor 3."""
+    from scipy.ndimage import distance_transform_edt
+
+    ny, nx = lethal.shape
+    distance = np.asarray(distance_transform_edt(~lethal)) * resolution if lethal.any() else np.full(lethal.shape, 9.0)
+    costs = np.where(distance <= 0.7, np.trunc(252.0 * np.exp(-3.0 * (distance - inscribed))), 0.0)
+    costs[distance <= inscribed] = 253
+    costs[lethal] = 254
+    return Costmap(GridGeometry(nx, ny, resolution), np.clip(costs, 0, 254).astype(np.uint8))
+
+
+@dataclass
+class Referee:
+    """Checks plans on one costmap."""
+
+    costmap: Costmap
+    footprint: Footprint
+    is_round: bool
+    radius: float
+    """Turning radius (m)."""
+    may_reverse: bool
+    tree: shapely.STRtree = field(init=False)
+
+    def __post_init__(self) -> None:
+        g = self.costmap.geometry
+        iy, ix = np.nonzero(self.costmap.data == 254)
+        x, y = g.origin_x + ix * g.resolution, g.origin_y + iy * g.resolution
+        self.tree = shapely.STRtree(shapely.box(x, y, x + g.resolution, y + g.resolution))
+
+    def faults(self, plan: Plan, start: Pose2D, goal: Pose2D) -> list[str]:
+        """What is wrong with a plan, in sentences; empty if nothing is."""
+        poses = plan.path.poses
+        found: list[str] = []
+        if not np.isfinite(poses).all():
+            return ["a pose is not finite"]
+        if np.abs(poses[0] - np.array(start)).max() > TOLERANCE:
+            found.append(f"it begins at {poses[0]}, not at the start {tuple(start)}")
+        if plan.goal_moved_m == 0.0 and np.abs(poses[-1] - np.array(goal)).max() > TOLERANCE:
+            found.append(f"it ends at {poses[-1]}, not at the goal {tuple(goal)}")
+        found += self._motion(plan)
+        return found + self._collisions(plan)
+
+    def _motion(self, plan: Plan) -> list[str]:
+        poses = plan.path.poses
+        step = np.diff(poses[:, :2], axis=0)
+        chord = np.hypot(step[:, 0], step[:, 1])
+        turn = np.remainder(np.diff(poses[:, 2]) + np.pi, 2.0 * np.pi) - np.pi
+        found: list[str] = []
+        sharp = 2.0 * self.radius * np.sin(np.abs(turn) / 2.0) > chord + TOLERANCE
+        if sharp.any():
+            i = int(np.argmax(sharp))
+            found.append(f"step {i} turns by {turn[i]:.4f} rad over {chord[i]:.4f} m")
+        mean = poses[:-1, 2] + 0.5 * turn
+        moving = chord > 1e-6
+        off = np.abs(np.sin(np.arctan2(step[:, 1], step[:, 0]) - mean))
+        if (off[moving] * chord[moving] > 1e-5).any():
+            found.append(f"a step deviates from the heading by {float((off * chord)[moving].max()):.6f} m")
+        signs = np.sign(step[:, 0] * np.cos(mean) + step[:, 1] * np.sin(mean))
+        if not self.may_reverse and (signs[moving] < 0).any():
+            found.append("it drives backward")
+        stated = plan.path.directions[:-1]
+        if (stated[moving] != signs[moving]).any():
+            found.append("the directions stated are not those of the steps")
+        return found
+
+    def _collisions(self, plan: Plan) -> list[str]:
+        dense = self.dense(plan.path.poses)
+        g = self.costmap.geometry
+        if self.is_round:
+            ix = np.floor((dense[:, 0] - g.origin_x) / g.resolution).astype(int)
+            iy = np.floor((dense[:, 1] - g.origin_y) / g.resolution).astype(int)
+            # a path that touches the corner of a cell between two checks is within a quarter of a cell of it
+            blocked = np.isin(self.costmap.data[iy, ix], (253, 254))
+            hit = np.flatnonzero(blocked)
+            deep = [k for k in hit if self._depth(dense[k], ix[k], iy[k]) > 0.25]
+            return [f"its centre is in an inscribed cell at {dense[deep[0]]}"] if deep else []
+        c, s = np.cos(dense[:, 2])[:, None], np.sin(dense[:, 2])[:, None]
+        vx, vy = self.footprint.vertices[:, 0], self.footprint.vertices[:, 1]
+        shrink = 1.0 - 1e-6
+        x, y = dense[:, 0:1] + shrink * (c * vx - s * vy), dense[:, 1:2] + shrink * (s * vx + c * vy)
+        polygons = shapely.polygons(np.stack((x, y), axis=-1))
+        hits = self.tree.query(polygons, predicate="intersects")
+        return [f"its footprint overlaps an obstacle at {dense[hits[0][0]]}"] if hits.shape[1] else []
+
+    def _depth(self, pose: NDArray[np.float64], ix: int, iy: int) -> float:
+        """How deep a point is in its cell (cells)."""
+        g = self.costmap.geometry
+        fx, fy = (pose[0] - g.origin_x) / g.resolution - ix, (pose[1] - g.origin_y) / g.resolution - iy
+        return float(min(fx, 1.0 - fx, fy, 1.0 - fy))
+
+    def dense(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Poses along the arcs between `poses`, at most a quarter of a cell and one degree apart."""
+        out = [poses[:1]]
+        for a, b in pairwise(poses):
+            turn = math.remainder(b[2] - a[2], 2.0 * math.pi)
+            chord = math.hypot(b[0] - a[0], b[1] - a[1])
+            n = max(1, math.ceil(chord / (0.25 * self.costmap.geometry.resolution)), math.ceil(abs(turn) / 0.0175))
+            k = np.arange(1, n + 1) / n
+            if abs(turn) < 1e-9:
+                xy = a[:2] + k[:, None] * (b[:2] - a[:2])
+            else:
+                direction = math.atan2(b[1] - a[1], b[0] - a[0])
+                part = chord * np.sin(0.5 * turn * k) / math.sin(0.5 * turn)
+                angle = direction - 0.5 * turn + 0.5 * turn * k
+                xy = a[:2] + part[:, None] * np.column_stack((np.cos(angle), np.sin(angle)))
+            out.append(np.column_stack((xy, a[2] + turn * k)))
+        return np.concatenate(out)
+
+
+def random_queries(
+    planner: GlobalPlanner, referee: Referee, rng: np.random.Generator, count: int, reach: float
+) -> tuple[int, int, list[str]]:
+    """Plan between random free poses at most `reach` (m) apart; return plans found, failures with a reason, faults."""
+    g = referee.costmap.geometry
+    free = np.argwhere(referee.costmap.data < 200)
+    found, failed, faults = 0, 0, []
+    while found + failed < count:
+        iy, ix = free[rng.integers(len(free))]
+        start = Pose2D(*g.cell_to_world(int(ix), int(iy)), float(rng.uniform(-math.pi, math.pi)))
+        near = free[np.hypot(free[:, 0] - iy, free[:, 1] - ix) < reach / g.resolution]
+        jy, jx = near[rng.integers(len(near))]
+        x, y = g.cell_to_world(int(jx), int(jy))
+        goal = Pose2D(x + float(rng.uniform(-0.4, 0.4)) * g.resolution, y, float(rng.uniform(-math.pi, math.pi)))
+        if any(
+            referee.tree.query(shapely.Polygon(referee.footprint.at(p)), predicate="intersects").size
+            for p in (start, goal)
+        ):
+            continue
+        footprint = None if referee.is_round else referee.footprint
+        try:
+            plan = planner.make_plan(referee.costmap, start, goal, footprint=footprint)
+        except PlanningError as error:
+            failed += 1
+            if len(error.message) < 40:
+                faults.append(f"{start} {goal}: an error without a reason: {error.message}")
+            continue
+        found += 1
+        faults += [f"{tuple(start)} to {tuple(goal)}: {fault}" for fault in referee.faults(plan, start, goal)]
+    return found, failed, faults

@@ -1,0 +1,171 @@
+"""smac_hybrid: closed forms in empty space, an independent referee, narrow places, goals, errors, reproducibility."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from navstack.core import Costmap, Footprint, GridGeometry, Pose2D
+from navstack.core.errors import GoalOccupiedError, NoValidPathError, PlanningTimeoutError, StartOccupiedError
+from navstack.curves import dubins_curve, reeds_shepp_curve
+from navstack.global_planner import SmacHybridParams, SmacHybridPlanner
+from tests.global_planner.pose_referee import Referee, inflated, random_queries
+
+BOX = Footprint(np.array([[0.45, 0.3], [0.45, -0.3], [-0.25, -0.3], [-0.25, 0.3]]))
+ROUND = Footprint.from_radius(0.22)
+RESOLUTION = 0.05
+
+
+def planner(**values: Any) -> SmacHybridPlanner:
+    return SmacHybridPlanner(SmacHybridParams(**values))
+
+
+def empty(size_m: float = 8.0) -> Costmap:
+    n = round(size_m / RESOLUTION)
+    return Costmap(GridGeometry(n, n, RESOLUTION), np.zeros((n, n), np.uint8))
+
+
+def rooms() -> np.ndarray:
+    """Two rooms with a door of 1.1 m, pillars and a shelf."""
+    lethal = np.zeros((120, 160), np.bool_)
+    lethal[[0, -1]] = lethal[:, [0, -1]] = True
+    lethal[:, 78:80] = True
+    lethal[50:72, 78:80] = False
+    lethal[30:36, 30:36] = lethal[84:90, 110:118] = True
+    lethal[96:100, 12:60] = True
+    return lethal
+
+
+@pytest.mark.parametrize("model", ["DUBIN", "REEDS_SHEPP"])
+def test_length_in_empty_space(model: str) -> None:
+    """Within 3 % of the shortest curve, and never shorter than it: the chords of poses are 0.26 % shorter at most."""
+    rng = np.random.default_rng(5)
+    costmap, search = empty(), planner(motion_model_for_search=model, reverse_penalty=1.0)
+    shortest = dubins_curve if model == "DUBIN" else reeds_shepp_curve
+    for _ in range(12):
+        start, goal = (
+            Pose2D(*(float(v) for v in rng.uniform(2.5, 5.5, 2)), float(rng.uniform(-math.pi, math.pi)))
+            for _ in range(2)
+        )
+        length = search.make_plan(costmap, start, goal).length_m
+        curve = shortest(start, goal, 0.4).length
+        assert 0.997 * curve - 1e-9 <= length <= 1.03 * curve + 1e-9
+
+
+@pytest.mark.parametrize(("footprint", "model"), [(BOX, "REEDS_SHEPP"), (BOX, "DUBIN"), (ROUND, "DUBIN")])
+def test_an_independent_referee(footprint: Footprint, model: str) -> None:
+    """`python -m tests.global_planner.check_plans 10000` checks more, on the shipped and foreign maps."""
+    referee = Referee(
+        inflated(rooms(), RESOLUTION, footprint.inscribed_radius),
+        footprint,
+        footprint is ROUND,
+        0.4,
+        model == "REEDS_SHEPP",
+    )
+    search = planner(motion_model_for_search=model, max_iterations=100_000)
+    found, _, faults = random_queries(search, referee, np.random.default_rng(3), 25, 6.0)
+    assert faults == []
+    assert found >= 15
+
+
+def test_cusps_are_stated() -> None:
+    """The three-point turn: three arcs, two changes of direction."""
+    plan = planner(motion_model_for_search="REEDS_SHEPP", reverse_penalty=1.0).make_plan(
+        empty(), Pose2D(4.0, 4.0, 0.0), Pose2D(4.0, 4.0, math.pi)
+    )
+    assert plan.length_m == pytest.approx(0.4 * math.pi, rel=0.03)
+    signs = plan.path.directions
+    assert int((signs[1:] != signs[:-1]).sum()) == 2
+    assert any("2 changes between driving forward and backward" in note for note in plan.notes)
+
+
+@pytest.mark.parametrize(("cells", "fits"), [(14, True), (11, False)])
+def test_a_straight_passage(cells: int, fits: bool) -> None:
+    """A box 0.6 m wide passes 0.7 m, and not 0.55 m."""
+    lethal = np.zeros((80, 160), np.bool_)
+    lethal[:40, 60:100] = lethal[40 + cells :, 60:100] = True
+    costmap = Costmap(GridGeometry(160, 80, RESOLUTION), np.where(lethal, 254, 0).astype(np.uint8))
+    y = (40 + 0.5 * cells) * RESOLUTION
+    start, goal = Pose2D(1.0, y, 0.0), Pose2D(7.0, y, 0.0)
+    if fits:
+        plan = planner().make_plan(costmap, start, goal, footprint=BOX)
+        assert plan.length_m == pytest.approx(6.0, abs=0.05)
+        return
+    with pytest.raises(NoValidPathError, match="too narrow for the footprint at") as error:
+        planner().make_plan(costmap, start, goal, footprint=BOX)
+    assert error.value.data["narrow"][0]["x"] == pytest.approx(2.8, abs=0.5)
+
+
+def test_goal_headings() -> None:
+    costmap = empty()
+    start, goal = Pose2D(4.0, 4.0, 0.0), Pose2D(6.0, 4.0, math.pi)
+    lengths = {
+        mode: planner(goal_heading_mode=mode, coarse_search_resolution=n).make_plan(costmap, start, goal)
+        for mode, n in (("DEFAULT", 1), ("BIDIRECTIONAL", 1), ("ALL_DIRECTION", 4))
+    }
+    assert lengths["DEFAULT"].goal == goal
+    assert lengths["BIDIRECTIONAL"].length_m == pytest.approx(2.0, abs=0.01)
+    assert lengths["ALL_DIRECTION"].length_m <= lengths["DEFAULT"].length_m
+    assert abs(lengths["BIDIRECTIONAL"].goal.yaw) < 1e-9
+
+
+def test_a_goal_in_an_obstacle() -> None:
+    costmap = inflated(rooms(), RESOLUTION, 0.3)
+    goal = Pose2D(1.65, 1.85, 0.0)
+    with pytest.raises(GoalOccupiedError, match="does not fit at the goal") as error:
+        planner(tolerance=0.0).make_plan(costmap, Pose2D(1.0, 4.0, 0.0), goal, footprint=BOX)
+    assert "blocked_by" in error.value.data or error.value.data["cost"] >= 253
+    near = Pose2D(1.65, 2.05, 0.0)
+    plan = planner(tolerance=0.5).make_plan(costmap, Pose2D(1.0, 3.5, 0.0), near, footprint=BOX)
+    assert 0.0 < plan.goal_moved_m <= 0.5
+    assert any("tolerance" in note for note in plan.notes)
+
+
+def test_limits() -> None:
+    costmap = inflated(rooms(), RESOLUTION, 0.3)
+    start, goal = Pose2D(1.0, 1.0, 0.0), Pose2D(6.0, 1.0, 0.0)
+    with pytest.raises(PlanningTimeoutError, match="max_iterations = 20"):
+        planner(max_iterations=20).make_plan(costmap, start, goal, footprint=BOX)
+    with pytest.raises(PlanningTimeoutError, match="max_planning_time"):
+        planner(max_planning_time=1e-9, terminal_checking_interval=10).make_plan(costmap, start, goal, footprint=BOX)
+
+
+def test_start_in_an_obstacle() -> None:
+    costmap = empty()
+    start, goal = Pose2D(2.0, 2.0, 0.0), Pose2D(5.0, 3.0, 0.0)
+    costmap.data[38:40, 36:38] = 254  # beside the rear wheels
+    with pytest.raises(StartOccupiedError, match="start_policy is refuse"):
+        planner(start_policy="refuse").make_plan(costmap, start, goal, footprint=BOX)
+    plan = planner().make_plan(costmap, start, goal, footprint=BOX)
+    assert any("treated as free" in note for note in plan.notes)
+
+
+def test_a_heuristic_that_is_kept_changes_nothing() -> None:
+    """The plan for the second query is the same with the heuristic of the first one, and without."""
+    costmap = inflated(rooms(), RESOLUTION, 0.22)
+    goal = Pose2D(6.5, 1.0, 0.0)
+    kept = planner()
+    first = kept.make_plan(costmap, Pose2D(1.0, 5.5, 0.0), goal)
+    there = first.path[len(first.path) // 3]
+    second, fresh = kept.make_plan(costmap, there, goal), planner().make_plan(costmap, there, goal)
+    assert second.cost == pytest.approx(fresh.cost, rel=0.01)
+    kept.reset()
+    assert kept.make_plan(costmap, there, goal).path.poses.tobytes() == fresh.path.poses.tobytes()
+
+
+def test_downsampling_keeps_to_free_cells() -> None:
+    costmap = inflated(rooms(), RESOLUTION, 0.22)
+    plan = planner(downsample_costmap=True, downsampling_factor=2).make_plan(
+        costmap, Pose2D(1.0, 5.5, 0.0), Pose2D(6.5, 1.0, 0.0)
+    )
+    assert max(costmap.cost_at(float(x), float(y)) or 0 for x, y in plan.path.poses[:, :2]) < 253
+
+
+def test_bytes_per_visited_state() -> None:
+    """60 bytes where arrays are full; at most four times as much after they have grown."""
+    search = planner()
+    search.make_plan(inflated(rooms(), RESOLUTION, 0.22), Pose2D(1.0, 5.5, 0.0), Pose2D(6.5, 1.0, 2.0))
+    assert search.memory
