@@ -1,8 +1,8 @@
 """smac_hybrid compared with Nav2's SmacPlannerHybrid: found wherever C++ finds, at a cost that is not higher.
 
-The cost of a path is the integral of (1 + cost_penalty c / 252) over its length, times reverse_penalty backward: the same function
-for both, over the poses of C++'s own search ("raw"). C++ allows itself corners of inscribed cells and overlaps of the footprint,
-so a few of its paths are out of reach. The data are those of NAVSTACK_GOLDEN_NAV2; `tools/bench/smac.py` plans all queries.
+The cost of a path is the integral of (1 + cost_penalty c / 252) over its length, times reverse_penalty backward, the same for
+both, over the poses of C++'s own search ("raw"). C++ allows itself corners of inscribed cells and overlaps of the footprint, so
+a few of its paths are out of reach. The data are those of NAVSTACK_GOLDEN_NAV2; `tools/bench/smac.py` plans all queries.
 """
 
 from __future__ import annotations

@@ -62,7 +62,8 @@ def run(name: str, job: Any, data: dict[str, Any], over: dict[str, Any], repeats
     rows: list[dict[str, Any]] = []
     for k, query in enumerate(paths[f"{name}/queries"]):
         start, goal = Pose2D(*(float(v) for v in query[:3])), Pose2D(*(float(v) for v in query[3:]))
-        best, again, result, planner = np.inf, np.nan, None, SmacHybridPlanner(params)
+        best, again, planner = np.inf, np.nan, SmacHybridPlanner(params)
+        result: Any = None
         for _ in range(repeats):
             planner = SmacHybridPlanner(params)
             ms, result = timed(planner, costmap, start, goal, footprint=footprint)

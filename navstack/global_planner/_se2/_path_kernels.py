@@ -14,6 +14,8 @@ from navstack.global_planner._se2._curve_check_kernels import curve_cost, segmen
 IN_PLACE, SIDEWAYS = 0, -1
 PIECE = 4.0
 """Cells: longest piece of a curve between two poses at which a path may be shortened."""
+OFFSET, TURN = 1.0, 0.05
+"""How far poses are moved sideways (cells) and turned (rad) where that lowers the cost of a path."""
 RADII = 3
 """Numbers of radii that are tried: 1, 2 and 4 times the turning radius."""
 
@@ -104,6 +106,22 @@ def replace_pieces(segments, work, values, count, first, last, added, fresh):
 
 
 @kernel
+def best_curve(costs, bits, shape, p, start, end, limit, radii):
+    """Return the lowest cost below `limit` of a curve between two poses, and its radius; 0 if none is lower.
+
+    The turning radius is tried first, then twice that, and so on: `radii` of them.
+    """
+    best, best_radius = limit, 0.0
+    radius = p.radius
+    for _ in range(radii):
+        cost = curve_cost(costs, bits, shape, p, start, end, radius, best, True)
+        if cost < best:
+            best, best_radius = cost, radius
+        radius *= 2.0
+    return best, best_radius
+
+
+@kernel
 def shorten(costs, bits, shapes, p, segments, work, values, count, goal, rounds):
     """Replace stretches of a path by curves that cost less and are free; return the number of pieces.
 
@@ -132,14 +150,8 @@ def shorten(costs, bits, shapes, p, segments, work, values, count, goal, rounds)
                     end[0], end[1], end[2] = segments[j].x, segments[j].y, segments[j].yaw
                 else:
                     end[0], end[1], end[2] = goal[0], goal[1], goal[2]
-                best, best_radius = old * 0.999 - 1e-6, 0.0
                 p.reeds_shepp = 1 if both != 0 and has_reverse else 0
-                radius = p.radius
-                for _ in range(RADII):
-                    cost = curve_cost(costs, bits, shape, p, start, end, radius, best, True)
-                    if cost < best:
-                        best, best_radius = cost, radius
-                    radius *= 2.0
+                _, best_radius = best_curve(costs, bits, shape, p, start, end, old * 0.999 - 1e-6, RADII)
                 if best_radius > 0.0:
                     fresh = write_curve(added, 0, p.reeds_shepp != 0, start, end, best_radius, PIECE)
                     if fresh < len(added) and count - span + fresh < len(segments):
@@ -153,6 +165,59 @@ def shorten(costs, bits, shapes, p, segments, work, values, count, goal, rounds)
         p.reeds_shepp = both
         if not changed:
             break
+    return count
+
+
+@kernel
+def relax(costs, bits, shapes, p, segments, work, values, count, goal, reach):
+    """Move the poses between pieces sideways and turn them where curves through them cost less; return the number of pieces.
+
+    `reach`: pieces before and after a pose that are replaced. As `shorten` otherwise.
+    """
+    shape = shapes[0]
+    start, middle, end = np.empty(3), np.empty(3), np.empty(3)
+    added = np.zeros(256, segments.dtype)
+    both = p.reeds_shepp
+    j = 1
+    while j < count:
+        first, last = max(0, j - reach), min(count, j + reach)
+        old = 0.0
+        has_reverse = False
+        for k in range(first, last):
+            old += values[k]
+            has_reverse = has_reverse or segments[k].size < 0.0
+        p.reeds_shepp = 1 if both != 0 and has_reverse else 0
+        start[0], start[1], start[2] = segments[first].x, segments[first].y, segments[first].yaw
+        if last < count:
+            end[0], end[1], end[2] = segments[last].x, segments[last].y, segments[last].yaw
+        else:
+            end[0], end[1], end[2] = goal[0], goal[1], goal[2]
+        row = segments[j]
+        best, best_offset, best_turn, radius_a, radius_b = old * 0.9995 - 1e-6, 0.0, 0.0, 0.0, 0.0
+        for option in range(4):
+            sign = 1.0 if option % 2 == 0 else -1.0
+            offset, turn = (sign * OFFSET, 0.0) if option < 2 else (0.0, sign * TURN)
+            middle[0] = row.x - offset * math.sin(row.yaw)
+            middle[1] = row.y + offset * math.cos(row.yaw)
+            middle[2] = row.yaw + turn
+            cost_a, a = best_curve(costs, bits, shape, p, start, middle, best, 1)
+            if a == 0.0:
+                continue
+            cost_b, b = best_curve(costs, bits, shape, p, middle, end, best - cost_a, 1)
+            if b > 0.0:
+                best, best_offset, best_turn, radius_a, radius_b = cost_a + cost_b, offset, turn, a, b
+        if radius_a > 0.0:
+            middle[0] = row.x - best_offset * math.sin(row.yaw)
+            middle[1] = row.y + best_offset * math.cos(row.yaw)
+            middle[2] = row.yaw + best_turn
+            fresh = write_curve(added, 0, p.reeds_shepp != 0, start, middle, radius_a, PIECE)
+            fresh = write_curve(added, fresh, p.reeds_shepp != 0, middle, end, radius_b, PIECE)
+            if fresh < len(added) and count - (last - first) + fresh < len(segments):
+                count = replace_pieces(segments, work, values, count, first, last, added, fresh)
+                pieces_cost(costs, p, segments[first : first + fresh], values[first : first + fresh])
+                j = max(j, first + fresh // 2)
+        j += 1
+    p.reeds_shepp = both
     return count
 
 

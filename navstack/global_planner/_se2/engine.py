@@ -23,6 +23,8 @@ BUCKETS: Final = 1 << 14
 """Buckets of the queue: of the width of half a cell, so estimates above 8,192 cells share the last one."""
 FIRST_NODES: Final = 1 << 14
 ROUNDS: Final = 2
+REACHES: Final = (6, 4, 3, 2)
+"""Pieces on either side of a pose that are replaced when it is moved, round by round."""
 
 
 @dataclass(frozen=True)
@@ -225,11 +227,11 @@ class PoseSearch:
             room = np.zeros(len(segments) + 512, SEGMENT)
             room[:count] = segments[:count]
             work, values = np.zeros(len(room), SEGMENT), np.zeros(len(room))
-            count = int(
-                paths.shorten(
-                    self.costs, self._bits, (self.shape.rows, goals), p, room, work, values, count, goal, ROUNDS
-                )
-            )
+            arguments = self.costs, self._bits, (self.shape.rows, goals), p, room, work, values
+            count = int(paths.shorten(*arguments, count, goal, ROUNDS))
+            for reach in REACHES:
+                count = int(paths.relax(*arguments, count, goal, reach))
+            count = int(paths.shorten(*arguments, count, goal, 1))
             segments = room
             cost = float(values[:count].sum())
         x, y, yaw = (float(v) for v in goal)

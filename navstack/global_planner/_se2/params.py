@@ -110,7 +110,7 @@ class PosePlannerParams(ParamModel):
         "the nearest free cell, or refuse",
     )
     heuristic_weight: float = param(
-        1.1,
+        1.2,
         "factor on the heuristic: 1 = the cheapest path that the states allow; above 1 faster, for a dearer path",
         ge=1.0,
         le=10.0,
