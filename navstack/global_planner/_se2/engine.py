@@ -132,8 +132,6 @@ class PoseSearch:
         """Search from `start` to the cheapest of `goals` (n, 4): x, y, yaw, heading bin. The goal of the heuristic is set."""
         p = self.settings
         nx = self.costs.shape[1]
-        if len(table.primitives) and int(table.headings["count"].max()) * 4 > FIRST_NODES:
-            raise ValueError("too many primitives per heading")
         self._slots[:] = 0
         self._heads[: -heuristics.RING] = -1
         p["nodes"], p["entries"], p["free_entry"], p["queued"], p["bucket"] = 1, 0, -1, 0, BUCKETS - 1
