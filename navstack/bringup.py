@@ -26,6 +26,7 @@ from navstack.core import (
 from navstack.core.errors import FrameError, InputError, PlanningError, StartOccupiedError, StartOutsideMapError
 from navstack.core.frames import clean_frame
 from navstack.core.occupancy import Values, is_number
+from navstack.core.path_turns import turn_note
 from navstack.core.poses import require_pose
 from navstack.costmap import LayeredCostmap
 from navstack.costmap.reconfigure import apply_reconfigure, check_reconfigure
@@ -324,6 +325,9 @@ def plan_on_map(
         )
     except PlanningError as error:
         raise add_layer(costmap, error) from None
+    note = turn_note(plan.path, configuration.turning_radius)
+    if note is not None:
+        plan = replace(plan, notes=(*plan.notes, note))
     return PlannedPath(plan, costmap, choice.name)
 
 

@@ -75,3 +75,8 @@ class Configuration:
     """Full name of a parameter (`DWAPlannerROS/max_vel_x`) -> location of its value; defaults are absent."""
     safety: SafetyConfiguration = SafetyConfiguration()
     """Multiplexer, velocity smoother and collision monitor."""
+
+    @property
+    def turning_radius(self) -> float:
+        """Radius (m) of the tightest circle of base and local planner; 0 if the robot turns in place."""
+        return max(self.navstack.sim.turning_radius, float(getattr(self.local_planner.params, "turning_radius", 0.0)))

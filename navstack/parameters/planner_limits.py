@@ -21,7 +21,7 @@ _NAMES: Final[Mapping[str, tuple[tuple[str, ...], ...]]] = {
     ),
     "min_velocity": (("min_vel_x", "vx_min"), ()),
     "max_accel": (("acc_lim_x", "ax_max"), ("acc_lim_theta", "az_max", "max_angular_accel")),
-    "max_decel": (("acc_lim_x", "ax_min"), ("acc_lim_theta", "az_max", "max_angular_accel")),
+    "max_decel": (("acc_lim_x", "ax_min"), ("acc_lim_theta", "az_max", "max_angular_decel", "max_angular_accel")),
 }
 
 _BOTH_WAYS: Final = frozenset({"acc_lim_x", "acc_lim_theta", "az_max", "max_angular_accel"})

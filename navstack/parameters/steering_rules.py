@@ -23,7 +23,7 @@ def steering_rules(configuration: Configuration) -> Iterator[Issue]:
     """Yield what a base with a turning radius cannot drive; nothing for a base that turns in place."""
     sim, local = configuration.navstack.sim, configuration.local_planner
     controller = float(getattr(local.params, "turning_radius", 0.0))
-    radius = max(sim.turning_radius, controller)
+    radius = configuration.turning_radius
     if radius <= 0.0:
         return
     if sim.turning_radius > controller + SAME_M:

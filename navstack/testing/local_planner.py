@@ -56,6 +56,7 @@ class LocalPlannerContract(Contract):
         assert min(0.0, limits.min_vel_y) - SLACK <= command.vy <= max(0.0, limits.max_vel_y) + SLACK
         assert abs(command.wz) <= limits.max_vel_theta + SLACK
         assert command.speed <= limits.max_vel_trans + DWA_SLACK + SLACK
+        assert abs(command.wz) * limits.min_turning_radius <= abs(command.vx) + SLACK
 
     @pytest.mark.parametrize("heading", [2.0 * math.pi * i / 16 for i in range(16)])
     def test_it_reaches_a_free_goal_from_any_heading(self, heading: float) -> None:
@@ -65,6 +66,25 @@ class LocalPlannerContract(Contract):
         end = self.drive(planner, Pose2D(0.0, 0.0, normalize_angle(heading)), goal)
         assert end.distance_to(goal) <= self.goal_tolerance + 1e-9
         assert abs(angle_between(end.yaw, goal.yaw)) <= planner.limits.yaw_goal_tolerance + 1e-9
+
+    def test_braking_after_a_cancel_ends(self) -> None:
+        """`brake` never speeds up, keeps to the limits, and returns None within five seconds."""
+        planner = self.make()
+        start, goal = Pose2D(0.0, 0.0), Pose2D(1.5, 0.0)
+        planner.set_plan(straight_path(start, goal), goal)
+        pose, velocity, period = start, Twist2D(), 1.0 / self.frequency
+        for _ in range(round(self.frequency)):
+            velocity = planner.compute_command(control_input(pose, velocity)).command
+            pose = driven(pose, velocity, period)
+        for _ in range(math.ceil(5.0 * self.frequency) + 1):
+            plan = planner.brake(control_input(pose, velocity))
+            if plan is None:
+                return
+            assert plan.command.speed <= velocity.speed + SLACK and abs(plan.command.wz) <= abs(velocity.wz) + SLACK
+            self.check_limits(planner, plan.command)
+            velocity = plan.command
+            pose = driven(pose, velocity, period)
+        raise AssertionError("the planner still brakes after 5 s")
 
     def test_replanning_to_the_same_goal(self) -> None:
         """A new plan in every cycle does not prevent the arrival."""

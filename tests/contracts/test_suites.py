@@ -76,6 +76,8 @@ LOCAL_PLANNER_VALUES: dict[str, dict[str, Any]] = {
     "regulated_pure_pursuit": {
         "sections": {"goal_checker": NEAR_GOAL},
         "max_allowed_time_to_collision_up_to_carrot": 2.0,
+        "use_cancel_deceleration": True,
+        "cancel_deceleration": 0.5,
     },
     "trajectory_rollout": {
         "max_vel_x": 0.5,

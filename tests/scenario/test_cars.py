@@ -9,7 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from navstack.bringup import plan_on_map
 from navstack.core import Pose2D
+from navstack.map_io import load_map, map_path
+from navstack.parameters.configuration import load_configuration
 from navstack.scenario import Run, load_scenario, run_scenario, shipped_scenarios
 
 SLACK = 1e-6
@@ -144,3 +147,14 @@ def test_a_new_goal_ends_the_braking() -> None:
     )
     assert rows[44][1] == pytest.approx(-0.45)
     assert rows[60][1] == pytest.approx(-0.7)
+
+
+def test_plan_names_the_place_where_a_path_is_too_tight() -> None:
+    """`navstack plan` says so, too, without driving."""
+    configuration = load_configuration(["car_rpp"], overrides=["base_global_planner=navfn"])
+    assert configuration.turning_radius == 0.85
+    found = plan_on_map(configuration, load_map(map_path("warehouse")), Pose2D(7.0, 8.0), Pose2D(7.0, 11.4))
+    assert any(note.startswith("the path turns on ") for note in found.plan.notes)
+    plain = load_configuration(["omni_dwa"])
+    assert plain.turning_radius == 0.0
+    assert plan_on_map(plain, load_map(map_path("warehouse")), Pose2D(7.0, 8.0), Pose2D(7.0, 11.4)).plan.notes == ()
