@@ -211,7 +211,7 @@ class RotationShim(PathFollower):
 
     def brake(self, inputs: ControlInput) -> LocalPlan | None:
         """As the other controller brakes; a turn stops at once."""
-        return None if self._turning else self.primary.brake(inputs)
+        return None if self._turned else self.primary.brake(inputs)
 
     def follow(self, now: Following) -> LocalPlan:
         """Turn, or let the other controller drive."""
