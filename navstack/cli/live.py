@@ -65,7 +65,8 @@ def live(chosen: ScenarioOptions, live: LiveOptions) -> int:
     with loading_kernels():
         warm_up(sessions[0].scenario)
     labels = ("",) if len(sessions) == 1 else (_label(chosen.params) or "first", _label(live.versus))
-    stage = Stage(sessions, Options(save_to=live.save_to, fixed=fixed, labels=labels))
+    named = tuple(session.origin.sources for session in sessions)
+    stage = Stage(sessions, Options(live.save_to, fixed, labels, named))
     return _serve(stage, live)
 
 

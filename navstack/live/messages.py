@@ -14,7 +14,7 @@ from navstack.core.bounded_reading import short_repr
 from navstack.core.errors import InputError
 from navstack.sim import Shape
 
-PROTOCOL: Final = 1
+PROTOCOL: Final = 2
 """Version of the protocol: server and page must have the same."""
 
 Finite = Annotated[float, Field(ge=-1e6, le=1e6)]
@@ -31,6 +31,12 @@ class Message(BaseModel):
 
 class _Request(Message):
     id: Annotated[int, Field(ge=0, le=2**53)] = 0
+
+
+class _AboutOne(_Request):
+    """About one of two robots (`--versus`)."""
+
+    side: Annotated[int, Field(ge=0, le=1)] = 0
 
 
 class Hello(_Request):
@@ -97,12 +103,12 @@ class Place(_Request):
     pose: Pose
 
 
-class Set(_Request):
-    """Change parameters, or replace all of them by a packaged set."""
+class Set(_AboutOne):
+    """Change parameters, or replace all of them by one of the sets that `sets` lists."""
 
     type: Literal["set"]
     values: Annotated[dict[Annotated[str, Field(max_length=200)], Any], Field(max_length=50)] = {}
-    params: Annotated[str, Field(max_length=100)] | None = None
+    params: Annotated[str, Field(max_length=500)] | None = None
 
 
 class DriveByHand(_Request):
@@ -159,7 +165,7 @@ class Restart(_Request):
     type: Literal["restart"]
 
 
-class ExplainCell(_Request):
+class ExplainCell(_AboutOne):
     """Why this cell has its cost."""
 
     type: Literal["explain_cell"]
@@ -168,7 +174,7 @@ class ExplainCell(_Request):
     costmap: Literal["global", "local"] = "global"
 
 
-class ExplainCommand(_Request):
+class ExplainCommand(_AboutOne):
     """Why this command, who rejected the others; with `sample`, about one trajectory."""
 
     type: Literal["explain_command"]
@@ -176,14 +182,14 @@ class ExplainCommand(_Request):
     sample: Annotated[int, Field(ge=0, le=100_000)] | None = None
 
 
-class ExplainGoal(_Request):
+class ExplainGoal(_AboutOne):
     """What happened to a goal."""
 
     type: Literal["explain_goal"]
     number: Annotated[int, Field(ge=1, le=1_000_000)]
 
 
-class ExplainPassage(_Request):
+class ExplainPassage(_AboutOne):
     """Can the robot pass this opening."""
 
     type: Literal["explain_passage"]
@@ -191,25 +197,35 @@ class ExplainPassage(_Request):
     y: Finite
 
 
-class Parameters(_Request):
+class Parameters(_AboutOne):
     """List all parameters."""
 
     type: Literal["parameters"]
 
 
-class Difference(_Request):
+class Sets(_Request):
+    """List the parameter sets to switch to: packaged ones, and the user's own files."""
+
+    type: Literal["sets"]
+
+
+class Difference(_AboutOne):
     """Show what saving the parameters would change."""
 
     type: Literal["difference"]
 
 
-class Save(_Request):
-    """Write into the folder of the session: the scenario, the changed parameters, or the goals as places or tour."""
+class Save(_AboutOne):
+    """Write into the folder of the session: the scenario, the changed parameters, or the goals as places or tour.
+
+    `in_place` writes changed parameters into the user's own files, if they are in that folder.
+    """
 
     type: Literal["save"]
     what: Literal["scenario", "run", "parameters", "places", "tour"]
     name: Name
     places: Annotated[dict[Name, Pose], Field(max_length=200)] = {}
+    in_place: bool = False
 
 
 Request = Annotated[
@@ -236,6 +252,7 @@ Request = Annotated[
     | ExplainGoal
     | ExplainPassage
     | Parameters
+    | Sets
     | Difference
     | Save,
     Field(discriminator="type"),
@@ -245,7 +262,7 @@ _REQUEST: TypeAdapter[Any] = TypeAdapter(Request)
 
 READ_ONLY: Final = frozenset(
     {
-        *("hello", "layers", "ack", "parameters", "difference"),
+        *("hello", "layers", "ack", "parameters", "sets", "difference"),
         *("explain_cell", "explain_command", "explain_goal", "explain_passage"),
     }
 )

@@ -7,12 +7,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, get_args
 
+from navstack.core.data_files import data_folder
 from navstack.core.errors import InputError
+from navstack.core.files import resolved
 from navstack.costmap.reconfigure import FIXED
 from navstack.live.session import Session
 from navstack.parameters.configuration import Configuration
 from navstack.parameters.report import Parameter, parameters_of
-from navstack.parameters.yaml_rewrite import RewrittenFiles, rewrite_parameters
+from navstack.parameters.yaml_rewrite import RewrittenFiles, overwrite, rewrite_parameters
 from navstack.plugins import GLOBAL_PLANNERS, LOCAL_PLANNERS
 
 _LIVE_NAVSTACK = ("navstack/goal_time_limit", "navstack/stall_timeout")
@@ -66,23 +68,32 @@ def difference(session: Session) -> str:
     made = rewritten(session)
     lines: list[str] = []
     for name, text in made.files.items():
-        before = _original(session, name)
+        original = made.originals.get(name)
+        before = "" if original is None else original.read_bytes().decode("utf-8")
+        shown = name if original is None else str(original)
         lines += difflib.unified_diff(
-            before.splitlines(keepends=True), text.splitlines(keepends=True), f"before/{name}", f"after/{name}"
+            before.splitlines(keepends=True), text.splitlines(keepends=True), f"before: {shown}", f"after: {shown}"
         )
-    return "".join(lines)
+    return "".join(lines) or "Your files have these values already."
 
 
-def _original(session: Session, name: str) -> str:
-    """Returns the user's file of that name, "" for a new one."""
-    from navstack.parameters.sources import packaged_folder, packaged_sets
+def save_in_place(session: Session, folder: Path) -> list[Path]:
+    """Writes the changed values into the user's own files, with their layout and comments; returns the files that changed.
 
-    for source in session.origin.sources:
-        path = packaged_folder(source) if source in packaged_sets() else Path(source.partition("@")[0])
-        for candidate in (path / Path(name).name, path / name, path, path.parent / name):
-            if candidate.is_file() and candidate.name == Path(name).name:
-                return candidate.read_text(encoding="utf-8", errors="replace")
-    return ""
+    Raises InputError for a file outside of `folder`: nothing has been written then.
+    """
+    files = rewritten(session).changed_originals()
+    outside = [path for path in files if not resolved(path).is_relative_to(resolved(folder))]
+    packaged = [path for path in outside if resolved(path).is_relative_to(resolved(data_folder("params")))]
+    if packaged:
+        raise InputError(f"{packaged[0].parent.name} is a packaged set, which is not written into; save a copy")
+    if outside:
+        raise InputError(
+            f"{outside[0]} is not in the folder {folder}; start with --save-to {outside[0].parent} to write into it, "
+            "or save a copy"
+        )
+    overwrite(files)
+    return list(files)
 
 
 def _entry(parameter: Parameter, initial: Mapping[str, Any], live: bool) -> dict[str, Any]:

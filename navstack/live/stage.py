@@ -12,8 +12,8 @@ from navstack.core.errors import InputError, NavError, OutputError
 from navstack.core.files import ensure_directory, write_text
 from navstack.explain import PassageReport
 from navstack.live import answers, messages, parameters
+from navstack.live.own_files import OwnFiles
 from navstack.live.session import Session, Twin
-from navstack.parameters.sources import packaged_sets
 from navstack.scenario.file.writer import scenario_text
 
 _INTERACTIONS = frozenset({"goal", "queue", "cancel", "put", "remove", "place", "drive", "clear_costmaps", "wait"})
@@ -34,6 +34,8 @@ class Options:
     """A recorded run is shown: only the time can be changed."""
     labels: tuple[str, ...] = ("",)
     """Names of the sessions."""
+    named: tuple[tuple[str, ...], ...] = ()
+    """Parameters of each robot that the command line names: a page may switch to them."""
 
 
 class Stage:
@@ -42,6 +44,7 @@ class Stage:
     def __init__(self, sessions: Sequence[Session], options: Options) -> None:
         self.sessions = tuple(sessions)
         self.options = options
+        self._own = OwnFiles(options.named, options.save_to)
         self._passages: tuple[Any, PassageReport] | None = None
 
     @property
@@ -68,11 +71,12 @@ class Stage:
             case messages.Set():
                 text, data = self._set(request)
             case messages.ExplainCell():
-                text, data = answers.why_cell(self.main, request.x, request.y, request.costmap), None
+                session = self._session_of(request)
+                text, data = answers.why_cell(session, request.x, request.y, request.costmap), None
             case messages.Parameters():
-                text, data = "", parameters.parameter_list(self.main)
+                text, data = "", parameters.parameter_list(self._session_of(request))
             case messages.Difference():
-                text, data = parameters.difference(self.main), None
+                text, data = parameters.difference(self._session_of(request)), None
             case messages.Save():
                 text, data = self._save(request)
             case _ if kind in _TIME:
@@ -86,13 +90,15 @@ class Stage:
     @staticmethod
     def is_slow(request: Any) -> bool:
         """True for requests whose answer is computed beside the session (`prepare_slow`)."""
-        return request.type in ("explain_command", "explain_goal", "explain_passage") or (
+        return request.type in ("explain_command", "explain_goal", "explain_passage", "sets") or (
             request.type == "save" and request.what == "run"
         )
 
     def prepare_slow(self, request: Any) -> Callable[[], messages.Answer]:
         """Returns a function that computes the answer without touching the session: call it in another thread."""
-        twin = self.main.twin()
+        if request.type == "sets":
+            return lambda: messages.Answer(id=request.id, ok=True, data=self._own.names())
+        twin = self._session_of(request).twin()
         if request.type == "explain_passage":
             return lambda: self._answer(request, self._why_passage(twin, request))
         if request.type == "save":
@@ -108,6 +114,12 @@ class Stage:
             return self._answer(request, answers.why_command(record, request.time))
 
         return explain
+
+    def _session_of(self, request: Any) -> Session:
+        """The session that a request is about."""
+        if request.side >= len(self.sessions):
+            raise InputError("there is only one robot; start with --versus PARAMS for a second one")
+        return self.sessions[request.side]
 
     # --- handlers ---------------------------------------------------------------------------------------------------
 
@@ -132,16 +144,15 @@ class Stage:
 
     def _set(self, request: messages.Set) -> tuple[str, Any]:
         if not request.values and request.params is None:
-            raise InputError("nothing is set; give values or a packaged set")
-        if request.params is not None and request.params not in packaged_sets():
-            raise InputError(f'"{request.params}" is not a packaged set: {", ".join(packaged_sets())}')
-        if request.params is None:
-            parameters.check_names(self.main, request.values)
+            raise InputError("nothing is set; give values or a parameter set")
+        session = self._session_of(request)
         action: dict[str, Any] = {"kind": "set", "values": dict(request.values)}
-        if request.params is not None:
-            action["params"] = [request.params]
-        self.main.interact(action)
-        return "", parameters.parameter_list(self.main)
+        if request.params is None:
+            parameters.check_names(session, request.values)
+        else:
+            action["params"] = [self._own.load(request.params)]
+        session.interact(action)
+        return "", parameters.parameter_list(session)
 
     def _time(self, request: Any) -> tuple[str, Any]:
         for session in self.sessions:
@@ -159,14 +170,18 @@ class Stage:
         return "", None
 
     def _save(self, request: messages.Save) -> tuple[str, Any]:
-        target = self._target(request.name)
+        target, session = self._target(request.name), self._session_of(request)
         match request.what:
             case "scenario":
                 path = target.with_name(f"{target.name}.yaml")
-                self.main.save_scenario(path)
+                session.save_scenario(path)
                 return f"saved {path}; run it with: navstack simulate {path}", str(path)
+            case "parameters" if request.in_place:
+                changed = parameters.save_in_place(session, target.parent)
+                names = ", ".join(str(path) for path in changed)
+                return (f"changed {names}" if changed else "your files have these values already"), names
             case "parameters":
-                sources = parameters.rewritten(self.main).save(target)
+                sources = parameters.rewritten(session).save(target)
                 arguments = " ".join(f"--params {source}" for source in sources)
                 return f"saved {target}; use it with: {arguments}", str(target)
             case _:

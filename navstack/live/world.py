@@ -12,7 +12,6 @@ from navstack.live.frame import Frame
 from navstack.live.messages import PROTOCOL
 from navstack.live.stage import Stage
 from navstack.map_io import map_names
-from navstack.parameters.sources import packaged_sets
 from navstack.places import load_places
 
 
@@ -46,7 +45,6 @@ def world_frame(stage: Stage, *, server: str, read_only: bool) -> Frame:
         "read_only": read_only,
         "fixed": stage.options.fixed,
         "save_to": str(stage.options.save_to) if stage.options.save_to is not None else None,
-        "sets": packaged_sets(),
     }
     return frame
 

@@ -18,6 +18,8 @@ class SourceCopy:
     """Its name in locations."""
     name: str
     """Its name in the new folder."""
+    path: Path
+    """The user's file."""
     editor: YamlEditor
 
 
@@ -60,8 +62,12 @@ class SourceCopies:
 
     def _add_file(self, path: Path, shown: str, name: str) -> None:
         editor = YamlEditor(path.read_bytes().decode("utf-8"))
-        self.by_shown.setdefault(shown, SourceCopy(shown, name, editor))
+        self.by_shown.setdefault(shown, SourceCopy(shown, name, path, editor))
 
     def files(self) -> dict[str, str]:
         """The edited text of each file, by its name in the new folder."""
         return {c.name: c.editor.text() for c in self.by_shown.values()}
+
+    def originals(self) -> dict[str, Path]:
+        """The user's file of each copy, by the copy's name."""
+        return {c.name: c.path for c in self.by_shown.values()}

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from navstack.core.errors import NavError, OutputError, ParameterError
+from navstack.core.errors import InputError, NavError, OutputError, ParameterError
 from navstack.core.files import ensure_directory, write_text
 from navstack.core.optional_dependencies import require
 from navstack.parameters.configuration import Configuration, load_configuration
@@ -52,6 +52,8 @@ class RewrittenFiles:
     changes: tuple[ValueChange, ...]
     overlay_reason: str = ""
     """Why an overlay file is needed; empty without one."""
+    originals: Mapping[str, Path] = field(default_factory=dict[str, Path])
+    """The user's file of each copy; an overlay has none."""
 
     def sources(self, folder: Path) -> list[str]:
         """Values of `--params` for files saved in `folder`."""
@@ -64,6 +66,19 @@ class RewrittenFiles:
             ensure_directory((folder / name).parent)
             _write_exactly(folder / name, text)
         return self.sources(folder)
+
+    def changed_originals(self) -> dict[Path, str]:
+        """Returns the user's files that would change, with their new text. Raises InputError if they cannot express them."""
+        if self.overlay_reason:
+            raise InputError(f"your files cannot express the new values: {self.overlay_reason}; save a copy instead")
+        paths = {path: self.files[name] for name, path in self.originals.items()}
+        return {path: text for path, text in paths.items() if path.read_bytes().decode("utf-8") != text}
+
+
+def overwrite(files: Mapping[Path, str]) -> None:
+    """Writes new texts into existing files. Raises OutputError."""
+    for path, text in files.items():
+        _write_exactly(path, text)
 
 
 def _source_in(folder: Path, name: str) -> str:
@@ -123,7 +138,9 @@ def rewrite_parameters(
     rewriter = _Rewriter(base, SourceCopies(named))
     reason = rewriter.apply(changes)
     changes = tuple(replace(c, place="", added=True) if c.name in rewriter.added else c for c in changes)
-    made = RewrittenFiles(rewriter.copies.files(), rewriter.copies.params, changes)
+    made = RewrittenFiles(
+        rewriter.copies.files(), rewriter.copies.params, changes, originals=rewriter.copies.originals()
+    )
     if not reason:
         environment = [s for s in sources if isinstance(s, Mapping)]
         reason = _difference(made, environment, target, allow_missing)
@@ -147,7 +164,8 @@ def _with_overlay(named: Sequence[str], overlay: str, changes: tuple[ValueChange
     copies = SourceCopies(named)
     params = copies.params if copies.movable else tuple(f"={name}" for name in named)
     files = copies.files() if copies.movable else {}
-    return RewrittenFiles({**files, overlay: "\n".join(lines) + "\n"}, (*params, overlay), changes, reason)
+    originals = copies.originals() if copies.movable else {}
+    return RewrittenFiles({**files, overlay: "\n".join(lines) + "\n"}, (*params, overlay), changes, reason, originals)
 
 
 def _by_name(configuration: Configuration) -> dict[str, Parameter]:

@@ -60,10 +60,9 @@ class Server:
 def opened(browser: Any, server: Server, layers: tuple[str, ...] = ()) -> Any:
     """Opens a page and waits for the first frame."""
     page = browser.new_page(viewport={"width": 1280, "height": 800})
+    page.set_default_timeout(180_000)  # eight pages on a busy machine
     page.goto(server.address)
-    page.wait_for_function(
-        "() => window.navstack?.store.main?.pose && window.navstack.scene.frames > 0", timeout=60_000
-    )
+    page.wait_for_function("() => window.navstack?.store.main?.pose && window.navstack.scene.frames > 0")
     for layer in layers:
         page.evaluate(f"() => window.navstack.layers.toggle('{layer}', true)")
     return page

@@ -1,5 +1,5 @@
 // The socket: requests with answers, frames decoded in order, reconnection.
-export const PROTOCOL = 1;
+export const PROTOCOL = 2;
 const RETRY_MS = [300, 600, 1200, 2500, 5000];
 
 export class Connection {
