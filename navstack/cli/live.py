@@ -64,16 +64,16 @@ def live(chosen: ScenarioOptions, live: LiveOptions) -> int:
     sessions, fixed = _sessions(chosen, live)
     with loading_kernels():
         warm_up(sessions[0].scenario)
-    labels = ("",) if len(sessions) == 1 else (_label(chosen.params) or "first", _label(live.versus))
+    labels = ("",) if len(sessions) == 1 else tuple(_label(session) for session in sessions)
     named = tuple(session.origin.sources for session in sessions)
     stage = Stage(sessions, Options(live.save_to, fixed, labels, named))
     return _serve(stage, live)
 
 
-def _label(params: list[str]) -> str:
+def _label(session: Session) -> str:
     from navstack.parameters.sources import short_name
 
-    return ", ".join(short_name(name) for name in params)
+    return ", ".join(short_name(name) for name in session.origin.sources) or "the scenario's parameters"
 
 
 def _sessions(chosen: ScenarioOptions, live: LiveOptions) -> tuple[list[Session], bool]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Iterator
 from typing import Any, NamedTuple
@@ -57,6 +58,8 @@ class History:
         self.scans: dict[str, LaserScan] = {}
         """The last scan of each lidar, by topic."""
         self.plan_count = 0
+        self.least_clearance = math.inf
+        """Least clearance so far (m)."""
         self.trail_version = 0
         self._spacing = 0.05
         self._event_count = 0
@@ -78,6 +81,7 @@ class History:
     def add(self, run: Run) -> None:
         """Takes a sample of the last cycle."""
         robot, move_base = run.robot, run.move_base
+        self.least_clearance = min(self.least_clearance, robot.clearance)
         velocity = robot.state().velocity
         command = move_base.command if robot.by_hand is None else robot.by_hand
         self.samples.append(

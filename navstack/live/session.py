@@ -208,17 +208,17 @@ class Session:
     # --- interactions -----------------------------------------------------------------------------------------------
 
     def interact(self, action: dict[str, Any]) -> Any:
-        """Carries out an interaction now; `action` has its fields without the time (for `drive`, `seconds` instead of `until`).
+        """Carries out an interaction now; `action` has its fields without the time.
 
-        Interactions that were to come after a rewind are dropped. Raises NavError if it is refused, ValueError if it is none;
-        nothing has changed then.
+        `drive` and `teleop` take `seconds` instead of `until`. Interactions that were to come after a rewind are dropped. Raises
+        NavError if it is refused, ValueError if it is none; nothing has changed then.
         """
         if self._seek is not None:
             raise InputError(f"the session is on its way to {self._seek:.1f} s; wait until it is there")
         if len(self.interactions) >= MAX_INTERACTIONS:
             raise InputError(f"the session has {MAX_INTERACTIONS} interactions; save it and start a new one")
         data: dict[str, Any] = {**action, "time": self.time}
-        if data.get("kind") == "drive" and "seconds" in data:
+        if data.get("kind") in ("drive", "teleop") and "seconds" in data:
             data["until"] = self.time + data.pop("seconds")
         item = INTERACTION.validate_python(data)
         self.run.interact(item)

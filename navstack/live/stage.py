@@ -134,7 +134,7 @@ class Stage:
         done: list[Session] = []
         for session in self.sessions:
             try:
-                session.interact(action)
+                session.interact({**action, "kind": _teleop_of(session)} if request.type == "drive" else action)
             except (NavError, ValueError):
                 if done:
                     raise InputError("refused in one of the two worlds; the other one has changed") from None
@@ -207,6 +207,11 @@ class Stage:
     @staticmethod
     def _answer(request: Any, text: str) -> messages.Answer:
         return messages.Answer(id=request.id, ok=True, text=text)
+
+
+def _teleop_of(session: Session) -> str:
+    """How a person drives: through multiplexer and monitor where there are any; otherwise directly, also during a goal."""
+    return "drive" if session.run.move_base.chain is None else "teleop"
 
 
 def _save_run(twin: Twin, folder: Path) -> str:

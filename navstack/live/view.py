@@ -80,11 +80,12 @@ class SessionView:
             "odom": _rounded(_map_to_odom(session), 5),
             "velocity": _rounded(velocity, 3),
             "command": _rounded(move_base.command if robot.by_hand is None else robot.by_hand, 3),
-            "by_hand": robot.by_hand is not None,
+            "by_hand": robot.by_hand is not None or run.interventions.teleop is not None,
             "state": move_base.state.name,
             "recovery": move_base.recovery or "",
             "collisions": len(robot.collisions),
             "length": round(run.path_length, 3),
+            "nearest": _finite(session.history.least_clearance),
         }
         steered = SteeredBase.of(robot.params)
         if steered is not None:
@@ -263,6 +264,10 @@ def _points(poses: NDArray[np.float64], spacing: float = PLAN_SPACING_M) -> list
     keep = np.concatenate(([True], marks[1:] != marks[:-1]))
     keep[-1] = True
     return np.round(poses[keep, :2], 2).ravel().tolist()
+
+
+def _finite(value: float) -> float | None:
+    return round(value, 3) if math.isfinite(value) else None
 
 
 def _rounded(values: Pose2D | Any, digits: int) -> list[float]:

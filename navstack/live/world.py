@@ -12,6 +12,7 @@ from navstack.live.frame import Frame
 from navstack.live.messages import PROTOCOL
 from navstack.live.stage import Stage
 from navstack.map_io import map_names
+from navstack.motion.keyboard import MOVE_KEYS, SPEED_KEYS, START_SPEED, START_TURN
 from navstack.places import load_places
 
 
@@ -40,6 +41,7 @@ def world_frame(stage: Stage, *, server: str, read_only: bool) -> Frame:
         "wheelbase": robot.params.wheelbase if robot.params.is_steered else None,
         "holonomic": robot.params.kinematics == "holonomic",
         "limits": {name: _finite(getattr(limits, name)) for name in limits._fields},
+        "teleop": {"moves": MOVE_KEYS, "speeds": SPEED_KEYS, "speed": START_SPEED, "turn": START_TURN},
         "places": _places(session.origin.map_file),
         "labels": list(stage.options.labels),
         "read_only": read_only,

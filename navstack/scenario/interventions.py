@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any, assert_never
 
@@ -68,6 +69,7 @@ class Interventions:
         self.teleop: Twist2D | None = None
         """The command of teleop that is in force."""
         self._teleop_until = 0.0
+        self._teleop_sent = -math.inf
         self._scenario = scenario
         self._robot, self._move_base, self._goals = robot, move_base, goals
         self._recorder, self._listeners, self._on_sent = recorder, listeners, on_sent
@@ -124,7 +126,7 @@ class Interventions:
         if self._robot.by_hand is not None and self._robot.time >= self.driving_until:
             self._robot.drive_by_hand(None)
         if self.teleop is not None and self._robot.time >= self._teleop_until:
-            self.teleop = Twist2D()
+            self.teleop, self._teleop_sent = Twist2D(), -math.inf
             self.repeat_teleop()
             self.teleop = None
 
@@ -132,6 +134,9 @@ class Interventions:
         """Sends the command of teleop again, before it times out; returns False if none is in force."""
         if self.teleop is None:
             return False
+        if self._teleop_sent == self._robot.time:
+            return True  # sending is work that is due at once: again and again, the time would not advance
+        self._teleop_sent = self._robot.time
         try:
             self._move_base.motions.drive(self.teleop)
         except BusyError:  # a goal was sent: it drives now
@@ -199,6 +204,7 @@ class Interventions:
             raise InputError(f"this robot is {self._robot.params.kinematics}: it cannot drive sideways; vy must be 0")
         self._move_base.motions.drive(Twist2D(vx, vy, wz))
         self.teleop, self._teleop_until = Twist2D(vx, vy, wz), item.until
+        self._teleop_sent = self._robot.time
         self._note(f"drives by teleop: vx {vx:.3f}, vy {vy:.3f}, wz {wz:.3f}")
 
     def _note(self, text: str) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from navstack.live.session import Session
+from navstack.live.session import Origin, Session
 from navstack.live.stage import Options, Stage
 from navstack.parameters.configuration import load_configuration
 from navstack.scenario import Scenario, load_scenario, run_scenario
@@ -145,6 +145,39 @@ def test_two_parameter_sets_in_one_world(live: Start, open_page: Open, scenario:
     page.click("#tool-goal")
     page.mouse.click(*at(page, 3.0, 7.4))
     wait_until(page, "window.navstack.store.sides.every((s) => s.goals.ended.length === 2)")
+
+
+def test_two_robots_side_by_side(live: Start, open_page: Open, scenario: Load) -> None:
+    base = scenario(CORRIDOR)
+    other = load_configuration(["turtlebot"], overrides=["DWAPlannerROS/max_vel_x=0.3"])
+    sessions = [Session(base, origin=Origin(None, ("turtlebot",))), Session(replace(base, configuration=other))]
+    for session in sessions:
+        while session.time < 3.0:
+            session.step_once()
+    server = live(stage=Stage(sessions, Options(labels=("turtlebot", "slow"))))
+    page = open_page(server)
+    left, right = (page.locator(name).bounding_box() for name in ("#scene", "#scene2"))
+    assert left["width"] == right["width"] > 300 and left["x"] + left["width"] <= right["x"]
+    assert page.locator("#name2").inner_text().endswith("slow")
+    u, v = page.evaluate("window.navstack.camera.toScreen(3.0, 7.4)")
+    page.mouse.click(right["x"] + u, right["y"] + v)  # a question about the second robot
+    assert "costmap" in answer(page) and value(page, "side.index") == 1
+    page.click("#show-parameters")
+    page.fill("#parameter-search", "max_vel_x")
+    row = page.locator('[data-name="DWAPlannerROS/max_vel_x"]')
+    row.locator('input[type="number"]').fill("0.25")
+    page.keyboard.press("Enter")
+    page.locator('[data-name="DWAPlannerROS/max_vel_x"].changed').wait_for()
+    speeds = server.call(lambda: [s.run.move_base.local_planner.limits.max_vel_x for s in sessions])
+    assert speeds[1] == 0.25 and speeds[0] > 0.4
+    page.locator("#which button").first.click()
+    page.locator('[data-name="DWAPlannerROS/max_vel_x"]:not(.changed)').wait_for()
+    page.click("#tool-disc")
+    page.mouse.click(right["x"] + u, right["y"] + v)  # the world is one
+    wait_until(page, "window.navstack.store.sides.every((s) => s.shapes.length === 1)")
+    page.keyboard.press("x")
+    assert page.locator("#scene2").is_hidden()
+    assert page.locator("#scene").bounding_box()["width"] > 2 * left["width"]
 
 
 def test_a_recorded_run_has_a_time_line(live: Start, open_page: Open, scenario: Load) -> None:

@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
-from navstack.scenario import shipped_scenarios
+import pytest
+import yaml
+
+from navstack.live.session import Session
+from navstack.live.stage import Options, Stage
+from navstack.motion.keyboard import MOVE_KEYS, START_SPEED
+from navstack.parameters.configuration import load_configuration
+from navstack.scenario import Scenario, shipped_scenarios
 from tests.browser.conftest import CORRIDOR, Live, at, drag, value, wait_until
 
 Start = Callable[..., Live]
 Open = Callable[..., Any]
+Load = Callable[..., Scenario]
 
 EMPTY = "map: office\nstart: [0.8, 7.45, 0.0]\ngoals: []\ninteractions: []\n"
 
@@ -198,3 +207,56 @@ def test_a_robot_that_turns_in_place_has_no_steering_chart(live: Start, open_pag
     page.click("#show-robot")
     assert not page.locator("canvas[aria-label='Steering angle over time']").is_visible()
     assert value(page, "side.steering === undefined")
+
+
+def test_footprints_have_a_toggle_each(live: Start, open_page: Open) -> None:
+    page = open_page(live(EMPTY, paused=True))
+    page.click("#show-layers")
+    drawn = """() => { const scene = window.navstack.scene, drawn = [], parts = ['drawRobot', 'drawPadded'];
+        for (const part of parts) {
+          const draw = scene[part];
+          scene[part] = (side) => { drawn.push(part); draw.call(scene, side); };
+        }
+        scene.draw(0);
+        for (const part of parts) delete scene[part];
+        return drawn; }"""
+    assert page.evaluate(drawn) == ["drawPadded", "drawRobot"]
+    page.uncheck("#layer-padded")
+    assert page.evaluate(drawn) == ["drawRobot"]
+    page.uncheck("#layer-footprint")
+    assert page.evaluate(drawn) == []
+
+
+def test_the_keys_are_those_of_teleop(live: Start, open_page: Open) -> None:
+    page = open_page(live(EMPTY, speed=1.0))
+    page.keyboard.press("t")
+    assert value(page, "window.navstack.teleop.linear") == START_SPEED
+    assert value(page, "window.navstack.teleop.keys.moves") == {key: list(signs) for key, signs in MOVE_KEYS.items()}
+    page.keyboard.press("q")
+    assert value(page, "window.navstack.teleop.linear") == pytest.approx(1.1 * START_SPEED)
+    page.keyboard.down("u")
+    wait_until(page, "side.by_hand && side.velocity[0] > 0.1 && side.velocity[2] > 0.1")
+    page.keyboard.press("k")
+    wait_until(page, "!side.by_hand")
+    page.keyboard.up("u")
+
+
+def test_driving_by_hand_goes_through_the_collision_monitor(live: Start, open_page: Open, scenario: Load) -> None:
+    monitor = """
+collision_monitor:
+  polygons: [stop]
+  stop: {type: circle, radius: 0.6, action_type: stop}
+  observation_sources: [scan]
+  scan: {type: scan, topic: scan}
+"""
+    base = scenario("map: office\nstart: [3.0, 7.45, 1.57]\ngoals: []\ninteractions: []\n")
+    configuration = load_configuration(["turtlebot", yaml.safe_load(monitor)])
+    session = Session(replace(base, configuration=configuration), speed=5.0)
+    server = live(stage=Stage([session], Options()))
+    page = open_page(server)
+    page.keyboard.press("t")
+    page.keyboard.down("i")
+    wait_until(page, "side.interactions.some((item) => item[1] === 'teleop') && side.t > 8")
+    page.keyboard.up("i")
+    assert value(page, "side.collisions") == 0
+    assert value(page, "side.pose[1]") < 8.3  # the wall is at 8.4 m

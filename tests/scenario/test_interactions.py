@@ -182,3 +182,21 @@ def test_a_scenario_without_goals_needs_interactions(tmp_path: Path) -> None:
     file.write_text("map: office\ngoals: []\n", encoding="utf-8")
     with pytest.raises(InputError, match="goals is empty"):
         load_scenario(file)
+
+
+def test_teleop_goes_through_the_collision_monitor(tmp_path: Path) -> None:
+    """At each time, the command is sent once: sending it is work that is due at once."""
+    file = tmp_path / "teleop.yaml"
+    file.write_text(
+        "map: office\nstart: [3.0, 7.45, 1.57]\ngoals: []\n"
+        "params: [turtlebot, {collision_monitor: {polygons: [stop], stop: {type: circle, radius: 0.6, action_type: stop},"
+        " observation_sources: [scan], scan: {type: scan, topic: scan}}}]\n"
+        "interactions:\n  - {kind: teleop, time: 0.0, velocity: [0.3, 0.0, 0.0], until: 5.0}\n",
+        encoding="utf-8",
+    )
+    run = Run(load_scenario(file), record=False)
+    while run.robot.time < 5.0:
+        assert run.step()
+    assert (
+        7.6 < run.robot.pose.y < 7.9 and not run.robot.collisions
+    )  # the wall is 0.95 m away; the monitor stops at 0.6 m

@@ -12,7 +12,7 @@ import { Store } from './store.js';
 import { Teleop } from './teleop.js';
 import { Timeline } from './timeline.js';
 import { Tools } from './tools.js';
-import { showVersus } from './versus.js';
+import { Versus } from './versus.js';
 
 class App {
   constructor() {
@@ -26,7 +26,9 @@ class App {
       notice: (notice) => toast(notice.text, notice.severity),
       connected: () => { this.sendLayers(); if (this.panel.shown === 'parameters') this.parameters.load(); },
     });
-    this.scene = new Scene($('scene'), this.store, this.camera, this.layers, this.theme);
+    this.scenes = [$('scene'), $('scene2')].map((canvas, view) => new Scene(canvas, this.store, this.camera, this.layers, this.theme, view));
+    this.scene = this.scenes[0];
+    this.versus = new Versus(this);
     this.why = new Why(this);
     this.save = new Save(this);
     this.teleop = new Teleop(this);
@@ -49,14 +51,15 @@ class App {
   frame(header, blobs) {
     this.store.frame(header, blobs, performance.now());
     if (header.type === 'world') {
-      this.scene.loadMap();
+      for (const scene of this.scenes) scene.loadMap();
+      this.versus.world(header);
+      this.teleop.world(header);
       $('title').textContent = header.name;
       document.title = `${header.name} – navstack live`;
       document.body.classList.toggle('read-only', this.readOnly);
       for (const name of ['goal', 'pose', 'disc', 'box', 'wall', 'person', 'delete', 'drive']) $(`tool-${name}`).disabled = this.readOnly;
       for (const id of ['restart', 'back', 'play', 'step', 'speed', 'timeline']) $(id).disabled = header.read_only;
       this.panel.world(header);
-      this.parameters.world(header);
     }
     this.changed();
   }
@@ -72,10 +75,10 @@ class App {
   loop(now) {
     const side = this.store.main;
     if (side?.moving) this.dirty = true;
-    if (this.dirty || this.scene.needed) {
-      this.dirty = this.scene.needed = false;
+    if (this.dirty || this.scenes.some((scene) => scene.needed)) {
+      this.dirty = false;
       if (side?.pose && this.follow) [this.camera.x, this.camera.y] = side.poseAt(now);
-      this.scene.draw(now);
+      for (const scene of this.scenes) { scene.needed = false; if (!scene.canvas.hidden) scene.draw(now); }
       this.texts(side, now);
     }
     requestAnimationFrame((time) => this.loop(time));
@@ -107,10 +110,16 @@ class App {
     }
     this.timeline.update(side, clock);
     this.panel.update(side, clock);
-    showVersus(this.store);
+    this.versus.update();
   }
 
   // --- actions ------------------------------------------------------------------------------------------------------
+
+  /** A request about the robot that the panel is about. */
+  about(message) { return { ...message, side: this.store.chosen }; }
+
+  /** Marks an obstacle. */
+  select(name) { for (const scene of this.scenes) scene.selected = name; }
 
   async act(message) {
     try {
@@ -152,7 +161,7 @@ class App {
 
   zoom(factor) { this.camera.zoom(factor); this.changed(); }
 
-  fit() { this.follow = false; this.camera.fit(this.scene.extent); this.followButton(); }
+  fit() { this.follow = false; this.camera.fit(this.scene.extent, this.versus.two && this.versus.overlaid ? 130 : 0); this.followButton(); }
 
   followButton() { $('follow').setAttribute('aria-pressed', String(this.follow)); this.changed(); }
 
@@ -182,7 +191,7 @@ class App {
     const onButton = event.target.closest?.('button, summary, input');
     const actions = {
       ' ': () => this.play(), n: () => this.act({ type: 'step' }), PageUp: () => this.back(5), Home: () => this.restart(), '+': () => this.zoom(1.25), '-': () => this.zoom(0.8),
-      0: () => this.fit(), f: () => { this.follow = !this.follow; this.followButton(); }, '?': () => this.help(), s: () => this.save.open('scenario', 'Save the session as a scenario'),
+      0: () => this.fit(), x: () => { if (this.versus.two) $('split').click(); }, f: () => { this.follow = !this.follow; this.followButton(); }, '?': () => this.help(), s: () => this.save.open('scenario', 'Save the session as a scenario'),
       Escape: () => { this.tools.cross = null; if (this.teleop.on) this.tools.choose('drive'); this.tools.choose('why'); },
     };
     if ((onButton && (event.key === ' ' || event.key === 'Enter')) || (event.target.type === 'range' && /^(Arrow|Page|Home|End)/.test(event.key))) return;

@@ -4,10 +4,11 @@ export class Camera {
 
   resize(width, height) { this.width = width; this.height = height; }
 
-  fit([left, right, bottom, top]) {
+  /** Shows an area; `below` are pixels at the bottom that something else covers. */
+  fit([left, right, bottom, top], below = 0) {
+    this.scale = Math.max(4, 0.94 * Math.min(this.width / (right - left), (this.height - below) / (top - bottom)));
     this.x = (left + right) / 2;
-    this.y = (bottom + top) / 2;
-    this.scale = Math.max(4, 0.94 * Math.min(this.width / (right - left), this.height / (top - bottom)));
+    this.y = (bottom + top) / 2 - below / 2 / this.scale;
     this.set = true;
   }
 

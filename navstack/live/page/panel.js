@@ -83,6 +83,12 @@ export class Panel {
     this.places.hidden = !Object.keys(world.places).length;
   }
 
+  /** The panel is about the other robot now. */
+  chosen() {
+    for (const part of [this.numbers, this.events, this.queue, this.ended]) part.refreshKey = null;
+    if (this.shown === 'parameters') this.app.parameters.load();
+  }
+
   update(side, clock) {
     if (this.shown === 'robot') this.updateRobot(side, clock);
     if (this.shown === 'goals') this.updateGoals(side.goals);
@@ -135,7 +141,7 @@ export class Why {
     const text = el('pre', { id: 'answer', tabindex: 0 }, 'simulating again to find out …');
     section.replaceChildren(el('h2', {}, title), ...(pose ? [el('div', { className: 'row' }, el('code', { id: 'pose-text' }, poseText(pose)), button('copy', 'Copy x,y,yaw', () => copy(poseText(pose))))] : []), text);
     try {
-      const answer = await connection.request(message);
+      const answer = await connection.request(this.app.about(message));
       text.textContent = answer.text;
     } catch (error) {
       text.textContent = error.message;
@@ -157,9 +163,12 @@ export class Save {
     const dialog = $('save'), { world } = this.app.store;
     if (!world?.save_to) { toast('Nothing can be saved: start navstack live with --save-to DIR.', 'warning'); return; }
     const name = el('input', { type: 'text', id: 'save-name', value: what === 'parameters' ? 'params' : what === 'run' ? 'run' : 'my_' + what, pattern: '[A-Za-z0-9_][A-Za-z0-9_. \\-]*', required: true });
+    const own = what === 'parameters' ? el('input', { type: 'checkbox', id: 'in-place', onchange: () => { name.disabled = own.checked; } }) : null;
+    const options = () => (own ? { in_place: own.checked } : {});
     const form = el('form', { method: 'dialog', onsubmit: async () => {
-      try { toast((await this.app.connection.request({ type: 'save', what, name: name.value, ...extra })).text); } catch (error) { toast(error.message, 'error'); }
+      try { toast((await this.app.connection.request(this.app.about({ type: 'save', what, name: name.value, ...extra, ...options() }))).text); } catch (error) { toast(error.message, 'error'); }
     } }, el('h1', {}, title), el('p', {}, `Folder: ${world.save_to}`), el('div', { className: 'row' }, el('label', { htmlFor: 'save-name' }, 'Name'), name),
+    own && el('p', {}, el('label', { className: 'row' }, own, 'into my own files in this folder, with their layout and comments')),
     el('p', { className: 'row' }, el('button', { className: 'primary', id: 'save-do' }, 'Save'), el('button', { type: 'button', className: 'outline', onclick: () => dialog.close() }, 'Cancel')));
     dialog.replaceChildren(form);
     dialog.showModal();

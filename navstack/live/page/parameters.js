@@ -16,21 +16,26 @@ export class Parameters {
       el('div', { className: 'row wrap' }, el('label', { className: 'row' }, this.fixed, 'also fixed ones'), this.sets),
       el('div', { className: 'row wrap' },
         el('button', { type: 'button', className: 'outline', id: 'diff', onclick: () => this.difference() }, 'Show changes'),
-        el('button', { type: 'button', className: 'outline', id: 'save-parameters', onclick: () => app.save.open('parameters', 'Save the changed parameters into copies of your files') }, 'Save')),
+        el('button', { type: 'button', className: 'outline', id: 'save-parameters', onclick: () => app.save.open('parameters', 'Save the changed parameters') }, 'Save')),
       el('p', {}), this.body);
   }
 
-  world(world) { this.sets.replaceChildren(el('option', { value: '' }, 'Switch to a packaged set …'), ...world.sets.map((name) => el('option', { value: name }, name))); }
+  /** Fills the list of sets to switch to. */
+  showSets({ packaged, named, folder }) {
+    const group = (label, names) => (names.length ? [el('optgroup', { label }, ...names.map((name) => el('option', { value: name }, name)))] : []);
+    this.sets.replaceChildren(el('option', { value: '' }, 'Switch to …'), ...group('Your files', [...named, ...folder]), ...group('Packaged', packaged));
+  }
 
   async load() {
-    try { this.take((await this.app.connection.request({ type: 'parameters' })).data); } catch (error) { toast(error.message, 'error'); }
+    this.app.connection.request({ type: 'sets' }).then((answer) => this.showSets(answer.data), () => {});
+    try { this.take((await this.app.connection.request(this.app.about({ type: 'parameters' }))).data); } catch (error) { toast(error.message, 'error'); }
   }
 
   take(list, keep = false) { this.list = list; this.show(!keep); }
 
   async set(change) {
     try {
-      this.take((await this.app.connection.request({ type: 'set', ...change })).data);
+      this.take((await this.app.connection.request(this.app.about({ type: 'set', ...change }))).data);
     } catch (error) {
       toast(error.message, 'error');
       this.load();
@@ -39,7 +44,7 @@ export class Parameters {
 
   async difference() {
     try {
-      const { text } = await this.app.connection.request({ type: 'difference' });
+      const { text } = await this.app.connection.request(this.app.about({ type: 'difference' }));
       $('tab-why').replaceChildren(el('h2', {}, 'Changes to your files'), el('pre', { id: 'answer', tabindex: 0 }, text));
       this.app.panel.show('why');
     } catch (error) { toast(error.message, 'warning'); }

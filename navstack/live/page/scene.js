@@ -5,18 +5,22 @@ import { Grid } from './grid.js';
 const POTENTIAL = potentialTable();
 
 export class Scene {
-  constructor(canvas, store, camera, layers, theme) {
-    Object.assign(this, { canvas, store, camera, layers, theme });
+  /** `view`: which robot the canvas shows when two robots are side by side. */
+  constructor(canvas, store, camera, layers, theme, view = 0) {
+    Object.assign(this, { canvas, store, camera, layers, theme, view });
+    this.alone = false; // one robot per canvas
     this.context = canvas.getContext('2d');
     this.map = new Grid();
     this.frames = 0;
-    this.overlay = null; // function(context, helpers) of the tools
+    this.overlay = null; // function(scene, context, size of a pixel) of the tools
+    this.front = null; // the robot whose scans, obstacles and trajectories are drawn
     new ResizeObserver(() => this.resize()).observe(canvas);
     this.resize();
   }
 
   resize() {
     const ratio = this.ratio = window.devicePixelRatio || 1, box = this.canvas.getBoundingClientRect();
+    if (!box.width) return; // hidden
     this.canvas.width = Math.max(1, Math.round(box.width * ratio));
     this.canvas.height = Math.max(1, Math.round(box.height * ratio));
     const before = this.camera.width;
@@ -50,10 +54,11 @@ export class Scene {
     c.setTransform(ratio * camera.scale, 0, 0, -ratio * camera.scale, ratio * (camera.width / 2 - camera.x * camera.scale), ratio * (camera.height / 2 + camera.y * camera.scale));
     this.px = 1 / camera.scale;
     this.layer('map', () => this.drawMap());
-    const sides = store.sides.filter((side) => side.pose);
-    for (const side of sides) if (side.index === 0 || sides.length === 1) this.drawGrids(side);
-    for (const side of [...sides].reverse()) this.drawSide(side, now);
-    this.overlay?.(c, this.px);
+    const sides = store.sides.filter((side) => side.pose && (!this.alone || side.index === this.view));
+    this.front = sides.find((side) => side === store.main) ?? sides[0];
+    if (this.front) this.drawGrids(this.front);
+    for (const side of [...sides.filter((other) => other !== this.front), ...(this.front ? [this.front] : [])]) this.drawSide(side, now);
+    this.overlay?.(this, c, this.px);
   }
 
   layer(name, draw) {
@@ -123,7 +128,7 @@ export class Scene {
     this.layer('trail', () => this.line([...side.trail.flat(), ...side.pose.slice(0, 2)], side.index ? theme.robot2 : theme.trail, 2, [1, 5]));
     this.layer('former', () => side.plans.slice(0, -1).forEach(([, points], i) => { c.globalAlpha *= 0.35 + 0.1 * i; this.line(points, color, 1.2); }));
     this.layer('plan', () => side.goals.under_way.length && side.plans.length && this.line(side.plans.at(-1)[1], color, 3));
-    if (side.index === 0) this.layer('trajectories', () => this.drawTrajectories(side));
+    if (side === this.front) this.layer('trajectories', () => this.drawTrajectories(side));
     this.layer('trajectory', () => {
       if (!side.trajectory || !side.goals.under_way.length) return;
       c.save();
@@ -131,9 +136,9 @@ export class Scene {
       this.line(side.trajectory, theme.trajectory, 3.5);
       c.restore();
     });
-    if (side.index === 0) { this.drawShapes(side); this.layer('scan', () => this.drawScan(side)); }
+    if (side === this.front) { this.drawShapes(side); this.layer('scan', () => this.drawScan(side)); }
     this.layer('goals', () => this.drawGoals(side));
-    this.layer('footprint', () => this.drawRobot(side, side.poseAt(now)));
+    for (const [layer, part] of [['padded', 'drawPadded'], ['footprint', 'drawRobot']]) this.layer(layer, () => this.atRobot(side, now, part));
   }
 
   drawTrajectories(side) {
@@ -233,7 +238,7 @@ export class Scene {
 
   drawGoals(side) {
     const { goals } = side, color = side.index ? this.theme.robot2 : this.theme.goal;
-    if (side.index === 0) {
+    if (side === this.front) {
       goals.ended.slice(-12).forEach((goal) => this.arrow(goal.pose, goal.state === 'SUCCEEDED' ? this.theme.muted : this.theme.bad, goal.state === 'SUCCEEDED' ? '✓' : '✕', { hollow: true, size: 11 }));
       const first = goals.under_way.at(-1)?.pose ?? side.pose;
       this.context.globalAlpha *= 0.6;
@@ -251,23 +256,32 @@ export class Scene {
     c.closePath();
   }
 
-  drawRobot(side, pose) {
-    const c = this.context, { world } = this.store;
+  atRobot(side, now, part) {
+    const c = this.context, [x, y, yaw] = side.poseAt(now);
     c.save();
-    c.translate(pose[0], pose[1]);
-    c.rotate(pose[2]);
-    if (side.padded?.length) {
-      this.polygon(side.padded);
-      Object.assign(c, { strokeStyle: this.theme.muted, lineWidth: this.px });
-      c.setLineDash([3 * this.px, 3 * this.px]);
-      c.stroke();
-      c.setLineDash([]);
-    }
-    this.polygon(world.footprint);
+    c.translate(x, y);
+    c.rotate(yaw);
+    this[part](side);
+    c.restore();
+  }
+
+  drawPadded(side) {
+    const c = this.context;
+    if (!side.padded?.length) return;
+    this.polygon(side.padded);
+    Object.assign(c, { strokeStyle: this.theme.text, lineWidth: this.px });
+    c.setLineDash([3 * this.px, 3 * this.px]);
+    c.stroke();
+    c.setLineDash([]);
+  }
+
+  drawRobot(side) {
+    const c = this.context, { footprint } = this.store.world;
+    this.polygon(footprint);
     Object.assign(c, { fillStyle: side.index ? this.theme.robot2 : this.theme.robot, strokeStyle: side.collisions ? this.theme.bad : this.theme.robotEdge, lineWidth: 1.6 * this.px });
     c.fill();
     c.stroke();
-    const front = Math.max(...world.footprint.map(([x]) => x));
+    const front = Math.max(...footprint.map(([x]) => x));
     c.beginPath();
     c.moveTo(front * 0.85, 0);
     c.lineTo(front * 0.05, front * 0.38);
@@ -275,7 +289,7 @@ export class Scene {
     c.closePath();
     c.fillStyle = this.theme.robotEdge;
     c.fill();
-    const half = 0.125 * (world.wheelbase ?? 0);
+    const half = 0.125 * (this.store.world.wheelbase ?? 0);
     for (const [x, y, direction] of side.wheels ?? []) {
       c.beginPath();
       c.moveTo(x - half * Math.cos(direction), y - half * Math.sin(direction));
@@ -283,6 +297,5 @@ export class Scene {
       Object.assign(c, { strokeStyle: this.theme.text, lineWidth: Math.max(2.5 * this.px, 0.2 * half) });
       c.stroke();
     }
-    c.restore();
   }
 }

@@ -62,9 +62,10 @@ export class Side {
 }
 
 export class Store {
-  constructor() { this.world = null; this.sides = []; this.version = 0; }
+  constructor() { this.world = null; this.sides = []; this.version = 0; this.chosen = 0; }
 
-  get main() { return this.sides[0]; }
+  /** The robot that the panel is about. */
+  get main() { return this.sides[this.chosen]; }
 
   frame(header, blobs, now) {
     if (header.type === 'world') {
@@ -72,6 +73,7 @@ export class Store {
       this.world = { ...header, cells: new Int8Array(blobs[map.blob]) };
       this.sides = header.labels.map((_, index) => new Side(index));
       this.sides.forEach((side, index) => { side.padded = header.padded[index]; });
+      if (this.chosen >= this.sides.length) this.chosen = 0;
     } else {
       header.sides.forEach((entries, index) => this.sides[index]?.apply(entries, blobs, now));
     }

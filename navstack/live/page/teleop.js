@@ -1,20 +1,21 @@
-// The keys of teleop_twist_keyboard. The robot stops when the key is released, the page loses the focus or the connection breaks.
-const MOVES = { // x, y, th
-  i: [1, 0, 0], o: [1, 0, -1], j: [0, 0, 1], l: [0, 0, -1], u: [1, 0, 1], ',': [-1, 0, 0], '.': [-1, 0, 1], m: [-1, 0, -1], k: [0, 0, 0],
-  I: [1, 0, 0], O: [1, -1, 0], J: [0, 1, 0], L: [0, -1, 0], U: [1, 1, 0], '<': [-1, 0, 0], '>': [-1, -1, 0], M: [-1, 1, 0], K: [0, 0, 0],
-};
-const SPEEDS = { q: [1.1, 1.1], z: [0.9, 0.9], w: [1.1, 1], x: [0.9, 1], e: [1, 1.1], c: [1, 0.9] };
+// Driving by hand with the keys of `navstack teleop`, which the server names. The robot stops when the key is released, the page loses the focus or the connection breaks.
 const REPEAT_MS = 150, SECONDS = 0.5;
 
 export class Teleop {
   constructor(app) {
     this.app = app;
     this.on = false;
-    this.linear = 0.3; // m/s
-    this.angular = 0.8; // rad/s
+    this.keys = { moves: {}, speeds: {} };
+    this.linear = this.angular = null; // m/s, rad/s
     this.held = null;
     addEventListener('blur', () => this.release());
     addEventListener('keyup', (event) => { if (this.held && event.key.toLowerCase() === this.held.toLowerCase()) this.release(); });
+  }
+
+  world(world) {
+    this.keys = world.teleop;
+    this.linear ??= world.teleop.speed;
+    this.angular ??= world.teleop.turn;
   }
 
   toggle() {
@@ -28,14 +29,16 @@ export class Teleop {
   /** Handles a key; true if it was one of driving. */
   key(event) {
     if (!this.on || event.ctrlKey || event.metaKey || event.altKey) return false;
-    const speed = SPEEDS[event.key];
-    if (speed) {
-      this.linear = Math.min(5, Math.max(0.02, this.linear * speed[0]));
-      this.angular = Math.min(5, Math.max(0.05, this.angular * speed[1]));
+    const speed = this.keys.speeds[event.key];
+    if (speed) { // stops, as in the terminal
+      this.release();
+      this.linear = Math.min(20, this.linear * speed[0]);
+      this.angular = Math.min(20, this.angular * speed[1]);
       this.app.changed();
       return true;
     }
-    if (!(event.key in MOVES)) return false;
+    if (event.key === 'k' || event.key === 'K') { this.release(); return true; }
+    if (!this.keys.moves[event.key]?.some((sign) => sign !== 0)) return false;
     if (!event.repeat) this.press(event.key);
     return true;
   }
@@ -48,7 +51,7 @@ export class Teleop {
   }
 
   drive() {
-    const [x, y, turn] = MOVES[this.held];
+    const [x, y, turn] = this.keys.moves[this.held];
     if (!this.app.connection.open) { this.release(true); return; }
     this.app.connection.request({ type: 'drive', velocity: [x * this.linear, y * this.linear, turn * this.angular], seconds: SECONDS })
       .catch((error) => { this.release(true); this.app.toast(error.message, 'error'); });

@@ -30,16 +30,21 @@ export class Tools {
       const [name, label] = item;
       $('tools').append(button(name, label, () => this.choose(name), { id: `tool-${name}`, 'aria-pressed': 'false' }));
     }
-    const canvas = this.canvas = $('scene');
-    canvas.addEventListener('pointerdown', (e) => this.down(e));
-    canvas.addEventListener('pointermove', (e) => this.move(e));
-    canvas.addEventListener('pointerup', (e) => this.up(e));
-    canvas.addEventListener('pointercancel', (e) => { this.pointers.delete(e.pointerId); this.drag = null; app.changed(); });
-    canvas.addEventListener('pointerleave', () => { this.pointer = null; app.changed(); });
-    canvas.addEventListener('contextmenu', (e) => e.preventDefault());
-    canvas.addEventListener('wheel', (e) => { e.preventDefault(); app.camera.zoom(1.0015 ** -e.deltaY, e.offsetX, e.offsetY); app.changed(); }, { passive: false });
-    app.scene.overlay = (context, px) => this.draw(context, px);
+    this.canvas = $('scene'); // the one that was used last
+    for (const scene of app.scenes) this.listen(scene);
     this.choose('why');
+  }
+
+  listen(scene) {
+    const { canvas } = scene, { app } = this, on = (name, action, options) => canvas.addEventListener(name, action, options);
+    on('pointerdown', (e) => { this.canvas = canvas; this.down(e, scene); });
+    on('pointermove', (e) => { if (!this.pointers.size) this.canvas = canvas; this.move(e); });
+    on('pointerup', (e) => this.up(e));
+    on('pointercancel', (e) => { this.pointers.delete(e.pointerId); this.drag = null; app.changed(); });
+    on('pointerleave', () => { this.pointer = null; app.changed(); });
+    on('contextmenu', (e) => e.preventDefault());
+    on('wheel', (e) => { e.preventDefault(); app.camera.zoom(1.0015 ** -e.deltaY, e.offsetX, e.offsetY); app.changed(); }, { passive: false });
+    scene.overlay = (where, context, px) => this.draw(where, context, px);
   }
 
   choose(name) {
@@ -56,7 +61,8 @@ export class Tools {
 
   at(event) { const box = this.canvas.getBoundingClientRect(); return this.app.camera.toMap(event.clientX - box.left, event.clientY - box.top); }
 
-  down(event) {
+  down(event, scene) {
+    if (scene.alone && this.tool === 'why') this.app.versus.choose(scene.view); // questions are about the robot that is shown there
     this.canvas.setPointerCapture?.(event.pointerId);
     this.canvas.focus({ preventScroll: true });
     this.pointers.set(event.pointerId, [event.clientX, event.clientY]);
@@ -67,7 +73,7 @@ export class Tools {
     const kind = pan || (this.tool === 'why' && !(shape && this.canMove(shape))) ? 'pan' : this.tool === 'why' ? 'shape' : 'tool';
     this.drag = { kind, x, y, x2: x, y2: y, u: event.clientX, v: event.clientY, shape, moved: false, shift: event.shiftKey };
     this.cross = null;
-    this.app.scene.selected = shape?.name ?? null;
+    this.app.select(shape?.name ?? null);
     this.app.changed();
   }
 
@@ -208,8 +214,8 @@ export class Tools {
   /** Handles a key of the map; true if it was one. */
   key(event) {
     const tool = TOOLS.find((item) => item && (item[2] === event.key.toLowerCase() || item[2] === event.key));
-    if (event.target === this.canvas && this.crossKey(event)) return true;
-    if (event.key === 'Delete' && this.app.scene.selected) { this.app.act({ type: 'remove', name: this.app.scene.selected }); this.app.scene.selected = null; return true; }
+    if (this.app.scenes.some((scene) => scene.canvas === event.target) && this.crossKey(event)) return true;
+    if (event.key === 'Delete' && this.app.scene.selected) { this.app.act({ type: 'remove', name: this.app.scene.selected }); this.app.select(null); return true; }
     if (tool) { this.choose(tool[0]); return true; }
     return false;
   }
@@ -238,8 +244,8 @@ export class Tools {
 
   // --- preview ------------------------------------------------------------------------------------------------------
 
-  draw(context, px) {
-    const { scene, theme } = this.app, drag = this.drag;
+  draw(scene, context, px) {
+    const { theme } = this.app, drag = this.drag;
     if (drag?.kind === 'tool') {
       if (POSES.includes(this.tool)) scene.arrow(this.pose(drag), this.tool === 'pose' ? theme.robot : theme.accent, '', { size: 20 });
       else if (['disc', 'box', 'wall', 'person'].includes(this.tool)) {
