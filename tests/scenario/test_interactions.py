@@ -191,11 +191,13 @@ def test_teleop_goes_through_the_collision_monitor(tmp_path: Path) -> None:
         "map: office\nstart: [3.0, 7.45, 1.57]\ngoals: []\n"
         "params: [turtlebot, {collision_monitor: {polygons: [stop], stop: {type: circle, radius: 0.6, action_type: stop},"
         " observation_sources: [scan], scan: {type: scan, topic: scan}}}]\n"
-        "interactions:\n  - {kind: teleop, time: 0.0, velocity: [0.3, 0.0, 0.0], until: 5.0}\n",
+        "interactions:\n"
+        "  - {kind: teleop, time: 0.0, velocity: [0.3, 0.0, 0.0], until: 0.52}\n"  # then the multiplexer's time-out
+        "  - {kind: teleop, time: 2.0, velocity: [0.3, 0.0, 0.0], until: 7.0}\n",
         encoding="utf-8",
     )
     run = Run(load_scenario(file), record=False)
-    while run.robot.time < 5.0:
+    while run.robot.time < 7.0:
         assert run.step()
     assert (
         7.6 < run.robot.pose.y < 7.9 and not run.robot.collisions

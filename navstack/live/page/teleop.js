@@ -50,10 +50,13 @@ export class Teleop {
     this.timer = setInterval(() => this.drive(), REPEAT_MS);
   }
 
+  /** Simulated seconds until the next message, with some more. */
+  get seconds() { return Math.min(2, SECONDS * Math.max(1, this.app.store.main?.speed ?? Infinity)); }
+
   drive() {
     const [x, y, turn] = this.keys.moves[this.held];
     if (!this.app.connection.open) { this.release(true); return; }
-    this.app.connection.request({ type: 'drive', velocity: [x * this.linear, y * this.linear, turn * this.angular], seconds: SECONDS })
+    this.app.connection.request({ type: 'drive', velocity: [x * this.linear, y * this.linear, turn * this.angular], seconds: this.seconds })
       .catch((error) => { this.release(true); this.app.toast(error.message, 'error'); });
   }
 
