@@ -36,6 +36,7 @@ LEVELS: tuple[tuple[str, ...], ...] = (
     ("replay", "drives"),
     ("plot", "explain", "bench"),
     ("tune", "live"),
+    ("ros1",),
     ("cli",),
 )
 LEVEL_OF = {name: level for level, names in enumerate(LEVELS) for name in names}

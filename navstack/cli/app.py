@@ -29,6 +29,7 @@ from navstack.cli import (
     plan,
     plot,
     replay,
+    ros1,
     simulate,
     sweep,
     teleop,
@@ -76,6 +77,7 @@ app.add_typer(bag.app, name="bag")
 app.add_typer(bench.app, name="bench")
 app.add_typer(explain.app, name="explain")
 app.add_typer(params.app, name="params")
+app.add_typer(ros1.app, name="ros1")
 
 
 def _print_version(value: bool) -> None:

@@ -117,7 +117,10 @@ def edges_of(message: Any) -> list[tuple[str, str, int]]:
 
 @checked
 def stamp_ns(header: Any) -> int:
-    """Return the stamp of a header (ns)."""
+    """Return the stamp of a header (ns), of rosbags or of rospy."""
+    convert = getattr(header.stamp, "to_nsec", None)
+    if convert is not None:
+        return int(convert())
     return int(header.stamp.sec) * NS_PER_S + int(header.stamp.nanosec)
 
 
@@ -255,7 +258,8 @@ def points_of(message: Any) -> NDArray[np.float32]:
             {"names": ["x", "y", "z"], "formats": types, "offsets": offsets, "itemsize": int(message.point_step)}
         )
         width, height, row = int(message.width), int(message.height), int(message.row_step)
-        data = np.ascontiguousarray(message.data, np.uint8)
+        raw = message.data
+        data = np.frombuffer(raw, np.uint8) if isinstance(raw, bytes) else np.ascontiguousarray(raw, np.uint8)
         if width * height == 0:
             return np.empty((0, 3), np.float32)
         if row < width * layout.itemsize or len(data) < row * (height - 1) + width * layout.itemsize:

@@ -64,6 +64,12 @@ class LoggedFrames:
             mounting = self.mounting(child)
             self.frames.set_static(mounting.parent, child, mounting.planar)
 
+    def forget_moving(self) -> None:
+        """Forget the transforms of /tf."""
+        for child in [child for child in self.parents if child not in self._static]:
+            del self.parents[child]
+            self.frames.remove(child)
+
     def add(self, transforms: list[StampedTransform]) -> None:
         """Add transforms of /tf. Raises FrameError for a cycle."""
         for item in transforms:

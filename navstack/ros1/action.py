@@ -1,0 +1,158 @@
+"""The action move_base on topics: goals and cancels in, status, feedback and results out, as actionlib's server does."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from navstack.core import Event, Pose2D
+from navstack.logs.builder import MessageBuilder
+from navstack.move_base import GoalHandle, MoveBase
+from navstack.ros1 import ros
+from navstack.ros1.clock import NodeClock
+from navstack.ros1.inbox import Inbox
+
+STATUS_PERIOD_S: Final = 0.2
+"""Time between two status messages (s): actionlib_status_frequency is 5 Hz."""
+
+
+class ActionInterface:
+    """Publishes what the goal manager's action server does. A listener of the goal manager."""
+
+    hears_feedback = True
+
+    def __init__(self, clock: NodeClock, build: MessageBuilder, inbox: Inbox) -> None:
+        rospy = ros.rospy()
+        self._clock, self._build = clock, build
+        self._move_base: MoveBase | None = None
+        self._counter = 0
+        self._changed = False
+        self._ended: list[GoalHandle] = []
+        self._due = 0.0
+        self._feedback: tuple[float, Pose2D] | None = None
+        self._name = str(rospy.get_name())
+        goal, cancel = ros.message("move_base_msgs/MoveBaseActionGoal"), ros.message("actionlib_msgs/GoalID")
+        self._goal_type = goal
+        self._status = rospy.Publisher(
+            "move_base/status", ros.message("actionlib_msgs/GoalStatusArray"), queue_size=50, latch=True
+        )
+        self._feedback_out = rospy.Publisher(
+            "move_base/feedback", ros.message("move_base_msgs/MoveBaseActionFeedback"), queue_size=50
+        )
+        self._result = rospy.Publisher(
+            "move_base/result", ros.message("move_base_msgs/MoveBaseActionResult"), queue_size=50
+        )
+        self._own_goals = rospy.Publisher("move_base/goal", goal, queue_size=1)
+        # goals and cancels arrive in the order in which they were sent, because one queue holds both
+        rospy.Subscriber("move_base/goal", goal, inbox.poster(self._on_goal), queue_size=50)
+        rospy.Subscriber("move_base/cancel", cancel, inbox.poster(self._on_cancel), queue_size=50)
+        simple = ros.message("geometry_msgs/PoseStamped")
+        rospy.Subscriber("move_base_simple/goal", simple, self._on_simple_goal, queue_size=1)
+
+    def connect(self, move_base: MoveBase) -> None:
+        """Use this goal manager; before, goals are not accepted."""
+        self._move_base = move_base
+        self._changed = True
+
+    # --- messages of clients ------------------------------------------------------------------------------------------
+
+    def _on_simple_goal(self, message: Any) -> None:
+        """Send the goal to the action, as move_base does."""
+        goal = self._goal_type()
+        goal.header.stamp = ros.rospy().Time.now()
+        goal.goal.target_pose = message
+        self._own_goals.publish(goal)
+
+    def _on_goal(self, message: Any) -> None:
+        move_base = self._move_base
+        if move_base is None:
+            return
+        target = message.goal.target_pose
+        stamp = message.goal_id.stamp
+        now = self._clock.now()
+        goal_id = str(message.goal_id.id) or self._new_id(now)
+        o, p = target.pose.orientation, target.pose.position
+        move_base.send_goal(
+            Pose2D(float(p.x), float(p.y), 0.0),
+            str(target.header.frame_id),
+            orientation=(float(o.x), float(o.y), float(o.z), float(o.w)),
+            goal_id=goal_id,
+            stamp=now if stamp.is_zero() else self._clock.of(stamp),
+        )
+        self._changed = True
+
+    def _new_id(self, now: float) -> str:
+        """Return an id in the form of actionlib: node, counter, time."""
+        self._counter += 1
+        time_ns = self._clock.ns(now)
+        return f"{self._name}-{self._counter}-{time_ns // 10**9}.{time_ns % 10**9}"
+
+    def _on_cancel(self, message: Any) -> None:
+        move_base = self._move_base
+        if move_base is None:
+            return
+        name, stamp = str(message.id), message.stamp
+        if not name and stamp.is_zero():
+            move_base.cancel_all_goals()
+            return
+        if name:
+            move_base.cancel_goal(name)
+        if not stamp.is_zero():
+            move_base.cancel_goals_at_and_before(self._clock.of(stamp))
+
+    # --- messages to clients ------------------------------------------------------------------------------------------
+
+    def on_event(self, event: Event) -> None:
+        """Note what the goal manager did; `publish` sends it."""
+        if event.kind == "status":
+            self._changed = True
+            handle = None if self._move_base is None else self._move_base.server.find(str(event.data["id"]))
+            if handle is not None and handle.is_done:
+                self._ended.append(handle)
+        elif event.kind == "feedback":
+            self._feedback = event.time, Pose2D(*event.data["pose"])
+
+    def publish(self, now: float, frame: str) -> None:
+        """Publish results, feedback, and the status at 5 Hz and after each change. `frame` is that of the feedback."""
+        move_base = self._move_base
+        if move_base is None:
+            return
+        if self._feedback is not None:
+            time, pose = self._feedback
+            self._feedback = None
+            handle = move_base.goal_handle
+            if handle is not None:
+                self._publish_feedback(handle, time, frame, pose)
+        for handle in self._ended:
+            self._publish_result(handle, now)
+        self._ended.clear()
+        if self._changed or now >= self._due or now < self._due - 2.0 * STATUS_PERIOD_S:
+            self._changed = False
+            self._due = now + STATUS_PERIOD_S
+            move_base.server.prune(now)
+            self._publish_status(move_base.server.statuses(), now)
+
+    def _stamp(self, time: float) -> Any:
+        return self._build.time(self._clock.ns(time))
+
+    def _goal_status(self, handle: GoalHandle) -> Any:
+        goal_id = ros.message("actionlib_msgs/GoalID")(stamp=self._stamp(handle.goal.stamp), id=handle.id)
+        return ros.message("actionlib_msgs/GoalStatus")(goal_id=goal_id, status=int(handle.status), text=handle.text)
+
+    def _publish_status(self, handles: list[GoalHandle], now: float) -> None:
+        array = ros.message("actionlib_msgs/GoalStatusArray")()
+        array.header.stamp = self._stamp(now)
+        array.status_list = [self._goal_status(handle) for handle in handles]
+        self._status.publish(array)
+
+    def _publish_feedback(self, handle: GoalHandle, time: float, frame: str, pose: Pose2D) -> None:
+        feedback = ros.message("move_base_msgs/MoveBaseActionFeedback")()
+        feedback.header.stamp = self._stamp(time)
+        feedback.status = self._goal_status(handle)
+        feedback.feedback.base_position = self._build.pose_stamped(self._clock.ns(time), frame, pose)
+        self._feedback_out.publish(feedback)
+
+    def _publish_result(self, handle: GoalHandle, now: float) -> None:
+        result = ros.message("move_base_msgs/MoveBaseActionResult")()
+        result.header.stamp = self._stamp(now)
+        result.status = self._goal_status(handle)
+        self._result.publish(result)

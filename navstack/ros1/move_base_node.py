@@ -1,0 +1,220 @@
+"""move_base as a ROS 1 node: the goal manager behind the topics, services and parameters that clients of move_base know."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from navstack.bringup import build_move_base
+from navstack.core import Event, GridGeometry, OccupancyGrid, Pose2D, Twist2D
+from navstack.core.errors import NavError
+from navstack.costmap import LayeredCostmap
+from navstack.logs import messages as msg
+from navstack.logs.builder import MessageBuilder
+from navstack.logs.log import topic_name
+from navstack.move_base import MoveBase
+from navstack.parameters.configuration import Configuration
+from navstack.replay.topics import sensor_topics
+from navstack.ros1 import ros
+from navstack.ros1.action import ActionInterface
+from navstack.ros1.clock import NodeClock
+from navstack.ros1.costmap_topics import CostmapTopics
+from navstack.ros1.inbox import Inbox
+from navstack.ros1.plan_topics import PlanTopics
+from navstack.ros1.robot import RECEIVERS, RosRobot
+from navstack.ros1.services import Services
+from navstack.scenario import Scenario, warm_up
+
+POLL_S: Final = 0.1
+"""Longest wait for messages (s, wall)."""
+SIM_POLL_S: Final = 0.002
+"""Longest wait for messages under simulated time, whose passing wakes nobody (s, wall)."""
+WARN_S: Final = 5.0
+"""Time between two warnings about a missing transform or map (s)."""
+
+
+class MoveBaseNode:
+    """The node. `rospy.init_node` must have been called."""
+
+    def __init__(self, configuration: Configuration) -> None:
+        rospy = self._rospy = ros.rospy()
+        self.configuration = configuration
+        self.inbox = Inbox()
+        self.clock = NodeClock(rospy)
+        self.build = MessageBuilder(ros.MessageTypes(), ros1=True)
+        self._cmd_vel = rospy.Publisher("cmd_vel", ros.message("geometry_msgs/Twist"), queue_size=1)
+        self.robot = RosRobot(self.clock, self._publish_command)
+        self.action = ActionInterface(self.clock, self.build, self.inbox)
+        self.plans: PlanTopics | None = None
+        self.costmaps: list[CostmapTopics] = []
+        self.move_base: MoveBase | None = None
+        self._map: OccupancyGrid | None = None
+        self._is_simulated = bool(rospy.get_param("/use_sim_time", False))
+        self._warned: dict[str, float] = {}
+        self._jumps = 0
+        self._subscribe()
+
+    # --- messages -----------------------------------------------------------------------------------------------------
+
+    def _subscribe(self) -> None:
+        rospy, robot = self._rospy, self.robot
+        tf, odometry = ros.message("tf2_msgs/TFMessage"), ros.message("nav_msgs/Odometry")
+
+        later = self.inbox.poster
+        rospy.Subscriber("/tf_static", tf, later(robot.receive_transforms, static=True), queue_size=100)
+        rospy.Subscriber("/tf", tf, later(robot.receive_transforms, static=False), queue_size=100)
+        odom = str(getattr(self.configuration.local_planner.params, "odom_topic", "odom"))
+        rospy.Subscriber(odom, odometry, later(robot.receive_odometry), queue_size=1, tcp_nodelay=True)
+        for sensor in sensor_topics(self.configuration).values():
+            kind, method = RECEIVERS[sensor.type]
+            receive = later(getattr(robot, method), sensor.name)
+            rospy.Subscriber(sensor.name, ros.message(kind), receive, queue_size=50, tcp_nodelay=True)
+        rospy.Subscriber(self._map_topic(), ros.message("nav_msgs/OccupancyGrid"), later(self._on_map), queue_size=1)
+
+    def _map_topic(self) -> str:
+        for costmap in (self.configuration.global_costmap, self.configuration.local_costmap):
+            for layer in costmap.layers:
+                if layer.cls.traits(layer.params).has_static_map:
+                    return str(getattr(layer.params, "map_topic", "map"))
+        return "map"
+
+    def _on_map(self, message: Any) -> None:
+        grid = msg.map_of(message)
+        self._map = grid
+        move_base = self.move_base
+        if move_base is None:
+            return
+        self._rospy.loginfo("received a map of %d x %d cells", grid.data.shape[1], grid.data.shape[0])
+        for costmap in (move_base.global_costmap, move_base.local_costmap):
+            if isinstance(costmap, LayeredCostmap):
+                costmap.set_static_map(grid)
+        move_base.costmaps_changed()
+
+    def _publish_command(self, twist: Twist2D) -> None:
+        self._cmd_vel.publish(self.build.twist(twist))
+
+    # --- start --------------------------------------------------------------------------------------------------------
+
+    def start(self) -> bool:
+        """Wait for transforms and the map, then create the goal manager. Returns False if the node was shut down."""
+        self._load_kernels()
+        if not self._wait_for(self._missing_transform) or not self._wait_for(self._missing_map):
+            return False
+        move_base = self.move_base = build_move_base(
+            self.configuration, self.robot, static_map=self._map, listeners=[self, self.action]
+        )
+        self.plans = PlanTopics(self.configuration, self.clock, self.build)
+        self.costmaps = [
+            CostmapTopics(costmap, self.clock, self.build, self.inbox)
+            for costmap in (move_base.global_costmap, move_base.local_costmap)
+            if isinstance(costmap, LayeredCostmap)
+        ]
+        Services(self.configuration, move_base, self.clock, self.build, self.inbox)
+        self.action.connect(move_base)
+        self._rospy.loginfo("navstack is ready")
+        return True
+
+    def _load_kernels(self) -> None:
+        """Compile or load the kernels by a second of simulated driving: the first cycle of the robot must not wait for that."""
+        size = 200
+        grid = OccupancyGrid(np.zeros((size, size), np.int8), GridGeometry(size, size, 0.05, 0.0, 0.0), raw=True)
+        scenario = Scenario(grid, self.configuration, Pose2D(5.0, 5.0), (Pose2D(7.0, 5.0),))
+        try:
+            warm_up(scenario)
+        except NavError as exc:
+            self._rospy.logdebug("the kernels are compiled while driving: %s", exc.message)
+
+    def _wait_for(self, missing: Any) -> bool:
+        """Receive messages until nothing is missing; warns every `WARN_S`."""
+        while not self._rospy.is_shutdown():
+            self.inbox.run(POLL_S, self._report)
+            text = missing()
+            if not text:
+                return True
+            self._warn(text)
+        return False
+
+    def _missing_transform(self) -> str:
+        for costmap in (self.configuration.global_costmap, self.configuration.local_costmap):
+            frame, base = costmap.params.global_frame, costmap.params.robot_base_frame
+            try:
+                self.robot.frames.lookup(frame, base)
+            except NavError as exc:
+                return (
+                    f"Timed out waiting for transform from {base} to {frame} to become available before running costmap, "
+                    f"tf error: {exc.message}"
+                )
+        return ""
+
+    def _missing_map(self) -> str:
+        wanted = any(
+            layer.cls.traits(layer.params).has_static_map
+            for costmap in (self.configuration.global_costmap, self.configuration.local_costmap)
+            for layer in costmap.layers
+        )
+        return f"waiting for a map on {self._map_topic()}" if wanted and self._map is None else ""
+
+    def _warn(self, text: str) -> None:
+        now = self.clock.now()
+        if now - self._warned.get(text, -math.inf) >= WARN_S:
+            self._warned[text] = now
+            self._rospy.logwarn("%s", text)
+
+    # --- run ----------------------------------------------------------------------------------------------------------
+
+    def spin(self) -> None:
+        """Run until the node is shut down. Messages are received and cycles run in this thread only."""
+        if not self.start():
+            return
+        move_base = self.move_base
+        assert move_base is not None
+        while not self._rospy.is_shutdown():
+            now = self.clock.now()
+            if self.clock.jumps != self._jumps:
+                self._jumps = self.clock.jumps
+                self._rospy.logwarn("the clock jumped back; transforms and sensor data before it are forgotten")
+                self.robot.forget()
+            due = move_base.next_due(max(now, move_base.now))
+            if now >= due:
+                self._cycle(move_base, now)
+            self.action.publish(now, move_base.global_costmap.frame)
+            wait = min(due - self.clock.now(), POLL_S)
+            if self._is_simulated:
+                wait = min(wait, SIM_POLL_S)
+            self.inbox.run(max(wait, 0.0), self._report)
+        move_base.shutdown()
+
+    def _cycle(self, move_base: MoveBase, now: float) -> None:
+        move_base.tick(max(now, move_base.now))
+        tick = move_base.last_tick
+        for topics, window in zip(self.costmaps, (tick.global_window, tick.local_window), strict=False):
+            topics.publish(now, window)
+        if self.plans is not None:
+            self.plans.publish(move_base, now)
+
+    def _report(self, error: NavError) -> None:
+        self._rospy.logwarn("%s", error.message)
+
+    # --- events -------------------------------------------------------------------------------------------------------
+
+    hears_feedback = False
+
+    def on_event(self, event: Event) -> None:
+        """Log events, and publish goals and recovery behaviors."""
+        if event.kind in ("warning", "plan_failed", "control_failed"):
+            self._rospy.logwarn("%s", event.text)
+        elif self.plans is not None:
+            self.plans.on_event(event, self.move_base)
+
+
+def run(configuration: Configuration) -> None:
+    """Run the node until it is shut down."""
+    MoveBaseNode(configuration).spin()
+
+
+def topics_of(configuration: Configuration) -> Sequence[str]:
+    """Return the topics of sensors that the node subscribes to."""
+    return sorted(topic_name(name) for name in sensor_topics(configuration))

@@ -1,0 +1,49 @@
+"""Parameters of the node: from the parameter server, as move_base reads them, with files on top."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+from navstack.parameters.configuration import Configuration, load_configuration
+from navstack.ros1 import ros
+
+SEARCHED: Final = (
+    "footprint",
+    "robot_radius",
+    "footprint_topic",
+    "obstacle_range",
+    "raytrace_range",
+    "controller_frequency",
+    "actionlib_status_frequency",
+)
+"""Parameters that are looked up in the enclosing namespaces (searchParam)."""
+NOT_OURS: Final = frozenset({"actionlib_status_frequency", "footprint_topic"})
+"""Parameters of the node, not of the goal manager."""
+
+
+def load(sources: Sequence[str] = (), overrides: Sequence[str] = (), *, distro: str | None = None) -> Configuration:
+    """Return the configuration of the node's private namespace, overlaid by the sources (`--params`).
+
+    Raises ParameterError.
+    """
+    rospy = ros.rospy()
+    tree: Any = rospy.get_param("~", {})
+    values: dict[str, Any] = dict(tree) if isinstance(tree, dict) else {}
+    private = str(rospy.resolve_name("~"))
+    for name in SEARCHED:
+        found = rospy.search_param(name)
+        if name not in values and found is not None and not str(found).startswith(private):
+            values[name] = rospy.get_param(found)
+    for name in NOT_OURS:
+        values.pop(name, None)
+    return load_configuration([_plain(values), *sources], overrides=overrides, distro=distro)
+
+
+def _plain(value: Any) -> Any:
+    """Return a value of the parameter server as YAML would give it."""
+    if isinstance(value, dict):
+        return {str(key): _plain(inner) for key, inner in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(inner) for inner in value]
+    return value

@@ -1,0 +1,65 @@
+"""Topics of goals, plans and recovery behaviors."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from navstack.core import Event, Pose2D
+from navstack.logs.builder import MessageBuilder
+from navstack.move_base import MoveBase
+from navstack.parameters.configuration import Configuration
+from navstack.ros1 import ros
+from navstack.ros1.clock import NodeClock
+
+
+class PlanTopics:
+    """Publishes plans, the current goal and the status of recovery behaviors under the names of move_base."""
+
+    def __init__(self, configuration: Configuration, clock: NodeClock, build: MessageBuilder) -> None:
+        rospy = ros.rospy()
+        self._clock, self._build = clock, build
+        path = ros.message("nav_msgs/Path")
+        planner, controller = configuration.global_planner, configuration.local_planner
+        global_name, local_name = planner.namespace or planner.name, controller.namespace or controller.name
+        self._plan = rospy.Publisher(f"~{global_name}/plan", path, queue_size=1)
+        self._global_plan = rospy.Publisher(f"~{local_name}/global_plan", path, queue_size=1)
+        self._local_plan = rospy.Publisher(f"~{local_name}/local_plan", path, queue_size=1)
+        self._goal = rospy.Publisher("~current_goal", ros.message("geometry_msgs/PoseStamped"), queue_size=10)
+        self._recovery = rospy.Publisher(
+            "move_base/recovery_status", ros.message("move_base_msgs/RecoveryStatus"), queue_size=1
+        )
+
+    def publish(self, move_base: MoveBase, now: float) -> None:
+        """Publish the plans of the last cycle."""
+        tick, stamp = move_base.last_tick, self._clock.ns(now)
+        if tick.plan is not None:
+            path = tick.plan.path
+            self._plan.publish(self._build.path(stamp, path.frame, path.poses))
+        local = tick.local_plan
+        if local is None:
+            return
+        frame = move_base.local_costmap.frame
+        if local.trajectory is not None and self._local_plan.get_num_connections():
+            self._local_plan.publish(self._build.path(stamp, frame, np.asarray(local.trajectory, np.float64)))
+        if local.local_plan is not None and self._global_plan.get_num_connections():
+            self._global_plan.publish(self._build.path(stamp, local.local_plan.frame, local.local_plan.poses))
+
+    def on_event(self, event: Event, move_base: MoveBase | None) -> None:
+        """Publish a goal that was accepted, and the start of a recovery behavior."""
+        if move_base is None:
+            return
+        stamp, frame = self._clock.ns(event.time), move_base.global_costmap.frame
+        if event.kind == "goal":
+            self._goal.publish(self._build.pose_stamped(stamp, event.data["frame"], Pose2D(*event.data["pose"])))
+        elif event.kind == "recovery" and event.data.get("status") == "running":
+            self._publish_recovery(event.data, stamp, frame, move_base.robot_pose)
+
+    def _publish_recovery(self, data: dict[str, Any], stamp: int, frame: str, pose: Pose2D | None) -> None:
+        message = ros.message("move_base_msgs/RecoveryStatus")()
+        message.pose_stamped = self._build.pose_stamped(stamp, frame, pose or Pose2D(0.0, 0.0))
+        message.current_recovery_number = int(data["index"])
+        message.total_number_of_recoveries = int(data["total"])
+        message.recovery_behavior_name = str(data["name"])
+        self._recovery.publish(message)

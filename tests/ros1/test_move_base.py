@@ -1,0 +1,141 @@
+"""Unchanged clients of ROS against our move_base node and our simulated robot."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.ros1.conftest import PYTHON, Graph, wait_for
+
+ROOT = Path(__file__).resolve().parents[2]
+CLIENT = """
+import json, sys, rospy, actionlib
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal, MoveBaseActionFeedback
+from actionlib_msgs.msg import GoalStatusArray, GoalID
+from map_msgs.msg import OccupancyGridUpdate
+from nav_msgs.msg import OccupancyGrid, Path
+from nav_msgs.srv import GetMap, GetPlan
+from std_srvs.srv import Empty
+rospy.init_node("client", disable_signals=True)
+found = {"counts": {}, "statuses": []}
+def heard(message, name):
+    found["counts"][name] = found["counts"].get(name, 0) + 1
+    if name == "status" and message.status_list:
+        seen = (message.status_list[-1].status, message.status_list[-1].text)
+        if not found["statuses"] or tuple(found["statuses"][-1]) != seen:
+            found["statuses"].append(seen)
+    if name == "costmap":
+        found["costmap"] = [message.info.width, message.info.height, sorted(set(message.data))[-1]]
+kept = [rospy.Subscriber(topic, kind, heard, callback_args=name) for topic, kind, name in (
+    ("/move_base/status", GoalStatusArray, "status"), ("/move_base/feedback", MoveBaseActionFeedback, "feedback"),
+    ("/move_base/NavfnROS/plan", Path, "plan"), ("/move_base/DWAPlannerROS/local_plan", Path, "local_plan"),
+    ("/move_base/current_goal", PoseStamped, "goal"), ("/move_base/global_costmap/costmap", OccupancyGrid, "costmap"))]
+def goal(x, y, w=1.0, frame="map"):
+    message = MoveBaseGoal()
+    message.target_pose.header.frame_id, message.target_pose.header.stamp = frame, rospy.Time.now()
+    message.target_pose.pose.position.x, message.target_pose.pose.position.y = x, y
+    message.target_pose.pose.orientation.w = w
+    return message
+client = actionlib.SimpleActionClient("move_base", MoveBaseAction)
+client.wait_for_server()
+client.send_goal(goal(2.4, 7.45))
+client.wait_for_result()
+found["first"] = [client.get_state(), client.get_goal_status_text()]
+plan = rospy.ServiceProxy("/move_base/make_plan", GetPlan)
+start = goal(1.0, 7.45).target_pose
+answer = plan(start, goal(6.0, 7.45).target_pose, 0.1).plan
+found["plan"] = [len(answer.poses), answer.header.frame_id, answer.poses[0].header.frame_id]
+rospy.ServiceProxy("/move_base/clear_costmaps", Empty)()
+found["map"] = rospy.ServiceProxy("/static_map", GetMap)().map.info.width
+client.send_goal(goal(8.0, 7.45))
+while client.get_state() != actionlib.SimpleGoalState.ACTIVE and client.get_goal_status_text() == "":
+    rospy.rostime.wallsleep(0.05)
+client.cancel_goal()
+client.wait_for_result()
+found["cancelled"] = [client.get_state(), client.get_goal_status_text()]
+client.send_goal(goal(3.0, 7.45, w=0.0))
+client.wait_for_result()
+found["invalid"] = [client.get_state(), client.get_goal_status_text()]
+with open(sys.argv[1], "w") as out:
+    json.dump(found, out)
+"""
+
+
+class Nodes:
+    """The simulated robot and the move_base node."""
+
+    def __init__(self, graph: Graph) -> None:
+        self.graph = graph
+        self._environment = {
+            "PYTHONPATH": str(ROOT),
+            "PATH": os.environ["PATH"],
+            **{name: os.environ[name] for name in ("HOME", "NUMBA_CACHE_DIR", "XDG_CACHE_HOME") if name in os.environ},
+        }
+
+    def start(self, *arguments: str) -> Any:
+        return self.graph.start(sys.executable, "-m", "navstack", "ros1", *arguments, **self._environment)
+
+    def output(self) -> str:
+        return "".join(file.read_text(errors="replace") for file in sorted(self.graph.folder.glob("*.log")))
+
+
+@pytest.fixture
+def nodes(graph: Graph) -> Nodes:
+    nodes = Nodes(graph)
+    nodes.start("sim", "office", "--clock", "--speed", "2")
+    wait_for(lambda: "/navstack_sim" in graph.run("/usr/bin/rosnode", "list"), "the start of the simulated robot")
+    graph.run("/usr/bin/rosparam", "set", "/move_base/controller_frequency", "10.0")
+    nodes.start("move_base", "--params", "turtlebot", "--set", "controller_frequency=10.0")
+    wait_for(lambda: "navstack is ready" in nodes.output(), "the start of the node", 180.0)
+    return nodes
+
+
+def test_clients_of_move_base(nodes: Nodes, tmp_path: Path) -> None:
+    out = tmp_path / "found.json"
+    client = nodes.graph.start(PYTHON, "-c", CLIENT, str(out))
+    assert client.wait(180.0) == 0, nodes.output()
+    found = json.loads(out.read_text())
+    assert found["first"] == [3, "Goal reached."]
+    assert found["plan"][0] > 10 and found["plan"][1:] == ["", "map"]
+    assert found["map"] > 100
+    assert found["cancelled"] == [2, ""]
+    assert found["invalid"] == [4, "Aborting on goal because it was sent with an invalid quaternion"]
+    assert found["costmap"][2] == 100
+    counts = found["counts"]
+    assert counts["plan"] >= 2 and counts["local_plan"] > 5 and counts["feedback"] > 10 and counts["goal"] >= 2
+    texts = [text for _, text in found["statuses"]]
+    assert "This goal has been accepted by the simple action server" in texts
+    assert [3, "Goal reached."] in found["statuses"]
+
+
+def test_shell_tools(nodes: Nodes) -> None:
+    graph = nodes.graph
+    topics = graph.run("/usr/bin/rostopic", "list").split()
+    for name in ("goal", "cancel", "status", "feedback", "result", "current_goal", "recovery_status"):
+        assert f"/move_base/{name}" in topics
+    assert {"/cmd_vel", "/odom", "/scan", "/map", "/move_base_simple/goal", "/tf", "/clock"} <= set(topics)
+    services = graph.run("/usr/bin/rosservice", "list").split()
+    for name in ("make_plan", "clear_costmaps", "NavfnROS/make_plan"):
+        assert f"/move_base/{name}" in services
+    assert graph.run("/usr/bin/rosservice", "type", "/move_base/make_plan").strip() == "nav_msgs/GetPlan"
+    graph.run("/usr/bin/rosservice", "call", "/move_base/clear_costmaps")
+    info = graph.run("/usr/bin/rosnode", "info", "/move_base")
+    assert re.search(r"/move_base/local_costmap/costmap \[nav_msgs/OccupancyGrid\]", info)
+
+
+def test_node_without_a_master(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from navstack.cli.app import run
+
+    monkeypatch.setenv("ROS_MASTER_URI", "http://127.0.0.1:9")
+    assert run(["ros1", "move_base"]) == 2
+    message = " ".join(capfd.readouterr().err.split())
+    assert "no ROS master at http://127.0.0.1:9" in message or "ROS 1 is not installed" in message
