@@ -38,7 +38,7 @@ def test_every_command_named_is_there() -> None:
     from navstack.cli.app import app
 
     known = {command.name for command in (*app.registered_commands, *app.registered_groups)}
-    named = set(re.findall(r"^navstack ([a-z-]+)", README, re.MULTILINE))
+    named = set(re.findall(r"^navstack ([a-z0-9-]+)", README, re.MULTILINE))
     assert named <= known
     assert known <= named, f"not in the README: {known - named}"
     explained = {command.name for command in explain.app.registered_commands}

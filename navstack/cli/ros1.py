@@ -97,6 +97,7 @@ def map_server(context: typer.Context, map_: options.Map, name: Name = "map_serv
 def _start(name: str, context: typer.Context) -> None:
     """Register the node at the master, with the ROS arguments of the command line. Raises InputError without a master."""
     import io
+    import signal
     import sys
 
     from navstack.core.errors import InputError
@@ -110,7 +111,14 @@ def _start(name: str, context: typer.Context) -> None:
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(line_buffering=True)  # the log of a node is read while it runs
     sys.argv = ["navstack", *context.args]
-    rospy.init_node(name, argv=list(sys.argv))
+    rospy.init_node(name, argv=list(sys.argv), disable_signals=True)
+
+    def shut_down(number: int, frame: Any) -> None:
+        del number, frame
+        ros.STOP.set()
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, shut_down)
 
 
 def _set_param(name: str, value: Any) -> None:

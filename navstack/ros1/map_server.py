@@ -55,7 +55,9 @@ def run(grid: OccupancyGrid) -> None:
     rospy = ros.rospy()
     frame = str(rospy.get_param("~frame_id", "map"))
     topics = MapTopics(dataclasses.replace(grid, frame=frame), MessageBuilder(ros.MessageTypes(), ros1=True))
-    while rospy.Time.now().is_zero() and not rospy.is_shutdown():
+    while rospy.Time.now().is_zero() and not ros.is_stopping():
         rospy.rostime.wallsleep(0.05)
     topics.publish(int(rospy.Time.now().to_nsec()))
-    rospy.spin()
+    while not ros.is_stopping():
+        ros.STOP.wait(0.1)
+    ros.say_goodbye(lambda: None)

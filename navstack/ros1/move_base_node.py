@@ -129,7 +129,7 @@ class MoveBaseNode:
 
     def _wait_for(self, missing: Any) -> bool:
         """Receive messages until nothing is missing; warns every `WARN_S`."""
-        while not self._rospy.is_shutdown():
+        while not ros.is_stopping():
             self.inbox.run(POLL_S, self._report)
             text = missing()
             if not text:
@@ -171,7 +171,7 @@ class MoveBaseNode:
             return
         move_base = self.move_base
         assert move_base is not None
-        while not self._rospy.is_shutdown():
+        while not ros.is_stopping():
             now = self.clock.now()
             if self.clock.jumps != self._jumps:
                 self._jumps = self.clock.jumps
@@ -185,7 +185,12 @@ class MoveBaseNode:
             if self._is_simulated:
                 wait = min(wait, SIM_POLL_S)
             self.inbox.run(max(wait, 0.0), self._report)
+        ros.say_goodbye(lambda: self._end(move_base))
+
+    def _end(self, move_base: MoveBase) -> None:
+        """Abort the goal and stop the robot. ROS differs: move_base sends no velocity, and clients lose their goal."""
         move_base.shutdown()
+        self.action.publish(self.clock.now(), move_base.global_costmap.frame)
 
     def _cycle(self, move_base: MoveBase, now: float) -> None:
         move_base.tick(max(now, move_base.now))

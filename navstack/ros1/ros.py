@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import importlib
 import sys
+import threading
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,6 +17,32 @@ INSTALL: Final = (
     "sudo apt-get install python3-rospy python3-actionlib python3-move-base-msgs python3-map-msgs python3-dynamic-reconfigure "
     "python3-diagnostic-msgs python3-tf2-msgs python3-std-srvs"
 )
+
+
+STOP: Final = threading.Event()
+"""Set when the process was asked to end: the node says goodbye, then the connections are closed."""
+GOODBYE_S: Final = 0.2
+"""Time for the last messages to leave (s, wall)."""
+
+
+def is_stopping() -> bool:
+    """Return True if the node must end."""
+    return STOP.is_set() or bool(rospy().is_shutdown())
+
+
+def say_goodbye(last: Callable[[], None]) -> None:
+    """Call `last`, which publishes the last messages, give them time to leave, and end the node.
+
+    Without connections (another node took the name, rospy was shut down) nothing can be published.
+    """
+    node = rospy()
+    if not node.is_shutdown():
+        try:
+            last()
+            node.rostime.wallsleep(GOODBYE_S)
+        except node.ROSException as exc:
+            node.logdebug("the last messages could not be sent: %s", exc)
+    node.signal_shutdown("end of the node")
 
 
 def load(module: str) -> Any:

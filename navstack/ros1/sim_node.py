@@ -95,16 +95,17 @@ class SimNode:
     def spin(self) -> None:
         """Simulate until the node is shut down."""
         begin, reached = time.monotonic(), 0.0
-        while not self._rospy.is_shutdown():
+        while not ros.is_stopping():
             reached += STEP_S
             while True:
                 ahead = reached / self._speed - (time.monotonic() - begin)
                 self.inbox.run(min(max(ahead, 0.0), 0.05), self._report)
-                if ahead <= 0.0 or self._rospy.is_shutdown():
+                if ahead <= 0.0 or ros.is_stopping():
                     break
             if ahead < -1.0:  # the machine is too slow: no burst afterwards
                 begin -= ahead
             self._step(reached)
+        ros.say_goodbye(lambda: None)
 
     def _step(self, until: float) -> None:
         robot = self.robot

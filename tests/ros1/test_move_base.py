@@ -73,6 +73,7 @@ class Nodes:
 
     def __init__(self, graph: Graph) -> None:
         self.graph = graph
+        self.node: Any = None
         self._environment = {
             "PYTHONPATH": str(ROOT),
             "PATH": os.environ["PATH"],
@@ -92,7 +93,7 @@ def nodes(graph: Graph) -> Nodes:
     nodes.start("sim", "office", "--clock", "--speed", "2")
     wait_for(lambda: "/navstack_sim" in graph.run("/usr/bin/rosnode", "list"), "the start of the simulated robot")
     graph.run("/usr/bin/rosparam", "set", "/move_base/controller_frequency", "10.0")
-    nodes.start("move_base", "--params", "turtlebot", "--set", "controller_frequency=10.0")
+    nodes.node = nodes.start("move_base", "--params", "turtlebot", "--set", "controller_frequency=10.0")
     wait_for(lambda: "navstack is ready" in nodes.output(), "the start of the node", 180.0)
     return nodes
 
@@ -139,3 +140,38 @@ def test_node_without_a_master(
     assert run(["ros1", "move_base"]) == 2
     message = " ".join(capfd.readouterr().err.split())
     assert "no ROS master at http://127.0.0.1:9" in message or "ROS 1 is not installed" in message
+
+
+GOODBYE = """
+import sys, rospy, actionlib
+from geometry_msgs.msg import Twist
+from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
+rospy.init_node("client", disable_signals=True)
+twists = []
+kept = rospy.Subscriber("/cmd_vel", Twist, twists.append)
+client = actionlib.SimpleActionClient("move_base", MoveBaseAction)
+client.wait_for_server()
+goal = MoveBaseGoal()
+goal.target_pose.header.frame_id = "map"
+goal.target_pose.pose.position.x, goal.target_pose.pose.position.y = 8.0, 7.45
+goal.target_pose.pose.orientation.w = 1.0
+client.send_goal(goal)
+while not any(twist.linear.x > 0.05 for twist in twists):
+    rospy.rostime.wallsleep(0.05)
+open(sys.argv[1], "w").close()
+client.wait_for_result()
+while twists[-1].linear.x != 0.0:
+    rospy.rostime.wallsleep(0.05)
+with open(sys.argv[2], "w") as out:
+    out.write("%d %s" % (client.get_state(), client.get_goal_status_text()))
+"""
+
+
+def test_end_of_the_node_stops_the_robot_and_aborts_the_goal(nodes: Nodes, tmp_path: Path) -> None:
+    driving, ended = tmp_path / "driving", tmp_path / "ended"
+    client = nodes.graph.start(PYTHON, "-c", GOODBYE, str(driving), str(ended))
+    wait_for(driving.exists, "the start of the robot")
+    nodes.node.terminate()
+    assert nodes.node.wait(30.0) == 0
+    assert client.wait(30.0) == 0, nodes.output()
+    assert ended.read_text() == "4 Aborting on the goal because the node has been killed"
