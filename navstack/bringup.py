@@ -31,13 +31,14 @@ from navstack.core.poses import require_pose
 from navstack.costmap import LayeredCostmap
 from navstack.costmap.reconfigure import apply_reconfigure, check_reconfigure
 from navstack.interfaces import GlobalPlanner, LocalPlanner, Plan, RecoveryBehavior, Robot
+from navstack.localization.assembly import make_filter, make_localizer
 from navstack.map_io import load_mask
 from navstack.move_base import MoveBase, plugin_calls
 from navstack.move_base.occupied_cell import add_layer
 from navstack.parameters.configuration import Configuration, CostmapConfiguration, PluginChoice
 from navstack.plugins import GLOBAL_PLANNERS
 from navstack.safety import CollisionDetector, CollisionMonitor, CommandChain, CommandMultiplexer, VelocitySmoother
-from navstack.sim import Shape, SimulatedRobot, World
+from navstack.sim import Estimation, Shape, SimulatedRobot, World
 
 RECOVERY_TIME_LIMIT_S: Final = 120.0
 """A recovery behavior that runs longer (s) fails."""
@@ -224,6 +225,8 @@ def simulated_robot(
     else:
         world = World(static_map, obstacles, low_discs=low_obstacles, shapes=shapes)
     _check_start(world, footprint, start)
+    sim, sections = configuration.navstack.sim, configuration.localization
+    estimation = Estimation(make_localizer(sim, sections, world.map, start, seed), make_filter(sim, sections))
     return SimulatedRobot(
         configuration.navstack.sim,
         world,
@@ -233,6 +236,7 @@ def simulated_robot(
         base_frame=configuration.local_costmap.params.robot_base_frame,
         odom_frame=odometry_frame(configuration),
         map_frame=true_frame(configuration),
+        estimation=estimation,
     )
 
 

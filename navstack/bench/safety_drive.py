@@ -28,8 +28,7 @@ from navstack.bench.safety_scene import (
 from navstack.core import LaserScan, Pose2D, Transform2D, Twist2D
 from navstack.parameters.models.collision_monitor import CollisionMonitorParams, MonitorSourceParams, ZoneParams
 from navstack.safety import CollisionMonitor, CommandChain
-from navstack.sim import SimulatedRobot, World
-from navstack.sim.robot import Collision
+from navstack.sim import Collision, SimulatedRobot, World
 from navstack.sim.solids import Solids
 
 MIN_POINTS: Final = 2

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import LaserScan, OccupancyGrid, Pose2D, Transform2D
+from navstack.core import ImuReading, LaserScan, OccupancyGrid, Pose2D, Transform2D, Twist2D
 from navstack.core.parameters import ParamModel
 
 
@@ -63,3 +64,25 @@ class Localizer(ABC):
     def request_update(self) -> None:
         """Let the next scan count even if the robot has not moved (`request_nomotion_update`). Default: does nothing."""
         return
+
+
+class OdometryFilter(ABC):
+    """Improves the wheels' odometry with inertial sensors."""
+
+    @abstractmethod
+    def start(self, stamp: float, pose: Transform2D) -> None:
+        """Begin at a pose of the wheels' odometry at `stamp` (s)."""
+
+    @abstractmethod
+    def run(
+        self, wheels: Sequence[Transform2D], stamps: Sequence[float], readings: Sequence[ImuReading]
+    ) -> list[Transform2D]:
+        """Return the poses of the base in the odometry frame at `stamps` (s).
+
+        `wheels` are the poses by the wheels alone at these times, `readings` those of the inertial sensor since the last call.
+        """
+
+    @property
+    @abstractmethod
+    def twist(self) -> Twist2D:
+        """Velocity in the base frame at the last stamp."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from navstack.core.parameters import ParamModel
 from navstack.parameters.binding import Binder
 from navstack.parameters.configuration_types import NavstackParams
+from navstack.parameters.localization_sections import NODE_MODELS
 from navstack.parameters.model_fields import is_value, iter_names
 from navstack.parameters.models.costmap import CostmapParams
 from navstack.parameters.models.motion import MotionParams
@@ -14,7 +15,6 @@ from navstack.parameters.models.move_base import MoveBaseParams
 from navstack.parameters.models.sim import SimParams
 from navstack.parameters.models.wheels import WheelParams
 from navstack.parameters.namespaces import layer_names, planner_namespaces
-from navstack.parameters.safety_sections import SAFETY_MODELS
 from navstack.parameters.tree import COSTMAPS
 from navstack.plugins import GLOBAL_PLANNERS, LAYERS, LOCAL_PLANNERS, RECOVERY_BEHAVIORS
 
@@ -65,7 +65,7 @@ def catalogue_of(binder: Binder) -> Catalogue:
     catalogue.add("navstack/sim", SimParams)
     catalogue.add("navstack/sim/wheels", WheelParams)
     catalogue.add("navstack/motion", MotionParams)
-    for name, model in SAFETY_MODELS.items():
+    for name, model in NODE_MODELS.items():
         if any(space.path == name for space, _ in binder.bound):
             catalogue.add(name, model)
     for space, model in binder.bound:

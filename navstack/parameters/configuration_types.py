@@ -10,6 +10,7 @@ from navstack.core import Footprint
 from navstack.core.parameters import ParamModel, param
 from navstack.interfaces import GlobalPlanner, Layer, LocalPlanner, RecoveryBehavior
 from navstack.parameters.findings import Finding, Location
+from navstack.parameters.localization_sections import LocalizationConfiguration
 from navstack.parameters.models.costmap import CostmapParams
 from navstack.parameters.models.motion import MotionParams
 from navstack.parameters.models.move_base import MoveBaseParams
@@ -75,6 +76,8 @@ class Configuration:
     """Full name of a parameter (`DWAPlannerROS/max_vel_x`) -> location of its value; defaults are absent."""
     safety: SafetyConfiguration = SafetyConfiguration()
     """Multiplexer, velocity smoother and collision monitor."""
+    localization: LocalizationConfiguration = LocalizationConfiguration()
+    """amcl and the odometry filter."""
 
     @property
     def turning_radius(self) -> float:

@@ -13,6 +13,7 @@ from navstack.parameters.configuration_types import Configuration, CostmapConfig
 from navstack.parameters.findings import Finding, Location, finding, in_order
 from navstack.parameters.footprint import footprint_of
 from navstack.parameters.foreign import FOREIGN_LOCAL_PLANNERS
+from navstack.parameters.localization_sections import load_localization
 from navstack.parameters.models.costmap import CostmapParams
 from navstack.parameters.models.move_base import MoveBaseParams, builtin_recoveries
 from navstack.parameters.namespaces import planner_namespaces, planner_space
@@ -80,6 +81,7 @@ class Loader:
         parts["recoveries"] = self._recoveries(listed, move_base, parts["local_costmap"])
         parts["navstack"] = navstack
         parts["safety"] = load_safety(self.root, self.binder, self.findings)
+        parts["localization"] = load_localization(self.root, self.binder, self.findings)
         self._check_unselected_planners()
         configuration = None
         if all(part is not None for part in parts.values()):

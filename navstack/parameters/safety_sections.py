@@ -53,14 +53,14 @@ def load_safety(root: Space, binder: Binder, findings: list[Finding]) -> SafetyC
         if name not in root.children:
             continue
         space = binder.child(root, name)
-        _unwrap(space, findings)
+        unwrap_ros2(space, findings)
         if name == "twist_mux":
             _list_entries(space)
         made[name] = binder.bind(model, space)
     return None if any(params is None for params in made.values()) else SafetyConfiguration(**made)
 
 
-def _unwrap(space: Space, findings: list[Finding]) -> None:
+def unwrap_ros2(space: Space, findings: list[Finding]) -> None:
     """Move the parameters below `ros__parameters` up, where ROS 1 has them."""
     inner = space.space(ROS2_PARAMETERS)
     if inner is not None:

@@ -80,6 +80,13 @@ class PlaceRobot(_Interaction):
     pose: PoseList = param(..., "[x, y, yaw] or [x, y] in the map", unit="m, rad")
 
 
+class Kidnap(_Interaction):
+    """Puts the robot somewhere without telling its localization, which must find out."""
+
+    kind: Literal["kidnap"] = param("kidnap", "carry the robot away")
+    pose: PoseList = param(..., "[x, y, yaw] or [x, y] in the map", unit="m, rad")
+
+
 class SetParameters(_Interaction):
     """Changes parameters that can change at run time."""
 
@@ -133,7 +140,18 @@ class Wait(_Interaction):
 
 
 Interaction = Annotated[
-    GoTo | Queue | Cancel | PutShape | RemoveShape | PlaceRobot | SetParameters | Drive | Teleop | ClearCostmaps | Wait,
+    GoTo
+    | Queue
+    | Cancel
+    | PutShape
+    | RemoveShape
+    | PlaceRobot
+    | Kidnap
+    | SetParameters
+    | Drive
+    | Teleop
+    | ClearCostmaps
+    | Wait,
     Field(discriminator="kind"),
 ]
 INTERACTION: TypeAdapter[Any] = TypeAdapter(Interaction)
@@ -143,7 +161,7 @@ KINDS = tuple(
     model.model_fields["kind"].default
     for model in (
         *(GoTo, Queue, Cancel, PutShape, RemoveShape),
-        *(PlaceRobot, SetParameters, Drive, Teleop, ClearCostmaps, Wait),
+        *(PlaceRobot, Kidnap, SetParameters, Drive, Teleop, ClearCostmaps, Wait),
     )
 )
 

@@ -21,6 +21,7 @@ from navstack.scenario.interactions import (
     ClearCostmaps,
     Drive,
     GoTo,
+    Kidnap,
     PlaceRobot,
     PutShape,
     Queue,
@@ -98,6 +99,9 @@ class Interventions:
                 self._robot.place(pose_from(item.pose))
                 self._move_base.clear_costmaps()
                 self._note(f"put the robot at {_text(item.pose)}")
+            case Kidnap():
+                self._robot.place(pose_from(item.pose), told=False)
+                self._note(f"carried the robot to {_text(item.pose)}")
             case SetParameters():
                 self._set(item)
             case Drive():

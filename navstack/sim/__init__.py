@@ -2,9 +2,11 @@
 
 from navstack.parameters.models.sim import BumperParams, ImuParams, LidarParams, SimParams, SonarParams
 from navstack.sim.bumper import Bumper
+from navstack.sim.collision import Collision
+from navstack.sim.estimation import Estimation
 from navstack.sim.lidar import Lidar
 from navstack.sim.movers import Track, TrackedDiscs
-from navstack.sim.robot import Collision, SimulatedRobot
+from navstack.sim.robot import SimulatedRobot
 from navstack.sim.shapes import LOW, DoorMotion, OnTrack, PedestrianMotion, Shape, Still
 from navstack.sim.solids import Solids
 from navstack.sim.world import Mover, World
@@ -15,6 +17,7 @@ __all__ = [
     "BumperParams",
     "Collision",
     "DoorMotion",
+    "Estimation",
     "ImuParams",
     "Lidar",
     "LidarParams",

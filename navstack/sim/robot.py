@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -26,7 +25,9 @@ from navstack.parameters.models.sim import SimParams
 from navstack.sim import _body_kernels as kernels
 from navstack.sim import _body_layout as layout
 from navstack.sim.body import body_settings, steered_command
+from navstack.sim.collision import Collision
 from navstack.sim.commands import CommandQueue
+from navstack.sim.estimation import Estimation
 from navstack.sim.localization import Localization
 from navstack.sim.placement import all_solids, check_obstacles, check_pose
 from navstack.sim.sensors import SensorSuite
@@ -36,24 +37,6 @@ from navstack.sim.world import World
 _NO_NOISE = np.empty((0, 8))
 # a tenth of a microsecond instead of 0.4 per transform, 50 of them per simulated second
 _transform: Callable[[list[float]], Transform2D] = partial(tuple.__new__, Transform2D)  # pyright: ignore[reportAssignmentType]
-
-
-@dataclass(frozen=True, slots=True)
-class Collision:
-    """The robot collided with an obstacle; counted once until the robot has left it."""
-
-    time: float
-    """Seconds."""
-    pose: Pose2D
-    """Pose of the robot in the map where it was stopped."""
-    kind: str
-    """`map`, `disc` or `polygon`."""
-    index: int
-    """Index of the cell (iy * nx + ix), of the disc or of the polygon."""
-    at: tuple[float, float]
-    """Centre of the obstacle in the map (m)."""
-    name: str = ""
-    """Name of the shape, if it has one."""
 
 
 class SimulatedRobot:
@@ -77,8 +60,9 @@ class SimulatedRobot:
         base_frame: str = "base_footprint",
         odom_frame: str = "odom",
         map_frame: str = "map",
+        estimation: Estimation | None = None,
     ) -> None:
-        """`footprint`: the real footprint, without padding; `start` in the map (m, rad).
+        """`footprint`: the real one, without padding; `start` in the map (m, rad); `estimation` instead of truth and wheels.
 
         Raises InputError if the robot collides there, and for sensors in the same frame with different poses.
         """
@@ -121,12 +105,21 @@ class SimulatedRobot:
         self._collided = False
         """The robot was in collision before or during the steps that have not been observed yet."""
 
+        self.estimation = estimation or Estimation()
+        """What the robot believes, by a localizer and an odometry filter."""
         self._localization = Localization(params, seed=seed, offset=offset)
+        if self.estimation.localizer is not None:
+            self._localization.is_static = False
+        self.estimation.begin(params, (map_frame, odom_frame, base_frame), self._localization.start)
         if self._localization.is_static:
             self.frames.set_static(map_frame, odom_frame, self._localization.start)
         self._sensors = SensorSuite(params, footprint, start, seed=seed)
         self._sensors.mount(self.frames, base_frame)
         self.frames.set(odom_frame, base_frame, Transform2D(*odometry), 0.0)
+        self._filtered: Transform2D | None = None
+        if self.estimation.odometry is not None:
+            self._filtered = Transform2D(*odometry)
+            self.estimation.odometry.start(0.0, self._filtered)
         if not self._localization.is_static:
             self.frames.set(map_frame, odom_frame, self._localization.start, 0.0)
         self._sensors.start(self.pose, self._solids)
@@ -238,32 +231,42 @@ class SimulatedRobot:
         samples = self._samples[observed - first : last - first]
         rows: list[list[float]] = samples.tolist()
         stamps = [step / frequency for step in range(observed + 1, last + 1)]
+        self._sensors.observe(observed, rows, self._solids, collided=self._collided)
+        self._collided = self.in_collision
         odometry = list(map(_transform, samples[:, 3:6].tolist()))
+        if self.estimation.odometry is not None:
+            odometry = self.estimation.filtered(odometry, stamps, self._sensors.imu_readings())
+            self._filtered = odometry[-1]
         self.frames.extend(self.odom_frame, self.base_frame, odometry, stamps)
-        if not self._localization.is_static:
+        if self.estimation.localizer is not None:
+            self.frames.extend(self.map_frame, self.odom_frame, [self.estimation.correction] * len(stamps), stamps)
+            if self.estimation.process(self._sensors.scans(self.world), self.frames):
+                self.frames.set(self.map_frame, self.odom_frame, self.estimation.correction, stamps[-1])
+        elif not self._localization.is_static:
             corrections = [
                 self._localization.at(step, Transform2D(row[0], row[1], row[2]), pose)
                 for step, (row, pose) in enumerate(zip(rows, odometry, strict=True), observed + 1)
             ]
             self.frames.extend(self.map_frame, self.odom_frame, corrections, stamps)
-        self._sensors.observe(observed, rows, self._solids, collided=self._collided)
-        self._collided = self.in_collision
 
     # --- interface of a robot -----------------------------------------------------------------------------------------
 
     def state(self) -> RobotState:
         """Returns the odometry: pose in the odometry frame and velocity of the wheels, at the current step."""
-        now = self._now
-        return RobotState(
-            Pose2D(now[layout.OX], now[layout.OY], now[layout.OYAW]),
-            Twist2D(now[layout.VX], now[layout.VY], now[layout.WZ]),
-            self.time,
-            self.odom_frame,
-        )
+        twist = self.estimation.twist or Twist2D(*self._now[layout.VX : layout.WZ + 1])
+        return RobotState(Pose2D(*self._odometry_pose), twist, self.time, self.odom_frame)
+
+    @property
+    def _odometry_pose(self) -> Transform2D:
+        """Pose of the base in the odometry frame, by the filter if there is one."""
+        if self._filtered is not None:
+            return self._filtered
+        return Transform2D(*self._now[layout.OX : layout.OYAW + 1])
 
     def scans(self) -> Sequence[SensorData]:
         """Returns the sensor data since the last call, oldest first, each as measured at its time."""
-        return self._sensors.scans(self.world)
+        scans = self._sensors.scans(self.world)
+        return scans if self.estimation.localizer is None else [*self.estimation.fetch(), *scans]
 
     def imu_readings(self) -> Sequence[ImuReading]:
         """Returns the IMU readings since the last call, by IMU, oldest first."""
@@ -312,8 +315,8 @@ class SimulatedRobot:
         self.world, self._crowd, self._solids = world, crowd, solids
         self._body["moving_obstacles"] = world.moves
 
-    def place(self, pose: Pose2D) -> None:
-        """Puts the robot at `pose` (map frame), at rest, and tells its localization; the odometry does not notice.
+    def place(self, pose: Pose2D, *, told: bool = True) -> None:
+        """Puts the robot at `pose` (map frame), at rest, and tells its localization if `told`; the odometry does not notice.
 
         Raises InputError if the robot collides there or the pose is not finite; nothing has changed then.
         """
@@ -327,12 +330,16 @@ class SimulatedRobot:
         state[layout.RIM : layout.RIM + 4] = state[layout.TRACTION] = 0.0
         self._now = state.tolist()
         self._collided = False
-        odometry = Transform2D(*self._now[layout.OX : layout.OYAW + 1])
-        self._localization.correct(truth, odometry)
+        if not told and self.estimation.localizer is not None:
+            return
+        self._localization.correct(truth, self._odometry_pose)
+        self.estimation.tell(truth, self._odometry_pose)
+        localizes = self.estimation.localizer is not None
+        current = self.estimation.correction if localizes else self._localization.current
         if self._localization.is_static:
-            self.frames.set_static(self.map_frame, self.odom_frame, self._localization.current)
+            self.frames.set_static(self.map_frame, self.odom_frame, current)
         else:
-            self.frames.set(self.map_frame, self.odom_frame, self._localization.current, self.time)
+            self.frames.set(self.map_frame, self.odom_frame, current, self.time)
 
     def _collision_pose(self, pose: Pose2D) -> Pose2D:
         return pose if math.isnan(self._fixed_yaw) else pose._replace(yaw=self._fixed_yaw)

@@ -13,7 +13,7 @@ STATES: Final = ("x", "y", "z", "roll", "pitch", "yaw", "vx", "vy", "vz", "vroll
 """The order of robot_localization."""
 PLANAR: Final = (0, 1, 5, 6, 7, 11, 12, 13)
 """Those of a planar robot: x, y, yaw, vx, vy, vyaw, ax, ay."""
-SOURCES_PER_KIND: Final = 4
+SOURCES_PER_KIND: Final = 2
 KINDS: Final = ("odom", "pose", "twist", "imu")
 HUGE: Final = 1e300
 _NOISE: Final = (0.05, 0.05, 0.06, 0.03, 0.03, 0.06, 0.025, 0.025, 0.04, 0.01, 0.01, 0.02, 0.01, 0.01, 0.015)

@@ -214,10 +214,19 @@ class SimParams(BodyParams):
         ge=-ODOMETRY_LIMIT,
         le=ODOMETRY_LIMIT,
     )
-    localization: Literal["truth", "odometry"] = param(
+    odometry: Literal["wheels", "ekf"] = param(
+        "wheels", "wheels: the wheels alone; ekf: wheels and the first IMU through the filter of the section `ekf`"
+    )
+    localization: Literal["truth", "odometry", "amcl", "scan_matching"] = param(
         "truth",
         "truth: map -> odom corrects the drift of the odometry, as fake_localization does, with the errors below; odometry: "
-        "map -> odom is constant",
+        "map -> odom is constant; amcl: the particle filter of the section `amcl`; scan_matching: scans matched with the map",
+    )
+    initial_pose: Literal["given", "unknown"] = param(
+        "given", "given: the localizer is told where the robot starts; unknown: it must find out (amcl, scan_matching)"
+    )
+    initial_pose_error: list[float] = param(
+        [0.0, 0.0, 0.0], "error of that pose: ahead, to the left, turn", unit="m, m, rad"
     )
     localization_noise: float = param(
         0.0, "standard deviation of the localized x and y, drawn at each update", unit="m", ge=0.0
@@ -259,11 +268,11 @@ class SimParams(BodyParams):
                 models |= {name: model for name in names if isinstance(name, str)}
         return models
 
-    @field_validator("map_to_odom")
+    @field_validator("map_to_odom", "initial_pose_error")
     @classmethod
     def _check_pose(cls, value: list[float]) -> list[float]:
         if len(value) != 3:
-            raise ValueError(f"map_to_odom = {value} is not a pose; write [x, y, yaw] (m, m, rad)")
+            raise ValueError(f"{value} is not a pose; write [x, y, yaw] (m, m, rad)")
         return value
 
     @field_validator("lasers", "bumpers", "sonars", "imus")

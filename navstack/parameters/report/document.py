@@ -57,7 +57,16 @@ def same_parameters(a: Configuration, b: Configuration) -> bool:
 
     def values(c: Configuration) -> tuple[Any, ...]:
         planners = (c.global_planner, c.local_planner)
-        return (c.move_base, c.global_costmap, c.local_costmap, planners, c.recoveries, c.navstack, c.safety)
+        return (
+            c.move_base,
+            c.global_costmap,
+            c.local_costmap,
+            planners,
+            c.recoveries,
+            c.navstack,
+            c.safety,
+            c.localization,
+        )
 
     return values(a) == values(b)
 
@@ -78,7 +87,7 @@ def _all(c: Configuration) -> Iterator[Parameter]:
     for recovery in {r.namespace: r for r in c.recoveries}.values():
         yield from walk.model(recovery.params, recovery.namespace, imposed.get(recovery.name))
     yield from walk.model(c.navstack, "navstack")
-    for name, params in c.safety.sections():
+    for name, params in (*c.safety.sections(), *c.localization.sections()):
         if params is not None:
             yield from walk.model(params, name)
 

@@ -9,6 +9,7 @@ from pydantic.fields import FieldInfo
 
 from navstack.core.parameters import ParamModel
 from navstack.parameters.configuration_types import NavstackParams
+from navstack.parameters.localization_sections import NODE_MODELS
 from navstack.parameters.model_fields import bounds_of, nested_model, unit_of
 from navstack.parameters.models.collision_monitor import (
     ExclusionZoneParams,
@@ -22,7 +23,6 @@ from navstack.parameters.models.twist_mux import MuxInputParams, MuxLockParams
 from navstack.parameters.namespaces import layer_names, planner_namespaces
 from navstack.parameters.report.document import plain_value, value_text
 from navstack.parameters.report.schema import children_of
-from navstack.parameters.safety_sections import SAFETY_MODELS
 from navstack.plugins import (
     CRITICS,
     GLOBAL_PLANNERS,
@@ -84,7 +84,7 @@ def _sections() -> Iterator[str]:
         for entry in registry:
             if entry.origin == "navstack":
                 yield _plugin(title, entry, where, listed)
-    for name, model in SAFETY_MODELS.items():
+    for name, model in NODE_MODELS.items():
         yield _section(name, f"`{name}`, or `{name}/ros__parameters` in a file of ROS 2", model)
     for title, where, model in _SAFETY_PARTS:
         yield _section(title, where, model)

@@ -13,6 +13,7 @@ from pydantic.json_schema import models_json_schema
 
 from navstack.core.parameters import ParamModel
 from navstack.parameters.configuration_types import NavstackParams
+from navstack.parameters.localization_sections import NODE_MODELS
 from navstack.parameters.model_fields import nested_model
 from navstack.parameters.models.collision_monitor import (
     ExclusionZoneParams,
@@ -23,7 +24,7 @@ from navstack.parameters.models.collision_monitor import (
 from navstack.parameters.models.costmap import CostmapParams
 from navstack.parameters.models.move_base import MoveBaseParams, builtin_recoveries
 from navstack.parameters.namespaces import layer_names, planner_namespaces
-from navstack.parameters.safety_sections import ROS2_PARAMETERS, SAFETY_MODELS
+from navstack.parameters.safety_sections import ROS2_PARAMETERS
 from navstack.parameters.tree import COSTMAPS
 from navstack.plugins import GLOBAL_PLANNERS, LAYERS, LOCAL_PLANNERS, RECOVERY_BEHAVIORS, REGISTRIES
 
@@ -62,7 +63,7 @@ def json_schema() -> Schema:
     for spec, _ in builtin_recoveries(MoveBaseParams(), 1.0):
         properties[spec.name] = of(RECOVERY_BEHAVIORS.get(spec.type).cls.Params)
     properties["navstack"] = of(NavstackParams)
-    for name, model in SAFETY_MODELS.items():
+    for name, model in NODE_MODELS.items():
         properties[name] = _with_ros2(of(model))
     root["additionalProperties"] = {"type": "object", "description": "parameters of a recovery behavior or plugin"}
     return {"$schema": _DIALECT, **root, "title": "move_base", "$defs": {k: defs[k] for k in sorted(defs)}}
@@ -74,7 +75,7 @@ def _models() -> Iterator[type[ParamModel]]:
         for entry in registry:
             yield entry.cls.Params
             yield from children_of(entry.cls.Params).values()
-    yield from (*SAFETY_MODELS.values(), ZoneParams, SubPolygonParams, MonitorSourceParams, ExclusionZoneParams)
+    yield from (*NODE_MODELS.values(), ZoneParams, SubPolygonParams, MonitorSourceParams, ExclusionZoneParams)
     yield NavstackParams
     for info in NavstackParams.model_fields.values():
         if isinstance(info.default, ParamModel):

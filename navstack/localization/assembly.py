@@ -1,0 +1,46 @@
+"""The localizer and the odometry filter that the parameters of a simulated robot name."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from navstack.core import OccupancyGrid, Pose2D, Transform2D
+from navstack.interfaces import Localizer
+from navstack.localization.amcl import Amcl
+from navstack.localization.ekf.filtered_odometry import FilteredOdometry
+from navstack.localization.scan_matcher import ScanMatcher
+from navstack.parameters.localization_sections import LocalizationConfiguration, default_filter
+from navstack.parameters.models.amcl import AmclParams
+from navstack.parameters.models.sim import SimParams
+
+
+def make_localizer(
+    sim: SimParams, sections: LocalizationConfiguration, grid: OccupancyGrid, start: Pose2D, seed: int
+) -> Localizer | None:
+    """Return the localizer of `localization: amcl` or `scan_matching`, told where the robot starts; None for another value."""
+    amcl = sections.amcl or AmclParams()
+    if sim.localization == "amcl":
+        localizer: Localizer = Amcl(amcl, seed=seed)
+    elif sim.localization == "scan_matching":
+        localizer = ScanMatcher()
+    else:
+        return None
+    localizer.set_map(grid)
+    if sim.initial_pose == "unknown":
+        localizer.start_globally()
+    else:
+        variances = amcl.initial_cov_xx, amcl.initial_cov_yy, amcl.initial_cov_aa
+        localizer.set_pose(believed_start(sim, start), np.diag(variances), math.inf)
+    return localizer
+
+
+def believed_start(sim: SimParams, start: Pose2D) -> Pose2D:
+    """Return the pose that the robot is told at the start: the true one with `initial_pose_error`."""
+    return Transform2D(*start).apply(Pose2D(*sim.initial_pose_error))
+
+
+def make_filter(sim: SimParams, sections: LocalizationConfiguration) -> FilteredOdometry | None:
+    """Return the filter of `odometry: ekf`; None for the wheels' odometry."""
+    return FilteredOdometry(sections.ekf or default_filter()) if sim.odometry == "ekf" else None
