@@ -31,7 +31,7 @@ from navstack.core.poses import require_pose
 from navstack.costmap import LayeredCostmap
 from navstack.costmap.reconfigure import apply_reconfigure, check_reconfigure
 from navstack.interfaces import GlobalPlanner, LocalPlanner, Plan, RecoveryBehavior, Robot
-from navstack.localization.assembly import make_filter, make_localizer
+from navstack.localization.assembly import believed_start, make_filter, make_localizer
 from navstack.map_io import load_mask
 from navstack.move_base import MoveBase, plugin_calls
 from navstack.move_base.occupied_cell import add_layer
@@ -226,7 +226,8 @@ def simulated_robot(
         world = World(static_map, obstacles, low_discs=low_obstacles, shapes=shapes)
     _check_start(world, footprint, start)
     sim, sections = configuration.navstack.sim, configuration.localization
-    estimation = Estimation(make_localizer(sim, sections, world.map, start, seed), make_filter(sim, sections))
+    localizer = make_localizer(sim, sections, world.map, start, seed)
+    estimation = Estimation(localizer, make_filter(sim, sections), believed_start(sim, start))
     return SimulatedRobot(
         configuration.navstack.sim,
         world,

@@ -8,7 +8,7 @@ from pathlib import Path
 from navstack.core.files import is_file, resolved
 from navstack.parameters.findings import Location, finding
 from navstack.parameters.foreign import FOREIGN_PLANNERS
-from navstack.parameters.localization_sections import NODE_MODELS
+from navstack.parameters.safety_sections import SAFETY_MODELS
 from navstack.parameters.source_tree import Sources
 from navstack.parameters.tree import COSTMAPS, descend, overlay, parts_of, put
 from navstack.parameters.yaml_reader import MAX_BYTES, DictNode, read_yaml
@@ -37,7 +37,6 @@ _ROLES: dict[str, tuple[str, ...]] = {
     "recovery": ("recovery_behaviors", "recovery", "recoveries", "recovery_behaviours"),
     "global_planner": ("global_planner", "base_global_planner", "navfn_global_planner", "navfn", "carrot_planner"),
     "navstack": ("navstack",),
-    "localization": ("localization", "amcl", "ekf"),
     "safety": ("safety", "collision_monitor", "velocity_smoother"),
 }
 _AFFIX = re.compile(r"(?:^|_)(?:params?|config|parameters?|ros)(?=_|$)")
@@ -93,7 +92,7 @@ def load_root(out: Sources, root: DictNode) -> None:
             out.findings.append(finding("info", "node-namespace", at, name, message))
             overlay(out.root, node, out.findings)
             for key, (there, other) in root.items.items():
-                if key == "navstack" or key in NODE_MODELS:
+                if key == "navstack" or key in SAFETY_MODELS:
                     put(out.root, key, there, other, out.findings)
             return
     overlay(out.root, root, out.findings)

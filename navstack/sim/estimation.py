@@ -19,8 +19,14 @@ TOLD_COVARIANCE = np.diag([0.01, 0.01, 0.003])
 class Estimation:
     """A localizer and an odometry filter, fed with the simulated sensors; either may be absent."""
 
-    def __init__(self, localizer: Localizer | None = None, odometry: OdometryFilter | None = None) -> None:
-        """The localizer has its map and its first pose."""
+    def __init__(
+        self,
+        localizer: Localizer | None = None,
+        odometry: OdometryFilter | None = None,
+        believed: Pose2D | None = None,
+    ) -> None:
+        """The localizer has its map and its first pose; `believed` is where the robot takes itself to be at the start."""
+        self._believed = believed
         self.localizer = localizer
         self.odometry = odometry
         self._topic = ""
@@ -28,11 +34,12 @@ class Estimation:
         self._unfetched: list[SensorData] = []
         self._correction = Transform2D()
 
-    def begin(self, params: SimParams, frames: tuple[str, str, str], start: Transform2D) -> None:
-        """Name the frames of map, odometry and base, and the map's pose of the odometry frame before the first estimate."""
+    def begin(self, params: SimParams, frames: tuple[str, str, str], odometry: Transform2D) -> None:
+        """Name the frames of map, odometry and base, and the first odometry."""
         self._topic = params.lidar(params.lasers[0]).topic if params.lasers else ""
         self._frames = frames
-        self._correction = start
+        if self._believed is not None:
+            self._correction = Transform2D(*self._believed) @ odometry.inverse()
 
     @property
     def correction(self) -> Transform2D:

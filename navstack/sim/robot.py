@@ -29,12 +29,12 @@ from navstack.sim.collision import Collision
 from navstack.sim.commands import CommandQueue
 from navstack.sim.estimation import Estimation
 from navstack.sim.localization import Localization
+from navstack.sim.noise import DriveNoise
 from navstack.sim.placement import all_solids, check_obstacles, check_pose
 from navstack.sim.sensors import SensorSuite
 from navstack.sim.solids import Solids
 from navstack.sim.world import World
 
-_NO_NOISE = np.empty((0, 8))
 # a tenth of a microsecond instead of 0.4 per transform, 50 of them per simulated second
 _transform: Callable[[list[float]], Transform2D] = partial(tuple.__new__, Transform2D)  # pyright: ignore[reportAssignmentType]
 
@@ -89,10 +89,7 @@ class SimulatedRobot:
         self._commands = CommandQueue(params)
         self._by_hand: Twist2D | None = None
         self._steering = 0.0
-        self._heading_noise = params.wheel_slip_turn > 0.0 or params.odometry_noise_turn > 0.0
-        self._noisy = params.wheel_slip > 0.0 or params.odometry_noise > 0.0 or self._heading_noise
-        self._heading_rng = np.random.Generator(np.random.PCG64([seed, 1 << 24]))
-        self._rng = np.random.Generator(np.random.PCG64([seed, 0]))
+        self._noise = DriveNoise(params, seed)
 
         offset = Transform2D(params.map_to_odom[0], params.map_to_odom[1], normalize_angle(params.map_to_odom[2]))
         odometry = offset.inverse().apply(Pose2D(start.x, start.y, normalize_angle(start.yaw)))
@@ -108,20 +105,28 @@ class SimulatedRobot:
         self.estimation = estimation or Estimation()
         """What the robot believes, by a localizer and an odometry filter."""
         self._localization = Localization(params, seed=seed, offset=offset)
-        if self.estimation.localizer is not None:
-            self._localization.is_static = False
-        self.estimation.begin(params, (map_frame, odom_frame, base_frame), self._localization.start)
-        if self._localization.is_static:
-            self.frames.set_static(map_frame, odom_frame, self._localization.start)
-        self._sensors = SensorSuite(params, footprint, start, seed=seed)
-        self._sensors.mount(self.frames, base_frame)
-        self.frames.set(odom_frame, base_frame, Transform2D(*odometry), 0.0)
+        self.estimation = estimation or Estimation()
+        """What the robot believes, by a localizer and an odometry filter."""
         self._filtered: Transform2D | None = None
-        if self.estimation.odometry is not None:
-            self._filtered = Transform2D(*odometry)
-            self.estimation.odometry.start(0.0, self._filtered)
-        if not self._localization.is_static:
-            self.frames.set(map_frame, odom_frame, self._localization.start, 0.0)
+        self._sensors = SensorSuite(params, footprint, start, seed=seed)
+        self._begin(Transform2D(*odometry))
+
+    def _begin(self, odometry: Transform2D) -> None:
+        """Publishes the frames at time 0 and schedules the first scans."""
+        estimation, localization, frames = self.estimation, self._localization, self.frames
+        if estimation.localizer is not None:
+            localization.is_static = False
+        estimation.begin(self.params, (self.map_frame, self.odom_frame, self.base_frame), odometry)
+        if localization.is_static:
+            frames.set_static(self.map_frame, self.odom_frame, localization.start)
+        self._sensors.mount(frames, self.base_frame)
+        frames.set(self.odom_frame, self.base_frame, odometry, 0.0)
+        if estimation.odometry is not None:
+            self._filtered = odometry
+            estimation.odometry.start(0.0, odometry)
+        if not localization.is_static:
+            start = localization.start if estimation.localizer is None else estimation.correction
+            frames.set(self.map_frame, self.odom_frame, start, 0.0)
         self._sensors.start(self.pose, self._solids)
 
     # --- time ---------------------------------------------------------------------------------------------------------
@@ -166,7 +171,7 @@ class SimulatedRobot:
             self._body,
             self._vertices,
             steps,
-            self._noise(steps) if self._noisy else _NO_NOISE,
+            self._noise.of(steps),
             self.world.squares,
             self.world.grid,
             solids.discs,
@@ -210,20 +215,6 @@ class SimulatedRobot:
             speed, self._steering = steered_command(self.params, twist, self._steering)
             twist = Twist2D(speed, 0.0, self._steering)
         self._state[layout.COMMAND : layout.COMMAND + 3] = twist
-
-    def _noise(self, steps: int) -> NDArray[np.float64]:
-        """Returns errors per step, (steps, 8), as `drive` takes them.
-
-        The variances of the relative errors over one second add up to the square of the parameter.
-        """
-        noise = np.zeros((steps, 8))
-        relative = self._rng.standard_normal((steps, 6)) * math.sqrt(self._frequency)
-        noise[:, :3] = relative[:, :3] * self.params.wheel_slip
-        noise[:, 3:6] = relative[:, 3:] * self.params.odometry_noise
-        if self._heading_noise:
-            sigmas = self.params.wheel_slip_turn, self.params.odometry_noise_turn
-            noise[:, 6:] = self._heading_rng.standard_normal((steps, 2)) * sigmas
-        return noise
 
     def _observe(self, first: int, observed: int) -> None:
         """Publishes the frames and schedules the measurements of the steps in (observed, now]."""
