@@ -32,7 +32,12 @@ export class Layers {
     this.changed();
   }
 
-  toggle(name, on) { this.get(name).on = on; this.store(); }
+  toggle(name, on) {
+    this.get(name).on = on;
+    const box = document.getElementById(`layer-${name}`);
+    if (box) box.checked = on;
+    this.store();
+  }
 
   build(section) {
     const rows = [...this.items.values()].map((layer) => el('div', { className: 'layer' },

@@ -18,7 +18,7 @@ export class Versus {
 
   world(world) {
     $('split').hidden = $('which').hidden = !this.two;
-    $('which').replaceChildren(...world.labels.map((label, index) => el('button', { type: 'button', role: 'radio', onclick: () => this.choose(index) },
+    $('which').replaceChildren(...world.labels.map((label, index) => el('button', { type: 'button', role: 'radio', title: label, onclick: () => this.choose(index) },
       el('i', { className: index ? 'second' : 'first' }, '■'), label)));
     world.labels.forEach((label, index) => { $(`name${index + 1}`).textContent = label; });
     this.arrange();
