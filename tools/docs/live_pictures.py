@@ -3,7 +3,7 @@
 
     python tools/docs/live_pictures.py [--out build/live] [--docs]
 
-`--docs` writes docs/images/live.png and live.gif as well. Needs Chromium and Playwright.
+`--docs` writes docs/images/live.png, live_versus.png and live.gif as well. Needs Chromium and Playwright.
 """
 
 from __future__ import annotations
@@ -167,8 +167,9 @@ def main() -> int:
         with_server(versus, lambda address: moments.take(moments.page(address), "10_versus", "side.t > 20") and None)
         if arguments.docs:
             images = ROOT / "docs" / "images"
-            picture = Image.open(arguments.out / "00_readme.png").convert("RGB")
-            picture.quantize(200).save(images / "live.png", optimize=True)
+            for moment, name in (("00_readme", "live"), ("10_versus", "live_versus")):
+                picture = Image.open(arguments.out / f"{moment}.png").convert("RGB")
+                picture.quantize(200).save(images / f"{name}.png", optimize=True)
 
             def film(address: str) -> None:
                 page = moments.page(address)
