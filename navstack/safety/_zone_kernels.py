@@ -132,21 +132,27 @@ def transform_points(points, pose, out):
 
 @kernel
 def scan_points(ranges, directions, range_min, range_max, out):
-    """Write the points of the beams of a scan that hit something to `out` (n, 2), sensor frame; return their number.
+    """Write the points of the beams of a scan that hit something to the start of `out` (n, 2), sensor frame; return their number.
 
     `directions` (n, 2): cosine and sine of each beam. The second result is the number of valid beams: those, and the ones
-    without a hit (REP 117: +inf). NaN, -inf and ranges below `range_min` say nothing about the beam.
+    without a hit (REP 117: +inf). The third one is the number of beams that hit something nearer than `range_min` (-inf too);
+    their directions fill the end of `out`. NaN says nothing about the beam.
     """
-    count, valid = 0, 0
+    count, valid, near = 0, 0, 0
+    last = ranges.shape[0] - 1
     for i in range(ranges.shape[0]):
         r = ranges[i]
-        if r >= range_min:
+        if r < range_min:
+            out[last - near, 0] = directions[i, 0]
+            out[last - near, 1] = directions[i, 1]
+            near += 1
+        elif r >= range_min:
             valid += 1
             if r <= range_max and r < math.inf:
                 out[count, 0] = r * directions[i, 0]
                 out[count, 1] = r * directions[i, 1]
                 count += 1
-    return count, valid
+    return count, valid, near
 
 
 @kernel

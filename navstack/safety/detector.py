@@ -62,6 +62,7 @@ class CollisionDetector:
         if not self._due > now:
             self._due = now + 1.0 / self.params.frequency
         problems = self.field.update(now)
+        problems |= {name: near.what for name, near in self.field.near.items()}
         found: dict[str, bool] = {}
         for zone in self.zones:
             if not zone.enabled:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from navstack.core import Costmap
 from navstack.parameters.models.collision_monitor import MonitorSourceParams
+from navstack.safety.near_beams import NearBeams
 from navstack.safety.sources import NO_POINTS, CostmapObservation, Frames, Observation, Source, build_source
 
 
@@ -23,6 +24,8 @@ class PointField:
         self._by_topic: dict[str, list[Source]] = {}
         for source in self.sources.values():
             self._by_topic.setdefault(source.topic, []).append(source)
+        self.near: dict[str, NearBeams] = {}
+        """Name -> beams of the sources that see hardly anything but something too near to measure, base frame."""
         self._parts: dict[str, NDArray[np.float64]] = {}
         self._joined: dict[tuple[str, ...], NDArray[np.float64]] = {}
 
@@ -46,7 +49,7 @@ class PointField:
 
         A source without a `source_timeout` never does. `used` are the sources that count; None for all.
         """
-        self._parts, self._joined = {}, {}
+        self.near, self._parts, self._joined = {}, {}, {}
         problems: dict[str, str] = {}
         for name, source in self.sources.items():
             if not source.enabled or (used is not None and name not in used):
@@ -54,7 +57,11 @@ class PointField:
             points, problem = source.points(now)
             if problem and source.timeout_s > 0.0:
                 problems[name] = problem
-            elif len(points):
+                continue
+            near = source.near_beams(now)
+            if near is not None:
+                self.near[name] = near
+            if len(points):
                 self._parts[name] = points
         return problems
 

@@ -18,6 +18,7 @@ from navstack.core.errors import InputError
 from navstack.parameters.models.collision_monitor import CollisionMonitorParams
 from navstack.safety.approach import Approach, ApproachLimit
 from navstack.safety.field import PointField
+from navstack.safety.near_beams import body_shape
 from navstack.safety.sources import NO_POINTS, Frames, Observation
 from navstack.safety.zones import Action, Shape, Zone
 
@@ -25,6 +26,8 @@ _STOP: Final = Twist2D()
 _ROUNDING_S: Final = 1e-9
 INVALID_SOURCE: Final = "invalid source"
 """Zone of a decision that no zone made, as Nav2 names it."""
+TOO_NEAR: Final = "too near"
+"""Zone of a decision that no zone made: a source sees hardly anything but something too near to measure."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,7 +41,7 @@ class MonitorDecision:
     action: Action
     """What changed the command; `none` if nothing did."""
     zone: str
-    """Zone that decided, `invalid source`, or empty."""
+    """Zone that decided, `invalid source`, `too near`, or empty."""
     ratio: float
     """Factor of the command."""
     reason: str
@@ -99,9 +102,13 @@ class CollisionMonitor:
         )
         names = tuple(params.sources)
         self.zones = [Zone(name, zone, names, padded_footprint or footprint) for name, zone in params.zones.items()]
-        self.field = PointField(params.sources, self.frames, params.source_timeout)
+        sources = params.sources
+        if params.nav2_compatible:  # to Nav2, a scan without a valid beam is a free one
+            sources = {name: source.model_copy(update={"min_valid_share": 0.0}) for name, source in sources.items()}
+        self.field = PointField(sources, self.frames, params.source_timeout)
         self._body = footprint.vertices if footprint is not None else (padded_footprint or _point()).vertices
         self._body = Shape(self._body).corners
+        self._round_body = body_shape(self._body)
         decel = params.max_decel if params.max_decel is not None else max_decel
         self._approach = Approach(
             self._body,
@@ -169,6 +176,12 @@ class CollisionMonitor:
                 0.0, "stop", INVALID_SOURCE, f"stop, because the source {name} is invalid: {problem}", NO_POINTS
             )
             return
+        for near in self.field.near.values():
+            places = near.towards(self._round_body, command)
+            if len(places):
+                reason = f"stop, because the command moves the robot towards an obstacle: {near.what}{_nearest(places)}"
+                verdict.tighten(0.0, "stop", TOO_NEAR, reason, places)
+                return
         for zone in zones:
             self._judge_zone(verdict, zone, command, measured)
             if verdict.ratio <= 0.0:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -19,6 +19,7 @@ from navstack.core import Costmap, FrameTree, LaserScan, PointCloud, RangeReadin
 from navstack.core.errors import FrameError, InputError
 from navstack.parameters.models.collision_monitor import ExclusionZoneParams, MonitorSourceParams
 from navstack.safety import _zone_kernels as kernels
+from navstack.safety.near_beams import NearBeams
 
 NO_POINTS: Final = np.empty((0, 2))
 _ROUNDING_S: Final = 1e-9
@@ -146,11 +147,11 @@ class Source(ABC):
         except FrameError as exc:
             self._problem, self._kept = exc.message, NO_POINTS
             return
-        if transform.is_identity() or not len(points):
-            self._kept = points
-        else:
-            self._kept = np.empty_like(points)
-            kernels.transform_points(points, np.array(transform, np.float64), self._kept)
+        self._keep(points, transform)
+
+    def _keep(self, points: NDArray[np.float64], transform: Transform2D) -> None:
+        """Keep the points of a message, moved by `transform`."""
+        self._kept = _moved(points, transform)
 
     @abstractmethod
     def read(self, data: Observation) -> NDArray[np.float64] | None:
@@ -173,6 +174,11 @@ class Source(ABC):
         kernels.transform_points(self._kept, np.array(transform, np.float64), out)
         return self._without_excluded(out, now), ""
 
+    def near_beams(self, now: float) -> NearBeams | None:
+        """Return the beams at `now` (s) that hit something too near to measure, if the source sees hardly anything else."""
+        del now
+        return None
+
     def problem(self, now: float) -> str:
         """Return why the source has no valid data at `now` (s), empty if it has."""
         if self._stamp is None:
@@ -193,12 +199,18 @@ class Source(ABC):
 
 
 class ScanSource(Source):
-    """Beams of a laser scan within its ranges."""
+    """Beams of a laser scan within its ranges.
+
+    A scan with hardly a valid beam looks as if nothing was there. Beams that hit something nearer than `range_min` tell where the
+    obstacle is: the monitor holds the robot in those directions. NaN tell nothing: the scan is no data.
+    """
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
         self._key: tuple[float, float, int] | None = None
         self._directions: NDArray[np.float64] = NO_POINTS
+        self._near: NearBeams | None = None
+        """Of the last message, in the frame in which its points are kept."""
 
     def read(self, data: Observation) -> NDArray[np.float64] | None:
         """Return the points of the valid beams."""
@@ -211,19 +223,38 @@ class ScanSource(Source):
             self._directions = np.column_stack((np.cos(angles), np.sin(angles)))
             self._key = key
         out = np.empty((len(ranges), 2))
-        count, valid = kernels.scan_points(ranges, self._directions, data.range_min, data.range_max, out)
-        self._fault = self._describe_fault(valid, len(ranges), data.range_min)
+        count, valid, near = kernels.scan_points(ranges, self._directions, data.range_min, data.range_max, out)
+        self._fault, self._near = "", None
+        wanted = max(self.params.min_valid_share * len(ranges), 1.0) if self.params.min_valid_share > 0.0 else 0.0
+        if valid + near < wanted:
+            self._fault = (
+                f"{valid} of {len(ranges)} beams of {self.topic} are valid (min_valid_share "
+                f"{self.params.min_valid_share:g}): something covers the sensor, or it is faulty"
+            )
+        elif valid < wanted:
+            what = f"{near} of {len(ranges)} beams of {self.topic} hit something nearer than range_min ({data.range_min:g} m)"
+            self._near = NearBeams(np.zeros(2), out[len(out) - near :], data.range_min, what)
         return out[:count]
 
-    def _describe_fault(self, valid: int, beams: int, range_min: float) -> str:
-        """Why a scan with so few valid beams is no data: it would look as if nothing was there."""
-        share = self.params.min_valid_share
-        if valid >= share * beams and (valid > 0 or share <= 0.0):
-            return ""
-        return (
-            f"{valid} of {beams} beams of {self.topic} are valid (min_valid_share {share:g}): something covers the sensor, "
-            f"or all that it sees is nearer than its range_min of {range_min:g} m"
-        )
+    def _keep(self, points: NDArray[np.float64], transform: Transform2D) -> None:
+        super()._keep(points, transform)
+        if self._near is not None:
+            self._near = self._near.moved(transform)
+
+    def near_beams(self, now: float) -> NearBeams | None:
+        """Return the beams that are too near, base frame, without those whose end is in an exclusion zone."""
+        if self._near is None or self.problem(now):
+            return None
+        try:
+            near = self._near.moved(self._frames.to_base(self._kept_frame, now))
+        except FrameError:
+            return None
+        keep = np.ones(len(near.directions), np.bool_)
+        for zone in self.exclusions.values():
+            outside = zone.keep(near.ends, self._frames, now) if zone.enabled else None
+            if outside is not None:
+                keep &= outside
+        return replace(near, directions=near.directions[keep])
 
 
 class CloudSource(Source):
@@ -321,6 +352,14 @@ class CostmapSource(Source):
         iy, ix = np.nonzero(occupied)
         cells_xy = np.column_stack((ix, iy)).astype(np.float64) + 0.5
         return np.array((g.origin_x, g.origin_y)) + g.resolution * cells_xy
+
+
+def _moved(points: NDArray[np.float64], transform: Transform2D) -> NDArray[np.float64]:
+    if transform.is_identity() or not len(points):
+        return points
+    out = np.empty_like(points)
+    kernels.transform_points(points, np.array(transform, np.float64), out)
+    return out
 
 
 def sample_polygon(corners: NDArray[np.float64], distance: float) -> NDArray[np.float64]:

@@ -329,28 +329,35 @@ def test_no_data_yet_stops_the_robot() -> None:
 
 
 @pytest.mark.parametrize(
-    ("ranges", "share", "passes"),
+    ("ranges", "share", "zone"),
     [
-        ([-math.inf] * 20, 0.1, False),  # REP 117: something covers the sensor
-        ([math.nan] * 20, 0.1, False),
-        ([0.001] * 20, 0.1, False),  # below range_min
-        ([], 0.1, False),
-        ([-math.inf] * 19 + [5.0], 0.1, False),
-        ([-math.inf] * 18 + [5.0] * 2, 0.1, True),
-        ([math.inf] * 20, 0.1, True),  # REP 117: nothing is there
-        ([50.0] * 20, 0.1, True),  # beyond range_max
-        ([-math.inf] * 20, 0.0, True),
-        ([-math.inf] + [5.0] * 19, 1.0, False),
+        ([-math.inf] * 20, 0.1, "too near"),  # REP 117: something covers the sensor, or is close to it
+        ([0.001] * 20, 0.1, "too near"),  # below range_min
+        ([-math.inf] * 19 + [5.0], 0.1, "too near"),
+        ([-math.inf] + [5.0] * 19, 1.0, "too near"),
+        ([math.nan] * 20, 0.1, "invalid source"),
+        ([], 0.1, "invalid source"),
+        ([math.nan] * 19 + [5.0], 0.1, "invalid source"),
+        ([math.nan] * 19 + [-math.inf], 0.1, "invalid source"),
+        ([math.nan] * 18 + [-math.inf, 5.0], 1.0, "invalid source"),
+        ([-math.inf] * 18 + [5.0] * 2, 0.1, ""),
+        ([math.inf] * 20, 0.1, ""),  # REP 117: nothing is there
+        ([50.0] * 20, 0.1, ""),  # beyond range_max
+        ([-math.inf] * 20, 0.0, ""),
+        ([math.nan] * 20, 0.0, ""),
     ],
 )
-def test_a_scan_without_valid_beams_is_no_data(ranges: list[float], share: float, passes: bool) -> None:
+def test_a_scan_without_valid_beams_is_not_a_free_one(ranges: list[float], share: float, zone: str) -> None:
     m = monitor({"s": STOP}, {"scan": MonitorSourceParams(min_valid_share=share)})
     m.observe(LaserScan(np.array(ranges, np.float32), 0.0, 0.1, 0.05, 30.0, 0.0, "laser", "scan"))
     decision = m.process(FORWARD, 0.0)
-    assert (decision.command == FORWARD) == passes
-    if not passes:
-        assert decision.zone == "invalid source"
-        valid = 19 if share == 1.0 else sum(value == 5.0 for value in ranges)
+    assert decision.zone == zone
+    assert decision.command == (Twist2D() if zone else FORWARD)
+    if zone == "too near":
+        near = sum(value < 0.05 for value in ranges)
+        assert f"{near} of {len(ranges)} beams of scan hit something nearer than range_min (0.05 m)" in decision.reason
+    elif zone:
+        valid = sum(value >= 0.05 for value in ranges)
         assert f"{valid} of {len(ranges)} beams of scan are valid (min_valid_share {share:g})" in decision.reason
     # the next good scan ends it
     m.observe(scan_of((1.0, 0.0), stamp=0.1))

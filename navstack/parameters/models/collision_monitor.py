@@ -227,8 +227,8 @@ class MonitorSourceParams(ParamModel):
     exclusion_zones: list[str] = param([], "names of areas in which points are ignored")
     min_valid_share: float = param(
         0.1,
-        "scan: share of the beams that must be valid, with a range of at least range_min or without a hit; a scan with fewer is "
-        "no data, because something covers the sensor; not a parameter of Nav2",
+        "scan: share of the beams that must be valid, with a range of at least range_min or without a hit; with fewer, beams "
+        "below range_min stop commands towards them, and a scan of NaN is no data; not a parameter of Nav2",
         ge=0.0,
         le=1.0,
     )
