@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from navstack.core.jit import kernel
-from navstack.safety._zone_kernels import NEARER, TINY, edge_distance, gets_nearer, in_polygon, in_shape
+from navstack.safety._zone_kernels import TINY, edge_distance, gets_nearer, in_polygon, in_shape
 
 
 @kernel
@@ -56,14 +56,6 @@ def beam_span(corners, radius, x, y, dx, dy, length):
 
 
 @kernel
-def moves_towards(corners, radius, x, y, vx, vy, w):
-    """Return True if a command moves the outline of a shape towards a point on or outside it."""
-    if corners.shape[0] > 0:
-        return gets_nearer(corners, x, y, vx, vy, w)
-    return x * vx + y * vy > NEARER * math.hypot(x, y)
-
-
-@kernel
 def beam_ahead(sensor, directions, length, corners, radius, command, found):
     """Return the index of the first beam to whose obstacle the command (3,) moves a shape, or -1; write the place to `found`.
 
@@ -76,7 +68,7 @@ def beam_ahead(sensor, directions, length, corners, radius, command, found):
         for k in range(3):
             r = first + 0.5 * k * (last - first)
             px, py = x + r * dx, y + r * dy
-            if moves_towards(corners, radius, px, py, command[0], command[1], command[2]):
+            if gets_nearer(corners, radius, px, py, command[0], command[1], command[2]):
                 found[0, 0], found[0, 1] = px, py
                 return i
     return -1

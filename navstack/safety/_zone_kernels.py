@@ -89,11 +89,15 @@ def shape_distance(corners, radius, x, y):
 
 
 @kernel
-def gets_nearer(corners, x, y, vx, vy, w):
-    """Return True if a command moves a point towards the outline of a polygon; inside it, deeper, or if deep, not outwards.
+def gets_nearer(corners, radius, x, y, vx, vy, w):
+    """Return True if a command moves a point towards the outline of a shape; inside it, deeper, or if deep, not outwards.
 
     The rate of the distance is the velocity of the point relative to the robot along the normal of the outline.
     """
+    if corners.shape[0] == 0:
+        far = math.hypot(x, y)
+        rate = -(x * vx + y * vy) / max(far, TINY)
+        return rate < (NEARER if far < radius - DEEP else -NEARER)
     _, cx, cy, edge = edge_distance(corners, x, y)
     nx, ny = x - cx, y - cy
     size = math.hypot(nx, ny)
@@ -111,11 +115,11 @@ def gets_nearer(corners, x, y, vx, vy, w):
 
 
 @kernel
-def any_nearer(points, found, count, corners, command):
-    """Return the index of the first of the points `found[:count]` that the command (3,) brings nearer to a polygon, or -1."""
+def any_nearer(points, found, count, corners, radius, command):
+    """Return the index of the first of the points `found[:count]` that the command (3,) brings nearer to a shape, or -1."""
     for k in range(count):
         i = found[k]
-        if gets_nearer(corners, points[i, 0], points[i, 1], command[0], command[1], command[2]):
+        if gets_nearer(corners, radius, points[i, 0], points[i, 1], command[0], command[1], command[2]):
             return i
     return -1
 

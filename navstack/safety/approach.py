@@ -41,20 +41,23 @@ class Approach:
     def __init__(
         self,
         body: NDArray[np.float64],
+        hull: Shape,
         *,
         decel: NDArray[np.float64] | None,
         reaction_s: float,
         period_s: float,
         as_nav2: bool,
     ) -> None:
-        """`body`: the robot's outline (n, 2), counter-clockwise. `decel` (3,): magnitudes (m/s², rad/s²); None if unknown.
+        """`body`: the robot's outline (n, 2), counter-clockwise; `hull`: the same, but a circle for a round robot.
 
-        `reaction_s`: time until the robot follows a command (s); `period_s`: time between two checks (s). `as_nav2`: simulate
-        in steps, as Nav2 does.
+        `decel` (3,): magnitudes (m/s², rad/s²); None if unknown. `reaction_s`: time until the robot follows a command (s);
+        `period_s`: time between two checks (s). `as_nav2`: simulate in steps, as Nav2 does.
         """
         self.sent = np.zeros(3)
         """(3,) the last command that was sent to the robot."""
         self._body = body
+        # the polygon of a circle would come nearer to points beside it when it turns
+        self._hull = hull
         self._body_reach = float(np.hypot(body[:, 0], body[:, 1]).max())
         # an axis without deceleration is one that the robot does not have
         self._decel = None if decel is None else np.where(decel > 0.0, decel, 1e9)
@@ -101,12 +104,15 @@ class Approach:
         found = np.empty(len(points), np.int64)
         count = kernels.count_inside(points, shape.corners, shape.radius, shape.reach, found)
         u = np.array(command, np.float64)
-        if count == 0 or kernels.any_nearer(points, found, count, self._body, u) >= 0:
+        if count == 0 or self._nearer(points, found, count, u) >= 0:
             return False
         if self._decel is None:
             return True
         velocity = np.array(measured, np.float64)
         return self._touched(zone, shape, points[found[:count]], velocity, u)[0] < zone.least
+
+    def _nearer(self, points: NDArray[np.float64], found: NDArray[np.int64], count: int, u: NDArray[np.float64]) -> int:
+        return kernels.any_nearer(points, found, count, self._hull.corners, self._hull.radius, u)
 
     def _stepped(
         self, zone: Zone, shape: Shape, points: NDArray[np.float64], u: NDArray[np.float64]
@@ -133,7 +139,7 @@ class Approach:
         if count >= zone.least:
             index = np.flatnonzero(inside)
             leaves = zone.params.allow_moving_away
-            nearer = kernels.any_nearer(points, index, len(index), self._body, u) if leaves else int(index[0])
+            nearer = self._nearer(points, index, len(index), u) if leaves else int(index[0])
             if nearer >= 0:
                 return ApproachLimit(0.0, "inside", 0.0, points[index[:MOST_SHOWN]])
             # those points are left behind: what counts is what comes next

@@ -108,10 +108,11 @@ class CollisionMonitor:
         self.field = PointField(sources, self.frames, params.source_timeout)
         self._body = footprint.vertices if footprint is not None else (padded_footprint or _point()).vertices
         self._body = Shape(self._body).corners
-        self._round_body = body_shape(self._body)
+        self._hull = body_shape(self._body)
         decel = params.max_decel if params.max_decel is not None else max_decel
         self._approach = Approach(
             self._body,
+            self._hull,
             decel=None if decel is None or params.nav2_compatible else np.abs(np.array(decel, np.float64)),
             reaction_s=params.reaction_time,
             period_s=1.0 / params.check_frequency,
@@ -177,7 +178,7 @@ class CollisionMonitor:
             )
             return
         for near in self.field.near.values():
-            places = near.towards(self._round_body, command)
+            places = near.towards(self._hull, command)
             if len(places):
                 reason = f"stop, because the command moves the robot towards an obstacle: {near.what}{_nearest(places)}"
                 verdict.tighten(0.0, "stop", TOO_NEAR, reason, places)
