@@ -39,6 +39,7 @@ from navstack.parameters.configuration import Configuration, CostmapConfiguratio
 from navstack.plugins import GLOBAL_PLANNERS
 from navstack.safety import CollisionDetector, CollisionMonitor, CommandChain, CommandMultiplexer, VelocitySmoother
 from navstack.sim import Estimation, Shape, SimulatedRobot, World
+from navstack.smoother import is_smoothed_by, smoothed, unsmoothed
 
 RECOVERY_TIME_LIMIT_S: Final = 120.0
 """A recovery behavior that runs longer (s) fails."""
@@ -117,7 +118,7 @@ def build_move_base(
         robot=robot,
         global_costmap=build_costmap("global_costmap", configuration.global_costmap, robot.frames, static_map),
         local_costmap=build_costmap("local_costmap", configuration.local_costmap, robot.frames, static_map),
-        global_planner=_global_planner(configuration.global_planner),
+        global_planner=smoothed(_global_planner(configuration.global_planner), configuration.smoother),
         local_planner=_local_planner(configuration.local_planner),
         recoveries=[_recovery(choice) for choice in configuration.recoveries],
         listeners=listeners,
@@ -175,9 +176,11 @@ def reconfigure(move_base: MoveBase, configuration: Configuration) -> None:
     for costmap, target in costmaps:
         check_reconfigure(costmap, target.params, target.layers)
     new_global, new_local = configuration.global_planner, configuration.local_planner
+    planner, smoother = move_base.global_planner, configuration.smoother
+    replaced = not is_smoothed_by(planner, smoother) or _differs(unsmoothed(planner), new_global)
     move_base.reconfigure(
         configuration.move_base,
-        global_planner=_global_planner(new_global) if _differs(move_base.global_planner, new_global) else None,
+        global_planner=smoothed(_global_planner(new_global), smoother) if replaced else None,
         local_planner=_local_planner(new_local) if _differs(move_base.local_planner, new_local) else None,
     )
     move_base.goal_time_limit_s = configuration.navstack.goal_time_limit or math.inf
@@ -326,7 +329,12 @@ def plan_on_map(
     choice = planner or configuration.global_planner
     try:
         plan = plugin_calls.make_plan(
-            _global_planner(choice), costmap.master, start, goal, costmap.footprint, keep_potential=keep_potential
+            smoothed(_global_planner(choice), configuration.smoother),
+            costmap.master,
+            start,
+            goal,
+            costmap.footprint,
+            keep_potential=keep_potential,
         )
     except PlanningError as error:
         raise add_layer(costmap, error) from None

@@ -67,6 +67,7 @@ from navstack.interfaces import (
     RecoveryStep,
     Rollouts,
     ScoringContext,
+    Smoother,
     VelocityLimits,
 )
 from navstack.plugins import (
@@ -78,6 +79,7 @@ from navstack.plugins import (
     PATH_HANDLERS,
     PROGRESS_CHECKERS,
     RECOVERY_BEHAVIORS,
+    SMOOTHERS,
 )
 
 __all__ = [
@@ -92,6 +94,7 @@ __all__ = [
     "PATH_HANDLERS",
     "PROGRESS_CHECKERS",
     "RECOVERY_BEHAVIORS",
+    "SMOOTHERS",
     "UNKNOWN",
     "Approach",
     "Bounds",
@@ -139,6 +142,7 @@ __all__ = [
     "RobotState",
     "Rollouts",
     "ScoringContext",
+    "Smoother",
     "StartOccupiedError",
     "Transform2D",
     "Twist2D",

@@ -19,6 +19,7 @@ from navstack.interfaces import (
     PathHandler,
     ProgressChecker,
     RecoveryBehavior,
+    Smoother,
 )
 
 T = TypeVar("T")
@@ -151,6 +152,8 @@ RECOVERY_BEHAVIORS: Registry[RecoveryBehavior] = Registry(
     "recovery behavior", "navstack.recovery_behaviors", "navstack.recovery"
 )
 
+SMOOTHERS: Registry[Smoother] = Registry("smoother", "navstack.smoothers", "navstack.smoother")
+
 GOAL_CHECKERS: Registry[GoalChecker] = Registry("goal checker", "navstack.goal_checkers", "navstack.local_planner")
 PROGRESS_CHECKERS: Registry[ProgressChecker] = Registry(
     "progress checker", "navstack.progress_checkers", "navstack.local_planner"
@@ -160,6 +163,7 @@ PATH_HANDLERS: Registry[PathHandler] = Registry("path handler", "navstack.path_h
 REGISTRIES: tuple[Registry[Any], ...] = (
     LAYERS,
     GLOBAL_PLANNERS,
+    SMOOTHERS,
     LOCAL_PLANNERS,
     CRITICS,
     GOAL_CHECKERS,

@@ -435,7 +435,6 @@ def test_costmaps_can_be_cleared_around_the_robot() -> None:
 @pytest.mark.parametrize(
     ("name", "arguments", "alternative"),
     [
-        ("smoothPath", (Path(np.zeros((2, 3))),), "theta_star"),
         ("assistedTeleop", (), "driveOnHeading"),
         ("dockRobotByPose", (Pose2D(0.0, 0.0), "charger"), "driveOnHeading"),
         ("dockRobotByID", ("dock",), "driveOnHeading"),

@@ -208,9 +208,16 @@ class NavigatorServices(ABC):
 
     # --- what navstack cannot do --------------------------------------------------------------------------------------
 
-    def smoothPath(self, path: Path, smoother_id: str = "", *_: Any, **__: Any) -> NoReturn:
-        """Raise NotSupportedError."""
-        not_supported("smoothPath", 'for paths without corners of the grid, set base_global_planner to "theta_star"')
+    def smoothPath(self, path: Path, smoother_id: str = "", *_: Any, **__: Any) -> Path:
+        """Return a smoother path over the global costmap; `smoother_id`: simple (default), savitzky_golay or another plugin.
+
+        Raises UnknownPluginError.
+        """
+        from navstack.plugins import SMOOTHERS
+
+        entry = SMOOTHERS.get(smoother_id or "simple")
+        costmap = self.move_base.global_costmap
+        return entry.cls(entry.cls.Params()).smooth(path, costmap.master, footprint=costmap.footprint)
 
     def assistedTeleop(self, time_allowance: float = 30.0) -> NoReturn:
         """Raise NotSupportedError."""

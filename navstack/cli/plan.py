@@ -27,6 +27,18 @@ class PlanOptions(NamedTuple):
         str | None,
         typer.Option("--planner", metavar="NAME", help="Global planner to use. [default: the one of the parameters]"),
     ] = None
+    smoother: Annotated[
+        str | None,
+        typer.Option("--smoother", metavar="NAME", help="Smoother of the path. [default: the one of the parameters]"),
+    ] = None
+    footprint: Annotated[
+        str | None,
+        typer.Option(
+            "--footprint",
+            metavar="LENGTHxWIDTH|POINTS",
+            help="Footprint (m): a box such as 1.2x0.7 around the centre, or points [[x,y],..]. [default: of the parameters]",
+        ),
+    ] = None
     compare: Annotated[
         str | None,
         typer.Option(
@@ -74,19 +86,48 @@ def plan(
 
 def _load(chosen: PlanOptions) -> tuple[_Query, list[PluginChoice[GlobalPlanner]]]:
     """The query, and the planners named on the command line. Raises InputError, MapError or ParameterError."""
+    from dataclasses import replace
+
     from navstack.cli.arguments import map_of, note_off_the_map, parse_pose
     from navstack.cli.output import print_warnings
-    from navstack.parameters.configuration import choose_global_planner, load_configuration
+    from navstack.parameters.configuration import choose_global_planner, choose_smoother, load_configuration
 
     start, goal = parse_pose(chosen.start, "--start"), parse_pose(chosen.goal, "--goal")
     path, grid = map_of(chosen.map_)
     names = _planner_names(chosen.compare, chosen.planner)
-    configuration = load_configuration(chosen.params, overrides=chosen.set_, allow_missing=chosen.allow_missing)
+    configuration = load_configuration(
+        chosen.params, overrides=[*chosen.set_, *_footprint(chosen.footprint)], allow_missing=chosen.allow_missing
+    )
+    if chosen.smoother is not None:
+        configuration = replace(configuration, smoother=choose_smoother(configuration, chosen.smoother))
     planners = [choose_global_planner(configuration, name) for name in names]
     print_warnings(configuration)
     note_off_the_map(grid, start, [goal])
     unique = list({planner.name: planner for planner in planners}.values())
     return _Query(configuration, grid, start, goal, path), unique
+
+
+def _footprint(text: str | None) -> list[str]:
+    """Overrides that set the footprint of both costmaps. Raises InputError."""
+    import re
+
+    from navstack.core.errors import InputError
+
+    if text is None:
+        return []
+    box = re.fullmatch(r"\s*([\d.]+)\s*x\s*([\d.]+)\s*", text)
+    if box is None and not text.lstrip().startswith("[["):
+        raise InputError(
+            f'--footprint "{text}" is neither a box such as 1.2x0.7 (length x width, m) nor a list of points [[x,y],[x,y],..]',
+            argument="--footprint",
+        )
+    if box is not None:
+        try:
+            x, y = 0.5 * float(box[1]), 0.5 * float(box[2])
+        except ValueError:
+            raise InputError(f'--footprint "{text}" has no two numbers; give 1.2x0.7', argument="--footprint") from None
+        text = f"[[{x},{y}],[{-x},{y}],[{-x},{-y}],[{x},{-y}]]"
+    return [f"{name}.footprint={text}" for name in ("global_costmap", "local_costmap")]
 
 
 def _planner_names(compare: str | None, planner: str | None) -> list[str]:

@@ -21,6 +21,7 @@ from navstack.interfaces.path_following import (
 from navstack.interfaces.recovery import RecoveryBehavior, RecoveryContext, RecoveryStatus, RecoveryStep
 from navstack.interfaces.robot import Robot
 from navstack.interfaces.rollouts import RolloutCells, Rollouts, TrajectoryGenerator, VelocityLimits
+from navstack.interfaces.smoother import Smoother
 
 __all__ = [
     "Approach",
@@ -57,6 +58,7 @@ __all__ = [
     "RolloutCells",
     "Rollouts",
     "ScoringContext",
+    "Smoother",
     "TrajectoryGenerator",
     "VelocityLimits",
 ]

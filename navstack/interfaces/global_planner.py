@@ -36,6 +36,8 @@ class Plan:
     """(ny, nx), inf where unreached; only on request."""
     notes: tuple[str, ...] = ()
     """What the planner adjusted, in sentences."""
+    for_footprint: bool = False
+    """Whether the robot drives the path with the heading of each pose, for which its footprint was checked."""
     took_s: float | None = None
     """Elapsed planning time (s), None if not measured. For display only: it affects no result and is not recorded."""
 

@@ -16,7 +16,7 @@ from navstack.parameters.models.sim import SimParams
 from navstack.parameters.models.wheels import WheelParams
 from navstack.parameters.namespaces import layer_names, planner_namespaces
 from navstack.parameters.tree import COSTMAPS
-from navstack.plugins import GLOBAL_PLANNERS, LAYERS, LOCAL_PLANNERS, RECOVERY_BEHAVIORS
+from navstack.plugins import GLOBAL_PLANNERS, LAYERS, LOCAL_PLANNERS, RECOVERY_BEHAVIORS, SMOOTHERS
 
 
 @dataclass(slots=True)
@@ -48,7 +48,7 @@ def catalogue_of(binder: Binder) -> Catalogue:
     catalogue.add("move_base", MoveBaseParams)
     for name in COSTMAPS:
         catalogue.add(name, CostmapParams)
-    for registry in (GLOBAL_PLANNERS, LOCAL_PLANNERS):
+    for registry in (GLOBAL_PLANNERS, LOCAL_PLANNERS, SMOOTHERS):
         for entry in registry:
             namespaces = planner_namespaces(entry)
             for name in namespaces:

@@ -8,7 +8,7 @@ from typing import Literal
 
 from navstack.core import Footprint
 from navstack.core.parameters import ParamModel, param
-from navstack.interfaces import GlobalPlanner, Layer, LocalPlanner, RecoveryBehavior
+from navstack.interfaces import GlobalPlanner, Layer, LocalPlanner, RecoveryBehavior, Smoother
 from navstack.parameters.findings import Finding, Location
 from navstack.parameters.localization_sections import LocalizationConfiguration
 from navstack.parameters.models.costmap import CostmapParams
@@ -74,6 +74,8 @@ class Configuration:
     """All parameters as loaded."""
     origins: Mapping[str, Location] = field(repr=False, compare=False)
     """Full name of a parameter (`DWAPlannerROS/max_vel_x`) -> location of its value; defaults are absent."""
+    smoother: PluginChoice[Smoother] | None = None
+    """Smoother of the plans; None without one."""
     safety: SafetyConfiguration = SafetyConfiguration()
     """Multiplexer, velocity smoother and collision monitor."""
     localization: LocalizationConfiguration = LocalizationConfiguration()

@@ -32,6 +32,7 @@ from navstack.plugins import (
     LAYERS,
     LOCAL_PLANNERS,
     RECOVERY_BEHAVIORS,
+    SMOOTHERS,
     PluginChoice,
     Registry,
 )
@@ -78,6 +79,7 @@ class Loader:
         parts["move_base"] = move_base
         parts["global_planner"] = self._planner(GLOBAL_PLANNERS, "base_global_planner")
         parts["local_planner"] = self._planner(LOCAL_PLANNERS, "base_local_planner")
+        smoother = self._smoother()
         parts["recoveries"] = self._recoveries(listed, move_base, parts["local_costmap"])
         parts["navstack"] = navstack
         parts["safety"] = load_safety(self.root, self.binder, self.findings)
@@ -85,7 +87,9 @@ class Loader:
         self._check_unselected_planners()
         configuration = None
         if all(part is not None for part in parts.values()):
-            configuration = Configuration(**parts, findings=(), tree=self.root, origins=self.binder.origins)
+            configuration = Configuration(
+                **parts, smoother=smoother, findings=(), tree=self.root, origins=self.binder.origins
+            )
             sim = simulated(configuration)
             configuration = replace(configuration, navstack=configuration.navstack.model_copy(update={"sim": sim}))
             if self.complete:
@@ -183,6 +187,11 @@ class Loader:
             fixed = fixed_list(space, "critics", listed if all(known) else None)
         params: Any = self.binder.bind(entry.cls.Params, space, fixed=fixed)
         return None if params is None else PluginChoice(entry.name, entry.cls, params, space.path)
+
+    def _smoother(self) -> PluginChoice[Any] | None:
+        """The smoother of the plans; None if none is selected, or it cannot be used (reported)."""
+        leaf = self.root.leaf("base_smoother")
+        return None if leaf is None or leaf.value is None else self._planner(SMOOTHERS, "base_smoother")
 
     def _move_base_file(self) -> str:
         """The file in which a missing parameter of move_base is expected."""

@@ -52,7 +52,7 @@ def plot_plan(
         )
         axes = picture.axes
         drawing.draw_grid(axes, costmap.data, colors.COSTS, g, area=picture.area)
-        entries = _draw_plans(axes, named)
+        entries = _draw_plans(axes, named) + _draw_sweep(axes, named, footprint)
         if potential:
             entries += _draw_potential(axes, named, costmap, picture.area)
         entries += _draw_ends(picture, start, goal, footprint)
@@ -84,6 +84,32 @@ def _draw_plans(axes: Any, plans: Mapping[str, Plan]) -> Entries:
         )
         label = name if len(plans) == 1 else f"{name}\n{plan.path.length:.2f} m, cost {_cost(plan)}"
         entries.append((line, label))
+    return entries
+
+
+def _draw_sweep(axes: Any, plans: Mapping[str, Plan], footprint: Footprint | None) -> Entries:
+    """Draws the footprint along the first plan for which it was checked, and the poses where the direction changes."""
+    plan = next((p for p in plans.values() if p.for_footprint), None)
+    if plan is None or footprint is None or len(plan.path) < 2:
+        return []
+    poses, signs = plan.path.poses, plan.path.directions
+    along = np.append(0.0, np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T)))
+    spacing = max(0.5 * footprint.inscribed_radius, along[-1] / 400.0)
+    shown = np.unique(np.append(np.searchsorted(along, np.arange(0.0, along[-1], spacing)), len(poses) - 1))
+    entries: Entries = []
+    for sign, color, label in ((1, colors.START, "swept, forward"), (-1, colors.GOAL, "swept, backward")):
+        outlines = [footprint.at(plan.path[int(i)]) for i in shown if (signs[i] < 0) == (sign < 0)]
+        if outlines:
+            from matplotlib.collections import PolyCollection
+
+            axes.add_collection(
+                PolyCollection(outlines, facecolors=color, edgecolors=color, alpha=0.12, linewidths=0.6, zorder=3)
+            )
+            entries.append((legend.disc(color), label))
+    changes = np.flatnonzero(signs[1:] * signs[:-1] < 0) + 1
+    if len(changes):
+        (mark,) = axes.plot(poses[changes, 0], poses[changes, 1], "D", ms=6, color="black", mec="white", zorder=8)
+        entries.append((mark, "change of direction"))
     return entries
 
 

@@ -23,6 +23,7 @@ from navstack.testing.path_following import (
     progress_checker_contract,
 )
 from navstack.testing.recovery import RecoveryContract, recovery_contract
+from navstack.testing.smoother import SmootherContract, smoother_contract
 
 __all__ = [
     "CriticContract",
@@ -33,6 +34,7 @@ __all__ = [
     "PathHandlerContract",
     "ProgressCheckerContract",
     "RecoveryContract",
+    "SmootherContract",
     "critic_contract",
     "global_planner_contract",
     "goal_checker_contract",
@@ -41,4 +43,5 @@ __all__ = [
     "path_handler_contract",
     "progress_checker_contract",
     "recovery_contract",
+    "smoother_contract",
 ]

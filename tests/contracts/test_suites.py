@@ -17,6 +17,7 @@ from navstack.plugins import (
     PATH_HANDLERS,
     PROGRESS_CHECKERS,
     RECOVERY_BEHAVIORS,
+    SMOOTHERS,
 )
 from navstack.testing import (
     critic_contract,
@@ -27,6 +28,7 @@ from navstack.testing import (
     path_handler_contract,
     progress_checker_contract,
     recovery_contract,
+    smoother_contract,
 )
 
 STRAIGHT_ONLY = {"carrot_planner"}
@@ -113,6 +115,7 @@ SUITES: dict[str, type[Any]] = {
         for e in GLOBAL_PLANNERS
         if e.name not in GIVEN
     },
+    **{f"TestSmoother_{e.name}": smoother_contract(e.cls) for e in SMOOTHERS},
     **{
         f"TestLocalPlanner_{e.name}": local_planner_contract(e.cls, **LOCAL_PLANNER_VALUES.get(e.name, {}))
         for e in LOCAL_PLANNERS
@@ -129,5 +132,5 @@ globals().update(SUITES)
 def test_every_kind_is_tested() -> None:
     assert {name.split("_")[0] for name in SUITES} == {
         *("TestLayer", "TestGlobalPlanner", "TestLocalPlanner", "TestCritic", "TestRecovery"),
-        *("TestGoalChecker", "TestProgressChecker", "TestPathHandler"),
+        *("TestGoalChecker", "TestProgressChecker", "TestPathHandler", "TestSmoother"),
     }

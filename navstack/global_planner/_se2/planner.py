@@ -129,6 +129,7 @@ class PosePlanner(GlobalPlanner):
             goal_moved_m=plan.goal_moved_m,
             cells_expanded=plan.cells_expanded,
             notes=notes,
+            for_footprint=True,
             took_s=time.perf_counter() - began,
         )
         self._cache.store(costmap, request, plan, costmap.geometry.window)

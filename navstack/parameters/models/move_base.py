@@ -46,6 +46,11 @@ class MoveBaseParams(ParamModel):
         }
     )
     base_global_planner: str = param("navfn/NavfnROS", "global planner plugin")
+    base_smoother: str | None = param(
+        None,
+        "smoother of the plans, with its parameters in the section of its name; none by default",
+        ros_differs="does not exist in ROS 1",
+    )
     base_local_planner: str = param("base_local_planner/TrajectoryPlannerROS", "local planner plugin")
     recovery_behaviors: list[PluginSpec] | None = param(
         None,

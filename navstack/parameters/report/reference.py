@@ -33,6 +33,7 @@ from navstack.plugins import (
     PROGRESS_CHECKERS,
     RECOVERY_BEHAVIORS,
     REGISTRIES,
+    SMOOTHERS,
     PluginEntry,
 )
 
@@ -79,6 +80,7 @@ def _sections() -> Iterator[str]:
         ("Goal checker", GOAL_CHECKERS, "`goal_checker` beside or below the local planner"),
         ("Progress checker", PROGRESS_CHECKERS, "`progress_checker`"),
         ("Path handler", PATH_HANDLERS, "`PathHandler` beside or below the local planner"),
+        ("Smoother", SMOOTHERS, "`<name>`, for `base_smoother: <name>`"),
         ("Recovery behavior", RECOVERY_BEHAVIORS, "`<name>`"),
     ):
         for entry in registry:

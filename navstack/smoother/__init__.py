@@ -1,0 +1,19 @@
+"""Smoothers of plans: simple and savitzky_golay."""
+
+from navstack.smoother.base import PointSmoother, PointSmootherParams
+from navstack.smoother.savitzky_golay import SavitzkyGolayParams, SavitzkyGolaySmoother
+from navstack.smoother.simple import SimpleSmoother, SimpleSmootherParams
+from navstack.smoother.smoothed_planner import SmoothedPlanner, is_smoothed_by, smoothed, unsmoothed
+
+__all__ = [
+    "PointSmoother",
+    "PointSmootherParams",
+    "SavitzkyGolayParams",
+    "SavitzkyGolaySmoother",
+    "SimpleSmoother",
+    "SimpleSmootherParams",
+    "SmoothedPlanner",
+    "is_smoothed_by",
+    "smoothed",
+    "unsmoothed",
+]
