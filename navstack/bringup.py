@@ -327,14 +327,10 @@ def plan_on_map(
     costmap = build_costmap("global_costmap", configuration.global_costmap, frames, static_map)
     costmap.update(0.0)
     choice = planner or configuration.global_planner
+    chosen = smoothed(_global_planner(choice), configuration.smoother)
     try:
         plan = plugin_calls.make_plan(
-            smoothed(_global_planner(choice), configuration.smoother),
-            costmap.master,
-            start,
-            goal,
-            costmap.footprint,
-            keep_potential=keep_potential,
+            chosen, costmap.master, start, goal, costmap.footprint, keep_potential=keep_potential
         )
     except PlanningError as error:
         raise add_layer(costmap, error) from None
