@@ -7,13 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from navstack.core import (
-    FREE,
-    INSCRIBED,
-    LETHAL,
     Costmap,
     Event,
     Footprint,
@@ -29,6 +25,7 @@ from navstack.core.occupancy import Values, is_number
 from navstack.core.path_turns import turn_note
 from navstack.core.poses import require_pose
 from navstack.costmap import LayeredCostmap
+from navstack.costmap.occupied_costs import costs_of_occupied
 from navstack.costmap.reconfigure import apply_reconfigure, check_reconfigure
 from navstack.interfaces import GlobalPlanner, LocalPlanner, Plan, RecoveryBehavior, Robot
 from navstack.localization.assembly import believed_start, make_filter, make_localizer
@@ -373,7 +370,7 @@ def plan(
     if grid.geometry.world_to_cell(ends[0].x, ends[0].y) is None:
         raise _start_outside(grid, ends[0])
     lethal = (grid.data == 100) | ((grid.data == -1) & (unknown == "occupied"))
-    costmap = Costmap(grid.geometry, _costs(lethal, robot_radius / grid.geometry.resolution))
+    costmap = Costmap(grid.geometry, costs_of_occupied(lethal, robot_radius / grid.geometry.resolution))
     return plugin_calls.make_plan(entry.cls(entry.cls.Params()), costmap, *ends, None)
 
 
@@ -387,14 +384,3 @@ def _pose(name: str, value: Any) -> Pose2D:
         raise InputError(f"the {name} {value!r} is not (x, y) or (x, y, yaw) in metres and radians") from None
     _require_finite(name, value)
     return value
-
-
-def _costs(lethal: NDArray[np.bool_], radius_cells: float) -> NDArray[np.uint8]:
-    """Return (ny, nx) costs: lethal, inscribed where a lethal cell's centre is within the radius, and free."""
-    costs = np.where(lethal, np.uint8(LETHAL), np.uint8(FREE))
-    if radius_cells >= 1.0 and lethal.any():
-        from scipy.ndimage import distance_transform_edt  # slow import, not needed for a point
-
-        distance = np.asarray(distance_transform_edt(~lethal))
-        costs[(distance <= radius_cells + 1e-9) & ~lethal] = INSCRIBED
-    return costs
