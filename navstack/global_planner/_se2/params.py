@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import ClassVar, Final, Literal
+from typing import Any, ClassVar, Final, Literal
 
 from navstack.core.parameter_checks import CheckContext, Issue
 from navstack.core.parameters import ParamModel, param
@@ -115,7 +115,15 @@ class PosePlannerParams(ParamModel):
         ge=1.0,
         le=10.0,
     )
-    smoother: PoseSmootherParams = param(PoseSmootherParams(), "Nav2's section of its smoother; see smooth_path")
+    sections: dict[str, Any] = param({}, "Nav2's section `smoother:`, read and without effect; see smooth_path")
+
+    CHILD_FIELD: ClassVar[str | None] = "sections"
+
+    @classmethod
+    def child_models(cls, values: Mapping[str, Any]) -> dict[str, type[ParamModel]]:
+        """Return the section `smoother`."""
+        del values
+        return {"smoother": PoseSmootherParams}
 
     def check(self, context: CheckContext) -> Iterator[Issue]:
         """Yield an issue if `allow_unknown` has no effect."""
