@@ -231,7 +231,7 @@ def _rollout() -> LocalPlanner:
     return cls(cls.Params(max_vel_x=0.5, min_vel_x=0.1, max_vel_theta=1.2, min_vel_theta=-1.2, escape_vel=-0.1))
 
 
-_PURSUIT: Final[Mapping[str, Any]] = {
+_PURSUIT: Final[dict[str, Any]] = {
     "max_linear_vel": 0.6,
     "use_dynamic_window": True,
     "max_linear_accel": 1.2,
@@ -266,7 +266,8 @@ def _shim(primary: Any, **values: Any) -> LocalPlanner:
 
 
 def _shim_of_pursuit() -> LocalPlanner:
-    own = RegulatedPurePursuitParams(**{**_PURSUIT, "use_rotate_to_heading": False})
+    values: dict[str, Any] = {**_PURSUIT, "use_rotate_to_heading": False}
+    own = RegulatedPurePursuitParams(**values)
     return _shim(own, closed_loop=False)
 
 

@@ -24,6 +24,7 @@ from navstack.ros1.clock import NodeClock
 from navstack.ros1.costmap_topics import CostmapTopics
 from navstack.ros1.inbox import Inbox
 from navstack.ros1.plan_topics import PlanTopics
+from navstack.ros1.reconfigure import ReconfigureServers
 from navstack.ros1.robot import RECEIVERS, RosRobot
 from navstack.ros1.services import Services
 from navstack.scenario import Scenario, warm_up
@@ -114,6 +115,7 @@ class MoveBaseNode:
         ]
         Services(self.configuration, move_base, self.clock, self.build, self.inbox)
         self.action.connect(move_base)
+        ReconfigureServers(self.configuration, move_base, self.inbox)
         self._rospy.loginfo("navstack is ready")
         return True
 

@@ -11,11 +11,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navstack.core import Path, Pose2D, RobotState, Twist2D
+from navstack.core import Path, Pose2D, RobotState, Twist2D, normalize_angle
 from navstack.core.costs import LETHAL
+from navstack.core.errors import ControlError
 from navstack.interfaces import ControlInput
 from navstack.local_planner.regulated_pure_pursuit.regulation import Window, held_to_radius
-from tests.local_planner.test_followers import FOOTPRINT, local_costmap, pursuit, random_cycles
+from navstack.testing.doubles import FOOTPRINT, driven, local_costmap
+from tests.local_planner.test_followers import pursuit
 
 CAR = {
     "use_rotate_to_heading": False,
@@ -26,6 +28,28 @@ CAR = {
     "max_angular_accel": 1.2,
     "max_angular_decel": -2.5,
 }
+
+
+def random_cycles(controller: Any, cycles: int, seed: int) -> list[Twist2D]:
+    """Commands of a robot that follows random paths."""
+    rng = np.random.default_rng(seed)
+    pose, velocity, out = Pose2D(0.0, 0.0), Twist2D(), list[Twist2D]()
+    for cycle in range(cycles):
+        if cycle % 25 == 0:
+            turns = np.cumsum(rng.normal(0.0, 0.15, 40)) + rng.uniform(-math.pi, math.pi)
+            xy = np.cumsum(np.column_stack((np.cos(turns), np.sin(turns))) * 0.05, axis=0)
+            poses = np.column_stack(
+                (pose.x + xy[:, 0], pose.y + xy[:, 1], [normalize_angle(t) for t in turns.tolist()])
+            )
+            controller.set_plan(Path(poses, "odom"), Pose2D(*poses[-1].tolist()))
+        costmap = local_costmap(pose)
+        try:
+            velocity = controller.compute_command(ControlInput(RobotState(pose, velocity), costmap, FOOTPRINT)).command
+        except ControlError:
+            velocity = Twist2D()
+        out.append(velocity)
+        pose = driven(pose, velocity, 0.05)
+    return out
 
 
 @pytest.mark.parametrize("radius", [0.4, 0.85, 2.0])

@@ -175,3 +175,33 @@ def test_end_of_the_node_stops_the_robot_and_aborts_the_goal(nodes: Nodes, tmp_p
     assert nodes.node.wait(30.0) == 0
     assert client.wait(30.0) == 0, nodes.output()
     assert ended.read_text() == "4 Aborting on the goal because the node has been killed"
+
+
+RECONFIGURE = """
+import json, sys, rospy
+from dynamic_reconfigure.client import Client
+rospy.init_node("client", disable_signals=True)
+found = {}
+planner = Client("/move_base/DWAPlannerROS", timeout=30)
+found["before"] = planner.get_configuration()["max_vel_x"]
+found["after"] = planner.update_configuration({"max_vel_x": 0.25})["max_vel_x"]
+found["clamped"] = planner.update_configuration({"path_distance_bias": -5.0})["path_distance_bias"]
+found["server"] = rospy.get_param("/move_base/DWAPlannerROS/max_vel_x")
+found["restored"] = planner.update_configuration({"restore_defaults": True})["max_vel_x"]
+layer = Client("/move_base/local_costmap/inflation_layer", timeout=30)
+found["layer"] = layer.update_configuration({"inflation_radius": 0.7})["inflation_radius"]
+found["node"] = Client("/move_base", timeout=30).update_configuration({"planner_frequency": 2.0})["planner_frequency"]
+found["types"] = sorted({p["type"] for p in planner.get_parameter_descriptions()})
+with open(sys.argv[1], "w") as out:
+    json.dump(found, out)
+"""
+
+
+def test_dynamic_reconfigure(nodes: Nodes, tmp_path: Path) -> None:
+    out = tmp_path / "found.json"
+    assert nodes.graph.start(PYTHON, "-c", RECONFIGURE, str(out)).wait(90.0) == 0, nodes.output()
+    found = json.loads(out.read_text())
+    assert found["after"] == found["server"] == 0.25 and found["before"] == found["restored"] != 0.25
+    assert found["clamped"] == 0.0
+    assert found["layer"] == 0.7 and found["node"] == 2.0
+    assert {"bool", "double", "int"} <= set(found["types"])
