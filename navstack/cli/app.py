@@ -24,6 +24,8 @@ from navstack.cli import (
     info,
     internal_error,
     live,
+    localize,
+    map_commands,
     motions,
     params,
     plan,
@@ -74,6 +76,8 @@ app.command("info")(info.info)
 app.command("sweep")(sweep.sweep)
 app.command("tune")(tune.tune)
 app.add_typer(bag.app, name="bag")
+app.command("localize")(localize.localize)
+app.add_typer(map_commands.app, name="map")
 app.add_typer(bench.app, name="bench")
 app.add_typer(explain.app, name="explain")
 app.add_typer(params.app, name="params")

@@ -26,6 +26,9 @@ from navstack.drives.messages import Drive, DriveMessage, Odometry, Reference, S
 NO_RETURN: Final = 50.0
 """From this range on (m), a beam has no return: the lasers of these logs report 81.91 or their maximum."""
 
+_STEP_S: Final = 1.0
+"""Time between scans whose times do not increase (s)."""
+
 _AFTER_RANGES: Final = 9
 """Fields after the ranges: two poses, time, host, time."""
 
@@ -42,7 +45,7 @@ class CarmenDrive(Drive):
     def __iter__(self) -> Iterator[DriveMessage]:
         """Yield the messages; see `Drive`."""
         odometry, base = Transform2D(), None
-        stamp = -math.inf
+        stamp, last_scan = -math.inf, -math.inf
         scans = 0
         for number, text in read_lines(self.path):
             word = text.split(maxsplit=1)[0] if not text.isspace() else ""
@@ -63,7 +66,9 @@ class CarmenDrive(Drive):
                 ranges, laser, robot, time = _scan(fields)
             except ValueError as exc:
                 raise LogError(f"{self.path}:{number}: {exc}", file=str(self.path), line=number) from None
-            stamp = max(stamp, time)
+            # some logs have lost the digits of their times: each scan needs its own
+            stamp = max(stamp, time if time > last_scan else last_scan + _STEP_S)
+            last_scan = stamp
             if base is None:
                 base = robot
                 yield Odometry(stamp, odometry)

@@ -64,7 +64,10 @@ class ScanMatcher(Localizer):
 
     def set_map(self, grid: OccupancyGrid) -> None:
         """Use this map from now on; the present estimate stays, other hypotheses are dropped."""
-        match_map = MatchMap(grid)
+        self.set_match_map(MatchMap(grid))
+
+    def set_match_map(self, match_map: MatchMap) -> None:
+        """Use a map that is already prepared; see `set_map`."""
         before = self._hypotheses
         self._hypotheses = Hypotheses(match_map, self._settings, window=self.params.window)
         if before is not None and len(before) and self._certain:

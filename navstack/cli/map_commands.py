@@ -1,0 +1,78 @@
+"""`navstack map`: maps from logs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from navstack.cli import options
+
+app = typer.Typer(no_args_is_help=True, rich_markup_mode="markdown", help="Make maps.")
+
+Scans = Literal["all", "odd", "even"]
+LogFile = Annotated[
+    Path, typer.Argument(metavar="LOG", help="CARMEN log (.log, .log.gz), or a recorded run (folder or run.npz).")
+]
+
+
+def chosen_scans(scans: Scans) -> tuple[int, int]:
+    """The scans of `--scans` as (every, first); the first scan of a log is number 1, an odd one."""
+    return {"all": (1, 0), "odd": (2, 0), "even": (2, 1)}[scans]
+
+
+@app.command("from-log")
+def from_log(
+    log: LogFile,
+    out: Annotated[
+        Path, typer.Option("--out", metavar="MAP.yaml", help="Map to write: this YAML file and a pgm image beside it.")
+    ],
+    resolution: Annotated[float, typer.Option("--resolution", help="Cells (m).")] = 0.05,
+    max_range: Annotated[float, typer.Option("--max-range", help="Use beams up to this range (m).")] = 30.0,
+    scans: Annotated[Scans, typer.Option("--scans", help="Which scans to use.")] = "all",
+    clear: Annotated[
+        bool, typer.Option("--clear", help="Beams without a return clear cells, too, up to --max-range.")
+    ] = False,
+    json_: options.Json = False,
+) -> None:
+    """Make an occupancy grid from a log whose poses are known (corrected logs, recorded runs), for map_server.
+
+    Each scan raises the log-odds of the cells where beams end and lowers those of the cells before them.
+    """
+    from navstack.cli.output import loading_kernels, print_files, print_json
+    from navstack.core.errors import InputError
+    from navstack.drives import drive_frames, open_drive
+    from navstack.drives.mapping import MappingModel, map_from_frames
+    from navstack.map_io import save_map
+
+    for name, value in (("--resolution", resolution), ("--max-range", max_range)):
+        if not 1e-3 <= value <= 1e3:
+            raise InputError(f"{name} must be a length between 0.001 and 1000 m, not {value:g}", argument=name)
+    drive = open_drive(log)
+    every, first = chosen_scans(scans)
+    model = MappingModel(max_range=max_range, clear_without_return=clear)
+    with loading_kernels(quiet=json_):
+        grid, count = map_from_frames(
+            lambda: drive_frames(drive, every=every, first=first), resolution=resolution, model=model
+        )
+    files = save_map(grid, out)
+    g = grid.geometry
+    if json_:
+        print_json(
+            {
+                "scans": count,
+                "cells": [g.nx, g.ny],
+                "resolution": g.resolution,
+                "origin": [g.origin_x, g.origin_y],
+                "occupied": int((grid.data == 100).sum()),
+                "free": int((grid.data == 0).sum()),
+                "files": [str(file) for file in files],
+            }
+        )
+        return
+    print(
+        f"{count} scans: {g.nx} x {g.ny} cells of {g.resolution:g} m, {int((grid.data == 100).sum())} occupied, "
+        f"{int((grid.data == 0).sum())} free"
+    )
+    print_files({"map": files[0], "image": files[1]})

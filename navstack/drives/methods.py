@@ -1,0 +1,93 @@
+"""Localizers by name, with parameters as text: what `navstack localize` runs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+import yaml
+from pydantic import ValidationError
+
+from navstack.core.bounded_reading import short_repr
+from navstack.core.errors import InputError
+from navstack.drives.follow import Cloud
+from navstack.interfaces import Localizer
+from navstack.localization.amcl import Amcl
+from navstack.localization.scan_matcher import ScanMatcher, ScanMatcherParams
+from navstack.localization.searching import SearchingLocalizer, SearchingParams
+from navstack.parameters.models.amcl import AmclParams
+
+METHODS: Final = ("scan_matching", "amcl", "amcl_only")
+"""Multi-hypothesis scan matching; amcl supervised by searches over the map; amcl alone."""
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """A localizer to run: one of METHODS, with parameters by name."""
+
+    name: str = "scan_matching"
+    values: dict[str, Any] = field(default_factory=dict[str, Any])
+
+    @property
+    def label(self) -> str:
+        """Name and changed parameters, for legends."""
+        return " ".join([self.name, *(f"{key}={value}" for key, value in self.values.items())])
+
+    @classmethod
+    def parse(cls, texts: Iterable[str], argument: str, base: Method | None = None) -> Method:
+        """Read `KEY=VALUE` texts; `method=NAME` names the method. Raises InputError."""
+        start = base or cls()
+        name, values = start.name, dict(start.values)
+        for text in texts:
+            key, sign, raw = text.partition("=")
+            if not sign or not key:
+                raise InputError(
+                    f'{argument} "{text}" must be KEY=VALUE, such as laser_max_beams=60', argument=argument
+                )
+            if key == "method":
+                if raw not in METHODS:
+                    raise InputError(f'{argument} "{text}": the methods are {", ".join(METHODS)}', argument=argument)
+                name = raw
+                continue
+            try:
+                values[key] = yaml.safe_load(raw)
+            except yaml.YAMLError:
+                raise InputError(f'{argument} "{text}": {short_repr(raw)} is no value', argument=argument) from None
+        return cls(name, values)
+
+    def build(self, seed: int) -> tuple[Localizer, Cloud]:
+        """Return the localizer, without a map, and the function that returns its particles. Raises InputError."""
+        if self.name == "scan_matching":
+            matcher = ScanMatcher(self._params(ScanMatcherParams, self.values))
+            return matcher, lambda: _poses([pose for pose, _, _ in matcher.hypotheses()])
+        supervised = self.name == "amcl"
+        search = {k: v for k, v in self.values.items() if supervised and k in SearchingParams.model_fields}
+        own = {key: value for key, value in self.values.items() if key in AmclParams.model_fields}
+        other = [key for key in self.values if key not in search and key not in own]
+        if other:
+            raise InputError(
+                f"{self.name} has no parameter {short_repr(other[0])}; `navstack localize --help` names where to look"
+            )
+        amcl = Amcl(self._params(AmclParams, own), seed=seed)
+
+        def cloud() -> np.ndarray[Any, Any]:
+            return amcl.particles.poses.copy()
+
+        if not supervised:
+            return amcl, cloud
+        return SearchingLocalizer(amcl, self._params(SearchingParams, search)), cloud
+
+    def _params(self, model: type[Any], values: dict[str, Any]) -> Any:
+        try:
+            return model(**values)
+        except ValidationError as exc:
+            first = exc.errors()[0]
+            where = ".".join(map(str, first["loc"])) or "the parameters"
+            raise InputError(f"{self.name}: {where}: {first['msg']}, not {short_repr(first['input'])}") from None
+
+
+def _poses(poses: list[Any]) -> Any:
+    return np.array(poses, np.float64).reshape(-1, 3) if poses else np.full((0, 3), math.nan)

@@ -1,0 +1,115 @@
+"""Lost or not, and finding the pose again."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from navstack.core import LaserScan, OccupancyGrid, Pose2D, Transform2D
+from navstack.localization.amcl import Amcl
+from navstack.localization.lost import LostDetector, LostParams
+from navstack.localization.searching import SearchingLocalizer
+from navstack.parameters.models.amcl import AmclParams
+from tests.localization.rooms import free_pose, rooms, scan_from
+
+SENSOR = Transform2D(0.1, 0.0, 0.0)
+STEP = Transform2D(0.1, 0.0, 0.2)
+
+
+@pytest.fixture(scope="module")
+def grid() -> OccupancyGrid:
+    return rooms(yaw=0.3)
+
+
+def stamped(scan: LaserScan, t: float) -> LaserScan:
+    return dataclasses.replace(scan, stamp=t)
+
+
+def test_the_right_pose_is_never_lost_and_a_wrong_one_soon_is(grid: OccupancyGrid) -> None:
+    detector = LostDetector(grid)
+    rng = np.random.default_rng(1)
+    truth = free_pose(grid, np.random.default_rng(4), margin=1.2)
+    for k in range(50):
+        found = detector.update(
+            Pose2D(truth.x + rng.normal(0.0, 0.05), truth.y + rng.normal(0.0, 0.05), truth.yaw + rng.normal(0.0, 0.02)),
+            stamped(scan_from(grid, truth, sensor=SENSOR), 0.2 * k),
+            SENSOR,
+        )
+        assert found is not None
+        assert not found.lost
+        assert found.evidence < 0.5
+        truth = truth @ STEP
+    wrong = free_pose(grid, np.random.default_rng(9), margin=0.8)
+    scan = scan_from(grid, truth, sensor=SENSOR)
+    for k in range(50, 75):
+        found = detector.update(Pose2D(*wrong), stamped(scan, 0.2 * k), SENSOR)
+    assert found is not None
+    assert found.lost
+    assert found.since == pytest.approx(10.0, abs=1.0)
+    assert found.text().startswith(f"lost since {found.since:.1f} s: ")
+    for k in range(75, 100):  # and found again
+        found = detector.update(Pose2D(*truth), stamped(scan, 0.2 * k), SENSOR)
+    assert found is not None
+    assert not found.lost
+
+
+def test_scans_that_do_not_count(grid: OccupancyGrid) -> None:
+    detector = LostDetector(grid, LostParams(lost_interval=1.0))
+    truth = free_pose(grid, np.random.default_rng(4), margin=1.2)
+    scan = scan_from(grid, truth, sensor=SENSOR)
+    first = detector.update(Pose2D(*truth), stamped(scan, 0.0), SENSOR)
+    assert detector.update(Pose2D(*truth), stamped(scan, 0.5), SENSOR) is first
+    nothing = dataclasses.replace(scan, ranges=np.full_like(scan.ranges, np.inf), stamp=2.0)
+    assert detector.update(Pose2D(*truth), nothing, SENSOR) is first
+    assert detector.update(Pose2D(math.nan, 0.0, 0.0), stamped(scan, 3.0), SENSOR) is first
+    detector.reset()
+    assert detector.last is None
+    assert not detector.lost
+
+
+def test_a_kidnapped_robot_notices_and_finds_itself(grid: OccupancyGrid) -> None:
+    params = AmclParams(laser_max_beams=60, max_particles=1000, resample_interval=1, update_min_d=0.1, update_min_a=0.1)
+    localizer = SearchingLocalizer(Amcl(params, seed=1))
+    localizer.set_map(grid)
+    truth = free_pose(grid, np.random.default_rng(4), margin=1.2)
+    localizer.set_pose(Pose2D(*truth), np.diag([0.01, 0.01, 0.01]), math.inf)
+    odometry = Transform2D()
+    noticed = None
+    for k in range(120):
+        if k == 20:
+            truth = free_pose(grid, np.random.default_rng(21), margin=0.9)
+        localizer.update(odometry, stamped(scan_from(grid, truth, sensor=SENSOR), 0.2 * k), SENSOR)
+        if k < 20:
+            assert not localizer.lost
+        elif noticed is None and localizer.lost:
+            noticed = k - 20
+        truth, odometry = truth @ STEP, odometry @ STEP
+    assert noticed is not None
+    assert noticed <= 25
+    assert len(localizer.alarms) == 1
+    estimate = localizer.estimate
+    assert estimate is not None
+    assert estimate.details["lost"] is False
+    pose = estimate.map_to_odom @ odometry
+    assert math.hypot(pose.x - truth.x, pose.y - truth.y) < 0.3
+
+
+def test_a_global_start_hands_the_pose_to_the_particles(grid: OccupancyGrid) -> None:
+    params = AmclParams(laser_max_beams=60, max_particles=1000, resample_interval=1, update_min_d=0.1, update_min_a=0.1)
+    localizer = SearchingLocalizer(Amcl(params, seed=1))
+    localizer.set_map(grid)
+    localizer.start_globally()
+    assert localizer.lost
+    truth, odometry = free_pose(grid, np.random.default_rng(4), margin=1.2), Transform2D()
+    for k in range(40):
+        localizer.update(odometry, stamped(scan_from(grid, truth, sensor=SENSOR), 0.2 * k), SENSOR)
+        truth, odometry = truth @ STEP, odometry @ STEP
+    assert not localizer.lost
+    assert len(localizer.jumps) == 1
+    assert not localizer.alarms
+    estimate = localizer.tracker.estimate
+    assert estimate is not None
+    assert estimate.details["particles"] > 50
