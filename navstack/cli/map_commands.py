@@ -75,4 +75,4 @@ def from_log(
         f"{count} scans: {g.nx} x {g.ny} cells of {g.resolution:g} m, {int((grid.data == 100).sum())} occupied, "
         f"{int((grid.data == 0).sum())} free"
     )
-    print_files({"map": files[0], "image": files[1]})
+    print_files({"map": str(files[0]), "image": str(files[1])})

@@ -68,7 +68,7 @@ class LostDetector:
         self.params = params or LostParams()
         self.map = match_map if isinstance(match_map, MatchMap) else MatchMap(match_map)
         settings = MatchSettings()
-        self._match = settings.match(self.map.resolution, 0.1, 0.05)
+        self._match = settings.match(self.map.resolution, 0.2, 0.1)
         self._agree = settings.agree(self.map.resolution)
         self._last: Agreement | None = None
         self._began: float | None = None
