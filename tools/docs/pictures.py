@@ -50,6 +50,14 @@ def main() -> None:
         navstack("simulate", "car_park", "--out", folder / "car")
         navstack("plot", folder / "car", "--out", images / "car_park.png", "--steering", images / "car_steering.png")
         navstack("info", "--states", images / "states.png")
+        # the files of the tutorial on safety
+        text = (IMAGES.parent / "tutorials" / "safety.md").read_text(encoding="utf-8")
+        section = text[text.index("## Something steps into the way") :]
+        zones, cart = (part.split("```")[0] for part in section.split("```yaml\n")[1:3])
+        (folder / "zones.yaml").write_text(zones, encoding="utf-8")
+        (folder / "cart.yaml").write_text(cart, encoding="utf-8")
+        navstack("simulate", folder / "cart.yaml", "--out", folder / "cart")
+        navstack("plot", folder / "cart", "--commands", images / "safety_cart.png")
 
 
 if __name__ == "__main__":
