@@ -19,13 +19,16 @@ STEERING = {
 
 
 def found(params: str, *overrides: str) -> dict[str, Finding]:
-    findings = check_parameters([params], overrides=overrides)
+    given = params.startswith("car_") and not any(o.startswith("base_global_planner") for o in overrides)
+    findings = check_parameters([params], overrides=[*(["base_global_planner=given_path"] if given else []), *overrides])
     return {f.rule: f for f in findings if f.rule in STEERING | {"turn-in-place"}}
 
 
 @pytest.mark.parametrize("params", ["car_mppi", "car_rpp"])
 def test_the_packaged_cars_fit_their_base(params: str) -> None:
     assert found(params, PATH) == {}
+    assert [f.rule for f in check_parameters([params]) if f.severity != "info"] == []
+    assert found(params, "base_global_planner=smac_hybrid") == {}
 
 
 def test_a_base_that_turns_in_place_has_none_of_these() -> None:
