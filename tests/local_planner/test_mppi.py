@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import subprocess
 import sys
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from navstack.local_planner.mppi._noise_kernels import fill_normals
 from navstack.local_planner.mppi._sine_kernels import LANES
 from navstack.local_planner.mppi._update_kernels import smooth, softmax
 from navstack.local_planner.mppi.batch import Batch, Motion, TrajectoryContext
+from navstack.local_planner.mppi.collisions import EVERYWHERE, CollisionTest, table
 from navstack.local_planner.mppi.critics import (
     ConstraintCritic,
     CostCritic,
@@ -472,3 +474,26 @@ def test_its_critics_serve_dwa() -> None:
     plan = planner.compute_command(inputs_at(Pose2D(0.0, 0.0), Twist2D(0.3, 0.0, 0.0), wall))
     assert plan.rejected_by is not None and 0 < (plan.rejected_by == 0).sum() < len(plan.rejected_by)
     assert plan.command.vx > 0.0
+
+
+@pytest.mark.parametrize("track_unknown", [False, True])
+def test_without_inflation_far_footprints_are_not_checked_and_nothing_changes(track_unknown: bool) -> None:
+    """Cells from which the footprint touches nothing are skipped: the same scores and collisions as with every check."""
+    rng = np.random.default_rng(11)
+    for _ in range(25):
+        lethal = [tuple(p) for p in rng.uniform(-3.0, 3.0, (int(rng.integers(1, 8)), 2)).tolist()]
+        context = replace(open_field(lethal=lethal), inflation=None, exact=True, track_unknown_space=track_unknown)
+        data = context.costmap.data
+        data[rng.random(data.shape) < 0.003] = 255
+        data[rng.random(data.shape) < 0.003] = 17
+        batch = Batch.empty(256, 20, 0.05)
+        batch.points[:2] = rng.uniform(-3.2, 3.2, batch.points[:2].shape)
+        batch.points[2] = rng.uniform(-3.0, 3.0, batch.points[2].shape)
+        test = CollisionTest.of(context, consider_footprint=True)
+        whole = replace(test, near=EVERYWHERE)
+        assert test.near.any() and not test.near.all()
+        for values in (table(np.arange(256.0)), table(np.zeros(256), np.arange(256.0))):
+            a, b = np.zeros(256, np.float32), np.zeros(256, np.float32)
+            assert np.array_equal(test.scores(batch, 1, values, a), whole.scores(batch, 1, values, b))
+            assert np.array_equal(a, b)
+        assert [test.first(batch, row) for row in range(256)] == [whole.first(batch, row) for row in range(256)]

@@ -52,14 +52,55 @@ def cells_of(costs, place, x, y, out):
 
 
 @kernel
-def batch_costs(costs, place, corners, points, step, values, meaning, unknown_free, exact, out, collided):
+def cells_near(costs, lowest, unknown_free, reach, out):
+    """Write to `out` (ny, nx) where a footprint may touch a cell of at least the cost `lowest`, or leave the grid.
+
+    `reach`: cells between the centre and the farthest corner. A square around each such cell is marked: a superset.
+    `unknown_free`: cost 255 does not count.
+    """
+    ny, nx = costs.shape
+    rows = np.zeros((ny, nx), np.bool_)
+    for iy in range(ny):
+        last = -reach - 1  # column of the last such cell; the border is one
+        for ix in range(nx):
+            cost = costs[iy, ix]
+            if cost >= lowest and not (unknown_free and cost == 255):
+                last = ix
+            rows[iy, ix] = ix - last <= reach or ix < reach
+        last = nx + reach
+        for ix in range(nx - 1, -1, -1):
+            cost = costs[iy, ix]
+            if cost >= lowest and not (unknown_free and cost == 255):
+                last = ix
+            if last - ix <= reach or nx - 1 - ix < reach:
+                rows[iy, ix] = True
+    above = np.full(nx, -reach - 1)
+    for iy in range(ny):
+        for ix in range(nx):
+            if rows[iy, ix]:
+                above[ix] = iy
+            out[iy, ix] = iy - above[ix] <= reach or iy < reach
+    below = np.full(nx, ny + reach)
+    for iy in range(ny - 1, -1, -1):
+        for ix in range(nx):
+            if rows[iy, ix]:
+                below[ix] = iy
+            if below[ix] - iy <= reach or ny - 1 - iy < reach:
+                out[iy, ix] = True
+
+
+@kernel
+def batch_costs(costs, near, place, corners, points, step, values, meaning, unknown_free, exact, out, collided):
     """Write the sum of `values` of the costs under every `step`-th point to `out` (K,), and which trajectories collide.
 
     `place` (1,): origin of the grid relative to the points' anchor, and resolution (m). `values` (2, 256): what a cost under the
     centre adds, and a cost of the footprint where `meaning` (256,) says CHECK. A trajectory that collides adds nothing more.
-    `unknown_free`: cost 255 under the footprint is no collision.
+    `unknown_free`: cost 255 under the footprint is no collision. `near` (ny, nx), or (0, 0) for everywhere: cells in which the
+    footprint is checked; in the others its cost counts as 0.
     """
     flat = costs.ravel()
+    close = near.ravel()
+    everywhere = close.size == 0
     steps, number = points.shape[1], points.shape[2]
     scratch = np.empty(corners.shape, np.int32), np.empty(corners.shape)
     cells = np.empty(LANES, np.int32)
@@ -82,7 +123,9 @@ def batch_costs(costs, place, corners, points, step, values, meaning, unknown_fr
                 else:
                     k = begin + i
                     value = np.int64(254)
-                    if what == CHECK:
+                    if what == CHECK and cells[i] >= 0 and not everywhere and not close[cells[i]]:
+                        value = np.int64(0)
+                    elif what == CHECK:
                         value = footprint_value(costs, place, corners, exact, x[k], y[k], yaw[k], scratch)
                     if value == 254 or (value == 255 and not unknown_free):
                         hit[i] = True
@@ -94,20 +137,23 @@ def batch_costs(costs, place, corners, points, step, values, meaning, unknown_fr
 
 
 @kernel
-def first_collision(costs, place, corners, points, row, step, meaning, unknown_free, exact):
+def first_collision(costs, near, place, corners, points, row, step, meaning, unknown_free, exact):
     """Return the first of every `step`-th point of a trajectory that collides, and its footprint's cost; -1 without one."""
     flat = costs.ravel()
+    close = near.ravel()
     ny, nx = costs.shape
     scratch = np.empty(corners.shape, np.int32), np.empty(corners.shape)
     for t in range(0, points.shape[1], step):
         fx = (np.float64(points[0, t, row]) - place[0].origin_x) / place[0].resolution
         fy = (np.float64(points[1, t, row]) - place[0].origin_y) / place[0].resolution
-        cost = np.uint8(255)
+        cost, may_touch = np.uint8(255), True
         if 0.0 <= fx < nx and 0.0 <= fy < ny:
-            cost = flat[np.int64(fy) * nx + np.int64(fx)]
+            cell = np.int64(fy) * nx + np.int64(fx)
+            cost = flat[cell]
+            may_touch = close.size == 0 or close[cell]
         if meaning[cost] == COLLISION:
             return t, np.int64(cost)
-        if meaning[cost] == CHECK:
+        if meaning[cost] == CHECK and may_touch:
             value = footprint_value(
                 costs, place, corners, exact, points[0, t, row], points[1, t, row], points[2, t, row], scratch
             )

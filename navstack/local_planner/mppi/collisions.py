@@ -10,10 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.interfaces import Inflation, RejectionDetail
-from navstack.local_planner.mppi._collision_kernels import CHECK, COLLISION, FREE, batch_costs, first_collision
+from navstack.local_planner.mppi._collision_kernels import (
+    CHECK,
+    COLLISION,
+    FREE,
+    batch_costs,
+    cells_near,
+    first_collision,
+)
 from navstack.local_planner.mppi.batch import PLACE, Batch, Floats, TrajectoryContext
 
 INSCRIBED, LETHAL, UNKNOWN = 253, 254, 255
+EVERYWHERE = np.empty((0, 0), np.bool_)
+"""Of `CollisionTest.near`: the footprint is checked wherever the centre's cost says CHECK."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,32 +34,40 @@ class CollisionTest:
     """(256,) FREE, COLLISION or CHECK for a cost under the robot's centre."""
     corners: NDArray[np.float64]
     """(2, n) of the footprint (m)."""
+    near: NDArray[np.bool_]
+    """(ny, nx), or (0, 0) for everywhere: cells in which the footprint may touch an obstacle."""
 
     @classmethod
     def of(cls, context: TrajectoryContext, *, consider_footprint: bool) -> CollisionTest:
         """By the centre's cost, or by the footprint wherever the centre's cost does not exclude a collision.
 
-        ROS differs: without inflation the cost of the centre says nothing, and the footprint is checked everywhere.
+        ROS differs: without inflation the cost of the centre says nothing, and the footprint is checked wherever it may touch
+        an obstacle.
         """
+        near = EVERYWHERE
         meaning = np.full(256, FREE, np.uint8)
         if context.exact and context.inflation is None:
             meaning[:] = CHECK
+            near = _near(context, LETHAL)
         elif consider_footprint:
             meaning[max(1, circumscribed_cost(context)) :] = CHECK
         else:
             meaning[INSCRIBED : LETHAL + 1] = COLLISION
             meaning[UNKNOWN] = FREE if context.track_unknown_space else COLLISION
-        return cls(context, meaning, np.ascontiguousarray(context.footprint.vertices.T))
+        return cls(context, meaning, np.ascontiguousarray(context.footprint.vertices.T), near)
 
     def scores(self, batch: Batch, step: int, values: Floats, out: Floats) -> NDArray[np.bool_]:
         """Write the sums of `values` (2, 256) of the costs of every `step`-th point to `out` (K,); return who collides.
 
         See `batch_costs`.
         """
-        context = self.context
+        context, near = self.context, self.near
+        if near.size and values[1, 0] >= 0.0:
+            near = _near(context, 1)  # every cost under the footprint counts
         collided = np.empty(len(out), np.bool_)
         batch_costs(
             context.costmap.data,
+            near,
             batch.place(context.costmap),
             self.corners,
             batch.points,
@@ -70,6 +87,7 @@ class CollisionTest:
         context = self.context
         found, cost = first_collision(
             context.costmap.data,
+            self.near,
             batch.place(context.costmap),
             self.corners,
             batch.points,
@@ -88,7 +106,7 @@ class CollisionTest:
         place = np.zeros(1, PLACE)
         place[0] = (g.origin_x - pose.x, g.origin_y - pose.y, g.resolution, 0.0)
         found, _ = first_collision(
-            context.costmap.data, place, self.corners, points, 0, 1, self.meaning, True, context.exact
+            context.costmap.data, self.near, place, self.corners, points, 0, 1, self.meaning, True, context.exact
         )
         return int(found) < 0
 
@@ -110,6 +128,16 @@ class CollisionTest:
         else:
             reason = "hits an obstacle: lethal cost 254"
         return RejectionDetail(reason, point, pose, ahead, cell, cost)
+
+
+def _near(context: TrajectoryContext, lowest: int) -> NDArray[np.bool_]:
+    """The cells (ny, nx) in which the footprint may touch a cell of at least the cost `lowest`, or leave the costmap."""
+    costs = context.costmap.data
+    out = np.empty(costs.shape, np.bool_)
+    reach = math.ceil(context.footprint.circumscribed_radius / context.costmap.geometry.resolution) + 1
+    # where every cost counts, unknown cells do
+    cells_near(costs, lowest, context.track_unknown_space and lowest == LETHAL, reach, out)
+    return out
 
 
 def circumscribed_cost(context: TrajectoryContext) -> int:

@@ -19,7 +19,7 @@ from navstack.core.parameters import ParamModel
 from navstack.interfaces import ControlDiagnostics, LocalPlan, VelocityLimits
 from navstack.local_planner.mppi._collision_kernels import CHECK, COLLISION, FREE
 from navstack.local_planner.mppi.batch import Floats, TrajectoryContext
-from navstack.local_planner.mppi.collisions import CollisionTest
+from navstack.local_planner.mppi.collisions import EVERYWHERE, CollisionTest
 from navstack.local_planner.mppi.diagnostics import all_collide, diagnose
 from navstack.local_planner.mppi.optimizer import Optimizer
 from navstack.local_planner.mppi.params import MPPIParams, TrajectoryValidatorParams
@@ -197,6 +197,6 @@ def is_safe(context: TrajectoryContext, optimal: Floats, validator: TrajectoryVa
         meaning[:] = CHECK
     else:
         meaning[253:255] = COLLISION
-    test = CollisionTest(context, meaning, np.ascontiguousarray(context.footprint.vertices.T))
+    test = CollisionTest(context, meaning, np.ascontiguousarray(context.footprint.vertices.T), EVERYWHERE)
     points = np.ascontiguousarray(optimal[:ahead].T[:, :, None])
     return test.is_free(points)
