@@ -48,7 +48,7 @@ def plot_controllers(
     names = list(dict.fromkeys(str(row["controller"]) for row in rows))
     with canvas.style():
         whole = canvas.chart_axes(path, ax, 2.6 + 2.0 * len(suites), 0.8 + 1.15 * len(_PANELS))
-        whole.set_title(title)
+        whole.set_title(title, pad=24.0)
         whole.axis("off")
         for i, panel in enumerate(_PANELS):
             for j, suite in enumerate(suites):
@@ -86,6 +86,8 @@ def _draw(axes: Any, panel: _Panel, rows: Sequence[Row | None]) -> None:
     axes.grid(axis="y", color=colors.FAINT, alpha=0.25, lw=0.6)
     if panel.log:
         axes.set_yscale("log")
+        low, high = axes.get_ylim()
+        axes.set_ylim(0.7 * low, 1.4 * high)
         axes.yaxis.set_major_formatter(_plain)
         axes.yaxis.set_minor_formatter(_nothing)
     elif panel.key == "success":
