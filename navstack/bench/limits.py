@@ -223,12 +223,13 @@ def _dwa() -> LocalPlanner:
         "sim_time": 1.0,
         "vy_samples": 1,
     }
-    return cls(cls.Params(**values, min_vel_trans=0.0, min_vel_theta=0.0))
+    return cls(cls.Params(**{**values, "min_vel_trans": 0.0, "min_vel_theta": 0.0}))
 
 
 def _rollout() -> LocalPlanner:
     cls = LOCAL_PLANNERS.get("trajectory_rollout").cls
-    return cls(cls.Params(max_vel_x=0.5, min_vel_x=0.1, max_vel_theta=1.2, min_vel_theta=-1.2, escape_vel=-0.1))
+    values = {"max_vel_x": 0.5, "min_vel_x": 0.1, "max_vel_theta": 1.2, "min_vel_theta": -1.2, "escape_vel": -0.1}
+    return cls(cls.Params(**values))
 
 
 _PURSUIT: Final[dict[str, Any]] = {

@@ -78,7 +78,7 @@ class CarrotPlanner(GlobalPlanner):
                 poses = np.array([start, target], dtype=np.float64)
                 length = start.distance_to(target)
                 took = time.perf_counter() - began
-                return Plan(Path(poses, costmap.frame), length, target, moved, 0, None, notes, took)
+                return Plan(Path(poses, costmap.frame), length, target, moved, notes=notes, took_s=took)
             scale = round(scale - _SCALE_STEP, 10)
         data = occupied_data(SearchSpace(costmap, navfn_costs(False), border_blocked=False), goal_cell)
         raise GoalOccupiedError(

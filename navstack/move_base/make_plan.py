@@ -6,6 +6,7 @@ Source: move_base/src/move_base.cpp (planService).
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -62,7 +63,7 @@ def make_plan(
         if params.make_plan_add_unreachable_goal:
             path = Path(np.vstack((path.poses, [tuple(goal)])), path.frame)
         note = f"the goal is unreachable ({error.name}); the plan ends {offset:.2f} m from it"
-        return Plan(path, plan.cost, near, offset, plan.cells_expanded, plan.potential, (*plan.notes, note))
+        return replace(plan, path=path, goal=near, goal_moved_m=offset, notes=(*plan.notes, note))
     raise add_layer(costmap, error)
 
 

@@ -20,7 +20,9 @@ STEERING = {
 
 def found(params: str, *overrides: str) -> dict[str, Finding]:
     given = params.startswith("car_") and not any(o.startswith("base_global_planner") for o in overrides)
-    findings = check_parameters([params], overrides=[*(["base_global_planner=given_path"] if given else []), *overrides])
+    findings = check_parameters(
+        [params], overrides=[*(["base_global_planner=given_path"] if given else []), *overrides]
+    )
     return {f.rule: f for f in findings if f.rule in STEERING | {"turn-in-place"}}
 
 
