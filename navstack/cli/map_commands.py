@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from navstack.cli import options
+from navstack.cli.out_path import file_in
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="markdown", help="Make maps.")
 
@@ -26,7 +27,13 @@ def chosen_scans(scans: Scans) -> tuple[int, int]:
 def from_log(
     log: LogFile,
     out: Annotated[
-        Path, typer.Option("--out", metavar="MAP.yaml", help="Map to write: this YAML file and a pgm image beside it.")
+        Path,
+        typer.Option(
+            "--out",
+            metavar="FILE|DIR",
+            help="Map to write: a YAML file, and a pgm image beside it; in a folder: map.yaml.",
+            callback=file_in("map.yaml"),
+        ),
     ],
     resolution: Annotated[float, typer.Option("--resolution", help="Cells (m).")] = 0.05,
     max_range: Annotated[float, typer.Option("--max-range", help="Use beams up to this range (m).")] = 30.0,

@@ -239,9 +239,7 @@ class ObservationBuffer:
         key = (n, scan.angle_min, scan.angle_increment)
         directions = self._directions
         if directions is None or key != self._directions_key:
-            with np.errstate(all="ignore"):  # angles may overflow: their points are NaN and skipped later
-                angles = scan.angle_min + np.arange(n) * scan.angle_increment
-                directions = self._directions = np.column_stack((np.cos(angles), np.sin(angles)))
+            directions = self._directions = beam_directions(scan.angle_min, scan.angle_increment, n)
             self._directions_key = key
         inf_range = math.nan
         if self.params.inf_is_valid:
@@ -271,6 +269,18 @@ class ObservationBuffer:
             cloud.points, at.x, at.y, at.yaw, params.min_obstacle_height, params.max_obstacle_height, out
         )
         return out, count
+
+
+def beam_directions(angle_min: float, angle_increment: float, count: int) -> NDArray[np.float64]:
+    """Return the unit vectors (count, 2) of the beams of a scan; NaN for an angle that overflows.
+
+    The C library's functions, as in C++: those of numpy differ in the last bit from one processor to the next, which decides
+    whether a ray ends in one cell or in another.
+    """
+    with np.errstate(all="ignore"):
+        angles: list[float] = (angle_min + np.arange(count) * angle_increment).tolist()
+    finite = [angle if math.isfinite(angle) else math.nan for angle in angles]
+    return np.column_stack(([math.cos(angle) for angle in finite], [math.sin(angle) for angle in finite]))
 
 
 def untransformed(topic: str, source: str, target: str, cause: FrameError | None, frames: FrameTree) -> FrameError:

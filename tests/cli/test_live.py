@@ -11,12 +11,12 @@ import socket
 import subprocess
 import sys
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from navstack.cli.app import run
 from navstack.scenario import load_scenario, run_scenario
 
 pytest.importorskip("aiohttp")
@@ -89,7 +89,9 @@ async def conversation(address: str) -> list[dict[str, Any]]:
 @pytest.mark.skipif(sys.platform == "win32", reason="sends SIGINT")
 def test_a_recorded_run_shows_a_time_line(server: tuple[subprocess.Popen[str], str]) -> None:
     process, address = server
-    heard = asyncio.run(conversation(address))
+    # in a thread of its own: Playwright leaves a running loop in that of the browser tests
+    with ThreadPoolExecutor(1) as pool:
+        heard = pool.submit(asyncio.run, conversation(address)).result()
     world = heard[0]
     assert world["type"] == "world" and world["fixed"] and world["name"]
     first = next(message for message in heard if message["type"] == "frame")["sides"][0]
@@ -103,7 +105,7 @@ def test_a_recorded_run_shows_a_time_line(server: tuple[subprocess.Popen[str], s
     assert "there is no display here; open the address in a browser" in " ".join(err.split())
 
 
-def test_wrong_input_gets_one_sentence(recorded: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_wrong_input_gets_one_sentence(recorded: Path) -> None:
     with socket.socket() as used:
         used.bind(("127.0.0.1", 0))
         used.listen()
@@ -120,6 +122,8 @@ def test_wrong_input_gets_one_sentence(recorded: Path, capfd: pytest.CaptureFixt
             (str(recorded), "--no-open", "--port", str(port)): f"port {port} is in use",
         }
         for arguments, sentence in wrong.items():
-            assert run(["live", *arguments]) == 2
-            said = " ".join(capfd.readouterr().err.split())
+            command = [sys.executable, "-m", "navstack", "live", *arguments]
+            done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+            assert done.returncode == 2
+            said = " ".join(done.stderr.split())
             assert sentence in said and "Traceback" not in said

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -68,12 +69,36 @@ def costmap_of(case: dict[str, np.ndarray], frames: FrameTree, static_map: Occup
     )
 
 
+CLIPPED = {
+    ("costmap_seq_local_voxel_360", 3): (61, 16),
+    ("costmap_seq_local_voxel_360", 4): (60, 11),
+    ("costmap_seq_local_voxel_360", 5): (61, 11),
+}
+"""Case and step -> cell (iy, ix) that a ray clears. In C++, rounding puts the ray below the grid: it is lost (parity 33)."""
+
+
+def _lost_ray(
+    case: dict[str, Any], costs: np.ndarray, cell: tuple[int, int] | None, step: int, reach: float
+) -> np.ndarray:
+    """Check the obstacle layer; return where the master may differ: within `reach` (cells) of the cell that differs."""
+    theirs = case["obstacle"][step].copy()
+    beyond = np.zeros(theirs.shape, np.bool_)
+    if cell is not None:
+        assert (costs[cell], theirs[cell]) == (0, 254)
+        theirs[cell] = 0
+        rows, columns = np.indices(theirs.shape)
+        beyond = np.hypot(rows - cell[0], columns - cell[1]) <= reach + 1.0
+    np.testing.assert_array_equal(costs, theirs, err_msg=f"obstacle layer of step {step}")
+    return beyond
+
+
 @pytest.mark.parametrize("path", CASES, ids=lambda p: p.stem)
 def test_sequence_matches_cpp(path: Path, golden_dir: Path) -> None:
     """Every step equal: points, obstacle layer, master, origins, window.
 
     Classes of difference:
-    - points, obstacle layer, windows: none. Rounding to float32 follows ROS, and so does the addition of the origins, which
+    - points, obstacle layer, windows: none, except the cells of `CLIPPED`.
+      Rounding to float32 follows ROS, and so does the addition of the origins, which
       decides whether a ray cut at the border ends a hair inside or outside of the map.
     - master: cells where C++'s label spreading finds a farther obstacle than the nearest (parity 1), up to 5 of 6,400 in
       a narrow room. There navstack has the exact distance; everywhere else it equals C++. Never a lower cost, and the
@@ -111,7 +136,7 @@ def test_sequence_matches_cpp(path: Path, golden_dir: Path) -> None:
         seen = layer.buffers[0].observations[0]
         # sine and cosine may differ in the last bit between C libraries, before the rounding to float32
         np.testing.assert_allclose(seen.points[: seen.count], clouds[k], rtol=0.0, atol=1e-6)
-        np.testing.assert_array_equal(layer.costs, case["obstacle"][k], err_msg=f"obstacle layer of step {k}")
+        beyond = _lost_ray(case, layer.costs, CLIPPED.get((path.stem, k)), k, radius / resolution)
 
         ours, theirs = costmap.master.data, case["master"][k]
         below = np.zeros_like(ours) if static_map is None else costmap.layer("static_layer").costs.copy()  # type: ignore[attr-defined]
@@ -119,10 +144,10 @@ def test_sequence_matches_cpp(path: Path, golden_dir: Path) -> None:
         below[seen_cells] = layer.costs[seen_cells]
         exact = exact_inflation(below, exact_params, costmap.footprint.inscribed_radius)
         np.testing.assert_array_equal(ours, exact, err_msg=f"master of step {k} is not the exact inflation")
-        missed = theirs != exact
+        missed = (theirs != exact) & ~beyond
         print(
             f"{path.stem} step {k}: {int(missed.sum())} of {missed.size} cells of C++'s master miss the exact distance"
         )
         assert (ours[missed] > theirs[missed]).all()
         assert missed.sum() <= 0.001 * missed.size
-        np.testing.assert_array_equal(ours == 254, theirs == 254)
+        np.testing.assert_array_equal((ours == 254) & ~beyond, (theirs == 254) & ~beyond)

@@ -28,7 +28,7 @@ DEFAULTS = {
 
 
 def test_the_names_and_effective_defaults_of_ros() -> None:
-    added = {"progress_checker_plugins": None, "sections": {}}  # Nav2's progress checker
+    added = {"progress_checker_plugins": None, "base_smoother": None, "sections": {}}  # from Nav2
     assert MoveBaseParams().model_dump() == {**DEFAULTS, **added}
     assert "restore_defaults" in MoveBaseParams.NO_EFFECT
     for name, field in MoveBaseParams.model_fields.items():
