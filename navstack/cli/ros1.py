@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from navstack.cli import options
+from navstack.cli.ros1_node import REMAPS, Name, set_param, start_node
 from navstack.cli.scenario_options import ScenarioOptions
 
 app = typer.Typer(
@@ -16,13 +17,8 @@ app = typer.Typer(
     help="Nodes for ROS 1 (Debian's packages): move_base, the simulated robot, map_server.",
 )
 
-_REMAPS: dict[str, Any] = {"ignore_unknown_options": True, "allow_extra_args": True}
-"""ROS arguments (`cmd_vel:=/base/cmd_vel`, `__ns:=/robot1`, `_frame_id:=map`) are passed to rospy."""
 
-Name = Annotated[str, typer.Option("--name", help="Name of the node.")]
-
-
-@app.command("move_base", context_settings=_REMAPS)
+@app.command("move_base", context_settings=REMAPS)
 def move_base(
     context: typer.Context,
     params: options.Params = [],
@@ -38,14 +34,14 @@ def move_base(
     from navstack.cli.output import print_warnings
     from navstack.ros1 import move_base_node, parameters
 
-    _start(name, context)
+    start_node(name, context)
     configuration = parameters.load(params, set_, distro=distro)
     print_warnings(configuration)
     move_base_node.run(configuration)
     return 0
 
 
-@app.command("sim", context_settings=_REMAPS)
+@app.command("sim", context_settings=REMAPS)
 @options.with_options(chosen=ScenarioOptions)
 def sim(
     context: typer.Context,
@@ -71,73 +67,24 @@ def sim(
     scenario = chosen.build(goals_needed=False)
     rospy = ros.rospy()
     if not clock:
-        _start(name, context)
+        start_node(name, context)
         SimNode(scenario, speed=1.0, clock=False).spin()
         return 0
     # this node makes the time: it must not wait for its own clock
-    _set_param("/use_sim_time", False)
-    _start(name, context)
+    set_param("/use_sim_time", False)
+    start_node(name, context)
     rospy.set_param("/use_sim_time", True)
     SimNode(scenario, speed=speed, clock=True).spin()
     return 0
 
 
-@app.command("map_server", context_settings=_REMAPS)
+@app.command("map_server", context_settings=REMAPS)
 def map_server(context: typer.Context, map_: options.Map, name: Name = "map_server") -> int:
     """Publish a map (latched), and offer static_map and change_map. Exit codes: 0 shut down, 2 invalid input."""
     from navstack.cli.arguments import map_of
     from navstack.ros1 import map_server as server
 
     _, grid = map_of(map_)
-    _start(name, context)
+    start_node(name, context)
     server.run(grid)
     return 0
-
-
-def _start(name: str, context: typer.Context) -> None:
-    """Register the node at the master, with the ROS arguments of the command line. Raises InputError without a master."""
-    import io
-    import signal
-    import sys
-
-    from navstack.core.errors import InputError
-    from navstack.ros1 import ros
-
-    rospy = ros.rospy()
-    extra = [text for text in context.args if ":=" not in text]
-    if extra:
-        raise InputError(f"{' '.join(extra)} is neither an option nor a ROS argument NAME:=VALUE")
-    _check_master()
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(line_buffering=True)  # the log of a node is read while it runs
-    sys.argv = ["navstack", *context.args]
-    rospy.init_node(name, argv=list(sys.argv), disable_signals=True)
-
-    def shut_down(number: int, frame: Any) -> None:
-        del number, frame
-        ros.STOP.set()
-
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, shut_down)
-
-
-def _set_param(name: str, value: Any) -> None:
-    from navstack.ros1 import ros
-
-    _check_master()
-    ros.rospy().set_param(name, value)
-
-
-def _check_master() -> None:
-    """Raise InputError if there is no ROS master: rospy would wait for it without end."""
-    import os
-
-    from navstack.core.errors import InputError
-    from navstack.ros1 import ros
-
-    uri = os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
-    os.environ.setdefault("ROS_MASTER_URI", uri)
-    try:
-        ros.load("rosgraph").Master("/navstack").getPid()
-    except Exception as exc:  # socket errors, errors of XML-RPC
-        raise InputError(f"no ROS master at {uri} ({exc}); start roscore, or set ROS_MASTER_URI", uri=uri) from exc

@@ -1,0 +1,62 @@
+"""What the commands of `navstack ros1` share: ROS arguments, the start of a node."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Final
+
+import typer
+
+REMAPS: Final[dict[str, Any]] = {"ignore_unknown_options": True, "allow_extra_args": True}
+"""ROS arguments (`cmd_vel:=/base/cmd_vel`, `__ns:=/robot1`, `_frame_id:=map`) are passed to rospy."""
+
+Name = Annotated[str, typer.Option("--name", help="Name of the node.")]
+
+
+def start_node(name: str, context: typer.Context) -> None:
+    """Register the node at the master, with the ROS arguments of the command line. Raises InputError without a master."""
+    import io
+    import signal
+    import sys
+
+    from navstack.core.errors import InputError
+    from navstack.ros1 import ros
+
+    rospy = ros.rospy()
+    extra = [text for text in context.args if ":=" not in text]
+    if extra:
+        raise InputError(f"{' '.join(extra)} is neither an option nor a ROS argument NAME:=VALUE")
+    _check_master()
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(line_buffering=True)  # the log of a node is read while it runs
+    sys.argv = ["navstack", *context.args]
+    rospy.init_node(name, argv=list(sys.argv), disable_signals=True)
+
+    def shut_down(number: int, frame: Any) -> None:
+        del number, frame
+        ros.STOP.set()
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, shut_down)
+
+
+def set_param(name: str, value: Any) -> None:
+    """Set a parameter before this process is a node. Raises InputError without a master."""
+    from navstack.ros1 import ros
+
+    _check_master()
+    ros.rospy().set_param(name, value)
+
+
+def _check_master() -> None:
+    """Raise InputError if there is no ROS master: rospy would wait for it without end."""
+    import os
+
+    from navstack.core.errors import InputError
+    from navstack.ros1 import ros
+
+    uri = os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
+    os.environ.setdefault("ROS_MASTER_URI", uri)
+    try:
+        ros.load("rosgraph").Master("/navstack").getPid()
+    except Exception as exc:  # socket errors, errors of XML-RPC
+        raise InputError(f"no ROS master at {uri} ({exc}); start roscore, or set ROS_MASTER_URI", uri=uri) from exc
