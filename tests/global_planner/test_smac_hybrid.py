@@ -47,8 +47,8 @@ def test_length_in_empty_space(model: str) -> None:
     shortest = dubins_curve if model == "DUBIN" else reeds_shepp_curve
     for _ in range(12):
         start, goal = (
-            Pose2D(*(float(v) for v in rng.uniform(2.5, 5.5, 2)), float(rng.uniform(-math.pi, math.pi)))
-            for _ in range(2)
+            Pose2D(float(x), float(y), float(rng.uniform(-math.pi, math.pi)))
+            for x, y in (rng.uniform(2.5, 5.5, 2), rng.uniform(2.5, 5.5, 2))
         )
         length = search.make_plan(costmap, start, goal).length_m
         curve = shortest(start, goal, 0.4).length
@@ -141,6 +141,32 @@ def test_start_in_an_obstacle() -> None:
         planner(start_policy="refuse").make_plan(costmap, start, goal, footprint=BOX)
     plan = planner().make_plan(costmap, start, goal, footprint=BOX)
     assert any("treated as free" in note for note in plan.notes)
+
+
+@pytest.mark.parametrize("gap", [0.1, 0.03, 0.004, 0.0])
+def test_ends_close_to_obstacles(gap: float) -> None:
+    """A robot a fraction of a cell from an obstacle fits there, and the obstacle counts; only an overlap is cleared."""
+    costmap = empty()
+    costmap.data[46, 40:48] = costmap.data[113, 100:112] = 254  # left of the start; right of the goal
+    y = 46 * RESOLUTION - 0.3 - gap * RESOLUTION
+    start, goal = Pose2D(2.0, y, 0.0), Pose2D(5.3, 114 * RESOLUTION + 0.3 + gap * RESOLUTION, 0.0)
+    referee = Referee(costmap, BOX, False, 0.4, False)
+    plan = planner().make_plan(costmap, start, goal, footprint=BOX)
+    assert referee.faults(plan, start, goal) == []
+    assert plan.goal_moved_m == 0.0
+    assert not any("treated as free" in note for note in plan.notes)
+
+
+def test_only_an_overlap_is_cleared() -> None:
+    """The robot overlaps one obstacle at its start, and another is 0.1 cells away: that one still counts."""
+    costmap = empty()
+    costmap.data[46, 40:48] = 254
+    start, goal = Pose2D(2.0, 46 * RESOLUTION - 0.305, 0.0), Pose2D(4.0, 5.0, math.pi / 2)
+    costmap.data[36, 36] = 254  # under the rear right corner
+    plan = planner().make_plan(costmap, start, goal, footprint=BOX)
+    assert any("treated as free" in note for note in plan.notes)
+    costmap.data[36, 36] = 0
+    assert Referee(costmap, BOX, False, 0.4, False).faults(plan, start, goal) == []
 
 
 def test_a_heuristic_that_is_kept_changes_nothing() -> None:

@@ -9,7 +9,13 @@ import numpy as np
 
 from navstack.core.jit import kernel
 from navstack.curves.curve_kernels import LEFT, SEGMENTS, STRAIGHT, advance, curve
-from navstack.global_planner._se2._shape_kernels import cell_weight, centre_cost, near_obstacles, shape_blocked
+from navstack.global_planner._se2._shape_kernels import (
+    cell_weight,
+    centre_cost,
+    motion_blocked,
+    near_obstacles,
+    shape_blocked,
+)
 
 SPACING = 1.0
 """Cells between the samples of the costs along a curve."""
@@ -58,6 +64,7 @@ def segment_free(costs, bits, shape, p, kind, x, y, yaw, length, radius):
         return True
     pieces = max(1, math.ceil(abs(length) / 8.0))
     x0, y0 = x, y
+    before, after = np.empty(3), np.empty(3)
     for piece in range(pieces):
         x1, y1, _ = advance(kind, x, y, yaw, length * (piece + 1) / pieces, radius)
         # an arc bulges from its chord by at most its length squared over 8 radii
@@ -67,13 +74,17 @@ def segment_free(costs, bits, shape, p, kind, x, y, yaw, length, radius):
         if near_obstacles(costs, bits, p, left, low, right, high):
             motion = (abs(length) + p.reach * turn) / pieces
             count = max(1, math.ceil(motion / p.sample_step))
-            for k in range(count):
-                at = length * (piece + (k + 1) / count) / pieces
-                px, py, pyaw = advance(kind, x, y, yaw, at, radius)
-                if centre_cost(costs, p, px, py) < 0:
+            tight = False
+            for k in range(count + 1):
+                px, py, pyaw = advance(kind, x, y, yaw, length * (piece + k / count) / pieces, radius)
+                if k > 0 and centre_cost(costs, p, px, py) < 0:
                     return False
-                if shape_blocked(costs, bits, shape, p, px, py, math.cos(pyaw), math.sin(pyaw)):
+                blocked = shape_blocked(costs, bits, shape, p, px, py, math.cos(pyaw), math.sin(pyaw))
+                after[0], after[1], after[2] = px, py, pyaw
+                if k > 0 and (blocked or tight) and motion_blocked(costs, bits, shape, p, before, after):
                     return False
+                tight = blocked
+                before[0], before[1], before[2] = px, py, pyaw
         x0, y0 = x1, y1
     return True
 
@@ -129,21 +140,46 @@ def line_cost(costs, bits, shape, p, start, goal, limit):
     if length > p.expansion_length or length * p.base_cost > limit:
         return np.inf
     count = max(1, math.ceil(length / SPACING), math.ceil((length + p.reach * abs(turn)) / p.sample_step))
-    total = 0.0
-    for k in range(count):
-        share = (k + 1) / count
-        px, py = start[0] + share * dx, start[1] + share * dy
-        cost = centre_cost(costs, p, px, py)
-        if cost < 0:
-            return np.inf
-        total += length / count * cell_weight(p, cost)
-        if total > limit:
-            return np.inf
-        if p.corners > 0 and near_obstacles(costs, bits, p, px, py, px, py):
-            yaw = start[2] + share * turn
-            if shape_blocked(costs, bits, shape, p, px, py, math.cos(yaw), math.sin(yaw)):
+    total, tight = 0.0, False
+    before, after = np.empty(3), np.empty(3)
+    for k in range(count + 1):
+        share = k / count
+        px, py, yaw = start[0] + share * dx, start[1] + share * dy, start[2] + share * turn
+        if k > 0:
+            cost = centre_cost(costs, p, px, py)
+            if cost < 0:
                 return np.inf
+            total += length / count * cell_weight(p, cost)
+            if total > limit:
+                return np.inf
+        blocked = False
+        if p.corners > 0 and near_obstacles(costs, bits, p, px, py, px, py):
+            blocked = shape_blocked(costs, bits, shape, p, px, py, math.cos(yaw), math.sin(yaw))
+        after[0], after[1], after[2] = px, py, yaw
+        # between two checks this is close enough to an arc
+        if k > 0 and (blocked or tight) and motion_blocked(costs, bits, shape, p, before, after):
+            return np.inf
+        tight = blocked
+        before[0], before[1], before[2] = px, py, yaw
     return total
+
+
+@kernel
+def sample_blocked(costs, bits, shape, samples, p, primitive, k, x, y, c, s):
+    """Return True if the finely padded footprint is blocked on the way from the sample before `k` to sample `k`."""
+    before, after = np.empty(3), np.empty(3)
+    before[0], before[1], before[2] = x, y, 0.0
+    if k > primitive.first:
+        sx, sy = samples[k - 1, 0], samples[k - 1, 1]
+        before[0], before[1] = x + c * sx - s * sy, y + s * sx + c * sy
+        before[2] = math.atan2(samples[k - 1, 3], samples[k - 1, 2])
+    sx, sy = samples[k, 0], samples[k, 1]
+    after[0], after[1] = x + c * sx - s * sy, y + s * sx + c * sy
+    turn = math.atan2(samples[k, 3], samples[k, 2]) - before[2]
+    turn -= 2.0 * math.pi * math.floor(turn / (2.0 * math.pi) + 0.5)
+    before[2] += math.atan2(s, c)
+    after[2] = before[2] + turn
+    return motion_blocked(costs, bits, shape, p, before, after)
 
 
 @kernel
@@ -160,6 +196,7 @@ def sweep_free(costs, bits, shape, samples, p, primitive, x, y, c, s):
         exact = near_obstacles(costs, bits, p, left, low, right, high)
     else:
         exact = False
+    tight = exact and shape_blocked(costs, bits, shape, p, x, y, c, s)
     for k in range(primitive.first, primitive.first + primitive.count):
         sx, sy = samples[k, 0], samples[k, 1]
         px, py = x + c * sx - s * sy, y + s * sx + c * sy
@@ -168,8 +205,10 @@ def sweep_free(costs, bits, shape, samples, p, primitive, x, y, c, s):
         if exact:
             hc = c * samples[k, 2] - s * samples[k, 3]
             hs = s * samples[k, 2] + c * samples[k, 3]
-            if shape_blocked(costs, bits, shape, p, px, py, hc, hs):
+            blocked = shape_blocked(costs, bits, shape, p, px, py, hc, hs)
+            if (blocked or tight) and sample_blocked(costs, bits, shape, samples, p, primitive, k, x, y, c, s):
                 return False
+            tight = blocked
     return True
 
 

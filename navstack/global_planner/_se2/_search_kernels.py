@@ -2,8 +2,9 @@
 """A* over poses: motion primitives, curves to the goal, buckets instead of a heap. Coordinates are in cells.
 
 Arguments of all kernels: `costs` (ny, nx); `bits`, packed obstacles; `shapes`: the footprint, the samples of the primitives, the
-goals (n, 4); `primitives`, `headings`, `nodes`, `entries`, `field`: records; `lists`: slots of the hash table, heads of the
-buckets; `table`: lengths of curves; `p`: SETTINGS[0].
+goals (n, 4 or more: x, y, yaw, heading bin, signed lengths of straight ways into the goal, tried where a curve is blocked);
+`primitives`, `headings`, `nodes`, `entries`, `field`: records; `lists`: slots of the hash table, heads of the buckets; `table`:
+lengths of curves; `p`: SETTINGS[0].
 """
 
 from __future__ import annotations
@@ -13,7 +14,8 @@ import math
 import numpy as np
 
 from navstack.core.jit import kernel
-from navstack.global_planner._se2._curve_check_kernels import curve_cost, line_cost, sweep_free
+from navstack.curves.curve_kernels import STRAIGHT
+from navstack.global_planner._se2._curve_check_kernels import curve_cost, line_cost, segment_cost, sweep_free
 from navstack.global_planner._se2._heuristic_kernels import RING, curve_distance, obstacle_cost
 from navstack.global_planner._se2._shape_kernels import cell_weight, centre_cost
 
@@ -83,6 +85,18 @@ def heuristic(costs, field, heads, table, goals, p, x, y, yaw):
 
 
 @kernel
+def curve_and_tail_cost(costs, bits, shape, p, start, goal, tail, limit):
+    """Return the cost of a curve to a pose from which `tail` (signed) straight on is the goal; the tail is free."""
+    c, s = math.cos(goal[2]), math.sin(goal[2])
+    stage = np.empty(3)
+    stage[0], stage[1], stage[2] = goal[0] - tail * c, goal[1] - tail * s, goal[2]
+    last, _, _ = segment_cost(costs, p, STRAIGHT, stage[0], stage[1], stage[2], tail, p.radius, limit)
+    if last == np.inf:
+        return np.inf
+    return last + curve_cost(costs, bits, shape, p, start, stage, p.radius, limit - last, False)
+
+
+@kernel
 def try_curves(costs, bits, shapes, p, node, yaw):
     """Try to reach the goals by curves from a node; keep the cheapest path."""
     shape, goals = shapes[0], shapes[2]
@@ -98,13 +112,18 @@ def try_curves(costs, bits, shapes, p, node, yaw):
             if limit <= 0.0:
                 return
             p.curves_tried += 1
+            tail = 0.0
             if p.holonomic != 0:
                 cost = line_cost(costs, bits, shape, p, start, goals[i], limit)
             else:
                 cost = curve_cost(costs, bits, shape, p, start, goals[i], p.radius, limit, False)
+                for column in range(4, goals.shape[1]):
+                    if cost == np.inf and goals[i, column] != 0.0:
+                        tail = goals[i, column]
+                        cost = curve_and_tail_cost(costs, bits, shape, p, start, goals[i], tail, limit)
             if cost < limit:
                 reached = True
-                p.best_cost, p.best_goal, p.best_is_curve = node.g + cost, i, 1
+                p.best_cost, p.best_goal, p.best_is_curve, p.best_tail = node.g + cost, i, 1, tail
                 p.best_node = -2
         if not reached:
             return

@@ -70,17 +70,18 @@ def box_blocked(costs, bits, x0, y0, x1, y1, unknown_blocked):
 
 
 @kernel
-def shape_blocked(costs, bits, shape, p, x, y, c, s):
-    """Return True if the footprint at (x, y) with heading (c, s) overlaps a blocked cell or the outside of the grid.
+def outline_blocked(costs, bits, shape, first, p, x, y, c, s):
+    """Return True if a polygon at (x, y) with heading (c, s) overlaps a blocked cell or the outside of the grid.
 
-    `shape` (6, k): rows 0 and 1 the corners of the padded footprint; the others are scratch. The tiles under it are packed.
+    `shape` (8, k): rows 0 and 1 the corners of the padded footprint, rows 6 and 7 with the fine padding; the others are scratch.
+    `first`: 0 or 6. The tiles under it are packed.
     """
     ny, nx = costs.shape
-    n = p.corners
+    n = p.corners if first == 0 else p.fine_corners
     left, right, low, high = np.inf, -np.inf, np.inf, -np.inf
     for j in range(n):
-        px = x + c * shape[0, j] - s * shape[1, j]
-        py = y + s * shape[0, j] + c * shape[1, j]
+        px = x + c * shape[first, j] - s * shape[first + 1, j]
+        py = y + s * shape[first, j] + c * shape[first + 1, j]
         shape[4, j], shape[5, j] = px, py
         left, right, low, high = min(left, px), max(right, px), min(low, py), max(high, py)
     if not (left >= 0.0 and low >= 0.0 and right <= nx and high <= ny):
@@ -114,6 +115,38 @@ def shape_blocked(costs, bits, shape, p, x, y, c, s):
                         shape[4:6, :n], np.float64(ix), np.float64(r0 + r), ix + 1.0, r0 + r + 1.0
                     ):
                         return True
+    return False
+
+
+@kernel
+def shape_blocked(costs, bits, shape, p, x, y, c, s):
+    """Return True if the padded footprint at (x, y) with heading (c, s) overlaps a blocked cell or the outside of the grid."""
+    return outline_blocked(costs, bits, shape, 0, p, x, y, c, s)
+
+
+@kernel
+def motion_blocked(costs, bits, shape, p, start, goal):
+    """Return True if the finely padded footprint is blocked between two poses (3,) on an arc, the end included.
+
+    `p.fine_step`: largest motion of its points between checks. For stretches on which the padded footprint is blocked.
+    """
+    dx, dy, turn = goal[0] - start[0], goal[1] - start[1], goal[2] - start[2]
+    chord = math.hypot(dx, dy)
+    count = max(1, math.ceil((chord + p.reach * abs(turn)) / p.fine_step))
+    bend = math.sin(0.5 * turn)
+    c, s = (dx / chord, dy / chord) if chord > 0.0 else (1.0, 0.0)
+    for k in range(count, 0, -1):
+        share = k / count
+        along, aside = chord * share, 0.0
+        if abs(bend) > 1e-6:
+            # the chord of a part of the arc is turned from the whole chord by half of the rest of the turn
+            part = chord * math.sin(0.5 * turn * share) / bend
+            angle = 0.5 * turn * (1.0 - share)
+            along, aside = part * math.cos(angle), -part * math.sin(angle)
+        yaw = start[2] + turn * share
+        x, y = start[0] + c * along - s * aside, start[1] + s * along + c * aside
+        if outline_blocked(costs, bits, shape, 6, p, x, y, math.cos(yaw), math.sin(yaw)):
+            return True
     return False
 
 
@@ -159,4 +192,4 @@ def pose_free(costs, bits, shape, p, x, y, yaw):
         return True
     if not near_obstacles(costs, bits, p, x, y, x, y):
         return True
-    return not shape_blocked(costs, bits, shape, p, x, y, math.cos(yaw), math.sin(yaw))
+    return not outline_blocked(costs, bits, shape, 6, p, x, y, math.cos(yaw), math.sin(yaw))

@@ -10,6 +10,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from navstack.curves.curve_kernels import STRAIGHT
+from navstack.global_planner._se2 import _curve_check_kernels as curves
 from navstack.global_planner._se2 import _heuristic_kernels as heuristics
 from navstack.global_planner._se2 import _path_kernels as paths
 from navstack.global_planner._se2 import _search_kernels as kernels
@@ -85,7 +87,7 @@ class PoseSearch:
 
     def place(self, costs: NDArray[np.uint8], shape: Shape) -> None:
         """Prepare for searches over these costs with this footprint."""
-        self.costs, self.shape = costs, shape
+        self.costs = costs
         ny, nx = costs.shape
         tile = shapes.TILE
         rows, words = ny + (ny + tile - 1) // tile, (nx + tile - 1) // tile
@@ -93,13 +95,26 @@ class PoseSearch:
             self._bits = np.zeros((rows, words), np.uint64)
         elif self._bits.shape != (1, 1):
             self._bits = np.zeros((1, 1), np.uint64)
+        self.use(shape)
+
+    def use(self, shape: Shape) -> None:
+        """Search with another padding of the footprint."""
+        self.shape = shape
         p = self.settings
-        p["corners"], p["convex"] = shape.corners, shape.convex
-        p["reach"], p["sample_step"] = shape.reach, shape.step
+        p["corners"], p["fine_corners"], p["convex"] = shape.corners, shape.fine_corners, shape.convex
+        p["reach"], p["sample_step"], p["fine_step"] = shape.reach, shape.step, shape.fine_step
 
     def pose_is_free(self, x: float, y: float, yaw: float) -> bool:
         """Whether the robot may be at a pose."""
         return bool(shapes.pose_free(self.costs, self._bits, self.shape.rows, self.settings[0], x, y, yaw))
+
+    def line_is_free(self, x: float, y: float, yaw: float, length: float) -> bool:
+        """Whether the robot may drive straight on from a pose, for a signed length."""
+        p = self.settings[0]
+        return bool(
+            self.pose_is_free(x, y, yaw)
+            and curves.segment_free(self.costs, self._bits, self.shape.rows, p, STRAIGHT, x, y, yaw, length, 1.0)
+        )
 
     def set_goal(self, x: float, y: float, start: tuple[float, float], *, keep: bool) -> None:
         """Prepare the obstacle heuristic to a goal; `keep` an old one for the same cell even if costs have changed."""
@@ -213,14 +228,7 @@ class PoseSearch:
         count = int(steps)
         if status == kernels.FOUND and p["best_is_curve"]:
             goal = goals[int(p["best_goal"]), :3].copy()
-            if p["holonomic"]:
-                count = self._write_line(segments, count, end, goal)
-            else:
-                count = int(
-                    paths.write_curve(
-                        segments, count, bool(p["reeds_shepp"]), end, goal, float(p["radius"]), paths.PIECE
-                    )
-                )
+            count = (self._write_line if p["holonomic"] else self._write_curve)(segments, count, end, goal)
         if shorten and count > 1:
             room = np.zeros(len(segments) + 512, SEGMENT)
             room[:count] = segments[:count]
@@ -234,6 +242,21 @@ class PoseSearch:
             cost = float(values[:count].sum())
         x, y, yaw = (float(v) for v in goal)
         return Outcome(status, segments[:count], (x, y, yaw), cost, expanded, visited, nearest, timed_out)
+
+    def _write_curve(
+        self, segments: NDArray[np.void], count: int, start: NDArray[np.float64], goal: NDArray[np.float64]
+    ) -> int:
+        """Write the curve that the search found, and the straight way after it."""
+        p = self.settings[0]
+        tail, stage = float(p["best_tail"]), goal.copy()
+        stage[:2] -= tail * np.array([math.cos(goal[2]), math.sin(goal[2])])
+        both, radius = bool(p["reeds_shepp"]), float(p["radius"])
+        count = int(paths.write_curve(segments, count, both, start, stage, radius, paths.PIECE))
+        pieces = math.ceil(abs(tail) / paths.PIECE)
+        for k in range(pieces):
+            at = stage[:2] + (goal[:2] - stage[:2]) * k / pieces
+            paths.write_segment(segments, count + k, STRAIGHT, at[0], at[1], goal[2], tail / pieces, 1.0)
+        return count + pieces
 
     def _write_line(
         self, segments: NDArray[np.void], count: int, start: NDArray[np.float64], goal: NDArray[np.float64]

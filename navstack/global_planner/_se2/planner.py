@@ -16,7 +16,8 @@ from navstack.global_planner._se2.engine import UNLIMITED, Outcome, PoseSearch, 
 from navstack.global_planner._se2.footprint import Shape, shape_of
 from navstack.global_planner._se2.params import PosePlannerParams
 from navstack.global_planner._se2.primitives import PrimitiveTable
-from navstack.global_planner._se2.start import cleared_start
+from navstack.global_planner._se2.start import cleared_start, fits
+from navstack.global_planner._se2.tails import with_tails
 from navstack.global_planner._search.plan_cache import PlanCache, Request
 from navstack.global_planner._search.start_goal import cells_of, with_yaw_in_range
 from navstack.interfaces import GlobalPlanner, Plan
@@ -32,7 +33,7 @@ class _Ends(NamedTuple):
     start: tuple[float, float, float]
     start_bin: int
     goals: NDArray[np.float64]
-    """(n, 4): x, y, yaw, heading bin."""
+    """(n, 4 or more): x, y, yaw, heading bin, straight ways into the goal."""
     notes: tuple[str, ...]
 
 
@@ -188,7 +189,13 @@ class PosePlanner(GlobalPlanner):
     ) -> _Ends:
         g = grid.geometry
         sx, sy = (start.x - g.origin_x) / g.resolution, (start.y - g.origin_y) / g.resolution
-        goals = self._free_goals(engine, grid, goal)
+        goals: list[tuple[float, float, float]] = []
+
+        def any_goal() -> bool:
+            goals[:] = self._free_goals(engine, grid, goal)
+            return bool(goals)
+
+        fits(engine, footprint, g.resolution, any_goal)
         notes: list[str] = []
         keep = self.params.cache_obstacle_heuristic
         if goals:
@@ -203,6 +210,8 @@ class PosePlanner(GlobalPlanner):
             if not goals:
                 raise reasons.goal_occupied(engine, grid, goal, footprint, self.params.tolerance)
         rows = np.array([(x, y, yaw, self.heading_bin(table, yaw)) for x, y, yaw in goals], np.float64)
+        reverse = bool(engine.settings["reeds_shepp"][0])
+        rows = with_tails(engine, rows, footprint, g.resolution, reverse=reverse)
         return _Ends((sx, sy, start.yaw), start_bin, rows, tuple(notes))
 
     def _free_goals(self, engine: PoseSearch, grid: Costmap, goal: Pose2D) -> list[tuple[float, float, float]]:

@@ -61,6 +61,8 @@ SETTINGS: Final = np.dtype(
         ("convex", "i8"),
         ("reach", "f8"),  # circumscribed radius of the padded footprint
         ("sample_step", "f8"),  # largest motion of a point of the footprint between checks
+        ("fine_corners", "i8"),  # of the finely padded footprint
+        ("fine_step", "f8"),  # as sample_step, with the fine padding
         ("bins", "i8"),
         ("rotates", "i8"),  # whether primitives turn with the heading (hybrid), or each heading has its own (lattice)
         ("holonomic", "i8"),
@@ -113,6 +115,7 @@ SETTINGS: Final = np.dtype(
         ("best_cost", "f8"),
         ("best_radius", "f8"),
         ("best_is_curve", "i8"),
+        ("best_tail", "f8"),  # straight way after the curve, signed
         ("approach_node", "i8"),
         ("approach_distance", "f8"),
         ("approach_since", "i8"),
