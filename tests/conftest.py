@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,12 @@ import pytest
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 GOLDEN_PART = Path(__file__).resolve().parent / "golden" / "data"
 """The part of the golden data that is in the repository."""
+
+
+def pytest_configure() -> None:
+    """Let Ctrl-C through: processes that a script starts in the background ignore it, and so would all their children."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def _folder(variable: str, default: Path) -> Path:

@@ -153,8 +153,11 @@ class Shell:
 
     def end(self) -> int:
         """Read what is left and return the exit code."""
+        patience = 3000
         while self.process.poll() is None:
+            assert patience, f"the process does not end; it wrote {self.text!r}"
             ready, _, _ = select.select([self.master], [], [], 0.1)
+            patience -= not ready
             if ready:
                 self.text += os.read(self.master, 65536).decode("utf-8", "replace")
         return self.process.returncode
