@@ -13,6 +13,35 @@ import numpy as np
 from navstack.core.footprint_kernels import OUTSIDE, edge_cost, overlapped_cost, place_footprint
 from navstack.core.jit import kernel
 
+LAW = np.dtype(
+    [
+        ("k_phi", "f8"),
+        ("k_delta", "f8"),
+        ("beta", "f8"),
+        ("exponent", "f8"),
+        ("slowdown_radius", "f8"),
+        ("deceleration", "f8"),
+        ("v_min", "f8"),
+        ("v_max", "f8"),  # of this attempt
+        ("v_full", "f8"),  # without lowering
+        ("w_max", "f8"),
+        ("w_min", "f8"),  # in place
+        ("rotation_gain", "f8"),
+        ("turn_tolerance", "f8"),
+        ("scaling_speed", "f8"),
+        ("scaling_factor", "f8"),
+        ("beyond", "f8"),  # length of the path beyond the target, m
+        ("period", "f8"),
+        ("turn_first", "?"),
+        ("backward", "?"),
+        ("checked", "?"),
+        ("unknown_free", "?"),
+        ("as_nav2", "?"),
+    ],
+    align=True,
+)
+"""Element type of the kernels' settings."""
+
 NEAR_M = 1e-6
 """A target closer than this has no direction (m)."""
 
@@ -114,11 +143,11 @@ def nav2_edge_cost(costs, grid, corners, x, y, yaw):
 
 @kernel
 def simulate(costs, grid, corners, start, target, settings, out, command):
-    """Simulate the way from `start` (3,) to `target` (3,). Returns (points, highest cost, seconds); points < 0: it fails.
+    """Simulate the way from `start` (3,) to `target` (3,). Returns (points, cost, seconds); points < 0: it fails.
 
     `grid` (3,): origin x, y and resolution; `corners` (2, n): the footprint (m). `settings` (1,): record of type `LAW`. `out`
     (m, 3) receives the poses after the start, `command` (2,) the first velocities. It fails (-1) where the footprint collides
-    and (-2) if the target is not reached in m points.
+    and (-2) if the target is not reached in m points. The cost is the highest under the robot's center.
     """
     p = settings[0]
     ny, nx = costs.shape
@@ -148,7 +177,7 @@ def simulate(costs, grid, corners, start, target, settings, out, command):
         turn = math.pi / (max(p.w_min, 0.1) * dt) if turning else 0.0
         most = min(most, int(2.0 * far / (max(p.v_min, 0.01) * dt) + turn) + 1)
     highest = np.int64(0)
-    v, w = 0.0, 0.0
+    v, w, seconds = 0.0, 0.0, 0.0
     for i in range(most):
         if turning:
             error = wrapped(heading - yaw)
@@ -162,17 +191,21 @@ def simulate(costs, grid, corners, start, target, settings, out, command):
             v, w = law(to_x, to_y, to_yaw, x, y, yaw, p.backward, p)
             if i == 0:
                 command[0], command[1] = v, w
+            before_x, before_y = x, y
             x += v * dt * math.cos(yaw)
             y += v * dt * math.sin(yaw)
             yaw += w * dt
+            if i > 0:
+                seconds += math.hypot(x - before_x, y - before_y) / max(abs(v), 1e-3)
         at_x = frame_x + frame_cos * x - frame_sin * y
         at_y = frame_y + frame_sin * x + frame_cos * y
         at_yaw = yaw + frame_yaw
         out[i, 0], out[i, 1], out[i, 2] = at_x, at_y, at_yaw
         if p.checked:
             growth = 1.0
-            if abs(v) > p.scaling_speed and p.v_full > p.scaling_speed:
-                growth += p.scaling_factor * (abs(v) - p.scaling_speed) / (p.v_full - p.scaling_speed)
+            fast = command[0] if p.as_nav2 else abs(v)
+            if fast > p.scaling_speed and p.v_full > p.scaling_speed:
+                growth += p.scaling_factor * ((fast - p.scaling_speed) / (p.v_full - p.scaling_speed))
             for j in range(corners.shape[1]):
                 scaled[0, j], scaled[1, j] = growth * corners[0, j], growth * corners[1, j]
             cx, cy = (at_x - grid[0]) / resolution, (at_y - grid[1]) / resolution
@@ -186,10 +219,11 @@ def simulate(costs, grid, corners, start, target, settings, out, command):
                     cost = overlapped_cost(costs, placed, max(cost, np.int64(costs[int(cy), int(cx)])))
                 if cost == 254 or cost == OUTSIDE or (cost == 255 and not p.unknown_free):
                     return -1, cost, 0.0
-                if cost != 255:
-                    highest = max(highest, cost)
+                center = np.int64(costs[int(cy), int(cx)])
+                if center != 255 or p.as_nav2:
+                    highest = max(highest, center)
             elif not p.as_nav2:
                 return -1, np.int64(OUTSIDE), 0.0
         if math.hypot(to_x - x, to_y - y) <= resolution:
-            return i + 1, highest, (i + 1) * dt
-    return (most if p.as_nav2 else -2), highest, most * dt
+            return i + 1, highest, seconds if p.as_nav2 else (i + 1) * dt
+    return (most if p.as_nav2 else -2), highest, seconds if p.as_nav2 else most * dt

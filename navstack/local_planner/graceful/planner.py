@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any, ClassVar, Final, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,43 +21,15 @@ from navstack.core.parameters import ParamModel
 from navstack.interfaces import LocalPlan, VelocityLimits
 from navstack.local_planner._carrot_kernels import point_ahead
 from navstack.local_planner.graceful import _law_kernels as kernels
+from navstack.local_planner.graceful._law_kernels import LAW
 from navstack.local_planner.graceful.params import GracefulParams
 from navstack.local_planner.path_follower import Following, PathFollower, check_speed
 from navstack.plugins import LOCAL_PLANNERS
 
-LAW: Final = np.dtype(
-    [
-        ("k_phi", "f8"),
-        ("k_delta", "f8"),
-        ("beta", "f8"),
-        ("exponent", "f8"),
-        ("slowdown_radius", "f8"),
-        ("deceleration", "f8"),
-        ("v_min", "f8"),
-        ("v_max", "f8"),  # of this attempt
-        ("v_full", "f8"),  # without lowering
-        ("w_max", "f8"),
-        ("w_min", "f8"),  # in place
-        ("rotation_gain", "f8"),
-        ("turn_tolerance", "f8"),
-        ("scaling_speed", "f8"),
-        ("scaling_factor", "f8"),
-        ("beyond", "f8"),  # length of the path beyond the target, m
-        ("period", "f8"),
-        ("turn_first", "?"),
-        ("backward", "?"),
-        ("checked", "?"),
-        ("unknown_free", "?"),
-        ("as_nav2", "?"),
-    ],
-    align=True,
-)
-"""Element type of the kernels' settings."""
-
 MOST_POINTS = 1500
 """Points of a simulated trajectory at most."""
 SEARCH_COST = 253
-"""Highest cost of a pose that does not collide."""
+"""Highest cost under the center of a pose that does not collide."""
 
 
 class _Attempt(NamedTuple):
@@ -215,9 +187,9 @@ class GracefulController(PathFollower):
         """The path; with the direction of the next pose as heading if all poses between first and last have the same one."""
         if len(poses) < 3:
             return poses
-        turned = np.array([angle_between(a, b) for a, b in zip(poses[1:-2, 2].tolist(), poses[2:-1, 2].tolist())])
+        turned = np.array([angle_between(float(poses[1, 2]), yaw) for yaw in poses[2:-1, 2].tolist()])
         # ROS differs: Nav2 also takes a path that turns left for one without headings
-        same = bool((turned <= 1e-6).all()) if self.as_nav2 else bool((np.abs(turned) <= 1e-6).all())
+        same = bool((turned >= -1e-6).all()) if self.as_nav2 else bool((np.abs(turned) <= 1e-6).all())
         if not same:
             return poses
         poses = poses.copy()
@@ -258,8 +230,9 @@ class GracefulController(PathFollower):
         along = float(point_ahead(poses, float(most), False, self._point))
         yield (float(self._point[0]), float(self._point[1]), float(self._point[2])), along
         lengths = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))))
+        to_path = math.hypot(poses[0, 0] - now.state.pose.x, poses[0, 1] - now.state.pose.y)
         for i in range(len(poses) - 2, -1, -1):
-            if lengths[i] <= most:
+            if to_path + lengths[i] <= most:
                 x, y, yaw = poses[i].tolist()
                 yield (x, y, yaw), float(lengths[i])
 
@@ -270,7 +243,7 @@ class GracefulController(PathFollower):
         bearing = math.atan2(y - pose.y, x - pose.x)
         near = p.prefer_final_rotation and now.path.length < p.max_lookahead
         if near:
-            yaw = bearing if self._final_yaw is None else self._final_yaw
+            yaw = bearing if self._final_yaw is None or self.as_nav2 else self._final_yaw
         ahead = math.cos(bearing - pose.yaw) > 0.0
         backward = self._backward and not ahead
         if backward:
@@ -282,29 +255,48 @@ class GracefulController(PathFollower):
         self._law["backward"] = backward
         self._law["beyond"] = 0.0 if self.as_nav2 else max(0.0, now.path.remaining_m - along)
         found = self._lowering(now, (x, y, yaw))
+        if self.as_nav2:
+            if found is None and near and backward:  # a second attempt, for which Nav2 turns the target once more
+                return self._lowering(now, (x, y, yaw + math.pi))
+            risky = near and found is not None and found.cost >= SEARCH_COST - p.obstacle_cost_margin
+            return self._search_as_nav2(now, x, y, found) if risky else found
         # ROS differs: Nav2 does not search if the direct way collides
-        if (
-            near
-            and p.use_collision_detection
-            and (not self.as_nav2 if found is None else found.cost >= SEARCH_COST - p.obstacle_cost_margin)
-        ):
-            found = self._search(now, x, y, found if self.as_nav2 else None) or self._lowering(now, (x, y, yaw))
+        risky = found is None or found.cost >= SEARCH_COST - p.obstacle_cost_margin
+        if near and p.use_collision_detection and risky:
+            found = self._search(now, x, y) or self._lowering(now, (x, y, yaw))
         return found
 
-    def _search(self, now: Following, x: float, y: float, best: _Attempt | None) -> _Attempt | None:
-        """The quickest trajectory with a safe final heading, quicker than `best`."""
+    def _search(self, now: Following, x: float, y: float) -> _Attempt | None:
+        """The quickest trajectory with a safe final heading."""
         p = self.params
+        best: _Attempt | None = None
         for i in range(math.ceil(2.0 * math.pi / p.final_rotation_search_step)):
             found = self._lowering(now, (x, y, -math.pi + i * p.final_rotation_search_step))
             safe = found is not None and found.cost < SEARCH_COST - p.obstacle_cost_margin
             # ROS differs: in Nav2 an unsafe heading that is as quick hides a safe one
-            if found is not None and (safe or self.as_nav2) and (best is None or found.seconds < best.seconds):
+            if found is not None and safe and (best is None or found.seconds < best.seconds):
                 best = found
-        if best is not None and best.cost >= SEARCH_COST - p.obstacle_cost_margin:
-            return None
         if best is not None:
             self._final_yaw = best.target[2]
             best = self._lowering(now, best.target)
+        return best
+
+    def _search_as_nav2(self, now: Following, x: float, y: float, best: _Attempt | None) -> _Attempt | None:
+        """The search with Nav2's defects: headings in the robot's frame, counted from the last one found; hidden safe headings."""
+        p, heading = self.params, now.state.pose.yaw
+        turned = math.pi if bool(self._law["backward"][0]) else 0.0
+        quickest = math.inf
+        for i in range(math.ceil(2.0 * math.pi / p.final_rotation_search_step)):
+            yaw = i * p.final_rotation_search_step + (self._final_yaw or 0.0)
+            found = self._lowering(now, (x, y, heading + yaw + turned))
+            if found is None or found.seconds >= quickest:
+                continue
+            quickest = found.seconds
+            if found.cost < SEARCH_COST:
+                best = found
+                if self._final_yaw == yaw:
+                    break
+                self._final_yaw = yaw
         return best
 
     def _lowering(self, now: Following, target: tuple[float, float, float]) -> _Attempt | None:
