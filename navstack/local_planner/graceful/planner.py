@@ -282,7 +282,7 @@ class GracefulController(PathFollower):
         return best
 
     def _search_as_nav2(self, now: Following, x: float, y: float, best: _Attempt | None) -> _Attempt | None:
-        """The search with Nav2's defects: headings in the robot's frame, counted from the last one found; hidden safe headings."""
+        """The search with Nav2's defects: headings in the robot's frame, from the last one found on; hidden safe ones."""
         p, heading = self.params, now.state.pose.yaw
         turned = math.pi if bool(self._law["backward"][0]) else 0.0
         quickest = math.inf
