@@ -68,7 +68,7 @@ class Difference:
 
     @property
     def excludes_zero(self) -> bool:
-        """True if the interval excludes zero, whatever the number of groups."""
+        """True if the interval excludes zero, for any number of groups."""
         return self.interval.low > 0.0 or self.interval.high < 0.0
 
     @property

@@ -27,7 +27,7 @@ class SteadyTurnCritic(Critic):
         return self.params.scale
 
     def reset(self) -> None:
-        """A new plan: forget the previous command."""
+        """A new plan: reset the previous command."""
         self.previous = 0.0
 
     def score(self, rollouts: Rollouts) -> NDArray[np.float64]:

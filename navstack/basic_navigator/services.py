@@ -82,7 +82,7 @@ class NavigatorServices(ABC):
         self._error = (error_code, error_msg)
 
     def clearTaskError(self) -> None:
-        """Forget the last task's failure."""
+        """Clear the failure of the last task."""
         self._error = NO_ERROR
 
     # --- maps and poses -----------------------------------------------------------------------------------------------

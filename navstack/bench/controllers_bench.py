@@ -47,7 +47,7 @@ CONTROLLERS: Final[Mapping[str, Tuning]] = {
 
 DEFAULT_SUITES: Final = ("office", "narrow", "crowd", "warehouse")
 JERK_PERIOD_S: Final = 0.2
-"""Jerk is measured at this period, whatever the control frequency: that of the slowest packaged controller."""
+"""Jerk is measured at this period for any control frequency: that of the slowest packaged controller."""
 
 
 class Group(NamedTuple):
@@ -211,7 +211,7 @@ def read_tunings(texts: Sequence[str]) -> dict[str, Tuning]:
 
 
 def read_groups(names: Sequence[str], count: int | None = None) -> tuple[Group, ...]:
-    """Groups of scenarios: packaged suites, and whatever `read_scenarios` reads. `count` limits each group.
+    """Groups of scenarios: packaged suites, and all that `read_scenarios` reads. `count` limits each group.
 
     Raises InputError, ScenarioError.
     """

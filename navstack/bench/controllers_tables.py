@@ -154,7 +154,7 @@ def controllers_notes(runs: Sequence[MeasuredRun], period_s: float) -> list[str]
     """What to consider when reading the tables."""
     notes = [
         "time, clearance and jerk are of the scenarios in which every controller succeeds; contacts and cycles are of all runs",
-        f"jerk is measured at {period_s:g} s, whatever the control frequency",
+        f"jerk is measured at {period_s:g} s for any control frequency",
         "a cycle is processor time of the local planner's compute_command on this machine",
     ]
     for suite in dict.fromkeys(run.group for run in runs):

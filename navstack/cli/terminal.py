@@ -1,4 +1,4 @@
-"""The terminal of teleop: single keys without Enter, restored whatever happens; and the map as text."""
+"""The terminal of teleop: single keys without Enter, restored in every case; and the map as text."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def single_keys() -> Generator[Callable[[float], str]]:
     """Put the terminal of stdin into a mode in which every key is read at once; yield a function that reads keys.
 
     `read(timeout)` returns the keys pressed until `timeout` (s) at the latest, "" for none. Ctrl-C still is a signal. On leaving,
-    by whatever exception, the terminal is as it was. Raises InputError if stdin is not a terminal.
+    also by an exception, the terminal is as it was. Raises InputError if stdin is not a terminal.
     """
     from navstack.core.errors import InputError
 

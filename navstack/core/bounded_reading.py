@@ -98,7 +98,7 @@ class CappedFile(io.BufferedReader):
 
 
 class _ShortRepr(reprlib.Repr):
-    """Representations of at most about 100 characters, whatever the value."""
+    """Representations of at most about 100 characters for any value."""
 
     def __init__(self) -> None:
         super().__init__()

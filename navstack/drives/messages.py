@@ -34,7 +34,7 @@ class Scan:
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """The pose of the base in the map at `stamp` (s), as whoever made the log knew it."""
+    """The pose of the base in the map at `stamp` (s), as recorded by the author of the log."""
 
     stamp: float
     pose: Pose2D

@@ -130,7 +130,7 @@ class LocalPlanner(ABC):
         """Lower the speed limits temporarily (move_slow_and_clear, speed masks); None restores the parameter's value."""
 
     def reset(self) -> None:  # noqa: B027
-        """Forget the previous goal: the next plan is the first one of a new goal, even if that is at the same pose."""
+        """Reset the previous goal: the next plan is the first one of a new goal, even if that is at the same pose."""
 
     @abstractmethod
     def set_plan(self, plan: Path, goal: Pose2D) -> None:

@@ -41,7 +41,7 @@ def integrate(pose: Pose2D, twist: Twist2D, dt: float, method: Method = "exact")
 class WheelOdometry:
     """The pose and velocity of a base from the counts of its wheel encoders.
 
-    Its error is at most one tick per wheel, whatever the number of updates, plus slip: counts are totals, so that no
+    Its error is at most one tick per wheel for any number of updates, plus slip: counts are totals, so that no
     rounding adds up.
     """
 

@@ -113,7 +113,7 @@ class Checkpoints:
         return next((checkpoint for checkpoint in reversed(self._kept) if checkpoint.time <= time), None)
 
     def drop_after(self, time: float) -> None:
-        """Forgets the checkpoints later than a time (s)."""
+        """Drops the checkpoints later than a time (s)."""
         self._kept = [checkpoint for checkpoint in self._kept if checkpoint.time <= time]
 
     def _size(self) -> int:

@@ -19,7 +19,7 @@ class GridView:
         self._geometry: GridGeometry | None = None
         self._cells: NDArray[np.uint8] | None = None
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Lets the next update contain the whole grid."""
         self._geometry = self._cells = None
 

@@ -45,7 +45,7 @@ class SessionView:
         """Chooses the layers that frames contain; new ones are sent in full."""
         for name in layers - self.layers:
             if name in self._grids:
-                self._grids[name].forget()
+                self._grids[name].clear()
             self._known.pop(name, None)
         self.layers = layers
         self._mark = ()
@@ -112,7 +112,7 @@ class SessionView:
         self._restarts = self.session.restarts
         self._event, self._sampled, self._cycle = -1, -math.inf, -1
         for grid in self._grids.values():
-            grid.forget()
+            grid.clear()
 
     def _if_changed(self, entries: dict[str, Any], name: str, value: Any) -> None:
         if name not in self._known or self._known[name] != value:

@@ -117,7 +117,7 @@ class PathFollowerParams(ParamModel):
         return make_section(PATH_HANDLERS, sections, name, PATH_HANDLER)
 
     def check(self, context: CheckContext) -> Iterator[Issue]:
-        """Yield what keeps the controller from its goal, whatever it computes."""
+        """Yield what keeps the controller from its goal regardless of its commands."""
         for key in ("goal_checker_plugins", "path_handler_plugins"):
             listed = getattr(self, key)
             if len(listed) != 1:
@@ -193,7 +193,7 @@ class PathFollower(LocalPlanner):
             self.goal_checker.reset()
 
     def reset(self) -> None:
-        """Forget the previous goal, and with it a latched position."""
+        """Reset the previous goal, and with it a latched position."""
         self._goal = None
 
     def goal_reached(self, inputs: ControlInput) -> bool:

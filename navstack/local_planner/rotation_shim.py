@@ -183,7 +183,7 @@ class RotationShim(PathFollower):
         self.primary.set_plan(plan, goal)
 
     def reset(self) -> None:
-        """Forget the previous goal."""
+        """Reset the previous goal."""
         super().reset()
         self.primary.reset()
         self._turning, self._last = False, None

@@ -101,7 +101,7 @@ class SamplingPlanner(LocalPlanner):
         self.reset_critics()
 
     def reset(self) -> None:
-        """Forget the previous goal, and with it a latched position."""
+        """Reset the previous goal, and with it a latched position."""
         self._goal = None
 
     def goal_changed(self) -> None:

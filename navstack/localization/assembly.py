@@ -19,7 +19,7 @@ from navstack.parameters.models.sim import SimParams
 def make_localizer(
     sim: SimParams, sections: LocalizationConfiguration, grid: OccupancyGrid, start: Pose2D, seed: int
 ) -> Localizer | None:
-    """Return the localizer of `localization: amcl` or `scan_matching`, told where the robot starts; None for another value."""
+    """Return the localizer of `localization: amcl` or `scan_matching` at the start pose; None for another value."""
     amcl = sections.amcl or AmclParams()
     if sim.localization == "amcl":
         localizer: Localizer = Amcl(amcl, seed=seed)
@@ -37,7 +37,7 @@ def make_localizer(
 
 
 def believed_start(sim: SimParams, start: Pose2D) -> Pose2D:
-    """Return the pose that the robot is told at the start: the true one with `initial_pose_error`."""
+    """Return the initial pose that the localizer is given: the true one with `initial_pose_error`."""
     return Transform2D(*start).apply(Pose2D(*sim.initial_pose_error))
 
 

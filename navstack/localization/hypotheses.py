@@ -1,4 +1,4 @@
-"""Several possible poses of the robot, told apart while it moves."""
+"""Several possible poses of the robot, distinguished by its scans while it moves."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ class Hypotheses:
         return _mean(self.scores[:, :, _THROUGH])
 
     def clear(self) -> None:
-        """Forget all poses, not the frames."""
+        """Clear all poses, keep the frames."""
         self._select(np.empty(0, np.intp))
 
     def start(self, pose: Pose2D, covariance: NDArray[np.float64]) -> None:
@@ -110,7 +110,7 @@ class Hypotheses:
         self.scores = np.full((1, self.scores.shape[1], 4), np.nan)
 
     def forget_frames(self) -> None:
-        """Forget the frames, not the poses."""
+        """Clear the frames, keep the poses."""
         self.frames.clear()
         self.scores[:] = np.nan
 

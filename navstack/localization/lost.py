@@ -84,7 +84,7 @@ class LostDetector:
         return self._last is not None and self._last.lost
 
     def reset(self) -> None:
-        """Forget the evidence, for example after a new pose."""
+        """Reset the evidence, for example after a new pose."""
         self._last, self._began = None, None
 
     def update(self, pose: Pose2D, scan: LaserScan, sensor: Transform2D) -> Agreement | None:

@@ -30,7 +30,7 @@ class ScanMatcherParams(ParamModel):
 
     update_min_d: float = param(0.25, "distance to move before a scan counts", unit="m", ge=0.0)
     update_min_a: float = param(0.2, "angle to turn before a scan counts", unit="rad", ge=0.0)
-    max_hypotheses: int = param(200, "poses that are told apart", ge=1, le=5000)
+    max_hypotheses: int = param(200, "hypotheses that are tracked separately", ge=1, le=5000)
     search_beams: int = param(180, "beams of a search over the whole map", ge=10, le=255)
     match_beams: int = param(60, "beams of a match", ge=10, le=2000)
     search_distance: float = param(1.0, "distance to move before the whole map is searched again", unit="m", gt=0.0)

@@ -41,7 +41,7 @@ def search_scan(
 ) -> SearchResult:
     """Search all positions in free space and all headings of the map for those that explain the scan.
 
-    `keep`: number of bins (4 x 4 cells x 10 degrees) that are told apart, each with its best pose; `beam_count`: beams used, at
+    `keep`: number of bins (4 x 4 cells x 10 degrees) kept separate, each with its best pose; `beam_count`: beams used, at
     most 255; `budget`: blocks of poses that are searched at most; `lowest`: score from which a pose counts. Deterministic.
     """
     field = match_map.pyramid

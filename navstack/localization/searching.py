@@ -29,8 +29,8 @@ class SearchingLocalizer(Localizer):
     """Tracks with another localizer (amcl), and supervises it.
 
     Every scan is compared with the map from the believed pose (`LostDetector`). While the robot is lost, and after a global
-    start, hypotheses from searches over the whole map are told apart (`ScanMatcher`); the certain one is handed to the tracker.
-    If it is the tracker's own pose, the alarm was false and nothing changes. `details` of the estimate: `lost`,
+    start, hypotheses from searches over the whole map are tracked separately (`ScanMatcher`); the certain one is handed to
+    the tracker. If it is the tracker's own pose, the alarm was false and nothing changes. `details` of the estimate: `lost`,
     `lost_since`, `explained`, `certain`.
     """
 

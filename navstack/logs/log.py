@@ -1,4 +1,4 @@
-"""What every log offers, whatever its format: its channels and its messages, ordered by time."""
+"""What a log of any format offers: its channels and its messages, ordered by time."""
 
 from __future__ import annotations
 

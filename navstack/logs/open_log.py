@@ -1,4 +1,4 @@
-"""Opens a log, whatever its format."""
+"""Opens a log of any format."""
 
 from __future__ import annotations
 

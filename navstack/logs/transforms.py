@@ -65,7 +65,7 @@ class LoggedFrames:
             self.frames.set_static(mounting.parent, child, mounting.planar)
 
     def forget_moving(self) -> None:
-        """Forget the transforms of /tf."""
+        """Clear the transforms of /tf."""
         for child in [child for child in self.parents if child not in self._static]:
             del self.parents[child]
             self.frames.remove(child)

@@ -81,7 +81,7 @@ class CostmapUpdater:
 
     def retry_failed(self, now: float) -> None:
         """Make costmaps whose last update failed due at `now` (s): an earlier failure must not end a new goal."""
-        self._odometry.forget()
+        self._odometry.reset()
         if self.global_error is not None:
             self._global_update.restart(now)
         if self.local_error is not None:

@@ -44,8 +44,8 @@ class OdometryCheck:
         self._jump: OdometryError | None = None
         self._jump_at = -math.inf
 
-    def forget(self) -> None:
-        """Forget the previous pose and its jumps: a new goal begins."""
+    def reset(self) -> None:
+        """Reset the previous pose and its jumps: a new goal begins."""
         self._last = self._jump = None
 
     def check(self, state: RobotState, planner: LocalPlanner, now: float, settle_s: float = math.inf) -> None:

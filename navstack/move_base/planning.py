@@ -40,7 +40,7 @@ class PlanRequest(NamedTuple):
     at: float
 
     def carry_out(self) -> Plan:
-        """Plan. Raises NavError, whatever the planner raises."""
+        """Plan. Raises NavError for any exception of the planner."""
         return plugin_calls.make_plan(self.planner, self.costmap, self.start, self.goal, self.footprint)
 
     def answer(self, plan: Plan | None = None, error: NavError | None = None) -> PlanAnswer:
@@ -66,7 +66,7 @@ class Planning(Protocol):
         ...
 
     def poll(self, now: float) -> PlanAnswer | None:
-        """Return the answer once it is available, and forget it."""
+        """Return the answer once it is available, and clear it."""
         ...
 
     def abandon(self) -> None:
@@ -108,7 +108,7 @@ class InlinePlanning:
         self._due = request.at + (duration(request.at) if callable(duration) else duration)
 
     def poll(self, now: float) -> PlanAnswer | None:
-        """Return the answer once its time has come, and forget it."""
+        """Return the answer once its time has come, and clear it."""
         answer = self._answer
         if answer is None or now < self._due - EPSILON_S:
             return None

@@ -132,7 +132,7 @@ class ThreadPlanning:
             self._worker.submit(self._job)
 
     def poll(self, now: float) -> PlanAnswer | None:
-        """Return the answer if it is available, and forget it; a TIMEOUT if the planner hangs."""
+        """Return the answer if it is available, and clear it; a TIMEOUT if the planner hangs."""
         job = self._job
         if job is None:
             return None

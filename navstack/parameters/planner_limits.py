@@ -1,4 +1,4 @@
-"""The velocity and acceleration limits of a local planner, whatever its parameters are called."""
+"""The velocity and acceleration limits of a local planner, independent of the names of its parameters."""
 
 from __future__ import annotations
 

@@ -81,13 +81,13 @@ def nothing_feeds(sim: SimParams, sources: dict[str, SensorSource], frames: froz
     clouds = {sim.bumper(name).topic.strip("/") for name in sim.bumpers}
     known = frames | {p.frame for p in sim.sensors.values()} | {sim.lidar(n).frame for n in sim.lasers}
     known |= {BumperParams().frame, *(sim.bumper(n).frame for n in sim.bumpers)}
-    told: set[str] = set()
+    reported: set[str] = set()
     for path, source in sources.items():
         topic = source.topic.strip("/")
         costmap = path.partition("/")[0]
         fed = topic in (scans if source.data_type == "LaserScan" else clouds)
-        if not fed and topic not in told:
-            told.add(topic)
+        if not fed and topic not in reported:
+            reported.add(topic)
             fix = "a depth camera is not simulated, so set data_type: LaserScan to simulate it as a lidar"
             if source.data_type == "LaserScan":
                 name = topic.replace("/", "_")

@@ -204,7 +204,7 @@ class CommandChain:
         return self._pass_on(now)
 
     def halt(self, now: float) -> None:
-        """Stop the robot at once: forget all commands, without the ramp of the smoother."""
+        """Stop the robot at once: drop all commands, without the ramp of the smoother."""
         self.begin(now)
         self._requested, self._source, self._is_new = None, "", False
         self._smoothed, self._smoother_reason = _ZERO, ""

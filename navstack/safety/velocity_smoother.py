@@ -76,7 +76,7 @@ class VelocitySmoother:
             self._due = now
 
     def reset(self) -> None:
-        """Forget the commands: the robot stands."""
+        """Reset the commands: the robot stands."""
         self._command = None
         self._received_at = self._last_step = -math.inf
         self._last = np.zeros(3)

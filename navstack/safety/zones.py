@@ -106,7 +106,7 @@ class Zone:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the checks so far."""
+        """Reset the checks so far."""
         self._hits = self._misses = 0
         self._active = False
 

@@ -100,7 +100,7 @@ class Interventions:
                 self._move_base.clear_costmaps()
                 self._note(f"put the robot at {_text(item.pose)}")
             case Kidnap():
-                self._robot.place(pose_from(item.pose), told=False)
+                self._robot.place(pose_from(item.pose), inform_localization=False)
                 self._note(f"carried the robot to {_text(item.pose)}")
             case SetParameters():
                 self._set(item)

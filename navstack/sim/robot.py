@@ -306,10 +306,10 @@ class SimulatedRobot:
         self.world, self._crowd, self._solids = world, crowd, solids
         self._body["moving_obstacles"] = world.moves
 
-    def place(self, pose: Pose2D, *, told: bool = True) -> None:
-        """Puts the robot at `pose` (map frame), at rest, and tells its localization if `told`; the odometry does not notice.
+    def place(self, pose: Pose2D, *, inform_localization: bool = True) -> None:
+        """Puts the robot at `pose` (map frame), at rest; the odometry does not measure it.
 
-        Raises InputError if the robot collides there or the pose is not finite; nothing has changed then.
+        Its localization is set to the pose if `inform_localization`. Raises InputError if the robot collides there or the pose is not finite; nothing has changed then.
         """
         if not pose.is_finite():
             raise InputError(f"the pose {tuple(pose)} is not finite", pose=pose)
@@ -321,7 +321,7 @@ class SimulatedRobot:
         state[layout.RIM : layout.RIM + 4] = state[layout.TRACTION] = 0.0
         self._now = state.tolist()
         self._collided = False
-        if not told and self.estimation.localizer is not None:
+        if not inform_localization and self.estimation.localizer is not None:
             return
         self._localization.correct(truth, self._odometry_pose)
         self.estimation.tell(truth, self._odometry_pose)

@@ -118,7 +118,7 @@ class GlobalPlannerContract(Contract):
         assert plan.path.length <= 2.0 * RESOLUTION
 
     def test_it_is_reproducible(self) -> None:
-        """The same input gives the same bytes, whatever was planned in between."""
+        """The same input gives the same bytes, also after other plans in between."""
         costmap = ascii_map(ROOM)
         start, goal = pose_in(costmap, 2, 2), pose_in(costmap, 17, 8, 1.0)
         planner = self.make()

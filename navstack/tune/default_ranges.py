@@ -25,7 +25,7 @@ class Range(NamedTuple):
     """Recommended first value."""
     log: bool = False
     robot: bool = False
-    """True for a limit of the robot: the range ends at the present value, whatever `high`."""
+    """True for a limit of the robot: the range ends at the present value for any `high`."""
     ties: tuple[tuple[str, float], ...] = ()
     """Parameters of the same namespace that are set with it: (name, factor)."""
 

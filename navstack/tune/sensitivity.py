@@ -97,8 +97,8 @@ def _effects(c: Comparison) -> list[str]:
 def values_to_try(d: Dimension) -> list[tuple[str, Value]]:
     """The values for a dimension, as (word, value).
 
-    Half and twice the present value, whatever the range; for 0 and an unknown value, a quarter of the range and its upper end;
-    for a choice, all others.
+    Half and twice the present value, also outside the range; for 0 and an unknown value, a quarter of the range and its upper
+    end; for a choice, all others.
     """
     if d.kind == "choice":
         return [("set", v) for v in d.choices if v != d.present]

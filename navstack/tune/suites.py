@@ -92,7 +92,7 @@ def split(
     """Training and held-out scenarios, both in the given order.
 
     `held_out`: share of the held-out scenarios, drawn by `seed`. If the names contain `reserved` scenarios, those are held
-    out, whatever the share. Raises InputError if one of the two would be empty.
+    out for any share. Raises InputError if one of the two would be empty.
     """
     if not 0.0 <= held_out < 1.0:
         raise InputError(

@@ -1,4 +1,4 @@
-"""Teleop: keys as listed, the terminal restored whatever happens (on a pseudo terminal), the run recorded and replayed."""
+"""Teleop: keys as listed, the terminal restored in every case (on a pseudo terminal), the run recorded and replayed."""
 
 from __future__ import annotations
 

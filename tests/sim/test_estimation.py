@@ -69,7 +69,7 @@ def test_a_kidnapped_robot_does_not_know_it() -> None:
     drive(it, 5.0)
     before = it.frames.lookup(it.map_frame, it.odom_frame)
     away = Pose2D(it.pose.x + 0.5, it.pose.y + 0.5, it.pose.yaw)
-    it.place(away, told=False)
+    it.place(away, inform_localization=False)
     assert it.frames.lookup(it.map_frame, it.odom_frame) == before
     assert it.pose == away
     it.place(START)

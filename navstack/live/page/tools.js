@@ -4,7 +4,7 @@ import { $, button, el } from './dom.js';
 export const TOOLS = [
   ['why', 'Ask and select (V)', 'v', 'Click a cell, a trajectory or a goal: why. Drag an obstacle to move it, drag the map to pan.'],
   ['goal', 'Goal (G)', 'g', 'Press, and drag for the heading. With Shift the goal joins the queue.'],
-  ['pose', 'Put the robot here (R)', 'r', 'Press, and drag for the heading: the robot is put there and told so.'],
+  ['pose', 'Put the robot here (R)', 'r', 'Press, and drag for the heading: the robot is put there, and its localization is set to the pose.'],
   ['passage', 'Can the robot pass? (Y)', 'y', 'Click an opening: can the robot pass?'],
   null,
   ['disc', 'Add a disc (D)', 'd', 'Press, and drag for the radius.'],

@@ -12,7 +12,7 @@ from navstack.interfaces import Approach, GoalChecker, PluginSection
 from navstack.plugins import GOAL_CHECKERS
 
 AT_GOAL_M = 1e-6
-"""Nearer than this the robot is at the goal, whatever the direction of the path."""
+"""Nearer than this the robot is at the goal for any direction of the path."""
 
 
 class AxisGoalCheckerParams(PluginSection):

@@ -122,7 +122,7 @@ class GracefulController(PathFollower):
     # --- the command ------------------------------------------------------------------------------------------------
 
     def reset(self) -> None:
-        """Forget the previous goal and a heading that was found for it."""
+        """Reset the previous goal and a heading that was found for it."""
         super().reset()
         self._turn_due, self._final_yaw = True, None
 

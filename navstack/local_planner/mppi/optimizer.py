@@ -73,9 +73,9 @@ class Optimizer:
         self.reset()
 
     def retry(self) -> None:
-        """Forget the sequence and the histories, and draw the noise anew.
+        """Reset the sequence and the histories, and draw the noise anew.
 
-        ROS differs: Nav2 also forgets the last command, so that the next one may be out of its reach.
+        ROS differs: Nav2 also resets the last command, so that the next one may be out of its reach.
         """
         last = self.last
         self.reset()
@@ -83,7 +83,7 @@ class Optimizer:
             self.last = last
 
     def reset(self) -> None:
-        """Forget everything that lasts: sequence, histories, last command; the noise is drawn anew."""
+        """Reset the whole state: sequence, histories, last command; the noise is drawn anew."""
         self.controls: Floats = np.zeros((self.params.time_steps, 3), np.float32)
         self.history: Floats = np.zeros((HISTORY, 3), np.float32)
         """(5, 3) commands sent, the oldest first."""

@@ -104,7 +104,7 @@ class MPPIPlanner(PathFollower):
     # --- the command ------------------------------------------------------------------------------------------------
 
     def reset(self) -> None:
-        """Forget the previous goal and the control sequence."""
+        """Reset the previous goal and the control sequence."""
         super().reset()
         self.optimizer.reset()
 

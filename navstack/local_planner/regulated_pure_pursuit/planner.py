@@ -106,7 +106,7 @@ class RegulatedPurePursuit(PathFollower):
     # --- the command ------------------------------------------------------------------------------------------------
 
     def reset(self) -> None:
-        """Forget the previous goal and the last command."""
+        """Reset the previous goal and the last command."""
         super().reset()
         self._last = None
 

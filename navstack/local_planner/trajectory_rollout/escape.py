@@ -132,7 +132,7 @@ class FullTurnDetector:
         return self._completed is not None
 
     def reset(self) -> None:
-        """Forget the turns made for the last goal."""
+        """Reset the turns made for the last goal."""
         self._turning = self._completed = None
 
 
@@ -180,7 +180,7 @@ class Escape:
             self._start = None
 
     def reset(self) -> None:
-        """Forget the last escape: the next one leads the shortest distance."""
+        """Reset the last escape: the next one leads the shortest distance."""
         self._last_start = None
 
 

@@ -62,7 +62,7 @@ class Amcl(Localizer):
         variances = params.initial_cov_xx, params.initial_cov_yy, params.initial_cov_aa
         return Pose2D(*params.start), np.diag(variances), math.inf
 
-    # --- what the filter is told --------------------------------------------------------------------------------------
+    # --- inputs of the filter --------------------------------------------------------------------------------------
 
     @property
     def estimate(self) -> PoseEstimate | None:

@@ -121,7 +121,7 @@ class AmclParams(ParamModel):
     laser_sigma_hit: float = param(0.2, "standard deviation of a hit", unit="m", gt=0.0)
     laser_lambda_short: float = param(0.1, "decay of unexpected obstacles (model beam)", unit="1/m", ge=0.0)
     laser_likelihood_max_dist: float = param(
-        2.0, "greatest distance to an obstacle that is told apart", unit="m", gt=0.0
+        2.0, "greatest distance to an obstacle that is distinguished", unit="m", gt=0.0
     )
     do_beamskip: bool = param(False, "leave out beams that few particles explain (likelihood_field_prob)")
     beam_skip_distance: float = param(0.5, "a beam is explained by a closer obstacle", unit="m", ge=0.0)

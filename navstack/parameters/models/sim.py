@@ -223,7 +223,7 @@ class SimParams(BodyParams):
         "map -> odom is constant; amcl: the particle filter of the section `amcl`; scan_matching: scans matched with the map",
     )
     initial_pose: Literal["given", "unknown"] = param(
-        "given", "given: the localizer is told where the robot starts; unknown: it must find out (amcl, scan_matching)"
+        "given", "given: the localizer starts at the start pose; unknown: it must find out (amcl, scan_matching)"
     )
     initial_pose_error: list[float] = param(
         [0.0, 0.0, 0.0], "error of that pose: ahead, to the left, turn", unit="m, m, rad"
