@@ -309,7 +309,8 @@ class SimulatedRobot:
     def place(self, pose: Pose2D, *, inform_localization: bool = True) -> None:
         """Puts the robot at `pose` (map frame), at rest; the odometry does not measure it.
 
-        Its localization is set to the pose if `inform_localization`. Raises InputError if the robot collides there or the pose is not finite; nothing has changed then.
+        Its localization is set to the pose if `inform_localization`. Raises InputError if the robot
+        collides there or the pose is not finite; nothing has changed then.
         """
         if not pose.is_finite():
             raise InputError(f"the pose {tuple(pose)} is not finite", pose=pose)
