@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
 from navstack.cli import options
+from navstack.cli.drive_options import (
+    LogFile,
+    Mount,
+    Partial,
+    Reference,
+    Scans,
+    Topic,
+    chosen_scans,
+    drive_options,
+    print_drive_notes,
+)
 from navstack.cli.out_path import file_in
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="markdown", help="Make maps.")
-
-Scans = Literal["all", "odd", "even"]
-LogFile = Annotated[
-    Path, typer.Argument(metavar="LOG", help="CARMEN log (.log, .log.gz), or a recorded run (folder or run.npz).")
-]
-
-
-def chosen_scans(scans: Scans) -> tuple[int, int]:
-    """The scans of `--scans` as (every, first); the first scan of a log is number 1, an odd one."""
-    return {"all": (1, 0), "odd": (2, 0), "even": (2, 1)}[scans]
 
 
 @app.command("from-log")
@@ -37,13 +38,17 @@ def from_log(
     ],
     resolution: Annotated[float, typer.Option("--resolution", help="Cells (m).")] = 0.05,
     max_range: Annotated[float, typer.Option("--max-range", help="Use beams up to this range (m).")] = 30.0,
-    scans: Annotated[Scans, typer.Option("--scans", help="Which scans to use.")] = "all",
+    scans: Scans = "all",
     clear: Annotated[
         bool, typer.Option("--clear", help="Beams without a return clear cells, too, up to --max-range.")
     ] = False,
+    reference: Reference = None,
+    topic: Topic = [],
+    mount: Mount = [],
+    partial: Partial = False,
     json_: options.Json = False,
 ) -> None:
-    """Make an occupancy grid from a log whose poses are known (corrected logs, recorded runs), for map_server.
+    """Make an occupancy grid from a log whose poses are known (corrected logs, localized bags, recorded runs), for map_server.
 
     Each scan raises the log-odds of the cells where beams end and lowers those of the cells before them.
     """
@@ -56,7 +61,7 @@ def from_log(
     for name, value in (("--resolution", resolution), ("--max-range", max_range)):
         if not 1e-3 <= value <= 1e3:
             raise InputError(f"{name} must be a length between 0.001 and 1000 m, not {value:g}", argument=name)
-    drive = open_drive(log)
+    drive = open_drive(log, drive_options(topic, mount, reference=reference, partial=partial))
     every, first = chosen_scans(scans)
     model = MappingModel(max_range=max_range, clear_without_return=clear)
     with loading_kernels(quiet=json_):
@@ -78,6 +83,7 @@ def from_log(
             }
         )
         return
+    print_drive_notes(drive)
     print(
         f"{count} scans: {g.nx} x {g.ny} cells of {g.resolution:g} m, {int((grid.data == 100).sum())} occupied, "
         f"{int((grid.data == 0).sum())} free"

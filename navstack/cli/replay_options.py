@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from navstack.cli import options
+from navstack.cli.drive_options import parse_mountings, parse_topics
 
 if TYPE_CHECKING:
     from navstack.core import OccupancyGrid, Pose2D
@@ -95,7 +96,7 @@ class ReplayInput(NamedTuple):
         from navstack.replay.replay import ReplayOptions
 
         pose = self._initial_pose()
-        mountings, topics = self._mountings(), self._topics()
+        mountings, topics = parse_mountings(self.mount), self._topics()
         configuration = load_configuration(
             self.params or ["turtlebot"], overrides=self.set_, distro=self.distro, allow_missing=self.allow_missing
         )
@@ -120,34 +121,9 @@ class ReplayInput(NamedTuple):
         return None if self.initial_pose is None else parse_pose(self.initial_pose, "--initial-pose")
 
     def _topics(self) -> dict[str, str]:
-        from navstack.core.errors import InputError
-
-        found: dict[str, str] = {}
-        for text in self.topic:
-            name, separator, topic = text.partition("=")
-            if not separator or not name.strip() or not topic.strip():
-                raise InputError(
-                    f'--topic "{text}": give NAME=TOPIC, such as scan=/front/scan', argument="--topic", value=text
-                )
-            found[name.strip()] = topic.strip()
+        found = parse_topics(self.topic)
         if self.map_ is not None and self.map_.startswith("/") and not Path(self.map_).exists():
             found["map"] = self.map_
-        return found
-
-    def _mountings(self) -> dict[str, tuple[float, ...]]:
-        from navstack.cli.arguments import parse_numbers
-        from navstack.core.errors import InputError
-
-        found: dict[str, tuple[float, ...]] = {}
-        for text in self.mount:
-            frame, separator, values = text.partition("=")
-            if not separator or not frame.strip():
-                raise InputError(
-                    f'--mount "{text}": give FRAME=X,Y,Z,YAW, such as base_scan=-0.03,0,0.17,0',
-                    argument="--mount",
-                    value=text,
-                )
-            found[frame.strip()] = tuple(parse_numbers(values, "--mount", "x,y,z,yaw in metres and radians", (4,)))
         return found
 
     def _map(

@@ -21,7 +21,7 @@ from navstack.core import LaserScan, Pose2D, Transform2D, normalize_angle
 from navstack.core.bounded_reading import shortened
 from navstack.core.errors import LogError
 from navstack.drives.lines import read_lines
-from navstack.drives.messages import Drive, DriveMessage, Odometry, Reference, Scan
+from navstack.drives.messages import Drive, DriveMessage, DriveOptions, Odometry, Reference, Scan
 
 NO_RETURN: Final = 50.0
 """From this range on (m), a beam has no return: the lasers of these logs report 81.91 or their maximum."""
@@ -38,15 +38,15 @@ class CarmenDrive(Drive):
 
     kind = "carmen"
 
-    def __init__(self, path: Path, *, no_return: float = NO_RETURN) -> None:
-        super().__init__(path)
+    def __init__(self, path: Path, options: DriveOptions | None = None, *, no_return: float = NO_RETURN) -> None:
+        super().__init__(path, options)
         self._no_return = no_return
 
     def __iter__(self) -> Iterator[DriveMessage]:
         """Yield the messages; see `Drive`."""
         odometry, base = Transform2D(), None
         stamp, last_scan = -math.inf, -math.inf
-        scans = 0
+        scans, began = 0, 0.0
         for number, text in read_lines(self.path):
             word = text.split(maxsplit=1)[0] if not text.isspace() else ""
             if word not in ("ODOM", "FLASER"):
@@ -73,7 +73,11 @@ class CarmenDrive(Drive):
                 base = robot
                 yield Odometry(stamp, odometry)
             scans += 1
-            yield Reference(stamp, Pose2D(*robot))
+            began = stamp if scans == 1 else began
+            if not self.within(stamp - began):
+                continue
+            if self.options.topics.get("reference") != "none":
+                yield Reference(stamp, Pose2D(*robot))
             yield Scan(self._laser_scan(ranges, stamp), robot.inverse() @ laser)
         if scans == 0:
             raise LogError(

@@ -89,9 +89,13 @@ class Track:
                 "relations": self.relations().as_dict(),
                 "rpe_10m": self.relative(10.0).as_dict(),
             }
-            sure = self.known & ~self.lost
-            document["sure_but_wrong"] = int((sure & (self.errors > 0.5)).sum())
+            document["sure_but_wrong"] = self.sure_but_wrong
         return document
+
+    @property
+    def sure_but_wrong(self) -> int:
+        """Number of scans at which the localizer was sure although it was more than 0.5 m off."""
+        return int((self.known & ~self.lost & (self.errors > 0.5)).sum())
 
 
 def follow(

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, Final
 
-from navstack.core import LaserScan, Pose2D, Transform2D
+from navstack.core import LaserScan, OccupancyGrid, Pose2D, Transform2D
+
+MAX_PROBLEMS: Final = 100
+"""Largest number of different problems of a log that are kept."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,14 +46,53 @@ class Reference:
 DriveMessage = Odometry | Scan | Reference
 
 
+@dataclass(frozen=True, slots=True)
+class DriveOptions:
+    """What to read of a log, where the log leaves a choice."""
+
+    topics: Mapping[str, str] = field(default_factory=dict[str, str])
+    """Topic by role: `scan`, `odom`, `map`, and `reference`: a topic of poses, `tf` (map -> odom of the log) or `none`."""
+    mountings: Mapping[str, tuple[float, ...]] = field(default_factory=dict[str, tuple[float, ...]])
+    """Frame -> x, y, z, yaw on the base, for sensors that the log does not place."""
+    start: float | None = None
+    """First time (s since the beginning of the log); None: its beginning."""
+    end: float | None = None
+    partial: bool = False
+    """Read what can be read of a damaged bag."""
+
+
 class Drive(ABC):
     """A log of one robot. Reading is streaming: memory does not grow with the length of the log."""
 
     kind: ClassVar[str]
     """Name of the format."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, options: DriveOptions | None = None) -> None:
         self.path = path
+        self.options = options or DriveOptions()
+        self.notes: list[str] = []
+        """What was chosen without being named."""
+        self.problems: dict[str, int] = {}
+        """What could not be used in the last pass over the log, with its number."""
+
+    @property
+    def epoch(self) -> float:
+        """What to add to a stamp of the drive for the time that the log itself has (s)."""
+        return 0.0
+
+    @property
+    def map(self) -> OccupancyGrid | None:
+        """The map in the log; None if it has none. Raises LogError for one that is not valid."""
+        return None
+
+    def within(self, stamp: float) -> bool:
+        """Return whether a time (s) belongs to the chosen part of the log."""
+        start, end = self.options.start, self.options.end
+        return (start is None or stamp >= start) and (end is None or stamp <= end)
+
+    def _problem(self, text: str) -> None:
+        if text in self.problems or len(self.problems) < MAX_PROBLEMS:
+            self.problems[text] = self.problems.get(text, 0) + 1
 
     @abstractmethod
     def __iter__(self) -> Iterator[DriveMessage]:

@@ -30,6 +30,8 @@ class Method:
 
     name: str = "scan_matching"
     values: dict[str, Any] = field(default_factory=dict[str, Any])
+    amcl: AmclParams | None = None
+    """Parameters of a robot, which `values` change."""
 
     @property
     def label(self) -> str:
@@ -56,7 +58,7 @@ class Method:
                 values[key] = yaml.safe_load(raw)
             except yaml.YAMLError:
                 raise InputError(f'{argument} "{text}": {short_repr(raw)} is no value', argument=argument) from None
-        return cls(name, values)
+        return cls(name, values, start.amcl)
 
     def build(self, seed: int) -> tuple[Localizer, Cloud]:
         """Return the localizer, without a map, and the function that returns its particles. Raises InputError."""
@@ -71,7 +73,8 @@ class Method:
             raise InputError(
                 f"{self.name} has no parameter {short_repr(other[0])}; `navstack localize --help` names where to look"
             )
-        amcl = Amcl(self._params(AmclParams, own), seed=seed)
+        written = {} if self.amcl is None else self.amcl.model_dump(include=self.amcl.model_fields_set)
+        amcl = Amcl(self._params(AmclParams, {**written, **own}), seed=seed)
 
         def cloud() -> np.ndarray[Any, Any]:
             return amcl.particles.poses.copy()

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from navstack.core import Pose2D, Transform2D
+from navstack.core import OccupancyGrid, Pose2D, Transform2D
 from navstack.core.errors import LogError
-from navstack.drives.messages import Drive, DriveMessage, Odometry, Reference, Scan
+from navstack.drives.messages import Drive, DriveMessage, DriveOptions, Odometry, Reference, Scan
 
 
 class RecordDrive(Drive):
@@ -17,8 +17,8 @@ class RecordDrive(Drive):
 
     kind = "record"
 
-    def __init__(self, path: Path) -> None:
-        super().__init__(path)
+    def __init__(self, path: Path, options: DriveOptions | None = None) -> None:
+        super().__init__(path, options)
         from navstack.record import Record
 
         self.record = Record.load(path)
@@ -27,14 +27,33 @@ class RecordDrive(Drive):
                 f"{path} contains no scans; record the run of a robot with a lidar (`simulate --out DIR`)",
                 file=str(path),
             )
+        self._topic = self._chosen_topic()
+
+    def _chosen_topic(self) -> str:
+        """Return the lidar to use: the chosen one, else the first."""
+        topics = list(dict.fromkeys(scan.scan.topic.strip("/") for scan in self.record.scans))
+        chosen = self.options.topics.get("scan", "").strip("/")
+        if chosen and chosen not in topics:
+            raise LogError(f"{self.path} has no scans of {chosen}; its lidars: {', '.join(topics)}", topic=chosen)
+        if len(topics) > 1 and not chosen:
+            self.notes.append(f"the scans are those of {topics[0]}; others: --topic scan={topics[1]}")
+        return chosen or topics[0]
+
+    @property
+    def map(self) -> OccupancyGrid | None:
+        """The map of the run."""
+        return self.record.map
 
     def __iter__(self) -> Iterator[DriveMessage]:
         """Yield the messages; see `Drive`. The odometry at a scan is interpolated between control cycles."""
-        record = self.record
+        record, known = self.record, self.options.topics.get("reference") != "none"
         times, poses = record.times, record.odom_poses
         yaw = np.unwrap(poses[:, 2])
         for scan in record.scans:
+            if scan.scan.topic.strip("/") != self._topic or not self.within(scan.t):
+                continue
             x, y = (float(np.interp(scan.t, times, poses[:, i])) for i in range(2))
             yield Odometry(scan.t, Transform2D(x, y, float(np.interp(scan.t, times, yaw))))
-            yield Reference(scan.t, Pose2D(*scan.pose))
+            if known:
+                yield Reference(scan.t, Pose2D(*scan.pose))
             yield Scan(scan.scan, scan.mounting)

@@ -66,8 +66,19 @@ def absolute_errors(estimate: Poses, reference: Poses) -> PoseErrors:
 
 def relative_errors(estimate: Poses, reference: Poses, first: NDArray[np.intp], second: NDArray[np.intp]) -> PoseErrors:
     """Return the errors of the relations between rows `first[k]` and `second[k]`: (r_k)^-1 e_k of the relative poses."""
-    wrong = between(between(reference[first], reference[second]), between(estimate[first], estimate[second]))
-    return _errors(np.hypot(wrong[:, 0], wrong[:, 1]), wrong[:, 2])
+    return relation_errors(estimate[first], estimate[second], between(reference[first], reference[second]))[0]
+
+
+def relation_errors(
+    first: Poses, second: Poses, relations: Poses
+) -> tuple[PoseErrors, NDArray[np.float64], NDArray[np.float64]]:
+    """Return the errors of poses `second` as seen from `first` against known relations, and each error (m, rad).
+
+    e = d (-) d*: the pose by the estimates as seen from that of the relation (Kümmerle et al. 2009).
+    """
+    wrong = between(relations, between(first, second))
+    moved, turned = np.hypot(wrong[:, 0], wrong[:, 1]), np.abs(wrong[:, 2])
+    return _errors(moved, turned), moved, turned
 
 
 def pairs_by_distance(reference: Poses, metres: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -45,7 +45,8 @@ def test_a_map_from_odd_scans_and_tracking_on_the_even_ones(
         assert track["scans"] == 8
         assert track["ate"]["position_m"]["max"] < 0.2
         assert track["relations"]["position_m"]["count"] == 7
-    assert {path.name for path in out.iterdir()} == {"localize.json", "localize.png", "errors.png", "trajectory.csv"}
+    names = {"localize.json", "localize.png", "errors.png", "trajectory.csv", "trajectory_versus.csv"}
+    assert {path.name for path in out.iterdir()} == names
     assert len((out / "trajectory.csv").read_text(encoding="utf-8").splitlines()) == 9
     with Image.open(out / "localize.png") as picture:
         assert len(np.unique(np.asarray(picture.convert("L")))) > 20
