@@ -1,4 +1,4 @@
-"""20,000 mutated maps, records, scenarios, parameter files and launch files, and 4,000 logs (`tools/fuzz_inputs.py`)."""
+"""Mutated maps, records, scenarios, parameter files, launch files and logs; CI runs 24,000 (`tools/fuzz_inputs.py`)."""
 
 from __future__ import annotations
 
@@ -12,12 +12,11 @@ from tools.fuzz.inputs import KINDS, Input, Inputs
 from tools.fuzz.run import Counts, Plan, fuzz, fuzz_in_processes
 
 
-@pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("kind", KINDS)
-def test_mutated_inputs(kind: str, seed: int) -> None:
-    counts = fuzz(1000, seed, (kind,))
-    assert counts.inputs == 1000
-    assert counts.accepted < 1000 or kind in ("parameters", "launch")  # their readers return findings
+def test_mutated_inputs(kind: str) -> None:
+    counts = fuzz(400, 0, (kind,))
+    assert counts.inputs == 400
+    assert counts.accepted < 400 or kind in ("parameters", "launch")  # their readers return findings
     assert counts.unmade + counts.tracebacks + counts.large == []
 
 
