@@ -110,7 +110,7 @@ def build_move_base(
         if published is not static_map:
             _warn_of_frame(static_map.frame, published.frame, listeners)
         static_map = published
-    return MoveBase(
+    move_base = MoveBase(
         configuration.move_base,
         robot=robot,
         global_costmap=build_costmap("global_costmap", configuration.global_costmap, robot.frames, static_map),
@@ -123,6 +123,13 @@ def build_move_base(
         stall_timeout_s=configuration.navstack.stall_timeout,
         recovery_time_limit_s=recovery_time_limit_s,
     )
+    _set_lost(move_base, configuration)
+    return move_base
+
+
+def _set_lost(move_base: MoveBase, configuration: Configuration) -> None:
+    move_base.lost.action = configuration.navstack.lost_action
+    move_base.lost.timeout_s = configuration.navstack.lost_timeout
 
 
 def _in_global_frame(configuration: Configuration, static_map: OccupancyGrid) -> OccupancyGrid:
@@ -182,6 +189,7 @@ def reconfigure(move_base: MoveBase, configuration: Configuration) -> None:
     )
     move_base.goal_time_limit_s = configuration.navstack.goal_time_limit or math.inf
     move_base.stall_timeout_s = configuration.navstack.stall_timeout
+    _set_lost(move_base, configuration)
     changes = [
         apply_reconfigure(costmap, target.params, target.layers, target.footprint) for costmap, target in costmaps
     ]

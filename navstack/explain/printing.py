@@ -25,6 +25,7 @@ _GOAL_STYLE = {
     "control_failed": "yellow",
     "recovery": "magenta",
     "warning": "yellow",
+    "lost": "yellow",
     "stuck": "yellow",
     "collision": "bold red",
 }

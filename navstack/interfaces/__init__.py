@@ -8,7 +8,7 @@ from navstack.interfaces.costmap import CostmapServer, Inflation, Layer, LayerCo
 from navstack.interfaces.critic import Critic, DistanceGrid, RejectionDetail, ScoringContext
 from navstack.interfaces.global_planner import GlobalPlanner, Plan
 from navstack.interfaces.local_planner import ControlDiagnostics, ControlInput, LocalPlan, LocalPlanner
-from navstack.interfaces.localization import Localizer, OdometryFilter, PoseEstimate
+from navstack.interfaces.localization import LocalizationStatus, Localizer, OdometryFilter, PoseEstimate
 from navstack.interfaces.motion import Motion
 from navstack.interfaces.path_following import (
     Approach,
@@ -41,6 +41,7 @@ __all__ = [
     "LocalPath",
     "LocalPlan",
     "LocalPlanner",
+    "LocalizationStatus",
     "Localizer",
     "Motion",
     "OdometryFilter",

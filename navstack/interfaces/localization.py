@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,18 @@ class PoseEstimate:
     stamp: float
     details: dict[str, Any] = field(default_factory=dict[str, Any])
     """What the method knows beyond this: number of particles, clusters, notes on defective inputs."""
+
+
+class LocalizationStatus(NamedTuple):
+    """Whether a robot knows where it is in the map."""
+
+    lost: bool = False
+    since: float | None = None
+    """Stamp (s) of the first scan that speaks against the believed pose, if the robot is lost."""
+    explained: float | None = None
+    """Share of the last scan's beams that the map explains from the believed pose; None if it is not known."""
+    text: str = ""
+    """The same in a sentence, for a log."""
 
 
 class Localizer(ABC):
@@ -60,6 +73,21 @@ class Localizer(ABC):
     @abstractmethod
     def estimate(self) -> PoseEstimate | None:
         """The last estimate; None before the first."""
+
+    @property
+    def status(self) -> LocalizationStatus | None:
+        """Whether the robot knows where it is; None (the default) for a localizer that does not watch that."""
+        return None
+
+    def set_hypotheses(
+        self, poses: Sequence[Pose2D], covariances: NDArray[np.float64], weights: NDArray[np.float64]
+    ) -> None:
+        """Start from several possible poses of the base in the map, with (n, 3, 3) covariances and (n,) probabilities.
+
+        Default: starts from the most probable one.
+        """
+        best = int(np.argmax(weights))
+        self.set_pose(poses[best], covariances[best], math.inf)
 
     def request_update(self) -> None:
         """Let the next scan count even if the robot has not moved (`request_nomotion_update`). Default: does nothing."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any, ClassVar
@@ -14,6 +15,7 @@ from navstack.core import (
 from navstack.core.parameters import ParamModel
 from navstack.interfaces.costmap import CostmapServer
 from navstack.interfaces.local_planner import LocalPlanner
+from navstack.interfaces.localization import LocalizationStatus
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,6 +26,8 @@ class RecoveryContext:
     local_costmap: CostmapServer
     local_planner: LocalPlanner
     controller_frequency: float = 20.0
+    localization: Callable[[], LocalizationStatus | None] = lambda: None
+    """Returns whether the robot knows where it is; None for a robot that does not report it."""
 
 
 class RecoveryStatus(Enum):

@@ -1,4 +1,8 @@
-"""The robot, which the user of navstack supplies."""
+"""The robot, which the user of navstack supplies.
+
+A robot may also have a property `localization_status -> LocalizationStatus | None`: then the goal manager stops it while it is
+lost (`navstack/lost_action`).
+"""
 
 from __future__ import annotations
 

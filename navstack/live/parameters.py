@@ -17,7 +17,12 @@ from navstack.parameters.report import Parameter, parameters_of
 from navstack.parameters.yaml_rewrite import RewrittenFiles, overwrite, rewrite_parameters
 from navstack.plugins import GLOBAL_PLANNERS, LOCAL_PLANNERS
 
-_LIVE_NAVSTACK = ("navstack/goal_time_limit", "navstack/stall_timeout")
+_LIVE_NAVSTACK = (
+    "navstack/goal_time_limit",
+    "navstack/stall_timeout",
+    "navstack/lost_action",
+    "navstack/lost_timeout",
+)
 _FIXED_MOVE_BASE = ("recovery_behaviors", "recovery_behavior_enabled", "clearing_rotation_allowed")
 _CHOICES = {"base_global_planner": GLOBAL_PLANNERS, "base_local_planner": LOCAL_PLANNERS}
 

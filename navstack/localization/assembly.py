@@ -11,22 +11,28 @@ from navstack.interfaces import Localizer
 from navstack.localization.amcl import Amcl
 from navstack.localization.ekf.filtered_odometry import FilteredOdometry
 from navstack.localization.scan_matcher import ScanMatcher
+from navstack.localization.searching import SearchingLocalizer
 from navstack.parameters.localization_sections import LocalizationConfiguration, default_filter
 from navstack.parameters.models.amcl import AmclParams
 from navstack.parameters.models.sim import SimParams
+from navstack.parameters.models.supervision import SearchingParams
 
 
 def make_localizer(
     sim: SimParams, sections: LocalizationConfiguration, grid: OccupancyGrid, start: Pose2D, seed: int
 ) -> Localizer | None:
-    """Return the localizer of `localization: amcl` or `scan_matching` at the start pose; None for another value."""
-    amcl = sections.amcl or AmclParams()
+    """Return the localizer of `localization: amcl` or `scan_matching`, supervised, at the start pose.
+
+    None for another value.
+    """
+    amcl, supervision = sections.amcl or AmclParams(), sections.supervision or SearchingParams()
     if sim.localization == "amcl":
-        localizer: Localizer = Amcl(amcl, seed=seed)
+        tracker: Localizer = Amcl(amcl, seed=seed)
     elif sim.localization == "scan_matching":
-        localizer = ScanMatcher()
+        tracker = ScanMatcher(supervision)
     else:
         return None
+    localizer = SearchingLocalizer(tracker, supervision)
     localizer.set_map(grid)
     if sim.initial_pose == "unknown":
         localizer.start_globally()

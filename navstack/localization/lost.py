@@ -7,24 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from navstack.core import LaserScan, OccupancyGrid, Pose2D, Transform2D
-from navstack.core.parameters import ParamModel, param
 from navstack.localization._match_kernels import agreement, refine
 from navstack.localization.beams import scan_beams
 from navstack.localization.hypotheses import MatchSettings
 from navstack.localization.match_map import MatchMap
-
-
-class LostParams(ParamModel):
-    """When a robot counts as lost. The defaults were calibrated; see the page about localization."""
-
-    lost_explained: float = param(
-        0.65, "share of explained beams below which a scan speaks against the believed pose", gt=0.0, lt=1.0
-    )
-    lost_evidence: float = param(
-        2.5, "sum of the missing shares, scan by scan, from which the robot counts as lost", gt=0.0
-    )
-    lost_interval: float = param(0.2, "scans sooner after the last one that counted are left out", unit="s", ge=0.0)
-    lost_beams: int = param(60, "beams that are compared", ge=10, le=2000)
+from navstack.parameters.models.supervision import LostParams
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,32 +14,15 @@ from numpy.typing import NDArray
 
 from navstack.core import LaserScan, OccupancyGrid, Pose2D, Transform2D
 from navstack.core.errors import InputError
-from navstack.core.parameters import ParamModel, param
 from navstack.interfaces import Localizer, PoseEstimate
 from navstack.localization.beams import scan_beams
 from navstack.localization.hypotheses import Frame, Hypotheses, MatchSettings
 from navstack.localization.match_map import MatchMap
 from navstack.localization.scan_search import search_scan
+from navstack.parameters.models.supervision import ScanMatcherParams
 
 _MARGIN: Final = 15.0
 """Hypotheses whose likelihood is smaller than the best one's by this much (natural logarithm) are dropped."""
-
-
-class ScanMatcherParams(ParamModel):
-    """Namespace: the node's own, as amcl's."""
-
-    update_min_d: float = param(0.25, "distance to move before a scan counts", unit="m", ge=0.0)
-    update_min_a: float = param(0.2, "angle to turn before a scan counts", unit="rad", ge=0.0)
-    max_hypotheses: int = param(200, "hypotheses that are tracked separately", ge=1, le=5000)
-    search_beams: int = param(180, "beams of a search over the whole map", ge=10, le=255)
-    match_beams: int = param(60, "beams of a match", ge=10, le=2000)
-    search_distance: float = param(1.0, "distance to move before the whole map is searched again", unit="m", gt=0.0)
-    window: int = param(20, "scans by which hypotheses are compared", ge=2, le=500)
-    certain_probability: float = param(
-        0.99, "probability of the best hypothesis from which it is certain", gt=0.5, lt=1.0
-    )
-    certain_explained: float = param(0.6, "share of beams that a certain pose explains", ge=0.0, le=1.0)
-    certain_distance: float = param(1.0, "distance moved before a pose found by a search is certain", unit="m", ge=0.0)
 
 
 class ScanMatcher(Localizer):
@@ -57,6 +40,7 @@ class ScanMatcher(Localizer):
         self._certain = False
         self._streak = 0
         self._moved = 0.0
+        self._turned = 0.0
         self._searched_at = -math.inf
         self._given: tuple[Pose2D, NDArray[np.float64]] | None = None
 
@@ -85,6 +69,11 @@ class ScanMatcher(Localizer):
         """Start without knowledge of the pose: the next scan is searched for in the whole map."""
         self._restart(globally=True)
 
+    def suggest(self, pose: Pose2D, covariance: NDArray[np.float64]) -> None:
+        """Compare this pose of the base with those of the search; to be called after `start_globally`."""
+        if pose.is_finite() and np.isfinite(covariance).all():
+            self._given = (pose, np.asarray(covariance, np.float64))
+
     def request_update(self) -> None:
         """Let the next scan count even if the robot has not moved."""
         self._forced = True
@@ -98,6 +87,11 @@ class ScanMatcher(Localizer):
     def is_certain(self) -> bool:
         """True if one pose explains what was seen and no other does."""
         return self._certain
+
+    @property
+    def count(self) -> int:
+        """Number of possible poses."""
+        return 0 if self._hypotheses is None else len(self._hypotheses)
 
     def hypotheses(self) -> list[tuple[Pose2D, NDArray[np.float64], float]]:
         """Return the possible poses in the map, best first: pose, (3, 3) covariance, probability."""
@@ -123,6 +117,7 @@ class ScanMatcher(Localizer):
         if h.frames:
             step = h.frames[-1].odometry.inverse() @ odometry
             self._moved += math.hypot(step.x, step.y)
+            self._turned += abs(step.yaw)
         h.advance(Frame(odometry, beams.thinned(self._settings.beams)))
         if self._globally and not self._certain and self._moved - self._searched_at >= self.params.search_distance:
             self._searched_at = self._moved
@@ -139,7 +134,7 @@ class ScanMatcher(Localizer):
         h.clear()
         h.forget_frames()
         self._globally, self._certain, self._streak = globally, False, 0
-        self._moved, self._searched_at = 0.0, -math.inf
+        self._moved, self._turned, self._searched_at = 0.0, 0.0, -math.inf
         self._estimate, self._given = None, None
 
     def _require_map(self) -> Hypotheses:
@@ -170,7 +165,8 @@ class ScanMatcher(Localizer):
         if not self._globally:
             self._certain = bool(h.explained[0] >= p.certain_explained)
         elif not self._certain:
-            self._certain = self._streak >= 3 and self._moved >= p.certain_distance
+            enough = self._moved >= p.certain_distance * (1.0 - self._turned / p.certain_turn)
+            self._certain = self._streak >= 3 and enough
 
     def _publish(self, h: Hypotheses, odometry: Transform2D, stamp: float) -> PoseEstimate | None:
         if len(h) == 0:

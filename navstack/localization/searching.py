@@ -11,27 +11,24 @@ from numpy.typing import NDArray
 
 from navstack.core import LaserScan, OccupancyGrid, Pose2D, Transform2D
 from navstack.core.errors import InputError
-from navstack.core.parameters import ParamModel, param
-from navstack.interfaces import Localizer, PoseEstimate
-from navstack.localization.lost import Agreement, LostDetector, LostParams
+from navstack.core.parameters import ParamModel
+from navstack.interfaces import LocalizationStatus, Localizer, PoseEstimate
+from navstack.localization.lost import Agreement, LostDetector
 from navstack.localization.match_map import MatchMap
-from navstack.localization.scan_matcher import ScanMatcher, ScanMatcherParams
+from navstack.localization.scan_matcher import ScanMatcher
+from navstack.parameters.models.supervision import LostParams, ScanMatcherParams, SearchingParams
 
-
-class SearchingParams(ScanMatcherParams, LostParams):
-    """Parameters of the search and of the detection."""
-
-    same_pose_m: float = param(0.5, "a search that ends this near the believed pose confirms it", unit="m", gt=0.0)
-    same_pose_rad: float = param(0.3, "the same of the heading", unit="rad", gt=0.0)
+_HANDED = np.diag([0.05**2, 0.05**2, 0.03**2])
+"""Added to the covariance of a hypothesis that is handed to the tracker (m², rad²)."""
 
 
 class SearchingLocalizer(Localizer):
     """Tracks with another localizer (amcl), and supervises it.
 
     Every scan is compared with the map from the believed pose (`LostDetector`). While the robot is lost, and after a global
-    start, hypotheses from searches over the whole map are tracked separately (`ScanMatcher`); the certain one is handed to
-    the tracker. If it is the tracker's own pose, the alarm was false and nothing changes. `details` of the estimate: `lost`,
-    `lost_since`, `explained`, `certain`.
+    start, hypotheses from searches over the whole map are tracked separately (`ScanMatcher`). Once few remain, the tracker
+    gets all of them, with their probabilities; once one is certain, only that one. If it is the tracker's own pose, the alarm
+    was false and the pose does not change. `details` of the estimate: `lost`, `lost_since`, `explained`, `certain`, `searching`.
     """
 
     Params: ClassVar[type[ParamModel]] = SearchingParams
@@ -44,6 +41,12 @@ class SearchingLocalizer(Localizer):
         self._detector: LostDetector | None = None
         self._searching = True
         self._globally = True
+        self._handed = 0
+        """Hypotheses that the tracker has; 0 for a pose of its own."""
+        self._since: float | None = None
+        """Stamp of the first scan of a global start."""
+        self._before: Transform2D | None = None
+        """map -> odom before the search of a lost robot."""
         self._estimate: PoseEstimate | None = None
         self.alarms: list[Agreement] = []
         """The results at which the robot began to count as lost."""
@@ -62,13 +65,17 @@ class SearchingLocalizer(Localizer):
         """Start from a pose of the base in the map."""
         self.tracker.set_pose(pose, covariance, stamp)
         self._require_map().reset()
-        self._searching, self._globally, self._estimate = False, False, None
+        self._searching = self._globally = False
+        self._handed, self._estimate = 0, None
 
     def start_globally(self) -> None:
         """Start without knowledge of the pose."""
         self._require_map().reset()
+        if not self.params.search:
+            self.tracker.start_globally()
         self._matcher.start_globally()
-        self._searching, self._globally, self._estimate = True, True, None
+        self._searching = self._globally = self.params.search
+        self._handed, self._estimate, self._since = 0, None, None
 
     def request_update(self) -> None:
         """Let the next scan count even if the robot has not moved."""
@@ -83,12 +90,33 @@ class SearchingLocalizer(Localizer):
     @property
     def lost(self) -> bool:
         """True if the robot does not know where it is: it is lost, or has not found itself since a global start."""
-        return self._globally or (self._detector is not None and self._detector.lost)
+        return self._globally or self._handed > 0 or (self._detector is not None and self._detector.lost)
 
     @property
     def agreement(self) -> Agreement | None:
         """How the last scan agrees with the map."""
         return None if self._detector is None else self._detector.last
+
+    @property
+    def status(self) -> LocalizationStatus:
+        """Whether the robot is lost, and what the last scan says."""
+        last = self.agreement
+        count = self._matcher.count
+        possible = f"{count} pose{'' if count == 1 else 's'} in the map explain{'s' if count == 1 else ''} its scans"
+        if self._globally:
+            text = f"the robot does not know yet where it started; {possible}"
+            return LocalizationStatus(True, self._since, None, text)
+        if self._handed and self.alarms:
+            alarm = self.alarms[-1]
+            return LocalizationStatus(True, alarm.since, alarm.explained, f"{alarm.text()}; {possible}")
+        if last is None:
+            return LocalizationStatus()
+        return LocalizationStatus(last.lost, last.since, last.explained, last.text())
+
+    @property
+    def hypotheses(self) -> list[tuple[Pose2D, NDArray[np.float64], float]]:
+        """The poses of the search, best first: pose, (3, 3) covariance, probability; empty while it does not search."""
+        return self._matcher.hypotheses() if self._searching else []
 
     def update(self, odometry: Transform2D, scan: LaserScan, sensor: Transform2D) -> PoseEstimate | None:
         """Process a scan; None if it did not change the estimate."""
@@ -101,10 +129,9 @@ class SearchingLocalizer(Localizer):
             return None
         was_lost = detector.lost
         result = detector.update(_pose_of(believed.map_to_odom @ odometry), scan, sensor)
-        if detector.lost and not was_lost and result is not None:
+        if detector.lost and not was_lost and result is not None and not self._handed:
             self.alarms.append(result)
-            self._matcher.start_globally()
-            self._searching = True
+            self._begin_search(believed, odometry)
         if self._searching:
             found = self._search(detector, odometry, scan, sensor) or found
         if found is None and detector.lost == was_lost:
@@ -117,15 +144,29 @@ class SearchingLocalizer(Localizer):
 
     # --- searching ----------------------------------------------------------------------------------------------------
 
+    def _begin_search(self, believed: PoseEstimate, odometry: Transform2D) -> None:
+        """Search the map for the pose of a lost robot; the believed one is a hypothesis like the others."""
+        if not self.params.search:
+            return
+        self._matcher.start_globally()
+        self._matcher.suggest(_pose_of(believed.map_to_odom @ odometry), believed.covariance)
+        self._searching, self._before = True, believed.map_to_odom
+
     def _find(
         self, detector: LostDetector, odometry: Transform2D, scan: LaserScan, sensor: Transform2D
     ) -> PoseEstimate | None:
         """Continue a global start; the best hypothesis is the estimate until one is certain."""
+        self._since = scan.stamp if self._since is None else self._since
         guess = self._matcher.update(odometry, scan, sensor)
         if guess is not None and self._matcher.is_certain:
             guess = self._hand_over(guess, odometry, scan, sensor)
             self._globally = self._searching = False
             detector.reset()
+        else:
+            if guess is not None:
+                self._share()
+            if self._handed:
+                self.tracker.update(odometry, scan, sensor)
         if guess is None:
             return None
         self._estimate = self._with_details(guess)
@@ -135,29 +176,52 @@ class SearchingLocalizer(Localizer):
         self, detector: LostDetector, odometry: Transform2D, scan: LaserScan, sensor: Transform2D
     ) -> PoseEstimate | None:
         """Continue the search of a lost robot."""
-        if not detector.lost:  # the scans agree again
-            self._searching = False
+        if not detector.lost and (not self._handed or self._is_confirmed(odometry)):
+            self._searching, self._handed = False, 0  # the scans agree again with the pose before
             return None
         guess = self._matcher.update(odometry, scan, sensor)
-        if guess is None or not self._matcher.is_certain:
+        if guess is None:
+            return None
+        if not self._matcher.is_certain:
+            self._share()
             return None
         self._searching = False
         detector.reset()
         believed = self.tracker.estimate
-        if believed is not None:
-            here = believed.map_to_odom @ odometry
-            apart = math.hypot(here.x - guess.pose.x, here.y - guess.pose.y)
-            turned = abs(math.remainder(here.yaw - guess.pose.yaw, 2.0 * math.pi))
-            if apart < self.params.same_pose_m and turned < self.params.same_pose_rad:
-                return None
+        if believed is not None and self._same(believed.map_to_odom @ odometry, guess.pose):
+            self._handed = 0
+            return None
         return self._hand_over(guess, odometry, scan, sensor)
+
+    def _is_confirmed(self, odometry: Transform2D) -> bool:
+        """Return True if the tracker is back at the pose from before the search."""
+        now, before = self.tracker.estimate, self._before
+        if now is None or before is None:
+            return False
+        return self._same(now.map_to_odom @ odometry, _pose_of(before @ odometry))
+
+    def _same(self, one: Transform2D, other: Pose2D) -> bool:
+        apart = math.hypot(one.x - other.x, one.y - other.y)
+        turned = abs(math.remainder(one.yaw - other.yaw, 2.0 * math.pi))
+        return apart < self.params.same_pose_m and turned < self.params.same_pose_rad
+
+    def _share(self) -> None:
+        """Hand all possible poses to the tracker if there are few, and others than those that it has."""
+        count = self._matcher.count
+        if count == 0:
+            self._handed = 0
+        if count == self._handed or not 1 < count <= self.params.handed_hypotheses:
+            return
+        poses, covariances, weights = zip(*self._matcher.hypotheses(), strict=True)
+        self.tracker.set_hypotheses(list(poses), np.array(covariances) + _HANDED, np.array(weights))
+        self._handed = count
 
     def _hand_over(
         self, guess: PoseEstimate, odometry: Transform2D, scan: LaserScan, sensor: Transform2D
     ) -> PoseEstimate:
         """Set the tracker to the certain hypothesis."""
-        spread = guess.covariance + np.diag([0.05**2, 0.05**2, 0.03**2])
-        self.tracker.set_pose(guess.pose, spread, math.inf)
+        self.tracker.set_pose(guess.pose, guess.covariance + _HANDED, math.inf)
+        self._handed = 0
         self.jumps.append((scan.stamp, guess.pose))
         return self.tracker.update(odometry, scan, sensor) or guess
 

@@ -44,6 +44,8 @@ class ActiveGoal:
     stale_since: float | None = None
     """Time since which the local costmap is stale (s); None while it is current."""
 
+    lost: NavError | None = None
+    """Why the robot counted as lost, last."""
     braking_since: float | None = None
     """Time at which the local planner began to brake after a cancel (s)."""
 
@@ -62,6 +64,8 @@ class ActiveGoal:
                 return statistics.last_planning or PlanningError("the global planner found no plan")
             case Outcome.NO_CONTROL:
                 return statistics.last_control or NavError("the local planner found no command")
+            case Outcome.LOST:
+                return self.lost or NavError("the robot does not know where it is")
             case Outcome.KILLED:
                 return ShutdownError("the goal manager was shut down")
             case _:

@@ -15,6 +15,7 @@ from navstack.move_base.command_output import ZERO, CommandOutput
 from navstack.move_base.costmap_updater import CostmapUpdater
 from navstack.move_base.errors import NoProgressError
 from navstack.move_base.goal_lifecycle import GoalLifecycle
+from navstack.move_base.lost_check import LostCheck
 from navstack.move_base.navigation import Navigation
 from navstack.move_base.plan_requests import PlanRequests
 from navstack.move_base.pose_tracker import PoseTracker
@@ -55,6 +56,7 @@ class ControlCycle:
         self._plan_requests = plan_requests
         self._recovery = recovery
         self._tracker = PoseTracker(navigation)
+        self.lost = LostCheck(navigation)
         self.progress_checker = navigation.params.make_progress_checker()
         """The progress checker of the parameters, beside oscillation_timeout; None without one."""
         self.stall_timeout_s = 0.0
@@ -89,7 +91,7 @@ class ControlCycle:
             self._change_frame(goal, now)
         if self._tracker.update(goal, now) and self._recovery.followed:
             self._recovery.follow_up(now)
-        if self._sensors.is_stale(goal, now):
+        if self._sensors.is_stale(goal, now) or self.lost.blocks(goal, now):
             return
         if navigation.new_plan is not None and not self._pass_plan(goal, navigation.new_plan, now):
             return

@@ -75,6 +75,13 @@ class StaleOdometryError(NavError):
     name = "ODOMETRY_STALE"
 
 
+class LostError(NavError):
+    """The robot does not know where it is in the map."""
+
+    code = 9024
+    name = "LOST"
+
+
 class RecoveryTimeoutError(NavError):
     """A recovery behavior did not end within its time limit."""
 

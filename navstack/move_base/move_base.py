@@ -76,6 +76,8 @@ class MoveBase:
         frequencies = (global_update_frequency, local_update_frequency)
         parts = connect_parts(navigation, planning or InlinePlanning(), frequencies, recovery_time_limit_s)
         self._costmaps = parts.costmaps
+        self.lost = parts.control.lost
+        """What happens while the robot does not know where it is."""
         self._command = parts.command
         self._plan_requests = parts.plan_requests
         self._recovery = parts.recovery
@@ -117,6 +119,7 @@ class MoveBase:
         now = tick.time
         self._command.begin(now)
         self._costmaps.observe(now, tick)
+        self.lost.observe(now)
         self._accept_waiting_goal(now)
         self._costmaps.update(now, tick)
         if self._navigation.goal is not None:

@@ -22,6 +22,7 @@ from navstack.interfaces import (
     ControlInput,
     CostmapServer,
     GlobalPlanner,
+    LocalizationStatus,
     LocalPlan,
     LocalPlanner,
     Plan,
@@ -250,6 +251,14 @@ def send_command(robot: Robot, twist: Twist2D) -> None:
         raise
     except Exception as exc:
         raise plugin_error(robot, exc) from exc
+
+
+def localization_status(robot: Robot) -> LocalizationStatus | None:
+    """Return whether the robot is lost; None for a robot that does not report it. Raises NavError."""
+    status = call(robot, lambda: getattr(robot, "localization_status", None))
+    if status is None or isinstance(status, LocalizationStatus):
+        return status
+    raise _broken_contract(robot, f"has a localization_status of type {type(status).__name__}, not LocalizationStatus")
 
 
 def robot_state(robot: Robot) -> RobotState:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, Final
 
 from navstack.core.errors import NavError
@@ -23,6 +24,7 @@ _EXHAUSTED: Final = {
     Trigger.PLANNING_R: status_messages.LOG_NO_PLAN,
     Trigger.CONTROLLING_R: status_messages.LOG_NO_CONTROL,
     Trigger.OSCILLATION_R: status_messages.LOG_OSCILLATING,
+    Trigger.LOST_R: status_messages.LOG_LOST,
 }
 
 
@@ -156,6 +158,7 @@ def context_of(
         navigation.local_costmap,
         local_planner or navigation.local_planner,
         controller_frequency or navigation.params.controller_frequency,
+        partial(plugin_calls.localization_status, navigation.robot),
     )
     for recovery in navigation.recoveries:
         plugin_calls.call(recovery, recovery.check, context)

@@ -29,6 +29,8 @@ class Trigger(IntEnum):
     PLANNING_R = 0
     CONTROLLING_R = 1
     OSCILLATION_R = 2
+    LOST_R = 3
+    """An addition to ROS."""
 
 
 class NavEvent(Enum):
@@ -45,6 +47,10 @@ class NavEvent(Enum):
     CYCLE = "control cycle with current sensor data"
     SENSORS_STALE = "control cycle with stale sensor data"
     SENSORS_LOST = "sensor data has been stale for controller_patience"
+    LOST = "the robot is lost, and a recovery behavior is left (lost_action: recover)"
+    LOST_WAITING = "control cycle in which the robot waits because it is lost"
+    LOST_TOO_LONG = "the robot has been lost for lost_timeout"
+    FOUND = "the robot knows again where it is"
     PLAN_FOUND = "the global planner found a plan"
     PLAN_FAILED = "the global planner found no plan"
     PLANNING_EXHAUSTED = "the global planner found no plan, and planner_patience or max_planning_retries is exhausted"
@@ -96,6 +102,7 @@ class Outcome(Enum):
     BAD_STATE = status_messages.BAD_STATE
     KILLED = status_messages.KILLED
     STALE_SENSORS = status_messages.STALE_SENSORS
+    LOST = status_messages.LOST
     DRIVER_FAILED = status_messages.DRIVER_FAILED
     TIME_LIMIT = status_messages.TIME_LIMIT
 

@@ -34,6 +34,7 @@ KILLED: Final = "Aborting on the goal because the node has been killed"
 STALE_SENSORS: Final = "Sensor data is out of date: the robot was stopped for safety and no new data arrived."
 BAD_POSITION: Final = "Aborting on goal because its position is not a finite number"
 TIME_LIMIT: Final = "Aborting on goal because its time limit has expired"
+LOST: Final = "The robot does not know where it is: it was stopped, and did not find itself."
 DRIVER_FAILED: Final = "Aborting on goal because the robot rejects commands"
 
 # move_base: log
@@ -45,6 +46,7 @@ LOG_NO_CONTROL: Final = (
 LOG_OSCILLATING: Final = (
     "Aborting because the robot appears to be oscillating over and over. Even after executing all recovery behaviors"
 )
+LOG_LOST: Final = "Aborting because the robot is lost. Even after executing all recovery behaviors"
 LOG_NEW_PLAN: Final = "Got new plan"
 LOG_REACHED: Final = "Goal reached"
 LOG_BUSY: Final = "move_base must be in an inactive state to make a plan for an external user"

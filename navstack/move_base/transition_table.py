@@ -19,6 +19,7 @@ _M, _E, _A, _O, _T, _I = Mode, NavEvent, Action, Outcome, Trigger, IndexRule
 _RESET = (_A.STOP_PLANNER, _A.DROP_RECOVERY, _A.STOP, _A.STOP_COSTMAPS)
 _RECOVER = (_A.STOP_PLANNER, _A.STOP)
 _NEW_GOAL = (_A.RESET_TIMERS, _A.RESET_OSCILLATION, _A.WAKE_PLANNER)
+_FOUND = (_A.DROP_RECOVERY, _A.STOP, *_NEW_GOAL)
 _NEW_PLANNERS = (_A.DROP_RECOVERY, _A.STOP, _A.RESET_TIMERS, _A.WAKE_PLANNER)
 
 
@@ -44,6 +45,11 @@ def _with_goal(mode: Mode) -> tuple[Transition, ...]:
         _end(mode, _E.SHUTDOWN, _O.KILLED),
         _end(mode, _E.PLAN_REFUSED, _O.PLAN_REFUSED),
         Transition(mode, _E.SENSORS_STALE, mode, (_A.STOP,)),
+        # ROS differs (parity 41): amcl does not report that the robot is lost
+        Transition(mode, _E.LOST, _M.CLEARING, _RECOVER, set_trigger=_T.LOST_R),
+        Transition(mode, _E.LOST_WAITING, mode, (_A.STOP_PLANNER, _A.STOP)),
+        _end(mode, _E.LOST_TOO_LONG, _O.LOST),
+        Transition(mode, _E.FOUND, _M.PLANNING, _FOUND, index_rule=_I.RESET),
         # a plan or a motion resets the index after recoveries that were triggered by its absence
         Transition(mode, _E.PLAN_TAKEN, mode, index_rule=_I.RESET, when_trigger=_T.PLANNING_R),
         Transition(mode, _E.PLAN_TAKEN, mode),
@@ -108,6 +114,7 @@ _CLEARING = (
     _end(_M.CLEARING, _E.RECOVERIES_EXHAUSTED, _O.NO_PLAN, _T.PLANNING_R),
     _end(_M.CLEARING, _E.RECOVERIES_EXHAUSTED, _O.NO_CONTROL, _T.CONTROLLING_R),
     _end(_M.CLEARING, _E.RECOVERIES_EXHAUSTED, _O.OSCILLATING, _T.OSCILLATION_R),
+    _end(_M.CLEARING, _E.RECOVERIES_EXHAUSTED, _O.LOST, _T.LOST_R),
 )
 
 ROWS: Final[tuple[Transition, ...]] = (

@@ -40,6 +40,14 @@ class NavstackParams(ParamModel):
         unit="s",
         ge=0.0,
     )
+    lost_action: Literal["recover", "stop", "ignore"] = param(
+        "recover",
+        "what a robot does that is lost: recover: it stops and runs the recovery behaviors, then waits; stop: it stops and "
+        "waits; ignore: it drives on, as in ROS. It matters only for a robot that supervises its localization",
+    )
+    lost_timeout: float = param(
+        60.0, "maximum time that a goal waits for a robot that is lost; then the goal is aborted", unit="s", gt=0.0
+    )
     sim: SimParams = param(SimParams(), "the simulated robot")
     motion: MotionParams = param(MotionParams(), "motions and teleop")
 

@@ -1,4 +1,4 @@
-"""The sections of localization: amcl, and the odometry filter ekf."""
+"""The sections of localization: amcl, its supervision, and the odometry filter ekf."""
 
 from __future__ import annotations
 
@@ -10,10 +10,15 @@ from navstack.parameters.binding import Binder
 from navstack.parameters.findings import Finding
 from navstack.parameters.models.amcl import AmclParams
 from navstack.parameters.models.ekf import STATES, EkfParams, FilterParams
+from navstack.parameters.models.supervision import SearchingParams
 from navstack.parameters.safety_sections import SAFETY_MODELS, unwrap_ros2
 from navstack.parameters.tree import Space
 
-LOCALIZATION_MODELS: Final[dict[str, type[ParamModel]]] = {"amcl": AmclParams, "ekf": EkfParams}
+LOCALIZATION_MODELS: Final[dict[str, type[ParamModel]]] = {
+    "amcl": AmclParams,
+    "supervision": SearchingParams,
+    "ekf": EkfParams,
+}
 """Section -> its model."""
 NODE_MODELS: Final[dict[str, type[ParamModel]]] = {**SAFETY_MODELS, **LOCALIZATION_MODELS}
 """Every section beside move_base's that belongs to a node of its own in ROS."""
@@ -33,6 +38,7 @@ class LocalizationConfiguration:
     """The parameters of localization; None for what is not written."""
 
     amcl: AmclParams | None = None
+    supervision: SearchingParams | None = None
     ekf: FilterParams | None = None
 
     def sections(self) -> list[tuple[str, ParamModel | None]]:

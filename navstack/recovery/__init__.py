@@ -6,6 +6,7 @@ from navstack.recovery.drive_on_heading import DriveOnHeading, DriveOnHeadingPar
 from navstack.recovery.move_slow_and_clear import MoveSlowAndClear, MoveSlowAndClearParams
 from navstack.recovery.rotate import RotateRecovery, RotateRecoveryParams
 from navstack.recovery.spin import Spin, SpinParams
+from navstack.recovery.spin_to_localize import SpinToLocalize, SpinToLocalizeParams
 from navstack.recovery.wait import Wait, WaitParams
 
 __all__ = [
@@ -21,6 +22,8 @@ __all__ = [
     "RotateRecoveryParams",
     "Spin",
     "SpinParams",
+    "SpinToLocalize",
+    "SpinToLocalizeParams",
     "Wait",
     "WaitParams",
 ]

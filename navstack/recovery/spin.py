@@ -49,7 +49,7 @@ class Spin(RecoveryBehavior):
         super().__init__(name, params)
         self._context: RecoveryContext | None = None
         self._started_at = 0.0
-        self._progress = TurnProgress()
+        self.progress = TurnProgress()
 
     @property
     def frequency(self) -> float:
@@ -72,15 +72,15 @@ class Spin(RecoveryBehavior):
         require_turning(context, self.name)
         self._context = context
         self._started_at = now
-        self._progress = TurnProgress()
+        self.progress = TurnProgress()
 
     def step(self, state: RobotState, now: float) -> RecoveryStep:
         """Return the next command. Raises CollisionAheadError or SpinTimeoutError."""
         context = self._context
         assert context is not None
         p = self.params
-        first = self._progress.update(state.pose.yaw)
-        turned = self._progress.turned
+        first = self.progress.update(state.pose.yaw)
+        turned = self.progress.turned
         sign = math.copysign(1.0, p.spin_dist)
         left = abs(p.spin_dist) - sign * turned
         data = {"turned_rad": turned, "left_rad": max(0.0, left)}

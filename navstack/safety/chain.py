@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from navstack.core import Costmap, FrameTree, RobotState, SensorData, Twist2D
-from navstack.interfaces import Robot
+from navstack.interfaces import LocalizationStatus, Robot
 from navstack.parameters.models.twist_mux import TwistMuxParams
 from navstack.safety.detector import CollisionDetector
 from navstack.safety.monitor import CollisionMonitor, MonitorDecision
@@ -135,6 +135,11 @@ class CommandChain:
     def state(self) -> RobotState:
         """Return the odometry of the robot."""
         return self.robot.state()
+
+    @property
+    def localization_status(self) -> LocalizationStatus | None:
+        """Whether the robot knows where it is; None for a robot that does not watch it."""
+        return getattr(self.robot, "localization_status", None)
 
     def scans(self) -> Sequence[SensorData]:
         """Return the sensor data of the robot since the last call; monitor and detector see them too."""

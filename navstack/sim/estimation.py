@@ -9,7 +9,7 @@ import numpy as np
 
 from navstack.core import FrameTree, ImuReading, LaserScan, Pose2D, SensorData, Transform2D, Twist2D
 from navstack.core.errors import FrameError
-from navstack.interfaces import Localizer, OdometryFilter, PoseEstimate
+from navstack.interfaces import LocalizationStatus, Localizer, OdometryFilter, PoseEstimate
 from navstack.parameters.models.sim import SimParams
 
 TOLD_COVARIANCE = np.diag([0.01, 0.01, 0.003])
@@ -50,6 +50,11 @@ class Estimation:
     def estimate(self) -> PoseEstimate | None:
         """The localizer's last estimate."""
         return None if self.localizer is None else self.localizer.estimate
+
+    @property
+    def status(self) -> LocalizationStatus | None:
+        """Whether the robot knows where it is; None without a localizer that watches it."""
+        return None if self.localizer is None else self.localizer.status
 
     def tell(self, pose: Transform2D, odometry: Transform2D) -> None:
         """Give the pose of the base in the map, as a person does."""

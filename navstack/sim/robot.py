@@ -21,6 +21,7 @@ from navstack.core import (
     normalize_angle,
 )
 from navstack.core.errors import InputError
+from navstack.interfaces import LocalizationStatus
 from navstack.parameters.models.sim import SimParams
 from navstack.sim import _body_kernels as kernels
 from navstack.sim import _body_layout as layout
@@ -102,8 +103,6 @@ class SimulatedRobot:
         self._collided = False
         """The robot was in collision before or during the steps that have not been observed yet."""
 
-        self.estimation = estimation or Estimation()
-        """What the robot believes, by a localizer and an odometry filter."""
         self._localization = Localization(params, seed=seed, offset=offset)
         self.estimation = estimation or Estimation()
         """What the robot believes, by a localizer and an odometry filter."""
@@ -258,6 +257,11 @@ class SimulatedRobot:
         """Returns the sensor data since the last call, oldest first, each as measured at its time."""
         scans = self._sensors.scans(self.world)
         return scans if self.estimation.localizer is None else [*self.estimation.fetch(), *scans]
+
+    @property
+    def localization_status(self) -> LocalizationStatus | None:
+        """Whether the robot knows where it is; None for a robot that does not watch it."""
+        return self.estimation.status
 
     def imu_readings(self) -> Sequence[ImuReading]:
         """Returns the IMU readings since the last call, by IMU, oldest first."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,9 +16,11 @@ from navstack.cli.app import run
 from navstack.core import Pose2D
 from navstack.core.errors import InputError, RecordError
 from navstack.explain.goal import GoalReport, TimelineEntry, explain_goal, explain_goals
+from navstack.map_io import load_map, map_path
 from navstack.parameters.configuration import load_configuration
 from navstack.record import Record
 from navstack.scenario import Run, Scenario
+from navstack.scenario.interactions import Kidnap
 from tests.explain.conftest import scenario
 
 WALL = Pose2D(2.0, 0.0, 0.0)
@@ -245,3 +248,26 @@ def test_an_expired_time_limit_is_not_called_a_cancel() -> None:
     (cancelled,) = explain_goals(driven(replace(far, time_limit_s=60.0), cancel_at=1.0))
     assert cancelled.expired_limit_s is None
     assert cancelled.summary.endswith(": cancelled")
+
+
+def test_a_kidnapped_robot_finds_itself_and_the_timeline_says_so() -> None:
+    overrides = ["navstack/sim/localization=amcl", "navstack/sim/laser/fov=4.0", "navstack/sim/laser/beams=90"]
+    overrides += ["amcl/max_particles=800", "recovery_behaviors=[{name: localize, type: spin_to_localize}]"]
+    overrides += ["navstack/sim/laser/range_max=10.0"]
+    configuration = load_configuration(["turtlebot"], overrides=overrides)
+    kidnap = Kidnap(time=3.0, pose=[16.9, 9.6, 0.5])
+    start, goal = Pose2D(0.8, 7.45, 0.0), Pose2D(16.9, 11.0, 1.57)
+    grid = load_map(map_path("office"))
+    found = driven(Scenario(map=grid, configuration=configuration, start=start, goals=(goal,), interactions=(kidnap,)))
+    report = explain_goal(found, 1)
+    assert report.status == "SUCCEEDED"
+    (off,) = of(report, "lost")
+    assert re.match(r"believed pose \d+\.\d m and \d+ degrees off since 3\.\d s, until ", off.text)
+    assert off.begin == pytest.approx(3.2, abs=0.3)
+    assert off.data["off_m"] > 14.0
+    (warned,) = of(report, "warning")
+    assert re.match(r"lost since 3\.\d s: from the believed pose the map explains \d+% of the scan", warned.text)
+    assert warned.begin < 8.0
+    (recovery,) = report.recoveries
+    assert (recovery.name, recovery.trigger) == ("localize", "LOST_R")
+    assert [line for line in of(report, "info") if "knows where it is again" in line.text]

@@ -12,7 +12,7 @@ from navstack.move_base.states import Action, NavEvent, NavState, Outcome
 from navstack.move_base.transition_table import ROWS
 
 # event: (to, recovery index, outcome) per mode; "=" self-transition, "-" illegal.
-# index: . keep, 0 reset, + next, p/c/o reset when the trigger is PLANNING_R/CONTROLLING_R/OSCILLATION_R
+# index: . keep, 0 reset, + next, p/c/o reset when the trigger is PLANNING_R/CONTROLLING_R/OSCILLATION_R; L the trigger LOST_R
 EXPECTED_TABLE = """
 event                IDLE                  PLANNING             CONTROLLING          CLEARING
 GOAL_ACCEPTED        PLANNING/.            -                    -                    -
@@ -24,6 +24,10 @@ TIMED_OUT            -                     IDLE/0/TIME_LIMIT    IDLE/0/TIME_LIMI
 CYCLE                -                     =/.                  =/.                  =/.
 SENSORS_STALE        -                     =/.                  =/.                  =/.
 SENSORS_LOST         -                     IDLE/0/STALE_SENSORS IDLE/0/STALE_SENSORS IDLE/0/STALE_SENSORS
+LOST                 -                     CLEARING/./L         CLEARING/./L         CLEARING/./L
+LOST_WAITING         -                     =/.                  =/.                  =/.
+LOST_TOO_LONG        -                     IDLE/0/LOST          IDLE/0/LOST          IDLE/0/LOST
+FOUND                -                     PLANNING/0           PLANNING/0           PLANNING/0
 PLAN_FOUND           -                     CONTROLLING/.        =/.                  =/.
 PLAN_FAILED          -                     =/.                  =/.                  =/.
 PLANNING_EXHAUSTED   -                     CLEARING/./P         -                    -
@@ -46,11 +50,17 @@ _, *LINES = EXPECTED_TABLE.strip().split("\n")
 MEANT = {
     (mode, NavEvent[line.split()[0]]): cell for line in LINES for mode, cell in zip(Mode, line.split()[1:], strict=True)
 }
-TRIGGERS = {"P": Trigger.PLANNING_R, "C": Trigger.CONTROLLING_R, "O": Trigger.OSCILLATION_R}
+TRIGGERS = {
+    "P": Trigger.PLANNING_R,
+    "C": Trigger.CONTROLLING_R,
+    "O": Trigger.OSCILLATION_R,
+    "L": Trigger.LOST_R,
+}
 BY_TRIGGER = {
     Trigger.PLANNING_R: Outcome.NO_PLAN,
     Trigger.CONTROLLING_R: Outcome.NO_CONTROL,
     Trigger.OSCILLATION_R: Outcome.OSCILLATING,
+    Trigger.LOST_R: Outcome.LOST,
 }
 
 
@@ -117,6 +127,7 @@ def test_outcomes_have_the_texts_of_cpp() -> None:
         "BAD_STATE": "Reached a case that should not be hit in move_base. This is a bug, please report it.",
         "KILLED": "Aborting on the goal because the node has been killed",
         "STALE_SENSORS": status_messages.STALE_SENSORS,
+        "LOST": status_messages.LOST,
         "DRIVER_FAILED": status_messages.DRIVER_FAILED,
         "TIME_LIMIT": status_messages.TIME_LIMIT,
     }

@@ -92,8 +92,8 @@ def test_the_filter_removes_the_wheels_turn_error() -> None:
 def test_amcl_gets_its_section() -> None:
     it = robot("navstack/sim/localization=amcl", "amcl/max_particles=300", "amcl/min_particles=200")
     localizer: Any = it.estimation.localizer
-    assert isinstance(localizer, Amcl)
-    assert localizer.params.max_particles == 300
+    assert isinstance(localizer.tracker, Amcl)
+    assert localizer.tracker.params.max_particles == 300
 
 
 def test_scan_matching_starts_without_a_pose() -> None:

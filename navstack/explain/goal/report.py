@@ -36,7 +36,7 @@ class RecoveryRun:
     total: int
     """Length of that list."""
     trigger: str
-    """PLANNING_R, CONTROLLING_R or OSCILLATION_R."""
+    """PLANNING_R, CONTROLLING_R, OSCILLATION_R or LOST_R."""
     begin: float
     end: float
     outcome: str = "running"
@@ -58,7 +58,7 @@ class TimelineEntry:
     begin: float
     end: float
     kind: str
-    """goal, plan, plan_failed, control_failed, recovery, stuck, collision, warning, info, cancel or end."""
+    """goal, plan, plan_failed, control_failed, recovery, lost, stuck, collision, warning, info, cancel or end."""
     text: str
     count: int = 1
     """Number of events that the line stands for."""

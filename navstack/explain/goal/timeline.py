@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Event
+from navstack.explain.goal.believed_pose import believed_lines
 from navstack.explain.goal.failures import NO_PROGRESS, failure_lines
 from navstack.explain.goal.plans import plan_lines
 from navstack.explain.goal.report import GoalReport, RecoveryRun, TimelineEntry
@@ -29,6 +30,7 @@ _ORDER = (
     "recovery",
     "warning",
     "plan",
+    "lost",
     "stuck",
     "collision",
 )
@@ -46,6 +48,7 @@ def timeline_of(
     lines += [_recovery(record, recovery) for recovery in report.recoveries]
     lines += _stuck(report, poses)
     lines += _collisions(record, report)
+    lines += believed_lines(record, report)
     lines += [
         TimelineEntry(event.time, event.time, event.kind, event.text, data=dict(event.data))
         for event in events

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -108,6 +109,18 @@ class Amcl(Localizer):
         self.particles.put(poses[: self.params.max_particles], weights[: self.params.max_particles])
         self._pending = None
         self._restart()
+
+    def set_hypotheses(self, poses: Sequence[Pose2D], covariances: Array, weights: Array) -> None:
+        """Start from several poses: each gets particles by its probability, at least one."""
+        if self._model is None:
+            raise InputError("the localizer has no map; call set_map first")
+        share = np.asarray(weights, np.float64) / float(np.sum(weights))
+        counts = np.maximum(1, np.floor(share * (self.params.max_particles - len(poses))).astype(np.intp))
+        drawn: list[Array] = []
+        for pose, covariance, count in zip(poses, covariances, counts.tolist(), strict=True):
+            self.particles.draw_gaussian(pose, require_covariance(pose, covariance))
+            drawn.append(self.particles.poses[:count].copy())
+        self.put_particles(np.concatenate(drawn), np.repeat(share / counts, counts))
 
     def request_update(self) -> None:
         """Use the next scan even if the robot has not moved."""
