@@ -32,6 +32,7 @@ from navstack.localization.assembly import believed_start, make_filter, make_loc
 from navstack.map_io import load_mask
 from navstack.move_base import MoveBase, plugin_calls
 from navstack.move_base.occupied_cell import add_layer
+from navstack.move_base.planning import Planning
 from navstack.parameters.configuration import Configuration, CostmapConfiguration, PluginChoice
 from navstack.plugins import GLOBAL_PLANNERS
 from navstack.safety import CollisionDetector, CollisionMonitor, CommandChain, CommandMultiplexer, VelocitySmoother
@@ -94,6 +95,7 @@ def build_move_base(
     static_map: OccupancyGrid | None = None,
     listeners: Sequence[Listener] = (),
     recovery_time_limit_s: float = RECOVERY_TIME_LIMIT_S,
+    planning: Planning | None = None,
 ) -> MoveBase:
     """Build a goal manager for `robot` with the planners, costmaps and recovery behaviors of a configuration.
 
@@ -102,6 +104,7 @@ def build_move_base(
 
     With sections for safety (`twist_mux`, `velocity_smoother`, `collision_monitor`, `collision_detector`), the robot gets its
     commands through a `CommandChain`, which is then `MoveBase.robot`; a robot that is a chain already is left as it is.
+    `planning`: see `MoveBase`.
     """
     if configuration.safety.in_use and not isinstance(robot, CommandChain):
         robot = build_chain(configuration, robot)
@@ -122,6 +125,7 @@ def build_move_base(
         goal_time_limit_s=configuration.navstack.goal_time_limit or math.inf,
         stall_timeout_s=configuration.navstack.stall_timeout,
         recovery_time_limit_s=recovery_time_limit_s,
+        planning=planning,
     )
     _set_lost(move_base, configuration)
     return move_base

@@ -30,6 +30,7 @@ def start_node(name: str, context: typer.Context) -> None:
         sys.stdout.reconfigure(line_buffering=True)  # the log of a node is read while it runs
     sys.argv = ["navstack", *context.args]
     rospy.init_node(name, argv=list(sys.argv), disable_signals=True)
+    ros.end_politely()
 
     def shut_down(number: int, frame: Any) -> None:
         del number, frame

@@ -19,7 +19,16 @@ from navstack.parameters.yaml_reader import DictNode, ListNode, Node, ScalarNode
 Source = str | Path | Mapping[str, Any] | DictNode
 """A name, folder or file; values from Python; or a mapping with locations that was read elsewhere."""
 
-__all__ = ["Source", "Sources", "packaged_folder", "packaged_sets", "read_sources", "short_name", "split_namespace"]
+__all__ = [
+    "Source",
+    "Sources",
+    "packaged_folder",
+    "packaged_sets",
+    "read_sources",
+    "short_name",
+    "split_namespace",
+    "to_node",
+]
 
 
 def packaged_sets() -> list[str]:
@@ -49,7 +58,7 @@ def read_sources(sources: Iterable[Source], overrides: Sequence[str] = ()) -> So
     out.named = {resolved(Path(str(s).partition("@")[0])) for s in named if isinstance(s, (str, Path))}
     for source in named:
         if isinstance(source, Mapping):
-            node = _to_node(source, Location("(a Python mapping)"))
+            node = to_node(source, Location("(a Python mapping)"))
             assert isinstance(node, DictNode)
             load_root(out, node)
         elif isinstance(source, DictNode):
@@ -77,12 +86,12 @@ def _sets() -> str:
     return " or ".join(f'"{n}"' for n in packaged_sets())
 
 
-def _to_node(value: Any, at: Location) -> Node:
-    """Python values as a node."""
+def to_node(value: Any, at: Location) -> Node:
+    """Return Python values as a node; `at` is the location of all of them."""
     if isinstance(value, Mapping):
-        return DictNode({str(k): (at, _to_node(v, at)) for k, v in value.items()}, at)
+        return DictNode({str(k): (at, to_node(v, at)) for k, v in value.items()}, at)
     if isinstance(value, (list, tuple)):
-        return ListNode([_to_node(v, at) for v in value], at)
+        return ListNode([to_node(v, at) for v in value], at)
     return ScalarNode(value, at, isinstance(value, str), str(value))
 
 

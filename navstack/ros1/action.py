@@ -6,13 +6,21 @@ from typing import Any, Final
 
 from navstack.core import Event, Pose2D
 from navstack.logs.builder import MessageBuilder
-from navstack.move_base import GoalHandle, MoveBase
+from navstack.move_base import GoalHandle, GoalStatus, MoveBase
 from navstack.ros1 import ros
 from navstack.ros1.clock import NodeClock
 from navstack.ros1.inbox import Inbox
 
-STATUS_PERIOD_S: Final = 0.2
-"""Time between two status messages (s): actionlib_status_frequency is 5 Hz."""
+STATUS_HZ: Final = 5.0
+"""Default of actionlib_status_frequency (Hz)."""
+
+
+def _status_period(rospy: Any) -> float:
+    """Return the time (s) between two status messages: actionlib_status_frequency, looked up in the enclosing namespaces."""
+    name = rospy.search_param("actionlib_status_frequency")
+    value = STATUS_HZ if name is None else rospy.get_param(name)
+    frequency = float(value) if isinstance(value, (int, float)) and value > 0.0 else STATUS_HZ
+    return 1.0 / frequency
 
 
 class ActionInterface:
@@ -25,10 +33,8 @@ class ActionInterface:
         self._clock, self._build = clock, build
         self._move_base: MoveBase | None = None
         self._counter = 0
-        self._changed = False
-        self._ended: list[GoalHandle] = []
+        self._period_s = _status_period(rospy)
         self._due = 0.0
-        self._feedback: tuple[float, Pose2D] | None = None
         self._name = str(rospy.get_name())
         goal, cancel = ros.message("move_base_msgs/MoveBaseActionGoal"), ros.message("actionlib_msgs/GoalID")
         self._goal_type = goal
@@ -51,7 +57,6 @@ class ActionInterface:
     def connect(self, move_base: MoveBase) -> None:
         """Use this goal manager; before, goals are not accepted."""
         self._move_base = move_base
-        self._changed = True
 
     # --- messages of clients ------------------------------------------------------------------------------------------
 
@@ -78,7 +83,6 @@ class ActionInterface:
             goal_id=goal_id,
             stamp=now if stamp.is_zero() else self._clock.of(stamp),
         )
-        self._changed = True
 
     def _new_id(self, now: float) -> str:
         """Return an id in the form of actionlib: node, counter, time."""
@@ -102,32 +106,27 @@ class ActionInterface:
     # --- messages to clients ------------------------------------------------------------------------------------------
 
     def on_event(self, event: Event) -> None:
-        """Note what the goal manager did; `publish` sends it."""
-        if event.kind == "status":
-            self._changed = True
-            handle = None if self._move_base is None else self._move_base.server.find(str(event.data["id"]))
-            if handle is not None and handle.is_done:
-                self._ended.append(handle)
-        elif event.kind == "feedback":
-            self._feedback = event.time, Pose2D(*event.data["pose"])
-
-    def publish(self, now: float, frame: str) -> None:
-        """Publish results, feedback, and the status at 5 Hz and after each change. `frame` is that of the feedback."""
+        """Publish feedback, each result and each change of a status at once, as actionlib does."""
         move_base = self._move_base
-        if move_base is None:
+        if event.kind == "feedback":
+            if move_base is not None and move_base.goal_handle is not None:
+                frame, pose = move_base.global_costmap.frame, Pose2D(*event.data["pose"])
+                self._publish_feedback(move_base.goal_handle, event.time, frame, pose)
             return
-        if self._feedback is not None:
-            time, pose = self._feedback
-            self._feedback = None
-            handle = move_base.goal_handle
-            if handle is not None:
-                self._publish_feedback(handle, time, frame, pose)
-        for handle in self._ended:
+        # a goal that has arrived is listed by the next regular status
+        if event.kind != "status" or move_base is None or event.data["status"] == GoalStatus.PENDING.name:
+            return
+        now = event.time
+        handle = move_base.server.find(str(event.data["id"]))
+        if handle is not None and handle.is_done:
             self._publish_result(handle, now)
-        self._ended.clear()
-        if self._changed or now >= self._due or now < self._due - 2.0 * STATUS_PERIOD_S:
-            self._changed = False
-            self._due = now + STATUS_PERIOD_S
+        self._publish_status(move_base.server.statuses(), now)
+
+    def publish(self, now: float) -> None:
+        """Publish the status at its frequency."""
+        move_base = self._move_base
+        if move_base is not None and (now >= self._due or now < self._due - 2.0 * self._period_s):
+            self._due = now + self._period_s
             move_base.server.prune(now)
             self._publish_status(move_base.server.statuses(), now)
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any, Final
 
 from navstack.logs.log import seconds
+from navstack.ros1 import ros
 
 JUMP_NS: Final = 1_000_000
 """A clock that goes back by more (ns) has jumped."""
+STILL_S: Final = 1.0
+"""A simulated clock that does not change for this time (s, wall) stands still."""
 
 
 class NodeClock:
@@ -36,3 +40,45 @@ class NodeClock:
     def ns(self, time: float) -> int:
         """Return ROS's time (ns) of a time (s) of the node."""
         return self._start_ns + round(time * 1e9)
+
+
+class StillClock:
+    """Notices that simulated time has stopped: a simulator that is paused, or that has ended."""
+
+    def __init__(self, rospy: Any) -> None:
+        self._rospy = rospy
+        self._last = -1.0
+        self._changed = time.monotonic()
+        self.is_still = False
+        """True while the clock stands still."""
+
+    def is_new(self, now: float) -> bool:
+        """Return True once when the clock has stood still at `now` (s) for `STILL_S`; both ends are logged."""
+        wall = time.monotonic()
+        if now != self._last:
+            self._last, self._changed = now, wall
+            if self.is_still:
+                self.is_still = False
+                self._rospy.logwarn("/clock goes on at %.3f s", now)
+            return False
+        if self.is_still or wall - self._changed < STILL_S:
+            return False
+        self.is_still = True
+        self._rospy.logwarn(
+            "/clock has stood still at %.3f s for %g s: the robot is stopped; goals wait until it goes on", now, STILL_S
+        )
+        return True
+
+
+def wait_for_clock() -> bool:
+    """Wait for the first message on `/clock` if time is simulated, with a warning every 5 s; return whether it is."""
+    rospy = ros.rospy()
+    if not rospy.get_param("/use_sim_time", False):
+        return False
+    warned = time.monotonic() - 4.0
+    while rospy.Time.now().is_zero() and not ros.is_stopping():
+        if time.monotonic() - warned > 5.0:
+            warned = time.monotonic()
+            rospy.logwarn("/use_sim_time is set: waiting for /clock")
+        rospy.rostime.wallsleep(0.02)
+    return True

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import queue
 import threading
+import time
 from collections.abc import Callable
 from typing import Any, Final
 
@@ -15,6 +16,10 @@ MOST_MESSAGES: Final = 20_000
 """Messages that wait; beyond, the oldest are dropped: the node is blocked."""
 
 Action = Callable[[], Any]
+
+
+def _nothing() -> None:
+    pass
 
 
 class _Call:
@@ -68,21 +73,30 @@ class Inbox:
             raise call.error
         return call.result
 
-    def run(self, timeout_s: float, report: Callable[[NavError], None]) -> None:
+    def wake(self) -> None:
+        """End the wait of `run`."""
+        self.post(_nothing)
+
+    def run(self, timeout_s: float, report: Callable[[NavError], None]) -> float:
         """Wait up to `timeout_s` (s, wall) for something to do, and do everything that waits.
 
-        A NavError of a message goes to `report`.
+        A NavError of a message goes to `report`. Returns the time (s) for which there was nothing to do.
         """
+        begin = time.perf_counter()
         try:
-            item = self._queue.get(timeout=max(timeout_s, 0.0)) if timeout_s > 0.0 else self._queue.get_nowait()
+            item = self._queue.get(timeout=timeout_s) if timeout_s > 0.0 else self._queue.get_nowait()
         except queue.Empty:
-            return
-        while True:
+            return max(timeout_s, 0.0)
+        idle = min(time.perf_counter() - begin, max(timeout_s, 0.0))
+        # what arrives meanwhile waits for the next call: a flood of messages must not keep the cycle waiting
+        for _ in range(self._queue.qsize()):
             self._do(item, report)
             try:
                 item = self._queue.get_nowait()
             except queue.Empty:
-                return
+                return idle
+        self._do(item, report)
+        return idle
 
     def _do(self, item: Action | _Call, report: Callable[[NavError], None]) -> None:
         if isinstance(item, _Call):

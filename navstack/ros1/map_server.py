@@ -9,6 +9,8 @@ from navstack.core.errors import NavError
 from navstack.logs.builder import MessageBuilder
 from navstack.map_io import load_map
 from navstack.ros1 import ros
+from navstack.ros1.clock import wait_for_clock
+from navstack.ros1.master import MasterWatch
 
 
 class MapTopics:
@@ -55,8 +57,8 @@ def run(grid: OccupancyGrid) -> None:
     rospy = ros.rospy()
     frame = str(rospy.get_param("~frame_id", "map"))
     topics = MapTopics(dataclasses.replace(grid, frame=frame), MessageBuilder(ros.MessageTypes(), ros1=True))
-    while rospy.Time.now().is_zero() and not ros.is_stopping():
-        rospy.rostime.wallsleep(0.05)
+    wait_for_clock()
+    MasterWatch()
     topics.publish(int(rospy.Time.now().to_nsec()))
     while not ros.is_stopping():
         ros.STOP.wait(0.1)

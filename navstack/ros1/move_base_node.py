@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import gc
 from collections.abc import Sequence
 from typing import Any, Final
 
@@ -16,13 +16,17 @@ from navstack.logs import messages as msg
 from navstack.logs.builder import MessageBuilder
 from navstack.logs.log import topic_name
 from navstack.move_base import MoveBase
+from navstack.move_base.thread_planning import ThreadPlanning
 from navstack.parameters.configuration import Configuration
 from navstack.replay.topics import sensor_topics
 from navstack.ros1 import ros
 from navstack.ros1.action import ActionInterface
-from navstack.ros1.clock import NodeClock
+from navstack.ros1.clock import NodeClock, StillClock, wait_for_clock
 from navstack.ros1.costmap_topics import CostmapTopics
 from navstack.ros1.inbox import Inbox
+from navstack.ros1.loop_times import LoopTimes
+from navstack.ros1.master import MasterWatch
+from navstack.ros1.node_log import NodeLog
 from navstack.ros1.plan_topics import PlanTopics
 from navstack.ros1.reconfigure import ReconfigureServers
 from navstack.ros1.robot import RECEIVERS, RosRobot
@@ -31,10 +35,6 @@ from navstack.scenario import Scenario, warm_up
 
 POLL_S: Final = 0.1
 """Longest wait for messages (s, wall)."""
-SIM_POLL_S: Final = 0.002
-"""Longest wait for messages under simulated time, whose passing wakes nobody (s, wall)."""
-WARN_S: Final = 5.0
-"""Time between two warnings about a missing transform or map (s)."""
 
 
 class MoveBaseNode:
@@ -44,17 +44,21 @@ class MoveBaseNode:
         rospy = self._rospy = ros.rospy()
         self.configuration = configuration
         self.inbox = Inbox()
+        self._is_simulated = wait_for_clock()
         self.clock = NodeClock(rospy)
         self.build = MessageBuilder(ros.MessageTypes(), ros1=True)
         self._cmd_vel = rospy.Publisher("cmd_vel", ros.message("geometry_msgs/Twist"), queue_size=1)
-        self.robot = RosRobot(self.clock, self._publish_command)
+        self.robot = RosRobot(self.clock, self._publish_command, self._report)
         self.action = ActionInterface(self.clock, self.build, self.inbox)
         self.plans: PlanTopics | None = None
         self.costmaps: list[CostmapTopics] = []
         self.move_base: MoveBase | None = None
         self._map: OccupancyGrid | None = None
-        self._is_simulated = bool(rospy.get_param("/use_sim_time", False))
-        self._warned: dict[str, float] = {}
+        self.times = LoopTimes()
+        self._still = StillClock(rospy)
+        self._last_now = self.clock.now()
+        self._clock_step = 0.0
+        self.log = NodeLog(rospy, self._newest_data)
         self._jumps = 0
         self._subscribe()
 
@@ -65,15 +69,24 @@ class MoveBaseNode:
         tf, odometry = ros.message("tf2_msgs/TFMessage"), ros.message("nav_msgs/Odometry")
 
         later = self.inbox.poster
+        if self._is_simulated:
+            # every step of the clock wakes the node
+            clock = ros.message("rosgraph_msgs/Clock")
+            rospy.Subscriber("/clock", clock, later(self._on_clock), queue_size=10, tcp_nodelay=True)
         rospy.Subscriber("/tf_static", tf, later(robot.receive_transforms, static=True), queue_size=100)
         rospy.Subscriber("/tf", tf, later(robot.receive_transforms, static=False), queue_size=100)
         odom = str(getattr(self.configuration.local_planner.params, "odom_topic", "odom"))
         rospy.Subscriber(odom, odometry, later(robot.receive_odometry), queue_size=1, tcp_nodelay=True)
-        for sensor in sensor_topics(self.configuration).values():
+        sensors = sensor_topics(self.configuration).values()
+        self._topics = sorted(sensor.name for sensor in sensors)
+        for sensor in sensors:
             kind, method = RECEIVERS[sensor.type]
             receive = later(getattr(robot, method), sensor.name)
             rospy.Subscriber(sensor.name, ros.message(kind), receive, queue_size=50, tcp_nodelay=True)
         rospy.Subscriber(self._map_topic(), ros.message("nav_msgs/OccupancyGrid"), later(self._on_map), queue_size=1)
+
+    def _on_clock(self, message: Any) -> None:
+        """Nothing to do: the message has woken the node."""
 
     def _map_topic(self) -> str:
         for costmap in (self.configuration.global_costmap, self.configuration.local_costmap):
@@ -105,7 +118,11 @@ class MoveBaseNode:
         if not self._wait_for(self._missing_transform) or not self._wait_for(self._missing_map):
             return False
         move_base = self.move_base = build_move_base(
-            self.configuration, self.robot, static_map=self._map, listeners=[self, self.action]
+            self.configuration,
+            self.robot,
+            static_map=self._map,
+            listeners=[self, self.action],
+            planning=ThreadPlanning(on_answer=self.inbox.wake),
         )
         self.plans = PlanTopics(self.configuration, self.clock, self.build)
         self.costmaps = [
@@ -115,7 +132,11 @@ class MoveBaseNode:
         ]
         Services(self.configuration, move_base, self.clock, self.build, self.inbox)
         self.action.connect(move_base)
-        ReconfigureServers(self.configuration, move_base, self.inbox)
+        servers = ReconfigureServers(self.configuration, move_base, self.inbox)
+        self.watch = MasterWatch(lambda: self.inbox.post(servers.write))
+        # what exists now lives as long as the node: the garbage collector need not visit it in a cycle
+        gc.collect()
+        gc.freeze()
         self._rospy.loginfo("navstack is ready")
         return True
 
@@ -130,13 +151,14 @@ class MoveBaseNode:
             self._rospy.logdebug("the kernels are compiled while driving: %s", exc.message)
 
     def _wait_for(self, missing: Any) -> bool:
-        """Receive messages until nothing is missing; warns every `WARN_S`."""
+        """Receive messages until nothing is missing."""
         while not ros.is_stopping():
             self.inbox.run(POLL_S, self._report)
             text = missing()
             if not text:
                 return True
-            self._warn(text)
+            self.log.problem(text)
+            self.log.finish()
         return False
 
     def _missing_transform(self) -> str:
@@ -159,51 +181,75 @@ class MoveBaseNode:
         )
         return f"waiting for a map on {self._map_topic()}" if wanted and self._map is None else ""
 
-    def _warn(self, text: str) -> None:
-        now = self.clock.now()
-        if now - self._warned.get(text, -math.inf) >= WARN_S:
-            self._warned[text] = now
-            self._rospy.logwarn("%s", text)
-
     # --- run ----------------------------------------------------------------------------------------------------------
 
     def spin(self) -> None:
         """Run until the node is shut down. Messages are received and cycles run in this thread only."""
-        if not self.start():
-            return
-        move_base = self.move_base
-        assert move_base is not None
-        while not ros.is_stopping():
-            now = self.clock.now()
-            if self.clock.jumps != self._jumps:
-                self._jumps = self.clock.jumps
-                self._rospy.logwarn("the clock jumped back; transforms and sensor data before it are forgotten")
-                self.robot.forget()
-            due = move_base.next_due(max(now, move_base.now))
-            if now >= due:
-                self._cycle(move_base, now)
-            self.action.publish(now, move_base.global_costmap.frame)
-            wait = min(due - self.clock.now(), POLL_S)
-            if self._is_simulated:
-                wait = min(wait, SIM_POLL_S)
-            self.inbox.run(max(wait, 0.0), self._report)
-        ros.say_goodbye(lambda: self._end(move_base))
+        try:
+            if not self.start():
+                return
+            assert self.move_base is not None
+            self.inbox.run(0.0, self._report)  # what arrived while the stack was built
+            while not ros.is_stopping():
+                self._turn(self.move_base)
+        finally:
+            # also after an error: the robot must not go on with its last velocity
+            ros.say_goodbye(self._end)
 
-    def _end(self, move_base: MoveBase) -> None:
+    def _turn(self, move_base: MoveBase) -> None:
+        """One turn of the loop: a cycle if it is due, what is published regularly, and the messages that wait."""
+        now = self.clock.now()
+        if now != self._last_now:
+            self._clock_step, self._last_now = now - self._last_now, now
+        if self.clock.jumps != self._jumps:
+            self._jumps = self.clock.jumps
+            self._rospy.logwarn("the clock jumped back; transforms and sensor data before it are forgotten")
+            self.robot.forget()
+        if self._is_simulated and self._still.is_new(now):
+            # the base may go on with its last velocity while the simulator stands still
+            self._publish_command(Twist2D())
+        due = move_base.next_due(max(now, move_base.now))
+        if now >= due:
+            self.times.cycle(now, due + (self._clock_step if self._is_simulated else 0.0))
+            self._cycle(move_base, now)
+        self.action.publish(now)
+        self.log.flush(drives=move_base.last_tick.local_plan is not None)
+        self.times.mark("publishing")
+        idle = self.inbox.run(min(due - self.clock.now(), POLL_S), self._report)
+        self.times.mark("messages", idle_s=idle)
+
+    def _end(self) -> None:
         """Abort the goal and stop the robot. ROS differs: move_base sends no velocity, and clients lose their goal."""
-        move_base.shutdown()
-        self.action.publish(self.clock.now(), move_base.global_costmap.frame)
+        self.log.finish()
+        move_base = self.move_base
+        if move_base is None:
+            return
+        try:
+            move_base.shutdown()
+            self.action.publish(self.clock.now())
+        finally:
+            self._publish_command(Twist2D())
 
     def _cycle(self, move_base: MoveBase, now: float) -> None:
         move_base.tick(max(now, move_base.now))
+        self.times.mark("cycle")
         tick = move_base.last_tick
         for topics, window in zip(self.costmaps, (tick.global_window, tick.local_window), strict=False):
             topics.publish(now, window)
         if self.plans is not None:
             self.plans.publish(move_base, now)
+        self.times.mark("publishing")
 
     def _report(self, error: NavError) -> None:
-        self._rospy.logwarn("%s", error.message)
+        self.log.problem(error.message)
+
+    def _newest_data(self) -> str:
+        """Return the ages of the newest sensor data."""
+        now = self.clock.now()
+        received = self.robot.received
+        ages = [f"{name} {now - received[name]:.2f} s old" for name in sorted(received)]
+        ages += [f"none on {name}" for name in self._topics if name not in received]
+        return f"newest data: {', '.join(ages)}"
 
     # --- events -------------------------------------------------------------------------------------------------------
 
@@ -211,9 +257,9 @@ class MoveBaseNode:
 
     def on_event(self, event: Event) -> None:
         """Log events, and publish goals and recovery behaviors."""
-        if event.kind in ("warning", "plan_failed", "control_failed"):
-            self._rospy.logwarn("%s", event.text)
-        elif self.plans is not None:
+        if event.kind in ("warning", "plan_failed", "control_failed", "recovery"):
+            self.log.event(event)
+        if self.plans is not None:
             self.plans.on_event(event, self.move_base)
 
 

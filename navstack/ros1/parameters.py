@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from navstack.parameters.configuration import Configuration, load_configuration
+from navstack.parameters.findings import Location
+from navstack.parameters.sources import to_node
+from navstack.parameters.yaml_reader import DictNode
 from navstack.ros1 import ros
 
 SEARCHED: Final = (
@@ -37,13 +40,6 @@ def load(sources: Sequence[str] = (), overrides: Sequence[str] = (), *, distro: 
             values[name] = rospy.get_param(found)
     for name in NOT_OURS:
         values.pop(name, None)
-    return load_configuration([_plain(values), *sources], overrides=overrides, distro=distro)
-
-
-def _plain(value: Any) -> Any:
-    """Return a value of the parameter server as YAML would give it."""
-    if isinstance(value, dict):
-        return {str(key): _plain(inner) for key, inner in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(inner) for inner in value]
-    return value
+    node = to_node(values, Location(f"the parameter server, {private}"))
+    assert isinstance(node, DictNode)
+    return load_configuration([node, *sources], overrides=overrides, distro=distro)

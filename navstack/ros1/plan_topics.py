@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from navstack.core import Event, Pose2D
+from navstack.interfaces import RecoveryStatus
 from navstack.logs.builder import MessageBuilder
 from navstack.move_base import MoveBase
 from navstack.parameters.configuration import Configuration
@@ -20,6 +21,9 @@ class PlanTopics:
     def __init__(self, configuration: Configuration, clock: NodeClock, build: MessageBuilder) -> None:
         rospy = ros.rospy()
         self._clock, self._build = clock, build
+        self._accepted = ""
+        """Id of a goal that is to be published."""
+        self._recovers = False
         path = ros.message("nav_msgs/Path")
         planner, controller = configuration.global_planner, configuration.local_planner
         global_name, local_name = planner.namespace or planner.name, controller.namespace or controller.name
@@ -34,6 +38,8 @@ class PlanTopics:
     def publish(self, move_base: MoveBase, now: float) -> None:
         """Publish the plans of the last cycle."""
         tick, stamp = move_base.last_tick, self._clock.ns(now)
+        if self._accepted:
+            self._publish_goal(move_base, stamp)
         if tick.plan is not None:
             path = tick.plan.path
             self._plan.publish(self._build.path(stamp, path.frame, path.poses))
@@ -47,14 +53,33 @@ class PlanTopics:
             self._global_plan.publish(self._build.path(stamp, local.local_plan.frame, local.local_plan.poses))
 
     def on_event(self, event: Event, move_base: MoveBase | None) -> None:
-        """Publish a goal that was accepted, and the start of a recovery behavior."""
+        """Publish a goal that was accepted, an attempt to plan that failed, and the start of a recovery behavior."""
         if move_base is None:
             return
         stamp, frame = self._clock.ns(event.time), move_base.global_costmap.frame
-        if event.kind == "goal":
-            self._goal.publish(self._build.pose_stamped(stamp, event.data["frame"], Pose2D(*event.data["pose"])))
-        elif event.kind == "recovery" and event.data.get("status") == "running":
-            self._publish_recovery(event.data, stamp, frame, move_base.robot_pose)
+        if event.kind == "plan_failed":
+            # as navfn: every attempt is published, one without a plan as an empty path
+            self._plan.publish(ros.message("nav_msgs/Path")())
+        elif event.kind == "goal":
+            self._accepted = str(event.data["id"])
+        elif event.kind == "recovery":
+            running = event.data["status"] == RecoveryStatus.RUNNING.value
+            # a behavior of one step has no event of its beginning
+            if not self._recovers:
+                self._publish_recovery(event.data, stamp, frame, move_base.robot_pose)
+            self._recovers = running
+
+    def _publish_goal(self, move_base: MoveBase, stamp: int) -> None:
+        """Publish a goal that was accepted in the last cycle, in the global frame; in its own if there is no transform."""
+        name, self._accepted = self._accepted, ""
+        handle = move_base.goal_handle
+        if handle is None or handle.id != name:
+            return
+        goal = handle.goal
+        frame, pose = (move_base.global_costmap.frame, move_base.goal_pose or goal.pose)
+        if move_base.goal_pose is None:
+            frame = goal.frame
+        self._goal.publish(self._build.pose_stamped(stamp, frame, pose))
 
     def _publish_recovery(self, data: dict[str, Any], stamp: int, frame: str, pose: Pose2D | None) -> None:
         message = ros.message("move_base_msgs/RecoveryStatus")()

@@ -70,6 +70,11 @@ class ReconfigureServers:
         reconfigure(self._move_base, new)
         self.configuration = new
 
+    def write(self) -> None:
+        """Publish every configuration and write it to the parameter server: it is that of a new master."""
+        for server in self.servers.values():
+            server.publish()
+
     def value(self, name: str) -> Any:
         """Return the present value of a parameter by its full name."""
         return next(p.value for p in parameters_of(self.configuration) if p.name == name)
@@ -100,7 +105,7 @@ class _Server:
         self._description = rospy.Publisher(f"{own}parameter_descriptions", description, queue_size=1, latch=True)
         self._updates = rospy.Publisher(f"{own}parameter_updates", config, queue_size=1, latch=True)
         self._description.publish(self._describe())
-        self._publish()
+        self.publish()
         service = ros.message("dynamic_reconfigure/srv/Reconfigure")
         self._service = rospy.Service(f"{own}set_parameters", service, inbox.caller(self._on_set))
 
@@ -120,9 +125,9 @@ class _Server:
             self._servers.apply(self._namespace, values)
         except NavError as exc:
             self._rospy.logerr("%s: %s", self._own, exc.message)
-        return ros.message("dynamic_reconfigure/srv/ReconfigureResponse")(config=self._publish())
+        return ros.message("dynamic_reconfigure/srv/ReconfigureResponse")(config=self.publish())
 
-    def _publish(self) -> Any:
+    def publish(self) -> Any:
         """Publish the configuration, write it to the parameter server, and return it."""
         prefix = f"{self._namespace}/" if self._namespace else ""
         now = {p.name: p.value for p in parameters_of(self._servers.configuration)}

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -16,17 +17,32 @@ from navstack.logs.transforms import LoggedFrames
 from navstack.move_base.errors import StaleOdometryError
 from navstack.ros1.clock import NodeClock
 
+FUTURE_S: Final = 5.0
+"""Data stamped farther in the future (s) are ignored: localization stamps transforms about a second ahead."""
+AFTER_JUMP_S: Final = 0.5
+"""The same, for `SETTLE_S` (s) after the clock jumped back."""
+SETTLE_S: Final = 2.0
+MOST_PROBLEMS: Final = 100
+"""Reasons that are counted."""
+
 
 class RosRobot:
     """Implements `navstack.interfaces.Robot`. Its methods are called in the thread of the node only."""
 
-    def __init__(self, clock: NodeClock, publish: Callable[[Twist2D], None]) -> None:
+    def __init__(
+        self, clock: NodeClock, publish: Callable[[Twist2D], None], report: Callable[[NavError], None]
+    ) -> None:
+        """`publish` sends a velocity; `report` gets the reason of each message that cannot be used."""
         self.clock = clock
+        self._report = report
+        self._settled_at = -math.inf
         self.frames = FrameTree()
         self._logged = LoggedFrames(self.frames)
         self._publish = publish
         self._odometry: RobotState | None = None
         self._scans: list[SensorData] = []
+        self.received: dict[str, float] = {}
+        """Stamp (s) of the newest usable sensor data by topic."""
         self.problems: dict[str, int] = {}
         """Messages that could not be used, by reason."""
 
@@ -36,15 +52,33 @@ class RosRobot:
         """Receive a tf2_msgs/TFMessage."""
         found: list[StampedTransform] = []
         for item in message.transforms:
-            position = item.transform.translation
-            at = Transform3D(position.x, position.y, position.z, ros.quaternion_of(item.transform.rotation))
-            stamp = self.clock.of(item.header.stamp)
-            parent, child = ros.clean_frame(item.header.frame_id), ros.clean_frame(item.child_frame_id)
-            found.append(StampedTransform(parent, child, stamp, at))
+            try:
+                found.append(self._transform_of(item, static=static))
+            except LogError as exc:
+                self._problem(exc)
         try:
             (self._logged.add_static if static else self._logged.add)(found)
         except FrameError as exc:
             self._problem(exc)
+
+    def _transform_of(self, item: Any, *, static: bool) -> StampedTransform:
+        """Return a transform. Raises LogError for one that is not finite, no rotation, or of the far future."""
+        position = item.transform.translation
+        parent, child = ros.clean_frame(item.header.frame_id), ros.clean_frame(item.child_frame_id)
+        if not math.isfinite(position.x + position.y + position.z):
+            raise LogError(f'the transform from "{child}" to "{parent}" is not finite; it is ignored')
+        at = Transform3D(position.x, position.y, position.z, ros.quaternion_of(item.transform.rotation))
+        stamp = self.clock.of(item.header.stamp)
+        if not static:
+            self._check_stamp(stamp, f'a transform from "{child}" to "{parent}"')
+        return StampedTransform(parent, child, stamp, at)
+
+    def _check_stamp(self, stamp: float, what: str) -> None:
+        """Raise LogError for data of the far future; after a jump of the clock, data from before it are of the future."""
+        now = self.clock.now()
+        limit = AFTER_JUMP_S if now < self._settled_at else FUTURE_S
+        if stamp > now + limit:
+            raise LogError(f"{what} is stamped more than {limit:g} s in the future; it is ignored; compare the clocks")
 
     def receive_odometry(self, message: Any) -> None:
         """Receive a nav_msgs/Odometry."""
@@ -54,6 +88,7 @@ class RosRobot:
             self._problem(exc)
             return
         stamp = self.clock.of(message.header.stamp)
+        self._check_stamp(stamp, "an odometry message")
         self._odometry = RobotState(pose, velocity, stamp, ros.clean_frame(message.header.frame_id))
 
     def receive_scan(self, message: Any, topic: str) -> None:
@@ -61,7 +96,13 @@ class RosRobot:
         mounting = self._logged.mounting(ros.frame_of(message))
         upside_down = mounting.tilt > 0.5 * np.pi
         stamp = self.clock.of(message.header.stamp)
-        self._scans.append(ros.scan_of(message, topic, stamp, height=mounting.height, upside_down=upside_down))
+        self._check_stamp(stamp, f"a scan on {topic}")
+        scan = ros.scan_of(message, topic, stamp, height=mounting.height, upside_down=upside_down)
+        # such a scan marks and clears nothing, but in ROS it counts as received (parity)
+        if len(scan.ranges) > 0 and np.isnan(scan.ranges).all():
+            self._problem(LogError(f"a scan on {topic} is ignored: all its ranges are NaN", topic=topic))
+            return
+        self._add(scan, topic)
 
     def receive_cloud(self, message: Any, topic: str) -> None:
         """Receive a sensor_msgs/PointCloud2."""
@@ -71,20 +112,29 @@ class RosRobot:
         except LogError as exc:
             self._problem(exc)
             return
-        self._scans.append(PointCloud(np.ascontiguousarray(points), self.clock.of(message.header.stamp), frame, topic))
+        stamp = self.clock.of(message.header.stamp)
+        self._check_stamp(stamp, f"a cloud on {topic}")
+        self._add(PointCloud(np.ascontiguousarray(points), stamp, frame, topic), topic)
 
     def receive_range(self, message: Any, topic: str) -> None:
         """Receive a sensor_msgs/Range."""
-        self._scans.append(ros.range_of(message, topic, self.clock.of(message.header.stamp)))
+        self._add(ros.range_of(message, topic, self.clock.of(message.header.stamp)), topic)
+
+    def _add(self, data: SensorData, topic: str) -> None:
+        self._scans.append(data)
+        self.received[topic] = data.stamp
 
     def forget(self) -> None:
         """Forget the transforms that move: the clock has jumped."""
         self._logged.forget_moving()
+        self._settled_at = self.clock.now() + SETTLE_S
         self._odometry = None
         self._scans.clear()
 
     def _problem(self, error: NavError) -> None:
-        self.problems[error.message] = self.problems.get(error.message, 0) + 1
+        if len(self.problems) < MOST_PROBLEMS or error.message in self.problems:
+            self.problems[error.message] = self.problems.get(error.message, 0) + 1
+        self._report(error)
 
     # --- interface of a robot -----------------------------------------------------------------------------------------
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import sys
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
@@ -23,6 +24,10 @@ STOP: Final = threading.Event()
 """Set when the process was asked to end: the node says goodbye, then the connections are closed."""
 GOODBYE_S: Final = 0.2
 """Time for the last messages to leave (s, wall)."""
+LONGEST_GOODBYE_S: Final = 2.0
+"""Longest wait for the goodbye (s, wall)."""
+_said: Final = threading.Event()
+"""Set when the last messages have left."""
 
 
 def is_stopping() -> bool:
@@ -30,10 +35,20 @@ def is_stopping() -> bool:
     return STOP.is_set() or bool(rospy().is_shutdown())
 
 
+def end_politely() -> None:
+    """Let the node say goodbye before rospy closes its connections: `rosnode kill`, or another node of the same name."""
+    rospy().on_shutdown(_wait_for_goodbye)
+
+
+def _wait_for_goodbye() -> None:
+    STOP.set()
+    _said.wait(LONGEST_GOODBYE_S)
+
+
 def say_goodbye(last: Callable[[], None]) -> None:
     """Call `last`, which publishes the last messages, give them time to leave, and end the node.
 
-    Without connections (another node took the name, rospy was shut down) nothing can be published.
+    Without connections (rospy was shut down before) nothing can be published.
     """
     node = rospy()
     if not node.is_shutdown():
@@ -42,7 +57,12 @@ def say_goodbye(last: Callable[[], None]) -> None:
             node.rostime.wallsleep(GOODBYE_S)
         except node.ROSException as exc:
             node.logdebug("the last messages could not be sent: %s", exc)
+    _said.set()
     node.signal_shutdown("end of the node")
+    # a shutdown from outside runs in another thread: it must have told the master before this process ends
+    end = time.monotonic() + LONGEST_GOODBYE_S
+    while not node.is_shutdown() and time.monotonic() < end:
+        node.rostime.wallsleep(0.01)
 
 
 def load(module: str) -> Any:

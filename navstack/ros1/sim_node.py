@@ -16,6 +16,7 @@ from navstack.logs.builder import MessageBuilder
 from navstack.ros1 import ros
 from navstack.ros1.inbox import Inbox
 from navstack.ros1.map_server import MapTopics
+from navstack.ros1.master import MasterWatch
 from navstack.scenario import Scenario
 
 STEP_S: Final = 0.02
@@ -94,6 +95,7 @@ class SimNode:
 
     def spin(self) -> None:
         """Simulate until the node is shut down."""
+        MasterWatch(self._on_new_master)
         begin, reached = time.monotonic(), 0.0
         while not ros.is_stopping():
             reached += STEP_S
@@ -106,6 +108,10 @@ class SimNode:
                 begin -= ahead
             self._step(reached)
         ros.say_goodbye(lambda: None)
+
+    def _on_new_master(self) -> None:
+        if self._clock is not None:
+            self._rospy.set_param("/use_sim_time", True)
 
     def _step(self, until: float) -> None:
         robot = self.robot

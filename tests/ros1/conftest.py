@@ -12,9 +12,9 @@ import signal
 import socket
 import subprocess
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
@@ -53,10 +53,12 @@ def missing() -> str:
 class Graph:
     """A running master, and the programs that were started with it."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, port: int = 0) -> None:
+        """`port`: of the master; 0 for a free one."""
         self.folder = folder
         with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(("127.0.0.1", port))
             self.port = int(probe.getsockname()[1])
         self.environment = {
             "PATH": "/usr/bin:/bin",
@@ -68,8 +70,13 @@ class Graph:
             "QT_X11_NO_MITSHM": "1",
         }
         self._programs: list[subprocess.Popen[bytes]] = []
-        self.start("rosmaster", "--core", "-p", str(self.port))
+        self.master = self.start_master()
+
+    def start_master(self) -> subprocess.Popen[bytes]:
+        """Start the master, also after its end."""
+        self.master = self.start("rosmaster", "--core", "-p", str(self.port))
         wait_for(self._has_master, "the start of the ROS master")
+        return self.master
 
     def _has_master(self) -> bool:
         with socket.socket() as probe:
@@ -77,13 +84,21 @@ class Graph:
 
     def start(self, *command: str, **environment: str) -> subprocess.Popen[bytes]:
         """Start a program; its output goes to a file."""
-        log = (self.folder / f"{Path(command[0]).name}_{len(self._programs)}.log").open("wb")
+        log = (self.folder / self._log(command, len(self._programs))).open("wb")
         with log:
             program = subprocess.Popen(
                 command, env={**self.environment, **environment}, stdout=log, stderr=log, start_new_session=True
             )
         self._programs.append(program)
         return program
+
+    def _log(self, command: Sequence[str], number: int) -> str:
+        return f"{Path(command[0]).name}_{number}.log"
+
+    def log_of(self, program: subprocess.Popen[bytes]) -> Path:
+        """Return the file with the output of a program."""
+        command = [str(part) for part in cast("list[str]", program.args)]
+        return self.folder / self._log(command, self._programs.index(program))
 
     def run(self, *command: str) -> str:
         """Run a program to its end; return its output."""
@@ -105,14 +120,19 @@ class Graph:
                 program.wait()
 
 
-@pytest.fixture
-def graph(tmp_path: Path) -> Iterator[Graph]:
-    """A ROS graph."""
+def new_graph(folder: Path) -> Graph:
+    """Start a ROS graph; skips, or fails, without Debian's packages."""
     absent = missing()
     if absent:
         message = f"no ROS 1 ({absent} missing): install Debian's packages with tools/install_ros1.sh"
         pytest.fail(message) if WANTED else pytest.skip(message)
-    graph = Graph(tmp_path)
+    return Graph(folder)
+
+
+@pytest.fixture
+def graph(tmp_path: Path) -> Iterator[Graph]:
+    """A ROS graph."""
+    graph = new_graph(tmp_path)
     try:
         yield graph
     finally:

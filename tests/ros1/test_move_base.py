@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import json
-import os
 import re
-import sys
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from tests.ros1.conftest import PYTHON, Graph, wait_for
+from tests.ros1.conftest import PYTHON, new_graph, wait_for
+from tests.ros1.rig import Rig
 
-ROOT = Path(__file__).resolve().parents[2]
 CLIENT = """
 import json, sys, rospy, actionlib
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
@@ -68,37 +66,22 @@ with open(sys.argv[1], "w") as out:
 """
 
 
-class Nodes:
-    """The simulated robot and the move_base node."""
-
-    def __init__(self, graph: Graph) -> None:
-        self.graph = graph
-        self.node: Any = None
-        self._environment = {
-            "PYTHONPATH": str(ROOT),
-            "PATH": os.environ["PATH"],
-            **{name: os.environ[name] for name in ("HOME", "NUMBA_CACHE_DIR", "XDG_CACHE_HOME") if name in os.environ},
-        }
-
-    def start(self, *arguments: str) -> Any:
-        return self.graph.start(sys.executable, "-m", "navstack", "ros1", *arguments, **self._environment)
-
-    def output(self) -> str:
-        return "".join(file.read_text(errors="replace") for file in sorted(self.graph.folder.glob("*.log")))
+@pytest.fixture(scope="module")
+def nodes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
+    """The simulated robot and the move_base node, without anything between them."""
+    graph = new_graph(tmp_path_factory.mktemp("graph"))
+    rig = Rig(graph)
+    try:
+        rig.start_sim("office", "--clock", "--speed", "2", relayed=False)
+        graph.run("/usr/bin/rosparam", "set", "/move_base/controller_frequency", "10.0")
+        rig.start_node("--params", "turtlebot", "--set", "controller_frequency=10.0")
+        yield rig
+    finally:
+        rig.close()
+        graph.close()
 
 
-@pytest.fixture
-def nodes(graph: Graph) -> Nodes:
-    nodes = Nodes(graph)
-    nodes.start("sim", "office", "--clock", "--speed", "2")
-    wait_for(lambda: "/navstack_sim" in graph.run("/usr/bin/rosnode", "list"), "the start of the simulated robot")
-    graph.run("/usr/bin/rosparam", "set", "/move_base/controller_frequency", "10.0")
-    nodes.node = nodes.start("move_base", "--params", "turtlebot", "--set", "controller_frequency=10.0")
-    wait_for(lambda: "navstack is ready" in nodes.output(), "the start of the node", 180.0)
-    return nodes
-
-
-def test_clients_of_move_base(nodes: Nodes, tmp_path: Path) -> None:
+def test_clients_of_move_base(nodes: Rig, tmp_path: Path) -> None:
     out = tmp_path / "found.json"
     client = nodes.graph.start(PYTHON, "-c", CLIENT, str(out))
     assert client.wait(180.0) == 0, nodes.output()
@@ -116,7 +99,7 @@ def test_clients_of_move_base(nodes: Nodes, tmp_path: Path) -> None:
     assert [3, "Goal reached."] in found["statuses"]
 
 
-def test_shell_tools(nodes: Nodes) -> None:
+def test_shell_tools(nodes: Rig) -> None:
     graph = nodes.graph
     topics = graph.run("/usr/bin/rostopic", "list").split()
     for name in ("goal", "cancel", "status", "feedback", "result", "current_goal", "recovery_status"):
@@ -140,6 +123,36 @@ def test_node_without_a_master(
     assert run(["ros1", "move_base"]) == 2
     message = " ".join(capfd.readouterr().err.split())
     assert "no ROS master at http://127.0.0.1:9" in message or "ROS 1 is not installed" in message
+
+
+RECONFIGURE = """
+import json, sys, rospy
+from dynamic_reconfigure.client import Client
+rospy.init_node("client", disable_signals=True)
+found = {}
+planner = Client("/move_base/DWAPlannerROS", timeout=30)
+found["before"] = planner.get_configuration()["max_vel_x"]
+found["after"] = planner.update_configuration({"max_vel_x": 0.25})["max_vel_x"]
+found["clamped"] = planner.update_configuration({"path_distance_bias": -5.0})["path_distance_bias"]
+found["server"] = rospy.get_param("/move_base/DWAPlannerROS/max_vel_x")
+found["restored"] = planner.update_configuration({"restore_defaults": True})["max_vel_x"]
+layer = Client("/move_base/local_costmap/inflation_layer", timeout=30)
+found["layer"] = layer.update_configuration({"inflation_radius": 0.7})["inflation_radius"]
+found["node"] = Client("/move_base", timeout=30).update_configuration({"planner_frequency": 2.0})["planner_frequency"]
+found["types"] = sorted({p["type"] for p in planner.get_parameter_descriptions()})
+with open(sys.argv[1], "w") as out:
+    json.dump(found, out)
+"""
+
+
+def test_dynamic_reconfigure(nodes: Rig, tmp_path: Path) -> None:
+    out = tmp_path / "found.json"
+    assert nodes.graph.start(PYTHON, "-c", RECONFIGURE, str(out)).wait(90.0) == 0, nodes.output()
+    found = json.loads(out.read_text())
+    assert found["after"] == found["server"] == 0.25 and found["before"] == found["restored"] != 0.25
+    assert found["clamped"] == 0.0
+    assert found["layer"] == 0.7 and found["node"] == 2.0
+    assert {"bool", "double", "int"} <= set(found["types"])
 
 
 GOODBYE = """
@@ -167,41 +180,12 @@ with open(sys.argv[2], "w") as out:
 """
 
 
-def test_end_of_the_node_stops_the_robot_and_aborts_the_goal(nodes: Nodes, tmp_path: Path) -> None:
+def test_end_of_the_node_stops_the_robot_and_aborts_the_goal(nodes: Rig, tmp_path: Path) -> None:
     driving, ended = tmp_path / "driving", tmp_path / "ended"
     client = nodes.graph.start(PYTHON, "-c", GOODBYE, str(driving), str(ended))
     wait_for(driving.exists, "the start of the robot")
+    assert nodes.node is not None
     nodes.node.terminate()
     assert nodes.node.wait(30.0) == 0
     assert client.wait(30.0) == 0, nodes.output()
     assert ended.read_text() == "4 Aborting on the goal because the node has been killed"
-
-
-RECONFIGURE = """
-import json, sys, rospy
-from dynamic_reconfigure.client import Client
-rospy.init_node("client", disable_signals=True)
-found = {}
-planner = Client("/move_base/DWAPlannerROS", timeout=30)
-found["before"] = planner.get_configuration()["max_vel_x"]
-found["after"] = planner.update_configuration({"max_vel_x": 0.25})["max_vel_x"]
-found["clamped"] = planner.update_configuration({"path_distance_bias": -5.0})["path_distance_bias"]
-found["server"] = rospy.get_param("/move_base/DWAPlannerROS/max_vel_x")
-found["restored"] = planner.update_configuration({"restore_defaults": True})["max_vel_x"]
-layer = Client("/move_base/local_costmap/inflation_layer", timeout=30)
-found["layer"] = layer.update_configuration({"inflation_radius": 0.7})["inflation_radius"]
-found["node"] = Client("/move_base", timeout=30).update_configuration({"planner_frequency": 2.0})["planner_frequency"]
-found["types"] = sorted({p["type"] for p in planner.get_parameter_descriptions()})
-with open(sys.argv[1], "w") as out:
-    json.dump(found, out)
-"""
-
-
-def test_dynamic_reconfigure(nodes: Nodes, tmp_path: Path) -> None:
-    out = tmp_path / "found.json"
-    assert nodes.graph.start(PYTHON, "-c", RECONFIGURE, str(out)).wait(90.0) == 0, nodes.output()
-    found = json.loads(out.read_text())
-    assert found["after"] == found["server"] == 0.25 and found["before"] == found["restored"] != 0.25
-    assert found["clamped"] == 0.0
-    assert found["layer"] == 0.7 and found["node"] == 2.0
-    assert {"bool", "double", "int"} <= set(found["types"])

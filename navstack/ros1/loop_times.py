@@ -1,0 +1,72 @@
+"""Measures the loop of the node: periods, late control cycles, and what they waited for."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import Counter
+from typing import Final, NamedTuple
+
+LATE_S: Final = 0.005
+"""A cycle that starts this long (s, wall) after it was due is late."""
+PHASES: Final = ("messages", "cycle", "publishing")
+
+
+class LateCycle(NamedTuple):
+    """A cycle that started late."""
+
+    time: float
+    """Time of the node (s)."""
+    late_s: float
+    cause: str
+    """What the loop did, or waited for, meanwhile."""
+
+
+class LoopTimes:
+    """Counts the cycles of one node; the phases of the loop are marked as it goes."""
+
+    def __init__(self) -> None:
+        self.cycles = 0
+        self.late = Counter[str]()
+        """Number of late cycles by cause."""
+        self.worst: LateCycle | None = None
+        """The latest cycle since `take_worst`."""
+        self._begin = time.perf_counter()
+        self._cpu = time.thread_time()
+        self._spent: dict[str, float] = dict.fromkeys(PHASES, 0.0)
+        self._waited = 0.0
+        """Time (s) in which this thread wanted to run and did not, since the last cycle."""
+
+    def mark(self, phase: str, *, idle_s: float = 0.0) -> None:
+        """End a phase that began at the last call; for `idle_s` (s) of it the thread had nothing to do."""
+        now, cpu = time.perf_counter(), time.thread_time()
+        wall, used = now - self._begin, cpu - self._cpu
+        self._begin, self._cpu = now, cpu
+        self._spent[phase] += used
+        self._waited += max(0.0, wall - used - idle_s)
+
+    def cycle(self, now: float, due: float, speed: float = 1.0) -> LateCycle | None:
+        """Count a cycle that starts at `now` (s) and was due at `due`; return it if it is late.
+
+        `speed`: seconds of the node's clock per second.
+        """
+        self.cycles += 1
+        late = (now - due) / speed if math.isfinite(due) else 0.0
+        found: LateCycle | None = None
+        if late > LATE_S:
+            spent = {**self._spent, "the processor, or the interpreter's lock": self._waited}
+            cause = max(spent, key=lambda name: spent[name])
+            if spent[cause] < 0.5 * late:
+                cause = "the clock, which advances in steps" if speed > 1.0 else "no single part"
+            found = LateCycle(now, late, cause)
+            self.late[cause] += 1
+            if self.worst is None or late > self.worst.late_s:
+                self.worst = found
+        self._spent = dict.fromkeys(PHASES, 0.0)
+        self._waited = 0.0
+        return found
+
+    def take_worst(self) -> LateCycle | None:
+        """Return the latest cycle since the last call, and forget it."""
+        found, self.worst = self.worst, None
+        return found
