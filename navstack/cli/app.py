@@ -32,6 +32,7 @@ from navstack.cli import (
     plot,
     replay,
     ros1,
+    ros1_helpers,
     simulate,
     sweep,
     teleop,
@@ -81,6 +82,7 @@ app.add_typer(map_commands.app, name="map")
 app.add_typer(bench.app, name="bench")
 app.add_typer(explain.app, name="explain")
 app.add_typer(params.app, name="params")
+ros1_helpers.add_to(ros1.app)
 app.add_typer(ros1.app, name="ros1")
 
 

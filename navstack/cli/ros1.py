@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from navstack.cli import options
-from navstack.cli.ros1_node import REMAPS, Name, set_param, start_node
+from navstack.cli.ros1_node import NODE, Name, NodeCommand, set_param, start_node
 from navstack.cli.scenario_options import ScenarioOptions
 
 app = typer.Typer(
@@ -18,7 +18,7 @@ app = typer.Typer(
 )
 
 
-@app.command("move_base", context_settings=REMAPS)
+@app.command("move_base", cls=NodeCommand, context_settings=NODE)
 def move_base(
     context: typer.Context,
     params: options.Params = [],
@@ -41,7 +41,7 @@ def move_base(
     return 0
 
 
-@app.command("sim", context_settings=REMAPS)
+@app.command("sim", cls=NodeCommand, context_settings=NODE)
 @options.with_options(chosen=ScenarioOptions)
 def sim(
     context: typer.Context,
@@ -78,7 +78,7 @@ def sim(
     return 0
 
 
-@app.command("map_server", context_settings=REMAPS)
+@app.command("map_server", cls=NodeCommand, context_settings=NODE)
 def map_server(context: typer.Context, map_: options.Map, name: Name = "map_server") -> int:
     """Publish a map (latched), and offer static_map and change_map. Exit codes: 0 shut down, 2 invalid input."""
     from navstack.cli.arguments import map_of

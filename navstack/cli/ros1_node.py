@@ -5,11 +5,33 @@ from __future__ import annotations
 from typing import Annotated, Any, Final
 
 import typer
+from typer.core import TyperCommand
 
-REMAPS: Final[dict[str, Any]] = {"ignore_unknown_options": True, "allow_extra_args": True}
-"""ROS arguments (`cmd_vel:=/base/cmd_vel`, `__ns:=/robot1`, `_frame_id:=map`) are passed to rospy."""
+NODE: Final[dict[str, Any]] = {"ignore_unknown_options": True, "allow_extra_args": True}
+"""Context of a command that is a node: a negative number is an argument, and ROS arguments are extra arguments."""
 
 Name = Annotated[str, typer.Option("--name", help="Name of the node.")]
+
+
+class NodeCommand(TyperCommand):
+    """A command that is a node: ROS arguments (`cmd_vel:=/base/cmd_vel`, `__ns:=/robot1`, `_frame_id:=map`) are left to rospy.
+
+    roslaunch adds `__name:=` and `__log:=` to every command line; they must not be taken for an optional argument.
+    """
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the arguments that are not ROS's; those are added to `ctx.args`."""
+        with_value = {name for option in self.params if not getattr(option, "is_flag", True) for name in option.opts}
+        own: list[str] = []
+        of_ros: list[str] = []
+        before = ""
+        for text in args:
+            is_ros = ":=" in text and not text.startswith("-") and before not in with_value
+            (of_ros if is_ros else own).append(text)
+            before = text
+        super().parse_args(ctx, own)
+        ctx.args = [*ctx.args, *of_ros]
+        return list(ctx.args)
 
 
 def start_node(name: str, context: typer.Context) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import time
+import dataclasses
 from typing import Any, Final
 
 import numpy as np
@@ -17,6 +17,9 @@ from navstack.ros1 import ros
 from navstack.ros1.inbox import Inbox
 from navstack.ros1.map_server import MapTopics
 from navstack.ros1.master import MasterWatch
+from navstack.ros1.sim_localization import LocalizationTopics
+from navstack.ros1.sim_names import SimNames
+from navstack.ros1.sim_pace import ClockPace, Pace, WallPace
 from navstack.scenario import Scenario
 
 STEP_S: Final = 0.02
@@ -25,20 +28,25 @@ CMD_VEL_TIMEOUT_S: Final = 0.5
 """The robot stops without a command for this time (s), as diff_drive_controller."""
 START_NS: Final = 1_000_000_000
 """Time of the clock at the start (ns): never 0, which means that there is no time yet."""
+ODOMETRY_COVARIANCE: Final[list[float]] = np.diag((1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 0.03)).ravel().tolist()
+"""Of the pose (m², rad²) and of the velocity (their rates): what the drivers of Clearpath's robots publish."""
 
 
 class SimNode:
     """The node. `rospy.init_node` must have been called, with `/use_sim_time` false: this node makes the time."""
 
     def __init__(self, scenario: Scenario, *, speed: float, clock: bool) -> None:
-        """`speed`: simulated seconds per second. `clock`: publish `/clock`; otherwise stamps are wall time, and `speed` is 1."""
+        """`speed`: simulated seconds per second. `clock`: publish `/clock`; otherwise ROS's time is kept, and `speed` is 1.
+
+        Raises InputError for wrong parameters, and if /use_sim_time is set and nobody publishes /clock.
+        """
         rospy = self._rospy = ros.rospy()
         self.scenario = scenario
         self.robot = simulated_robot(scenario.configuration, scenario.world(), scenario.start, seed=scenario.seed)
         self.inbox = Inbox()
         self.build = MessageBuilder(ros.MessageTypes(), ros1=True)
-        self._speed, self._publishes_clock = speed, clock
-        self._start_ns = START_NS if clock else int(rospy.Time.now().to_nsec())
+        self.names = SimNames(self.robot.map_frame, self.robot.odom_frame, self.robot.base_frame)
+        self._pace = _pace(speed, clock)
         self._command_at = -1e9
         self._publishers: dict[str, Any] = {}
         self._clock = self._publisher("/clock", "rosgraph_msgs/Clock") if clock else None
@@ -46,14 +54,15 @@ class SimNode:
         self._odom = self._publisher("odom", "nav_msgs/Odometry")
         self._truth = self._publisher("base_pose_ground_truth", "nav_msgs/Odometry")
         self._static = rospy.Publisher("/tf_static", ros.message("tf2_msgs/TFMessage"), queue_size=1, latch=True)
-        self._map = MapTopics(scenario.map, self.build)
+        self._map = MapTopics(dataclasses.replace(scenario.map, frame=self.names.map), self.build)
+        self._localization = LocalizationTopics(self.robot, self.build, self.names.map)
         twist, pose = ros.message("geometry_msgs/Twist"), ros.message("geometry_msgs/PoseWithCovarianceStamped")
         receive = self.inbox.poster
-        rospy.Subscriber("cmd_vel", twist, receive(self._on_command), queue_size=1, tcp_nodelay=True)
+        for topic in self.names.velocity_topics:
+            rospy.Subscriber(topic, twist, receive(self._on_command), queue_size=1, tcp_nodelay=True)
         rospy.Subscriber("initialpose", pose, receive(self._on_pose), queue_size=1)
         empty = ros.message("std_srvs/srv/Empty")
         self._reset = rospy.Service("reset_positions", empty, self.inbox.caller(self._on_reset))
-        self._is_static = self.robot.frames.latest_stamp(self.robot.map_frame, self.robot.odom_frame) == float("inf")
         self._publish_static()
         if self._clock is not None:
             self._publish_clock(0.0)
@@ -67,7 +76,7 @@ class SimNode:
         return found
 
     def _ns(self, time_s: float) -> int:
-        return self._start_ns + round(time_s * 1e9)
+        return self._pace.start_ns + round(time_s * 1e9)
 
     # --- messages -----------------------------------------------------------------------------------------------------
 
@@ -78,8 +87,8 @@ class SimNode:
     def _on_pose(self, message: Any) -> None:
         """Put the robot at a pose of the map, as its localization then believes."""
         frame = msg.frame_of(message)
-        if frame not in ("", self.robot.map_frame):
-            self._rospy.logwarn('initialpose is in "%s", not in "%s"; it is ignored', frame, self.robot.map_frame)
+        if frame not in ("", self.names.map):
+            self._rospy.logwarn('initialpose is in "%s", not in "%s"; it is ignored', frame, self.names.map)
             return
         self.robot.place(msg.pose_of(message.pose.pose))
 
@@ -96,16 +105,14 @@ class SimNode:
     def spin(self) -> None:
         """Simulate until the node is shut down."""
         MasterWatch(self._on_new_master)
-        begin, reached = time.monotonic(), 0.0
+        reached = 0.0
         while not ros.is_stopping():
             reached += STEP_S
             while True:
-                ahead = reached / self._speed - (time.monotonic() - begin)
+                ahead = self._pace.wait_s(reached)
                 self.inbox.run(min(max(ahead, 0.0), 0.05), self._report)
                 if ahead <= 0.0 or ros.is_stopping():
                     break
-            if ahead < -1.0:  # the machine is too slow: no burst afterwards
-                begin -= ahead
             self._step(reached)
         ros.say_goodbye(lambda: None)
 
@@ -122,33 +129,37 @@ class SimNode:
         if self._clock is not None:
             self._publish_clock(robot.time)
         self._publish_states(samples, first)
+        build, rename = self.build, self.names.rename
         for data in robot.scans():
             stamp = self._ns(data.stamp)
             if isinstance(data, LaserScan):
-                self._publisher(data.topic, "sensor_msgs/LaserScan").publish(self.build.scan(stamp, data))
+                self._publisher(data.topic, "sensor_msgs/LaserScan").publish(rename(build.scan(stamp, data)))
             elif isinstance(data, PointCloud):
-                self._publisher(data.topic, "sensor_msgs/PointCloud2").publish(self.build.cloud(stamp, data))
+                self._publisher(data.topic, "sensor_msgs/PointCloud2").publish(rename(build.cloud(stamp, data)))
             else:
-                self._publisher(data.topic, "sensor_msgs/Range").publish(self.build.range(stamp, data))
+                self._publisher(data.topic, "sensor_msgs/Range").publish(rename(build.range(stamp, data)))
         for reading in robot.imu_readings():
-            self._publisher(reading.topic, "sensor_msgs/Imu").publish(self.build.imu(self._ns(reading.stamp), reading))
+            message = rename(build.imu(self._ns(reading.stamp), reading))
+            self._publisher(reading.topic, "sensor_msgs/Imu").publish(message)
 
     def _publish_states(self, samples: NDArray[np.float64], first: int) -> None:
         """Publish tf, odometry and the true pose of each step of the physics."""
-        robot, build = self.robot, self.build
+        robot, build, names = self.robot, self.build, self.names
         frequency = self.scenario.configuration.navstack.sim.physics_frequency
         for step, row in enumerate(samples.tolist(), first + 1):
             at = step / frequency
             stamp = self._ns(at)
             pose, velocity = Pose2D(*row[3:6]), Twist2D(*row[6:9])
-            moving = [(stamp, robot.odom_frame, robot.base_frame, Transform2D(*pose), 0.0)]
-            if not self._is_static:
-                offset = robot.frames.lookup(robot.map_frame, robot.odom_frame, at)
-                moving.append((stamp, robot.map_frame, robot.odom_frame, offset, 0.0))
+            offset = robot.frames.lookup(robot.map_frame, robot.odom_frame, at)
+            moving = [
+                (stamp, names.odom, names.base, Transform2D(*pose), 0.0),
+                (stamp, names.map, names.odom, offset, 0.0),
+            ]
             self._tf.publish(build.transforms(moving))
-            self._odom.publish(build.odometry(stamp, robot.odom_frame, robot.base_frame, pose, velocity))
-            true = build.odometry(stamp, robot.map_frame, robot.base_frame, Pose2D(*row[:3]), velocity)
+            self._odom.publish(_with_covariances(build.odometry(stamp, names.odom, names.base, pose, velocity)))
+            true = build.odometry(stamp, names.map, names.base, Pose2D(*row[:3]), velocity)
             self._truth.publish(true)
+            self._localization.publish(at, stamp, pose)
 
     def _publish_clock(self, time_s: float) -> None:
         assert self._clock is not None
@@ -159,13 +170,32 @@ class SimNode:
         sim = self.scenario.configuration.navstack.sim
         heights = {sim.lidar(name).frame: sim.lidar(name).height for name in sim.lasers}
         own = (robot.map_frame, robot.odom_frame, robot.base_frame)
-        stamp = self._ns(0.0)
+        stamp, names = self._ns(0.0), self.names
+        mounted = [frame for frame in robot.frames.frames() if frame not in own]
         static = [
-            (stamp, robot.base_frame, frame, robot.frames.lookup(robot.base_frame, frame), heights.get(frame, 0.0))
-            for frame in robot.frames.frames()
-            if frame not in own
+            (
+                stamp,
+                names.base,
+                names.frame(frame),
+                robot.frames.lookup(robot.base_frame, frame),
+                heights.get(frame, 0.0),
+            )
+            for frame in mounted
         ]
-        if self._is_static:
-            offset = robot.frames.lookup(robot.map_frame, robot.odom_frame)
-            static.append((stamp, robot.map_frame, robot.odom_frame, offset, 0.0))
+        taken = {names.frame(frame) for frame in mounted}
+        static += [(stamp, names.base, alias, Transform2D(), 0.0) for alias in names.aliases if alias not in taken]
         self._static.publish(self.build.transforms(static))
+
+
+def _pace(speed: float, clock: bool) -> Pace:
+    rospy = ros.rospy()
+    if clock:
+        return WallPace(speed, START_NS)
+    if rospy.get_param("/use_sim_time", False):
+        return ClockPace()
+    return WallPace(1.0, int(rospy.Time.now().to_nsec()))
+
+
+def _with_covariances(odometry: Any) -> Any:
+    odometry.pose.covariance = odometry.twist.covariance = ODOMETRY_COVARIANCE
+    return odometry

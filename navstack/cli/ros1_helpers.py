@@ -1,0 +1,186 @@
+"""`navstack ros1 linear_move`, `radian_turn`, `teleop`, `initial_pose`, `tour`, `trajectory`: what tutorials rely on."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated
+
+import typer
+
+from navstack.cli.ros1_node import NODE, Name, NodeCommand, start_node
+from navstack.cli.tour_options import TourOrder
+
+Service = Annotated[bool, typer.Option("--service", help="Offer the service instead of moving once.")]
+
+
+class Plane(StrEnum):
+    """Plane of the figure of eight."""
+
+    xy = "xy"
+    yz = "yz"
+
+
+def linear_move(
+    context: typer.Context,
+    distance: Annotated[
+        str | None, typer.Argument(metavar="DISTANCE", help="Distance (m), backwards if negative. [default: ~t_dis]")
+    ] = None,
+    service: Service = False,
+    name: Name = "LinearMove",
+) -> int:
+    """Drive straight by the odometry, or offer the service move_distance (handsfree_msgs/SpecialMove).
+
+    Parameters: ~t_dis 0.2 m, ~tolerance 0.08 m, ~speed_linear 0.1 m/s, ~velocity_pub_rate 10 Hz, ~vel_topic, ~base_frame
+    /base_link, ~odom_frame /odom. Exit codes: 0 driven, 1 not, 2 invalid input or no transform.
+    """
+    from navstack.motion.steps import parse_length
+    from navstack.ros1 import motion_nodes
+
+    wanted = None if distance is None else parse_length(distance)
+    start_node(name, context)
+    if service:
+        motion_nodes.serve_moves()
+        return 0
+    return motion_nodes.linear_move(wanted)
+
+
+def radian_turn(
+    context: typer.Context,
+    angle: Annotated[
+        str | None,
+        typer.Argument(metavar="ANGLE", help="Angle, clockwise if negative: 90deg, -1.57 (rad). [default: ~t_rad]"),
+    ] = None,
+    service: Service = False,
+    name: Name = "RadianTurn",
+) -> int:
+    """Turn in place by the odometry, or offer the service turn_radian (handsfree_msgs/SpecialTurn).
+
+    The robot turns the shorter way; with ~direct true by the whole angle. Parameters: ~t_rad pi/2, ~tolerance 0.03 rad,
+    ~speed_radian 0.436 rad/s, ~velocity_pub_rate 10 Hz, ~vel_topic, ~base_frame /base_link, ~odom_frame /odom.
+    Exit codes: 0 turned, 1 not, 2 invalid input or no transform.
+    """
+    from navstack.motion.steps import parse_angle
+    from navstack.ros1 import motion_nodes
+
+    wanted = None if angle is None else parse_angle(angle)
+    start_node(name, context)
+    if service:
+        motion_nodes.serve_turns()
+        return 0
+    return motion_nodes.radian_turn(wanted)
+
+
+def teleop(context: typer.Context, name: Name = "teleop_twist_keyboard") -> int:
+    """Drive with the keyboard, with the keys of teleop_twist_keyboard. Ctrl-C ends it and stops the robot.
+
+    Parameters: ~vel_topic, ~speed 0.3 m/s, ~turn 0.6 rad/s. Exit codes: 0 ended, 2 invalid input or no terminal.
+    """
+    from navstack.cli.terminal import single_keys
+    from navstack.ros1 import teleop as node
+
+    with single_keys() as read:
+        start_node(name, context)
+        node.Teleop(print).spin(read)
+    return 0
+
+
+def initial_pose(
+    context: typer.Context,
+    pose: Annotated[str, typer.Argument(metavar="X,Y[,YAW]", help="Pose in the map (m, rad).")],
+    frame: Annotated[str, typer.Option("--frame", help="Frame of the pose.")] = "map",
+    wait: Annotated[float, typer.Option("--wait", help="Longest wait for a subscriber (s).", min=0.0)] = 10.0,
+    name: Name = "initial_pose",
+) -> int:
+    """Publish the robot's pose on `initialpose`, as RViz's "2D Pose Estimate".
+
+    Exit codes: 0 somebody listens, 1 nobody, 2 invalid input.
+    """
+    from navstack.cli.arguments import parse_pose
+    from navstack.core.frames import clean_frame
+    from navstack.ros1 import initial_pose as node
+
+    where = parse_pose(pose, "X,Y[,YAW]")
+    start_node(name, context)
+    return 0 if node.publish(where, clean_frame(frame), wait) else 1
+
+
+def tour(
+    context: typer.Context,
+    places: Annotated[
+        str, typer.Argument(metavar="PLACES.yaml", help="File of named places, or name of a packaged map.")
+    ] = "office",
+    order: Annotated[
+        TourOrder, typer.Option("--order", help="Order of the visits: as given, by name, or shuffled by the seed.")
+    ] = TourOrder.given,
+    every: Annotated[bool, typer.Option("--all", help="Visit every place of the file instead of its goals.")] = False,
+    loops: Annotated[int, typer.Option("--loops", help="How often to drive the tour.", min=1, max=1000)] = 1,
+    seed: Annotated[int, typer.Option("--seed", help="Random seed of --order random.", min=0)] = 0,
+    frame: Annotated[str, typer.Option("--frame", help="Frame of the places.")] = "map",
+    time_limit: Annotated[float, typer.Option("--time-limit", help="Time limit per goal (s).", min=0.1)] = 300.0,
+    name: Name = "MultiNav",
+) -> int:
+    """Drive to places by the action move_base; prints success rate, time and distance after each.
+
+    Parameter: ~rest_time 2 s, the pause between two goals. Exit codes: 0 every place was reached, 1 some were not, 2 invalid
+    input or no action server.
+    """
+    from navstack.places import load_places, visit_order
+    from navstack.ros1.tour import Tour
+
+    found = load_places(places)
+    listed = tuple(found.places) if every else found.goal_names
+    names = visit_order(listed, order.value, loops=loops, seed=seed)
+    start_node(name, context)
+    reached = Tour(frame, time_limit, print).drive([(name, found.places[name]) for name in names])
+    return 0 if reached else 1
+
+
+def trajectory(
+    context: typer.Context,
+    shape: Annotated[
+        str, typer.Argument(metavar="figure_eight|heart|poly_path|FILE", help="Shape, or file of a trajectory.")
+    ] = "figure_eight",
+    point: Annotated[
+        list[str], typer.Option("--point", metavar="X,Y[,Z]", help="Corner of poly_path (m); repeatable.")
+    ] = [],
+    plane: Annotated[Plane, typer.Option("--plane", help="Plane of the figure of eight.")] = Plane.yz,
+    ends: Annotated[bool, typer.Option("--ends", help="Also publish the samples at corners and at the end.")] = False,
+    count: Annotated[
+        int | None, typer.Option("--count", help="How many to publish. [default: until it is shut down]", min=1)
+    ] = None,
+    name: Annotated[str, typer.Option("--name", help="Name of the node. [default: anonymous]")] = "",
+) -> int:
+    """Publish a timed trajectory on `command/trajectory` (MultiDOFJointTrajectory) after 2 s and then every 10 s.
+
+    Parameters: ~dt 0.1 s, ~velocity 2.0 m/s (poly_path), ~inertial_frame map. poly_path begins where `odometry` says the robot
+    is. Exit codes: 0 shut down, 2 invalid input.
+    """
+    from navstack.ros1 import ros
+    from navstack.ros1.trajectories import TrajectoryPublisher
+
+    points = [_point(text) for text in point]
+    anonymous = name or str(ros.load("rosgraph.names").anonymous_name("local_planner"))
+    start_node(anonymous, context)
+    TrajectoryPublisher(shape, points, plane=plane.value, ends=ends).spin(count)
+    return 0
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the commands to `navstack ros1`."""
+    for command in (linear_move, radian_turn, teleop, initial_pose, tour, trajectory):
+        app.command(command.__name__, cls=NodeCommand, context_settings=NODE)(command)
+
+
+def _point(text: str) -> list[float]:
+    """Return a point of 2 or 3 numbers. Raises InputError."""
+    import math
+
+    from navstack.core.errors import InputError
+
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) not in (2, 3) or not all(map(math.isfinite, values)):
+        raise InputError(f'--point "{text}" is not x,y or x,y,z', argument="--point")
+    return [*values, 0.0][:3]

@@ -1,0 +1,214 @@
+"""Runs single motions on a robot that publishes tf and obeys a velocity topic: no costmaps, no planner."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from typing import Any, Final
+
+from navstack.core import Pose2D, RobotState, Twist2D
+from navstack.core.errors import FrameError, NavError, RecoveryError
+from navstack.core.frames import clean_frame
+from navstack.interfaces import RecoveryStatus
+from navstack.logs.builder import MessageBuilder
+from navstack.motion import MotionLimits, MotionTimeoutError, Move, Turn
+from navstack.parameters.models.motion import MotionParams
+from navstack.ros1 import private, ros
+from navstack.ros1.clock import NodeClock
+from navstack.ros1.inbox import Inbox
+from navstack.ros1.robot import RosRobot
+
+VELOCITY_TOPIC: Final = "/mobile_base/mobile_base_controller/cmd_vel"
+"""Default of `~vel_topic`."""
+SILENCE_S: Final = 1.0
+"""A motion fails if no newer transform comes for this time (s, wall)."""
+CONNECTION_S: Final = 1.0
+"""Longest wait for a subscriber of the velocity (s, wall)."""
+POLL_S: Final = 0.005
+"""Time between two looks at the clock (s, wall)."""
+
+
+class OpenMove(Move):
+    """`Move` without acceleration limits and collision checks."""
+
+    @property
+    def limits(self) -> MotionLimits:
+        """No limits but the speed of the parameters."""
+        return MotionLimits()
+
+
+class OpenTurn(Turn):
+    """`Turn` without acceleration limits and collision checks."""
+
+    @property
+    def limits(self) -> MotionLimits:
+        """No limits but the speed of the parameters."""
+        return MotionLimits()
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """The parameters that the nodes for motions share."""
+
+    tolerance: float
+    """m or rad."""
+    speed: float
+    """m/s or rad/s."""
+    rate: float
+    """Hz."""
+    topic: str
+    base_frame: str
+    odom_frame: str
+
+    @classmethod
+    def read(cls, tolerance: float, speed_name: str, speed: float) -> Settings:
+        """Read them from the parameter server; the arguments are defaults. Raises InputError."""
+        return cls(
+            private.number("tolerance", tolerance, positive=True),
+            private.number(speed_name, speed, positive=True),
+            private.number("velocity_pub_rate", 10.0, low=1.0, high=1000.0),
+            private.text("vel_topic", VELOCITY_TOPIC),
+            clean_frame(private.text("base_frame", "/base_link")),
+            clean_frame(private.text("odom_frame", "/odom")),
+        )
+
+    def move(self, distance: float) -> OpenMove:
+        """Return a motion by `distance` (m). A distance within the tolerance is driven too, to half of it."""
+        tolerance = self._within(abs(distance))
+        params = MotionParams(frequency=self.rate, speed_linear=self.speed, tolerance=tolerance)
+        return OpenMove(distance, params, "LinearMove")
+
+    def turn(self, angle: float, *, direct: bool) -> OpenTurn:
+        """Return a turn by `angle` (rad): the shorter way to that heading, or, if `direct`, by all of it."""
+        tolerance = self._within(abs(angle))
+        params = MotionParams(frequency=self.rate, speed_radian=self.speed, tolerance_radian=tolerance)
+        return OpenTurn(angle if direct or not math.isfinite(angle) else shorter(angle), params, "RadianTurn")
+
+    def _within(self, size: float) -> float:
+        return 0.5 * size if 0.0 < size <= self.tolerance else self.tolerance
+
+
+def shorter(angle: float) -> float:
+    """Return the turn (rad) of at most half a turn to the same heading; half a turn keeps its direction."""
+    rest = math.copysign(math.fmod(abs(angle), 2.0 * math.pi), angle)
+    return rest if abs(rest) <= math.pi else rest - math.copysign(2.0 * math.pi, rest)
+
+
+class MotionRunner:
+    """Publishes the commands of motions, by the transform from the odometry to the base."""
+
+    def __init__(self, settings: Settings) -> None:
+        rospy = self._rospy = ros.rospy()
+        self.settings = settings
+        self.inbox = Inbox()
+        self._clock = NodeClock(rospy)
+        self._build = MessageBuilder(ros.MessageTypes(), ros1=True)
+        self._out = rospy.Publisher(settings.topic, ros.message("geometry_msgs/Twist"), queue_size=5)
+        self._robot = RosRobot(self._clock, self.publish)
+        tf, later = ros.message("tf2_msgs/TFMessage"), self.inbox.poster
+        rospy.Subscriber("/tf_static", tf, later(self._robot.receive_transforms, static=True), queue_size=100)
+        rospy.Subscriber("/tf", tf, later(self._robot.receive_transforms, static=False), queue_size=100)
+
+    def publish(self, twist: Twist2D) -> None:
+        """Publish a velocity."""
+        self._out.publish(self._build.twist(twist))
+
+    def wait_for_transform(self, timeout_s: float) -> None:
+        """Wait up to `timeout_s` (s, wall) for the transform. Raises FrameError."""
+        end = time.monotonic() + timeout_s
+        while not ros.is_stopping():
+            self.inbox.run(0.05, self._report)
+            if self._pose() is not None:
+                return
+            if time.monotonic() > end:
+                raise FrameError(
+                    f"no transform from {self.settings.odom_frame} to {self.settings.base_frame} within {timeout_s:g} s; "
+                    "set ~odom_frame and ~base_frame to the frames of the robot",
+                    odom_frame=self.settings.odom_frame,
+                    base_frame=self.settings.base_frame,
+                )
+
+    def run(self, motion: Move | Turn) -> str:
+        """Run a motion to its end, then publish zero; return what was done.
+
+        Raises a RecoveryError if it takes too long, if the transform stops, or if the node is shut down; an InputError for a
+        motion that is not finite.
+        """
+        try:
+            return self._run(motion)
+        finally:
+            if not self._rospy.is_shutdown():
+                self.publish(Twist2D())
+
+    def _run(self, motion: Move | Turn) -> str:
+        self.wait_for_transform(SILENCE_S)
+        self._wait_for_subscriber()
+        if isinstance(motion, Turn):
+            self.publish(Twist2D())  # as the known node: the robot stops first
+        motion.frame = self.settings.odom_frame
+        jumps, period = self._clock.jumps, 1.0 / self.settings.rate
+        heard = _Heard()
+        started, due, allowed = self._clock.now(), -math.inf, math.inf
+        while not ros.is_stopping():
+            self.inbox.run(POLL_S, self._report)
+            found, now = self._pose(), self._clock.now()
+            if self._clock.jumps != jumps:
+                self._robot.forget()
+                raise RecoveryError(f"{motion.summary()}: the clock jumped back")
+            if found is None or heard.is_silent(found[1]):
+                raise RecoveryError(f"{motion.summary()}: no transform to {self.settings.base_frame} any more")
+            if now < due:
+                continue
+            state = RobotState(found[0], Twist2D(), found[1], self.settings.odom_frame)
+            if due == -math.inf:
+                allowed = started + 2.0 * motion.begin(found[0], state) + 5.0
+                due = now
+            if now > allowed:
+                raise self._too_slow(motion, allowed - started)
+            step = motion.command(found[0], state, now, period)
+            if step.status is not RecoveryStatus.RUNNING:
+                return motion.summary()
+            # as the known nodes: a move does not steer
+            self.publish(Twist2D(step.twist.vx, 0.0, 0.0) if isinstance(motion, Move) else step.twist)
+            due = max(due + period, now - period)
+        raise RecoveryError(f"{motion.summary()}: the node was shut down")
+
+    def _wait_for_subscriber(self) -> None:
+        """Wait for somebody who obeys, because the first messages of a new publisher are lost."""
+        end = time.monotonic() + CONNECTION_S
+        while self._out.get_num_connections() == 0 and time.monotonic() < end and not ros.is_stopping():
+            self.inbox.run(0.02, self._report)
+
+    def _too_slow(self, motion: Move | Turn, allowance_s: float) -> MotionTimeoutError:
+        text = f"{motion.summary()} within {allowance_s:.1f} s"
+        if self._out.get_num_connections() == 0:
+            text += f"; nobody subscribes to {self.settings.topic}: set ~vel_topic to the robot's topic"
+        return MotionTimeoutError(text)
+
+    def _pose(self) -> tuple[Pose2D, float] | None:
+        """Return the newest pose of the base in the odometry's frame, and its time (s)."""
+        frames, s = self._robot.frames, self.settings
+        try:
+            at = frames.lookup(s.odom_frame, s.base_frame)
+            return Pose2D(*at), frames.latest_stamp(s.odom_frame, s.base_frame)
+        except FrameError:
+            return None
+
+    def _report(self, error: NavError) -> None:
+        self._rospy.logwarn("%s", error.message)
+
+
+class _Heard:
+    """When the last new transform came."""
+
+    def __init__(self) -> None:
+        self._stamp: Any = None
+        self._at = time.monotonic()
+
+    def is_silent(self, stamp: float) -> bool:
+        """Return True if the stamp (s) has not changed for `SILENCE_S`."""
+        now = time.monotonic()
+        if stamp != self._stamp:
+            self._stamp, self._at = stamp, now
+        return now - self._at > SILENCE_S

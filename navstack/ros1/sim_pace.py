@@ -1,0 +1,67 @@
+"""When the simulated robot takes its next step: by the wall clock, or by the clock of another node."""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from typing import Any, Final
+
+from navstack.core.errors import InputError
+from navstack.ros1 import ros
+
+SLACK_S: Final = 1.0
+"""A simulation that is later (s, wall) does not catch up: no burst of steps."""
+FIRST_CLOCK_S: Final = 10.0
+"""Longest wait for the first message on /clock (s, wall)."""
+
+
+class Pace(ABC):
+    """Tells how long to wait for a simulated time."""
+
+    start_ns: int
+    """ROS's time of the simulated time 0 (ns)."""
+
+    @abstractmethod
+    def wait_s(self, reached_s: float) -> float:
+        """Return how long to wait (s, wall) until the simulated time `reached_s` (s) is due; not positive: it is."""
+
+
+class WallPace(Pace):
+    """The wall clock, `speed` simulated seconds per second."""
+
+    def __init__(self, speed: float, start_ns: int) -> None:
+        self._speed = speed
+        self._begin = time.monotonic()
+        self.start_ns = start_ns
+
+    def wait_s(self, reached_s: float) -> float:
+        """Return the time to wait; a machine that is too slow delays what follows."""
+        ahead = reached_s / self._speed - (time.monotonic() - self._begin)
+        if ahead < -SLACK_S:
+            self._begin -= ahead
+        return ahead
+
+
+class ClockPace(Pace):
+    """The clock of another node, such as that of a first simulated robot."""
+
+    def __init__(self) -> None:
+        """Raises InputError without a clock."""
+        self._rospy: Any = ros.rospy()
+        end = time.monotonic() + FIRST_CLOCK_S
+        while self._rospy.Time.now().is_zero() and not ros.is_stopping():
+            if time.monotonic() > end:
+                raise InputError(
+                    "/use_sim_time is set, but nobody publishes /clock; start the robot with --clock first, or run "
+                    "`rosparam set use_sim_time false`"
+                )
+            ros.STOP.wait(0.05)
+        self.start_ns = self._last_ns = int(self._rospy.Time.now().to_nsec())
+
+    def wait_s(self, reached_s: float) -> float:
+        """Return 0 if the clock has come that far, else the time to the next look. A jump back of the clock is followed."""
+        now_ns = int(self._rospy.Time.now().to_nsec())
+        if now_ns < self._last_ns:
+            self.start_ns -= self._last_ns - now_ns
+        self._last_ns = now_ns
+        return 0.0 if now_ns >= self.start_ns + reached_s * 1e9 else 0.002
