@@ -22,7 +22,7 @@ TOP_LEVEL = {"pyproject.toml", "README.md", "navstack", "params", "maps", "tests
 # Imports go down only: a package may import packages of a lower level. Names of the packages, levels from the bottom up.
 LEVELS: tuple[tuple[str, ...], ...] = (
     ("core",),
-    ("interfaces", "kinematics", "curves", "logs"),
+    ("interfaces", "kinematics", "curves", "lattice", "logs"),
     ("plugins",),
     ("parameters",),
     (

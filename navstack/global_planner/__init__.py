@@ -31,6 +31,7 @@ from navstack.global_planner.given_path import GivenPath, GivenPathParams
 from navstack.global_planner.global_planner import GlobalPlannerParams, GlobalPlannerROS
 from navstack.global_planner.navfn import NavfnParams, NavfnROS
 from navstack.global_planner.smac_hybrid import SmacHybridParams, SmacHybridPlanner
+from navstack.global_planner.smac_lattice import SmacLatticeParams, SmacLatticePlanner
 from navstack.global_planner.theta_star import ThetaStarParams, ThetaStarPlanner
 
 __all__ = [
@@ -65,6 +66,8 @@ __all__ = [
     "SearchPlanner",
     "SmacHybridParams",
     "SmacHybridPlanner",
+    "SmacLatticeParams",
+    "SmacLatticePlanner",
     "SubcellPropagation",
     "ThetaStarParams",
     "ThetaStarPlanner",

@@ -102,7 +102,8 @@ LOCAL_PLANNER_VALUES: dict[str, dict[str, Any]] = {
 }
 """A turtlebot; other local planners run with their defaults."""
 GLOBAL_PLANNER_VALUES: dict[str, dict[str, Any]] = {
-    "smac_hybrid": {"minimum_turning_radius": 0.1, "motion_model_for_search": "REEDS_SHEPP"}
+    "smac_hybrid": {"minimum_turning_radius": 0.1, "motion_model_for_search": "REEDS_SHEPP"},
+    "smac_lattice": {"lattice_filepath": "10cm_resolution/0.2m_turning_radius/diff/output.json"},
 }
 """The rooms of the contract are too small for turns of the default radius."""
 

@@ -8,7 +8,8 @@ import math
 import numpy as np
 
 from navstack.core.jit import kernel
-from navstack.curves.curve_kernels import LEFT, SEGMENTS, STRAIGHT, advance, curve
+from navstack.curves.curve_kernels import SEGMENTS, STRAIGHT, advance, curve
+from navstack.global_planner._se2._heuristic_kernels import angle
 from navstack.global_planner._se2._shape_kernels import (
     cell_weight,
     centre_cost,
@@ -183,6 +184,65 @@ def sample_blocked(costs, bits, shape, samples, p, primitive, k, x, y, c, s):
 
 
 @kernel
+def turn_cost(costs, p, x, y, turn):
+    """Return the cost of a turn in place by an angle (rad), infinite where the robot must not be."""
+    cost = centre_cost(costs, p, x, y)
+    if cost < 0:
+        return np.inf
+    return p.rotation * (cell_weight(p, cost) + 1.0 - p.base_cost) * abs(turn) / p.turn_step
+
+
+@kernel
+def turn_free(costs, bits, shape, p, x, y, yaw, turn):
+    """Return True if the footprint is free all along a turn in place."""
+    if centre_cost(costs, p, x, y) < 0:
+        return False
+    if p.corners == 0 or not near_obstacles(costs, bits, p, x, y, x, y):
+        return True
+    count = max(1, math.ceil(p.reach * abs(turn) / p.sample_step))
+    before, after = np.empty(3), np.empty(3)
+    tight = False
+    for k in range(count + 1):
+        after[0], after[1], after[2] = x, y, yaw + turn * k / count
+        blocked = shape_blocked(costs, bits, shape, p, x, y, math.cos(after[2]), math.sin(after[2]))
+        if k > 0 and (blocked or tight) and motion_blocked(costs, bits, shape, p, before, after):
+            return False
+        tight = blocked
+        before[:] = after
+    return True
+
+
+@kernel
+def pivot_parts(start, goal):
+    """Return the turns in place at both ends, and the length, of a straight line between two poses (3,)."""
+    dx, dy = goal[0] - start[0], goal[1] - start[1]
+    length = math.hypot(dx, dy)
+    if length < 1e-9:
+        return 0.0, 0.0, angle(goal[2] - start[2])
+    direction = math.atan2(dy, dx)
+    return angle(direction - start[2]), length, angle(goal[2] - direction)
+
+
+@kernel
+def pivot_cost(costs, bits, shape, p, start, goal, limit):
+    """As `curve_cost`, for a robot that turns in place: a turn to the goal, a straight line, a turn to the goal's heading."""
+    first, length, last = pivot_parts(start, goal)
+    if length * p.base_cost > limit:
+        return np.inf
+    total = turn_cost(costs, p, start[0], start[1], first) + turn_cost(costs, p, goal[0], goal[1], last)
+    direction = start[2] + first
+    if length > 0.0:
+        total += segment_cost(costs, p, STRAIGHT, start[0], start[1], direction, length, p.radius, limit)[0]
+    if not total < limit:
+        return np.inf
+    if not turn_free(costs, bits, shape, p, start[0], start[1], start[2], first):
+        return np.inf
+    if not segment_free(costs, bits, shape, p, STRAIGHT, start[0], start[1], direction, length, p.radius):
+        return np.inf
+    return total if turn_free(costs, bits, shape, p, goal[0], goal[1], direction, last) else np.inf
+
+
+@kernel
 def sweep_free(costs, bits, shape, samples, p, primitive, x, y, c, s):
     """Return True if the robot may drive a primitive from (x, y), rotated by (c, s); all its samples are checked."""
     ex, ey = x + c * primitive.dx - s * primitive.dy, y + s * primitive.dx + c * primitive.dy
@@ -213,6 +273,18 @@ def sweep_free(costs, bits, shape, samples, p, primitive, x, y, c, s):
 
 
 @kernel
-def pose_after(kind, x, y, yaw, length, radius):
-    """As `advance` of the curves: for callers that read paths."""
-    return advance(kind, x, y, yaw, length, radius) if kind >= LEFT else (x, y, yaw)
+def mean_weight(costs, samples, p, primitive, x, y, c, s):
+    """Return the mean cost per cell along a primitive from (x, y), rotated by (c, s); infinite where it is blocked."""
+    count = primitive.count
+    stride = max(1, np.int64(count / max(1.0, abs(primitive.length))))
+    total, n = 0.0, 0
+    k = primitive.first + count - 1
+    while k >= primitive.first:
+        sx, sy = samples[k, 0], samples[k, 1]
+        cost = centre_cost(costs, p, x + c * sx - s * sy, y + s * sx + c * sy)
+        if cost < 0:
+            return np.inf
+        total += cell_weight(p, cost)
+        n += 1
+        k -= stride
+    return total / n

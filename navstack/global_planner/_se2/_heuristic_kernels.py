@@ -151,10 +151,28 @@ def start_field(costs, field, heads, p, goal_x, goal_y, start_x, start_y):
 
 
 @kernel
+def turn_drive_turn(p, dx, dy, yaw, goal_yaw):
+    """Return the cost of a turn in place, a straight line, and a turn in place from a pose that is (dx, dy) from the goal."""
+    first, last = 0.0, abs(angle(goal_yaw - yaw))
+    if abs(dx) + abs(dy) > 1.0:
+        direction = math.atan2(-dy, -dx)
+        first, last = abs(angle(direction - yaw)), abs(angle(goal_yaw - direction))
+    turns = np.int64(first / p.turn_step) + np.int64(last / p.turn_step)
+    return math.hypot(dx, dy) + turns * p.rotation
+
+
+@kernel
+def angle(a):
+    """Return an angle in [-pi, pi)."""
+    return a - 2.0 * math.pi * math.floor(a / (2.0 * math.pi) + 0.5)
+
+
+@kernel
 def curve_distance(table, p, x, y, yaw, goal_x, goal_y, goal_yaw):
     """Return the length of the shortest curve from a pose to a goal, from the table: rounded to cells and heading bins.
 
-    Outside the table it is the straight distance.
+    Outside the table it is the straight distance. For a robot that turns in place it is at most the cost of turning to the goal,
+    driving there, and turning to its heading.
     """
     c, s = math.cos(goal_yaw), math.sin(goal_yaw)
     dx, dy = x - goal_x, y - goal_y
@@ -173,10 +191,12 @@ def curve_distance(table, p, x, y, yaw, goal_x, goal_y, goal_yaw):
     known = table[at]
     if known == 0.0:
         # the goal in the frame of the pose (ix, iy, bin)
-        angle = bin_ * width
-        ca, sa = math.cos(angle), math.sin(angle)
+        heading = bin_ * width
+        ca, sa = math.cos(heading), math.sin(heading)
         gx, gy = (-ix * ca - iy * sa) / p.radius, (ix * sa - iy * ca) / p.radius
-        length = reeds_shepp(gx, gy, -angle)[0] if p.reeds_shepp != 0 else dubins(gx, gy, -angle)[0]
+        length = reeds_shepp(gx, gy, -heading)[0] if p.reeds_shepp != 0 else dubins(gx, gy, -heading)[0]
         known = np.float32(max(length * p.radius, 1e-6))
         table[at] = known
+    if p.turn_step > 0.0:
+        return min(np.float64(known), turn_drive_turn(p, dx, dy, yaw, goal_yaw))
     return np.float64(known)

@@ -8,8 +8,14 @@ import math
 import numpy as np
 
 from navstack.core.jit import kernel
-from navstack.curves.curve_kernels import LEFT, RIGHT, SEGMENTS, STRAIGHT, advance, curve
-from navstack.global_planner._se2._curve_check_kernels import curve_cost, segment_cost
+from navstack.curves.curve_kernels import SEGMENTS, STRAIGHT, advance, curve
+from navstack.global_planner._se2._curve_check_kernels import (
+    curve_cost,
+    pivot_cost,
+    pivot_parts,
+    segment_cost,
+    turn_cost,
+)
 
 IN_PLACE, SIDEWAYS = 0, -1
 PIECE = 4.0
@@ -25,7 +31,7 @@ def write_segment(segments, at, kind, x, y, yaw, size, radius):
     """Write row `at` of a path."""
     row = segments[at]
     row.x, row.y, row.yaw = x, y, yaw
-    row.kind_, row.size, row.radius, row.sideways = kind, size, radius, 0.0
+    row.kind_, row.size, row.radius, row.sideways, row.turn = kind, size, radius, 0.0, 0.0
 
 
 @kernel
@@ -51,31 +57,60 @@ def write_curve(segments, at, reeds_shepp, start, goal, radius, longest):
 
 
 @kernel
-def trace(nodes, primitives, headings, p, last, segments):
-    """Write the path to node `last` and return the number of pieces; `segments`: as many rows as nodes on the path."""
+def segment_end(row):
+    """Return the pose at the end of a piece of a path."""
+    if row.kind_ == IN_PLACE:
+        return row.x, row.y, row.yaw + row.size
+    if row.kind_ == SIDEWAYS:
+        direction = row.yaw + row.sideways
+        return row.x + row.size * math.cos(direction), row.y + row.size * math.sin(direction), row.yaw + row.turn
+    return advance(row.kind_, row.x, row.y, row.yaw, row.size, row.radius)
+
+
+@kernel
+def write_pivot(segments, at, start, goal):
+    """Write a turn in place, a straight line and a turn in place from row `at` on; return the next row."""
+    first, length, last = pivot_parts(start, goal)
+    if abs(first) > 1e-9 and at < len(segments):
+        write_segment(segments, at, IN_PLACE, start[0], start[1], start[2], first, 1.0)
+        at += 1
+    direction = start[2] + first
+    pieces = math.ceil(length / PIECE)
+    for k in range(pieces):
+        if at < len(segments):
+            share = length * k / pieces
+            x, y = start[0] + share * math.cos(direction), start[1] + share * math.sin(direction)
+            write_segment(segments, at, STRAIGHT, x, y, direction, length / pieces, 1.0)
+        at += 1
+    if abs(last) > 1e-9 and at < len(segments):
+        write_segment(segments, at, IN_PLACE, goal[0], goal[1], direction, last, 1.0)
+        at += 1
+    return at
+
+
+@kernel
+def trace(nodes, primitives, headings, pieces, last, segments):
+    """Write the path to node `last` and return the number of its pieces; only count them if `segments` has fewer rows."""
     count = 0
     i = last
     while nodes[i].parent >= 0:
-        count += 1
+        count += primitives[nodes[i].primitive].pieces
         i = nodes[i].parent
     if count > len(segments):
         return count
+    at = count
     i = last
-    for k in range(count):
+    while nodes[i].parent >= 0:
         parent = nodes[nodes[i].parent]
         primitive = primitives[nodes[i].primitive]
-        yaw = headings[parent.heading].yaw
-        row = segments[count - 1 - k]
-        row.x, row.y, row.yaw = parent.x, parent.y, yaw
-        row.size, row.radius, row.sideways = primitive.length, 1.0, 0.0
-        if primitive.in_place != 0:
-            turn = headings[primitive.end].yaw - yaw
-            row.kind_, row.size = IN_PLACE, turn - 2.0 * math.pi * math.floor(turn / (2.0 * math.pi) + 0.5)
-        elif primitive.curvature == 0.0:
-            row.kind_ = STRAIGHT
-        else:
-            row.kind_ = LEFT if primitive.curvature > 0.0 else RIGHT
-            row.radius = 1.0 / abs(primitive.curvature)
+        at -= primitive.pieces
+        x, y, yaw = parent.x, parent.y, headings[parent.heading].yaw
+        for k in range(primitive.pieces):
+            piece = pieces[primitive.piece + k]
+            row = segments[at + k]
+            write_segment(segments, at + k, piece.kind_, x, y, yaw, piece.size, piece.radius)
+            row.sideways, row.turn = piece.sideways, piece.turn
+            x, y, yaw = segment_end(row)
         i = nodes[i].parent
     return count
 
@@ -85,7 +120,11 @@ def pieces_cost(costs, p, segments, out):
     """Write the cost of each piece of a path."""
     for i in range(len(segments)):
         row = segments[i]
-        out[i] = segment_cost(costs, p, row.kind_, row.x, row.y, row.yaw, row.size, row.radius, np.inf)[0]
+        if row.kind_ == IN_PLACE:
+            out[i] = turn_cost(costs, p, row.x, row.y, row.size)
+            continue
+        kind = STRAIGHT if row.kind_ == SIDEWAYS else row.kind_
+        out[i] = segment_cost(costs, p, kind, row.x, row.y, row.yaw + row.sideways, row.size, row.radius, np.inf)[0]
 
 
 @kernel
@@ -109,7 +148,8 @@ def replace_pieces(segments, work, values, count, first, last, added, fresh):
 def best_curve(costs, bits, shape, p, start, end, limit, radii):
     """Return the lowest cost below `limit` of a curve between two poses, and its radius; 0 if none is lower.
 
-    The turning radius is tried first, then twice that, and so on: `radii` of them.
+    The turning radius is tried first, then twice that, and so on: `radii` of them. For a robot that turns in place, turns and a
+    line are tried, too; they have the radius -1.
     """
     best, best_radius = limit, 0.0
     radius = p.radius
@@ -118,7 +158,19 @@ def best_curve(costs, bits, shape, p, start, end, limit, radii):
         if cost < best:
             best, best_radius = cost, radius
         radius *= 2.0
+    if p.turn_step > 0.0:
+        cost = pivot_cost(costs, bits, shape, p, start, end, best)
+        if cost < best:
+            best, best_radius = cost, -1.0
     return best, best_radius
+
+
+@kernel
+def write_best(segments, at, reeds_shepp, start, goal, radius):
+    """Write what `best_curve` found from row `at` on; return the next row."""
+    if radius < 0.0:
+        return write_pivot(segments, at, start, goal)
+    return write_curve(segments, at, reeds_shepp, start, goal, radius, PIECE)
 
 
 @kernel
@@ -144,7 +196,7 @@ def shorten(costs, bits, shapes, p, segments, work, values, count, goal, rounds)
                 has_reverse = False
                 for k in range(i, j):
                     old += values[k]
-                    has_reverse = has_reverse or segments[k].size < 0.0
+                    has_reverse = has_reverse or (segments[k].kind_ > 0 and segments[k].size < 0.0)
                 start[0], start[1], start[2] = segments[i].x, segments[i].y, segments[i].yaw
                 if j < count:
                     end[0], end[1], end[2] = segments[j].x, segments[j].y, segments[j].yaw
@@ -152,8 +204,8 @@ def shorten(costs, bits, shapes, p, segments, work, values, count, goal, rounds)
                     end[0], end[1], end[2] = goal[0], goal[1], goal[2]
                 p.reeds_shepp = 1 if both != 0 and has_reverse else 0
                 _, best_radius = best_curve(costs, bits, shape, p, start, end, old * 0.999 - 1e-6, RADII)
-                if best_radius > 0.0:
-                    fresh = write_curve(added, 0, p.reeds_shepp != 0, start, end, best_radius, PIECE)
+                if best_radius != 0.0:
+                    fresh = write_best(added, 0, p.reeds_shepp != 0, start, end, best_radius)
                     if fresh < len(added) and count - span + fresh < len(segments):
                         count = replace_pieces(segments, work, values, count, i, j, added, fresh)
                         pieces_cost(costs, p, segments[i : i + fresh], values[i : i + fresh])
@@ -185,7 +237,7 @@ def relax(costs, bits, shapes, p, segments, work, values, count, goal, reach):
         has_reverse = False
         for k in range(first, last):
             old += values[k]
-            has_reverse = has_reverse or segments[k].size < 0.0
+            has_reverse = has_reverse or (segments[k].kind_ > 0 and segments[k].size < 0.0)
         p.reeds_shepp = 1 if both != 0 and has_reverse else 0
         start[0], start[1], start[2] = segments[first].x, segments[first].y, segments[first].yaw
         if last < count:
@@ -204,14 +256,14 @@ def relax(costs, bits, shapes, p, segments, work, values, count, goal, reach):
             if a == 0.0:
                 continue
             cost_b, b = best_curve(costs, bits, shape, p, middle, end, best - cost_a, 1)
-            if b > 0.0:
+            if b != 0.0:
                 best, best_offset, best_turn, radius_a, radius_b = cost_a + cost_b, offset, turn, a, b
-        if radius_a > 0.0:
+        if radius_a != 0.0:
             middle[0] = row.x - best_offset * math.sin(row.yaw)
             middle[1] = row.y + best_offset * math.cos(row.yaw)
             middle[2] = row.yaw + best_turn
-            fresh = write_curve(added, 0, p.reeds_shepp != 0, start, middle, radius_a, PIECE)
-            fresh = write_curve(added, fresh, p.reeds_shepp != 0, middle, end, radius_b, PIECE)
+            fresh = write_best(added, 0, p.reeds_shepp != 0, start, middle, radius_a)
+            fresh = write_best(added, fresh, p.reeds_shepp != 0, middle, end, radius_b)
             if fresh < len(added) and count - (last - first) + fresh < len(segments):
                 count = replace_pieces(segments, work, values, count, first, last, added, fresh)
                 pieces_cost(costs, p, segments[first : first + fresh], values[first : first + fresh])
@@ -240,6 +292,7 @@ def poses_of(segments, goal, spacing, turn_step, out):
                 elif row.kind_ == SIDEWAYS:
                     x += share * math.cos(row.yaw + row.sideways)
                     y += share * math.sin(row.yaw + row.sideways)
+                    yaw += row.turn * k / count
                 else:
                     x, y, yaw = advance(row.kind_, x, y, yaw, share, row.radius)
                 out[at, 0], out[at, 1], out[at, 2] = x, y, yaw

@@ -15,11 +15,20 @@ import numpy as np
 
 from navstack.core.jit import kernel
 from navstack.curves.curve_kernels import STRAIGHT
-from navstack.global_planner._se2._curve_check_kernels import curve_cost, line_cost, segment_cost, sweep_free
+from navstack.global_planner._se2._curve_check_kernels import (
+    curve_cost,
+    line_cost,
+    mean_weight,
+    pivot_cost,
+    segment_cost,
+    sweep_free,
+)
 from navstack.global_planner._se2._heuristic_kernels import RING, curve_distance, obstacle_cost
 from navstack.global_planner._se2._shape_kernels import cell_weight, centre_cost
 
 FOUND, EXHAUSTED, LIMIT, GROW, APPROACHED, PAUSED = 1, 2, 3, 4, 5, 6
+CURVE, PIVOT = 1, 2
+"""How a goal is reached: by a curve (or line), or by turns in place and a line."""
 BUCKET = 0.5
 """Cells: width of a bucket of the queue."""
 MIX = np.uint64(0x9E3779B97F4A7C15)
@@ -121,9 +130,15 @@ def try_curves(costs, bits, shapes, p, node, yaw):
                     if cost == np.inf and goals[i, column] != 0.0:
                         tail = goals[i, column]
                         cost = curve_and_tail_cost(costs, bits, shape, p, start, goals[i], tail, limit)
+            kind = CURVE
+            near = math.hypot(goals[i, 0] - node.x, goals[i, 1] - node.y) <= p.expansion_length
+            if near and p.turn_step > 0.0 and p.holonomic == 0:
+                pivot = pivot_cost(costs, bits, shape, p, start, goals[i], min(cost, limit))
+                if pivot < cost:
+                    cost, kind, tail = pivot, PIVOT, 0.0
             if cost < limit:
                 reached = True
-                p.best_cost, p.best_goal, p.best_is_curve, p.best_tail = node.g + cost, i, 1, tail
+                p.best_cost, p.best_goal, p.best_is_curve, p.best_tail = node.g + cost, i, kind, tail
                 p.best_node = -2
         if not reached:
             return
@@ -154,11 +169,19 @@ def expand(costs, bits, shapes, primitives, headings, nodes, lists, entries, fie
     for row in range(heading.first, heading.first + heading.count):
         primitive = primitives[row]
         x, y = node.x + c * primitive.dx - s * primitive.dy, node.y + s * primitive.dx + c * primitive.dy
+        if p.rotates == 0:
+            # whole cells: no rounding error accumulates
+            x, y = node.x + math.floor(x - node.x + 0.5), node.y + math.floor(y - node.y + 0.5)
         cost = centre_cost(costs, p, x, y)
         if cost < 0:
             continue
-        end = (node.heading + primitive.end) % p.bins if p.rotates != 0 else primitive.end
-        g = np.float32(node.g + primitive_cost(p, primitives, node, row, cell_weight(p, cost)))
+        if p.rotates != 0:
+            end, weight = (node.heading + primitive.end) % p.bins, cell_weight(p, cost)
+        else:
+            end, weight = primitive.end, mean_weight(costs, shapes[1], p, primitive, node.x, node.y, c, s)
+            if weight == np.inf:
+                continue
+        g = np.float32(node.g + primitive_cost(p, primitives, node, row, weight))
         key = (np.int64(y) * nx + np.int64(x)) * p.bins + end
         slot = slot_of(slots, nodes, key)
         j = np.int64(slots[slot]) - 1

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from navstack.curves.curve_kernels import STRAIGHT
 from navstack.global_planner._se2 import _curve_check_kernels as curves
 from navstack.global_planner._se2 import _heuristic_kernels as heuristics
+from navstack.global_planner._se2 import _line_kernels as lines
 from navstack.global_planner._se2 import _path_kernels as paths
 from navstack.global_planner._se2 import _search_kernels as kernels
 from navstack.global_planner._se2 import _shape_kernels as shapes
@@ -154,7 +155,7 @@ class PoseSearch:
         p["best_node"], p["best_goal"], p["best_cost"], p["best_is_curve"] = -1, -1, np.inf, 0
         p["pause_at"] = UNLIMITED if deadline is None else interval
         p["curves_tried"], p["yaw_offset"] = 0, table.headings["yaw"][0]
-        p["rotates"], p["bins"] = table.rotates, len(table.headings)
+        p["rotates"], p["bins"], p["turn_step"] = table.rotates, len(table.headings), table.turn_step
         p["goal_x"], p["goal_y"] = goals[0, 0], goals[0, 1]
         p["approach_node"], p["approach_since"] = 0, 0
         p["approach_distance"] = math.hypot(start[0] - goals[0, 0], start[1] - goals[0, 1])
@@ -222,26 +223,43 @@ class PoseSearch:
         heading = table.headings[int(node["heading"])]
         end = np.array([node["x"], node["y"], heading["yaw"]])
         goal = end.copy()
-        steps = paths.trace(self._nodes, table.primitives, table.headings, p, last, np.zeros(0, SEGMENT))
+        steps = paths.trace(self._nodes, table.primitives, table.headings, table.pieces, last, np.zeros(0, SEGMENT))
         segments = np.zeros(steps + 256, SEGMENT)
-        paths.trace(self._nodes, table.primitives, table.headings, p, last, segments)
+        paths.trace(self._nodes, table.primitives, table.headings, table.pieces, last, segments)
         count = int(steps)
         if status == kernels.FOUND and p["best_is_curve"]:
             goal = goals[int(p["best_goal"]), :3].copy()
-            count = (self._write_line if p["holonomic"] else self._write_curve)(segments, count, end, goal)
+            if p["holonomic"]:
+                count = int(lines.write_line(segments, count, end, goal))
+            elif p["best_is_curve"] == kernels.PIVOT:
+                count = int(paths.write_pivot(segments, count, end, goal))
+            else:
+                count = self._write_curve(segments, count, end, goal)
+        segments = segments[:count]
         if shorten and count > 1:
-            room = np.zeros(len(segments) + 512, SEGMENT)
-            room[:count] = segments[:count]
-            work, values = np.zeros(len(room), SEGMENT), np.zeros(len(room))
-            arguments = self.costs, self._bits, (self.shape.rows, goals), p, room, work, values
+            segments, cost = self._shorten(segments, goal, goals)
+        x, y, yaw = (float(v) for v in goal)
+        return Outcome(status, segments, (x, y, yaw), cost, expanded, visited, nearest, timed_out)
+
+    def _shorten(
+        self, segments: NDArray[np.void], goal: NDArray[np.float64], goals: NDArray[np.float64]
+    ) -> tuple[NDArray[np.void], float]:
+        """Replace stretches of a path by cheaper ones; return the path and its cost."""
+        p, count = self.settings[0], len(segments)
+        room = np.zeros(count + 768, SEGMENT)
+        room[:count] = segments
+        work, values = np.zeros(len(room), SEGMENT), np.zeros(len(room))
+        arguments = self.costs, self._bits, (self.shape.rows, goals), p, room, work, values
+        if p["holonomic"]:
+            count = int(lines.straighten(*arguments, count, goal))
+            for reach in REACHES:
+                count = int(lines.bend(*arguments, count, goal, reach))
+        else:
             count = int(paths.shorten(*arguments, count, goal, ROUNDS))
             for reach in REACHES:
                 count = int(paths.relax(*arguments, count, goal, reach))
             count = int(paths.shorten(*arguments, count, goal, 1))
-            segments = room
-            cost = float(values[:count].sum())
-        x, y, yaw = (float(v) for v in goal)
-        return Outcome(status, segments[:count], (x, y, yaw), cost, expanded, visited, nearest, timed_out)
+        return room[:count], float(values[:count].sum())
 
     def _write_curve(
         self, segments: NDArray[np.void], count: int, start: NDArray[np.float64], goal: NDArray[np.float64]
@@ -257,17 +275,6 @@ class PoseSearch:
             at = stage[:2] + (goal[:2] - stage[:2]) * k / pieces
             paths.write_segment(segments, count + k, STRAIGHT, at[0], at[1], goal[2], tail / pieces, 1.0)
         return count + pieces
-
-    def _write_line(
-        self, segments: NDArray[np.void], count: int, start: NDArray[np.float64], goal: NDArray[np.float64]
-    ) -> int:
-        """Write a straight line of a holonomic robot, as a turn in place where the headings differ."""
-        row = segments[count]
-        dx, dy = goal[0] - start[0], goal[1] - start[1]
-        row["x"], row["y"], row["yaw"] = start
-        row["kind_"], row["size"], row["radius"] = paths.SIDEWAYS, math.hypot(dx, dy), 1.0
-        row["sideways"] = math.atan2(dy, dx) - start[2]
-        return count + 1
 
 
 def poses_of(outcome: Outcome, spacing: float) -> NDArray[np.float64]:

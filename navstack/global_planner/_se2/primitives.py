@@ -8,7 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.global_planner._se2.records import HEADING, PRIMITIVE
+from navstack.curves.curve_kernels import LEFT as LEFT_ARC
+from navstack.curves.curve_kernels import RIGHT as RIGHT_ARC
+from navstack.curves.curve_kernels import STRAIGHT as LINE
+from navstack.global_planner._se2.records import HEADING, PRIMITIVE, SEGMENT
 
 STRAIGHT, LEFT, RIGHT = 0, 1, 2
 
@@ -22,6 +25,10 @@ class PrimitiveTable:
     samples: NDArray[np.float64]
     """(n, 4): x, y, cosine and sine of the heading, relative to the start of the primitive."""
     rotates: bool
+    pieces: NDArray[np.void]
+    """SEGMENT: arcs and lines of each primitive, without the poses where they begin."""
+    turn_step: float = 0.0
+    """Largest angle of a turn in place (rad), 0 without one."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +68,7 @@ def hybrid_table(arcs: list[Arc], bins: int, offset: float, *, reach: float, ste
     samples (cells).
     """
     rows = np.zeros(len(arcs), PRIMITIVE)
+    pieces = np.zeros(len(arcs), SEGMENT)
     samples: list[NDArray[np.float64]] = []
     first = 0
     for row, arc in zip(rows, arcs, strict=True):
@@ -74,13 +82,18 @@ def hybrid_table(arcs: list[Arc], bins: int, offset: float, *, reach: float, ste
             points = np.column_stack((np.sin(k * s) / k, (1.0 - np.cos(k * s)) / k, np.cos(k * s), np.sin(k * s)))
         samples.append(points)
         row["dx"], row["dy"] = points[-1, :2]
-        row["length"], row["curvature"], row["end"] = arc.length, arc.curvature, arc.bins
+        row["length"], row["end"] = arc.length, arc.bins
         row["turn"] = STRAIGHT if arc.curvature == 0.0 else LEFT if arc.curvature > 0.0 else RIGHT
         row["reverse"] = arc.length < 0.0
         row["first"], row["count"] = first, count
         first += count
+    for i, arc in enumerate(arcs):
+        rows["piece"][i], rows["pieces"][i] = i, 1
+        pieces["kind_"][i] = LINE if arc.curvature == 0.0 else LEFT_ARC if arc.curvature > 0.0 else RIGHT_ARC
+        pieces["size"][i] = arc.length
+        pieces["radius"][i] = 1.0 if arc.curvature == 0.0 else 1.0 / abs(arc.curvature)
     headings = np.zeros(bins, HEADING)
     yaws = offset + 2.0 * np.pi / bins * np.arange(bins)
     headings["cos"], headings["sin"], headings["yaw"] = np.cos(yaws), np.sin(yaws), yaws
     headings["count"] = len(arcs)
-    return PrimitiveTable(rows, headings, np.concatenate(samples), rotates=True)
+    return PrimitiveTable(rows, headings, np.concatenate(samples), rotates=True, pieces=pieces)

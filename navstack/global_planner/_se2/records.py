@@ -11,13 +11,14 @@ PRIMITIVE: Final = np.dtype(
         ("dx", "f8"),  # end of the primitive, relative to its start
         ("dy", "f8"),
         ("length", "f8"),  # signed: negative when driven backward
-        ("curvature", "f8"),  # signed, 1/cells: positive to the left
         ("end", "i8"),  # heading bins turned (hybrid), or the number of the end heading (lattice)
         ("turn", "i8"),  # class for change_penalty: 0 straight, 1 left, 2 right
         ("reverse", "i8"),
         ("in_place", "i8"),
         ("first", "i8"),  # first row of its samples
         ("count", "i8"),  # number of samples, the end included
+        ("piece", "i8"),  # first row of the pieces that it consists of
+        ("pieces", "i8"),  # number of pieces
     ]
 )
 HEADING: Final = np.dtype([("cos", "f8"), ("sin", "f8"), ("yaw", "f8"), ("first", "i8"), ("count", "i8")])
@@ -45,10 +46,11 @@ SEGMENT: Final = np.dtype(
         ("x", "f8"),
         ("y", "f8"),
         ("yaw", "f8"),
-        ("kind_", "i8"),  # of navstack.curves; 0 turns in place, -1 holonomic (a straight line with constant yaw)
+        ("kind_", "i8"),  # of navstack.curves; 0 turns in place, -1 holonomic (a straight line in any direction)
         ("size", "f8"),  # signed length; the angle of a turn in place
         ("radius", "f8"),
         ("sideways", "f8"),  # direction of a holonomic line, relative to the yaw
+        ("turn", "f8"),  # angle by which the yaw changes along a holonomic line
     ]
 )
 """A piece of a path, from the pose where it begins."""
@@ -65,6 +67,7 @@ SETTINGS: Final = np.dtype(
         ("fine_step", "f8"),  # as sample_step, with the fine padding
         ("bins", "i8"),
         ("rotates", "i8"),  # whether primitives turn with the heading (hybrid), or each heading has its own (lattice)
+        ("turn_step", "f8"),  # largest angle of a turn in place, 0: there are none
         ("holonomic", "i8"),
         # --- costs
         ("cost_penalty", "f8"),

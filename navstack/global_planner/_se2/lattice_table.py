@@ -1,0 +1,199 @@
+"""Tables of the primitives of a state lattice for the search over poses, and the first step from any heading onto the lattice."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.curves.curve_kernels import LEFT, RIGHT, STRAIGHT
+from navstack.global_planner._se2.primitives import PrimitiveTable
+from navstack.global_planner._se2.records import HEADING, PRIMITIVE, SEGMENT
+from navstack.lattice import Lattice, Piece, connect, connection_pieces, sample, scaled
+
+IN_PLACE, SIDEWAYS = 0, -1
+MIN_BINS: Final = 72
+"""Headings of the table of curve lengths, at least; more than the lattice has, because its own are too far apart."""
+_SAME: Final = 1e-9
+_TURN: Final = math.radians(10.0)
+"""Most that a robot turns in place between checks."""
+_PER_HEADING: Final = 3
+"""Connections from the start to each heading of the lattice."""
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """A primitive in cells, from a heading of the table."""
+
+    end: int
+    pieces: tuple[Piece, ...]
+    """In the direction of travel."""
+    reverse: bool
+
+
+class LatticeTables:
+    """Makes the tables of a lattice for one footprint."""
+
+    def __init__(self, lattice: Lattice, *, reverse: bool, reach: float, step: float) -> None:
+        self.lattice = lattice
+        self._reverse, self._reach, self._step = reverse, reach, step
+        self._bins = bins_of(lattice)
+        self._turn_step = max(
+            (abs(p.pieces[0].size) for p in lattice.primitives if p.pieces[0].kind == "in_place"), default=0.0
+        )
+        self._rows = _Rows(reach, step)
+        n = len(lattice.headings)
+        self._headings = np.zeros(self._bins, HEADING)
+        self._headings["yaw"][:n] = lattice.headings
+        self._headings["cos"], self._headings["sin"] = np.cos(self._headings["yaw"]), np.sin(self._headings["yaw"])
+        self._opposite = [lattice.nearest_heading(float(yaw) + math.pi) for yaw in lattice.headings]
+        for k in range(n):
+            first = len(self._rows.primitives)
+            for motion in self._motions(k):
+                self._rows.add(motion)
+            self._headings["first"][k], self._headings["count"][k] = first, len(self._rows.primitives) - first
+        self._table = self._rows.table(self._headings, self._turn_step)
+        self._starts = _StartCells(lattice)
+
+    def _motions(self, k: int) -> list[_Motion]:
+        lattice = self.lattice
+        motions = [_Motion(p.end, scaled(p.pieces, 1.0 / lattice.resolution), False) for p in lattice.by_heading[k]]
+        if self._reverse:
+            driven = [p for p in lattice.by_heading[self._opposite[k]] if p.length > 0.0]
+            motions += [
+                _Motion(self._opposite[p.end], scaled(p.pieces, 1.0 / lattice.resolution), True) for p in driven
+            ]
+        return motions
+
+    def table(self, start_yaw: float) -> tuple[PrimitiveTable, int]:
+        """Return the table for a start heading (rad), and the number of that heading in it."""
+        near = self.lattice.nearest_heading(start_yaw)
+        if abs(math.remainder(start_yaw - float(self.lattice.headings[near]), 2.0 * math.pi)) < _SAME:
+            return self._table, near
+        rows = _Rows(self._reach, self._step)
+        for motion in self._first_steps(start_yaw):
+            rows.add(motion)
+        headings = self._headings.copy()
+        at = len(self.lattice.headings)
+        headings["yaw"][at] = start_yaw
+        headings["cos"][at], headings["sin"][at] = math.cos(start_yaw), math.sin(start_yaw)
+        headings["first"][at], headings["count"][at] = len(self._table.primitives), len(rows.primitives)
+        return rows.table(headings, self._turn_step, self._table), at
+
+    def _first_steps(self, yaw: float) -> list[_Motion]:
+        motions = [_Motion(end, pieces, False) for end, pieces in self._starts.connections(yaw)]
+        if self._reverse:
+            for end, pieces in self._starts.connections(yaw + math.pi):
+                motions.append(_Motion(self._opposite[end], pieces, True))
+        if self._turn_step > 0.0:
+            turns = np.remainder(self.lattice.headings - yaw + math.pi, 2.0 * math.pi) - math.pi
+            left, right = np.where(turns > 0.0, turns, np.inf).argmin(), np.where(turns < 0.0, -turns, np.inf).argmin()
+            motions += [_Motion(int(k), (Piece("in_place", float(turns[k])),), False) for k in (left, right)]
+        return motions
+
+
+def bins_of(lattice: Lattice) -> int:
+    """Headings of the tables of a lattice: its own, the start's, and unused ones."""
+    return max(MIN_BINS, len(lattice.headings) + 1)
+
+
+class _StartCells:
+    """Connections from headings that the lattice does not have to its states: the shortest ones to each heading."""
+
+    def __init__(self, lattice: Lattice) -> None:
+        self._lattice = lattice
+        self._radius = lattice.turning_radius / lattice.resolution
+        far = max((np.abs(p.poses[-1, :2]).max() / lattice.resolution for p in lattice.primitives), default=4.0)
+        n = max(4, math.ceil(far))
+        x, y = np.meshgrid(np.arange(-n, n + 1), np.arange(-n, n + 1))
+        self._x, self._y = x.ravel().astype(np.float64), y.ravel().astype(np.float64)
+
+    def connections(self, yaw: float) -> list[tuple[int, tuple[Piece, ...]]]:
+        """Return the number of the heading and the pieces (cells) of each connection."""
+        ahead = self._x * math.cos(yaw) + self._y * math.sin(yaw) > 1.0
+        x, y = self._x[ahead], self._y[ahead]
+        out: list[tuple[int, tuple[Piece, ...]]] = []
+        for k, heading in enumerate(self._lattice.headings):
+            if abs(math.remainder(float(heading) - yaw, 2.0 * math.pi)) > 0.45 * math.pi:
+                continue
+            links = connect(x, y, yaw, np.full(len(x), heading), self._radius)
+            length = np.where(np.isnan(links.length), np.inf, links.length)
+            shortest = np.argsort(length, kind="stable")[:_PER_HEADING]
+            out += [(k, tuple(connection_pieces(links, int(i)))) for i in shortest if length[i] < np.inf]
+        return out
+
+
+class _Rows:
+    """Rows of a table that is being built."""
+
+    def __init__(self, reach: float, step: float) -> None:
+        self._reach, self._step = reach, step
+        self.primitives: list[tuple[float | int, ...]] = []
+        self._pieces: list[tuple[float | int, ...]] = []
+        self._samples: list[NDArray[np.float64]] = []
+        self._sampled = 0
+
+    def add(self, motion: _Motion) -> None:
+        """Add a motion, relative to the heading at its start."""
+        pieces, sign = motion.pieces, -1.0 if motion.reverse else 1.0
+        in_place = pieces[0].kind == "in_place"
+        length = 0.0 if in_place else sum(p.size for p in pieces)
+        if in_place:
+            turn = abs(pieces[0].size)
+            count = max(self._reach * turn / self._step, turn / _TURN)
+        else:
+            # evenly spaced along lines and arcs: where the robot turns, its outermost points move faster
+            count = length * (1.0 + self._reach * max(abs(p.curvature) for p in pieces)) / self._step
+        course = math.pi if motion.reverse else 0.0
+        poses = sample(list(pieces), course, max(1, math.ceil(count)))
+        headings = poses[:, 2] - course
+        self._samples.append(np.column_stack((poses[:, :2], np.cos(headings), np.sin(headings))))
+        curved = next((p.curvature for p in pieces if p.curvature != 0.0), 0.0) * sign
+        kind = 0 if curved == 0.0 else 1 if curved > 0.0 else 2
+        self.primitives.append(
+            (
+                float(poses[-1, 0]),
+                float(poses[-1, 1]),
+                sign * length,
+                motion.end,
+                kind,
+                int(motion.reverse),
+                int(in_place),
+                self._sampled,
+                len(poses),
+                len(self._pieces),
+                len(pieces),
+            )
+        )
+        self._sampled += len(poses)
+        self._pieces += [_segment(p, sign) for p in pieces]
+
+    def table(
+        self, headings: NDArray[np.void], turn_step: float, before: PrimitiveTable | None = None
+    ) -> PrimitiveTable:
+        """Return the table of the rows, after those of `before`."""
+        rows = np.array(self.primitives, PRIMITIVE) if self.primitives else np.zeros(0, PRIMITIVE)
+        pieces = np.array(self._pieces, SEGMENT) if self._pieces else np.zeros(0, SEGMENT)
+        samples = np.concatenate(self._samples) if self._samples else np.zeros((0, 4))
+        if before is not None:
+            rows["first"] += len(before.samples)
+            rows["piece"] += len(before.pieces)
+            rows = np.concatenate([before.primitives, rows])
+            pieces = np.concatenate([before.pieces, pieces])
+            samples = np.concatenate([before.samples, samples])
+        return PrimitiveTable(rows, headings, samples, rotates=False, pieces=pieces, turn_step=turn_step)
+
+
+def _segment(p: Piece, sign: float) -> tuple[float | int, ...]:
+    """A row of SEGMENT: kind, signed size, radius, direction of a slide. Backward, an arc to the left is one to the right."""
+    if p.kind == "in_place":
+        return 0.0, 0.0, 0.0, IN_PLACE, p.size, 1.0, 0.0, 0.0
+    if p.kind == "slide":
+        return 0.0, 0.0, 0.0, SIDEWAYS, p.size, 1.0, p.direction, 0.0
+    if p.kind == "line":
+        return 0.0, 0.0, 0.0, STRAIGHT, sign * p.size, 1.0, 0.0, 0.0
+    kind = LEFT if p.curvature * sign > 0.0 else RIGHT
+    return 0.0, 0.0, 0.0, kind, sign * p.size, 1.0 / abs(p.curvature), 0.0, 0.0
