@@ -41,7 +41,7 @@ def replay(
         bool,
         typer.Option(
             "--record/--no-record",
-            help="Keep a record, about 0.2 MB of memory per second; without, only the summary and the chart of commands.",
+            help="Keep a record; it grows on disk by about 0.1 MB/s. Without, only the summary and the chart.",
         ),
     ] = True,
     scans: Annotated[bool, typer.Option("--scans/--no-scans", help="Record the scans (about 1 kB each).")] = True,
@@ -91,7 +91,7 @@ def _replay(
     files: dict[str, str] = {}
     reports: dict[str, ReplayReport] = {}
     for name, configuration in configurations.items():
-        done = _run(opened, configuration, interrupt, record=record, quiet=json_)
+        done = _run(opened, configuration, interrupt, folder if record else None, quiet=json_)
         reports[name] = ReplayReport(done)
         written = _write(done, reports[name], folder / name if name else folder)
         files |= {f"{name} {what}".strip(): file for what, file in written.items()}
@@ -111,7 +111,7 @@ def _replay(
 
 
 def _run(
-    opened: OpenedReplay, configuration: Configuration, interrupt: Interrupt, *, record: bool, quiet: bool
+    opened: OpenedReplay, configuration: Configuration, interrupt: Interrupt, spool: Path | None, *, quiet: bool
 ) -> LogReplay:
     from navstack.cli.output import loading_kernels
     from navstack.cli.replay_options import reading_bar
@@ -120,7 +120,9 @@ def _run(
     first = dataclasses.replace(opened.options, end=(opened.options.start or 0.0) + WARM_UP_S)
     with loading_kernels(quiet=quiet):
         LogReplay(opened.log, configuration, opened.static_map, first, record=False).run()
-    done = LogReplay(opened.log, configuration, opened.static_map, opened.options, record=record)
+    done = LogReplay(
+        opened.log, configuration, opened.static_map, opened.options, record=spool is not None, spool=spool
+    )
     with reading_bar(opened.log, quiet=quiet) as progress:
         done.run(progress, interrupt)
     return done

@@ -55,7 +55,7 @@ def _simulate(
     from navstack.core.files import write_json
     from navstack.plot import plot_run
 
-    result = _run(scenario, interrupt, quiet=json_, timings=timings, scans=scans)
+    result = _run(scenario, interrupt, folder, quiet=json_, timings=timings, scans=scans)
     assert result.recorder is not None
     files = {what: str(name) for what, name in result.recorder.save(folder).items()}
     picture = folder / "run.png"
@@ -73,7 +73,9 @@ def _simulate(
     return 0 if result.succeeded else 1
 
 
-def _run(scenario: Scenario, interrupt: Interrupt, *, quiet: bool, timings: bool, scans: bool) -> RunResult:
+def _run(
+    scenario: Scenario, interrupt: Interrupt, folder: Path, *, quiet: bool, timings: bool, scans: bool
+) -> RunResult:
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from navstack.cli.output import loading_kernels, shows_progress, stderr
@@ -99,7 +101,7 @@ def _run(scenario: Scenario, interrupt: Interrupt, *, quiet: bool, timings: bool
                 shown = now
                 bar.update(task, completed=goal, goal=goal + 1, now=now)
 
-        return run_scenario(scenario, scans=scans, timings=timings, progress=progress, stop=interrupt)
+        return run_scenario(scenario, scans=scans, spool=folder, timings=timings, progress=progress, stop=interrupt)
 
 
 def _print(result: RunResult, files: dict[str, str], limit_s: float) -> None:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import os
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any, Final
 
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from navstack.core.bounded_archive import expanded_size, read_array, read_member
 from navstack.core.bounded_reading import CappedFile, NotRegularFileError, short_repr, shortened, size_text
 from navstack.core.errors import RecordError
+from navstack.record.columns import Streamed
 from navstack.record.format import EVENTS, FORMAT, META, RUN_FILE, VERSION
 from navstack.record.validation import check, check_event
 
@@ -26,6 +28,7 @@ MAX_JSON_BYTES: Final = 32_000_000
 """Largest `meta.json` and `events.jsonl`: an object takes up to twenty times the memory of its text."""
 
 LIMIT_VARIABLE: Final = "NAVSTACK_MAX_RECORD_MB"
+_PIECE: Final = 1 << 20
 
 
 def dump_json(value: Any) -> str:
@@ -33,15 +36,18 @@ def dump_json(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
 
 
-def write(file: IO[bytes], meta: dict[str, Any], events: list[dict[str, Any]], arrays: dict[str, NDArray[Any]]) -> None:
+def write(
+    file: IO[bytes],
+    meta: dict[str, Any],
+    events: Iterable[dict[str, Any]],
+    arrays: Mapping[str, NDArray[Any] | Streamed],
+) -> None:
     """Writes a record; equal contents give equal bytes (fixed order, no time stamps)."""
     with zipfile.ZipFile(file, "w") as archive:
         _add(archive, META, _encoded(dump_json(meta)))
         _add(archive, EVENTS, _encoded("".join(dump_json(event) + "\n" for event in events)))
         for name, array in arrays.items():
-            buffer = io.BytesIO()
-            np.lib.format.write_array(buffer, array, version=(1, 0), allow_pickle=False)
-            _add(archive, f"{name}.npy", buffer.getbuffer())
+            _add(archive, f"{name}.npy", *_as_file(array))
 
 
 def _encoded(text: str) -> bytes:
@@ -49,13 +55,43 @@ def _encoded(text: str) -> bytes:
     return text.encode("utf-8", "backslashreplace")
 
 
-def _add(archive: zipfile.ZipFile, name: str, content: bytes | memoryview) -> None:
+def _as_file(array: NDArray[Any] | Streamed) -> tuple[bytes, int, Iterable[Any]]:
+    """Returns an array as a file of numpy: its header, the number of bytes that follow, and these."""
+    buffer = io.BytesIO()
+    if not isinstance(array, Streamed):
+        np.lib.format.write_array(buffer, array, version=(1, 0), allow_pickle=False)
+        return buffer.getvalue(), 0, ()
+    described = {
+        "descr": np.lib.format.dtype_to_descr(array.dtype),
+        "fortran_order": array.column_major,
+        "shape": array.shape,
+    }
+    np.lib.format.write_array_header_1_0(buffer, described)
+    return buffer.getvalue(), math.prod(array.shape) * array.dtype.itemsize, array.pieces()
+
+
+def _add(archive: zipfile.ZipFile, name: str, content: bytes, more: int = 0, pieces: Iterable[Any] = ()) -> None:
+    """Adds a member: `content`, and then `pieces` of `more` bytes in all."""
     info = zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0))
     info.compress_type = zipfile.ZIP_DEFLATED
     info.create_system = 3
     info.external_attr = 0o644 << 16
-    # level 1 already shrinks grids and tables of few values tenfold; higher levels take longer than the run itself
-    archive.writestr(info, content, compresslevel=1)
+    info.file_size = len(content) + more
+    # level 1 already shrinks grids and tables of few values tenfold; higher levels take longer than the run itself. Only
+    # `writestr`, which needs the whole content, takes the level as an argument
+    info._compresslevel = 1  # pyright: ignore[reportAttributeAccessIssue]
+    with archive.open(info, "w") as member:
+        # pieces of one size, so that the compressed bytes do not depend on how the record was kept
+        waiting = bytearray(content)
+        for piece in pieces:
+            waiting += piece
+            if len(waiting) >= _PIECE:
+                whole = len(waiting) - len(waiting) % _PIECE
+                for at in range(0, whole, _PIECE):
+                    member.write(waiting[at : at + _PIECE])
+                del waiting[:whole]
+        for at in range(0, len(waiting), _PIECE):
+            member.write(waiting[at : at + _PIECE])
 
 
 def locate(path: Path) -> Path:

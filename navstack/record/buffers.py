@@ -1,8 +1,11 @@
-"""Buffers of a recorder: they collect local plans and costmap updates and convert them to arrays of the record."""
+"""Buffers of a recorder: they collect plans and costmap updates in the form of the record."""
 
 from __future__ import annotations
 
-from typing import Any
+import itertools
+import struct
+from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +14,13 @@ from navstack.core import Costmap, GridGeometry, Window
 from navstack.interfaces import LocalPlan
 from navstack.record import format as fmt
 from navstack.record._grid_kernels import copy_changes
+from navstack.record.columns import Column, Streamed, Table, looked_up, side_by_side
+
+_VALID: Final = -1
+_NO_TRAJECTORY: Final = -2
+"""Codes of `local_plan_rejected_by`."""
+_BATCH: Final = 64
+_INT: Final = struct.Struct("<i").pack
 
 
 def stacked(parts: list[Any], width: int, dtype: str) -> NDArray[Any]:
@@ -18,9 +28,22 @@ def stacked(parts: list[Any], width: int, dtype: str) -> NDArray[Any]:
     return np.concatenate([np.empty((0, width), dtype), *parts], dtype=dtype)
 
 
-def joined(parts: list[Any], dtype: str) -> NDArray[Any]:
-    """Concatenates arrays (n,); an empty array for no parts."""
-    return np.concatenate([np.empty(0, dtype), *parts], dtype=dtype)
+class PlanBuffer:
+    """The plans of the global planner."""
+
+    def __init__(self, folder: Path | None = None) -> None:
+        self._table = Table(fmt.TABLES["plans"], folder)
+        self._poses = Column("<f8", 3, folder)
+
+    def add(self, t: float, poses: NDArray[np.float64], goal: int, frame: str) -> None:
+        """Adds a plan (n, 3)."""
+        poses = np.asarray(poses, np.float64).reshape(-1, 3)
+        self._table.add(t, len(self._poses), len(poses), goal, self._table.texts["frame"].number(frame))
+        self._poses.extend(poses)
+
+    def arrays(self) -> dict[str, Streamed]:
+        """Returns the arrays of the record."""
+        return {"plans": self._table.streamed(), "plan_poses": self._poses.streamed()}
 
 
 class LocalPlanRow:
@@ -62,14 +85,123 @@ def _or_nan(values: NDArray[np.float64] | None, shape: tuple[int, ...]) -> NDArr
     return np.full(shape, np.nan, np.float32) if values is None else values.astype(np.float32)
 
 
+class LocalPlanBuffer:
+    """The plans of the local planner with their tables of samples."""
+
+    def __init__(self, keep_tables: bool, folder: Path | None = None) -> None:
+        self._keep_tables = keep_tables
+        self._folder = folder
+        self._pending: list[LocalPlanRow] = []
+        self._table = Table(fmt.TABLES["local_plans"], folder)
+        self._critics: dict[str, int] = {}
+        self._samples = [Column("<f4", None, folder) for _ in range(3)]
+        self._costs: list[Column] = []
+        self._totals = Column("<f4", None, folder)
+        self._rejected_by = Column("|i1", None, folder)
+        self._weights: dict[tuple[tuple[int, ...], bytes], int] = {}
+        self._scales = Column("<i4", None, folder)
+        self._poses = Column("<f4", 3, folder)
+        self._notes: dict[str, list[str]] = {}
+
+    @property
+    def critics(self) -> tuple[str, ...]:
+        """The names of all critics, in the order of their first appearance."""
+        self._settle()
+        return tuple(self._critics)
+
+    @property
+    def notes(self) -> dict[str, list[str]]:
+        """Notes by number of the plan."""
+        self._settle()
+        return self._notes
+
+    def add(self, t: float, plan: LocalPlan) -> None:
+        """Adds a plan."""
+        self._pending.append(LocalPlanRow(t, plan, self._keep_tables))
+        if len(self._pending) >= _BATCH:
+            self._settle()
+
+    def arrays(self) -> dict[str, Streamed]:
+        """Returns the arrays of the record; the costs have a column for each critic."""
+        self._settle()
+        scored = len(self._totals)
+        for column in self._costs:
+            _pad(column, scored)
+        # column-major: the costs of one critic compress much better than those of one sample
+        return {
+            "local_plans": self._table.streamed(),
+            "local_plan_samples": side_by_side(self._samples, scored),
+            "local_plan_costs": side_by_side(self._costs, scored),
+            "local_plan_totals": self._totals.streamed(),
+            "local_plan_rejected_by": self._rejected_by.streamed(),
+            "local_plan_scales": looked_up(self._scales, self._scale_rows()),
+            "local_plan_poses": self._poses.streamed(),
+        }
+
+    def _scale_rows(self) -> NDArray[np.float32]:
+        """The different rows of scales, by number."""
+        rows = np.full((len(self._weights), len(self._critics)), np.nan, np.float32)
+        for (columns, scales), number in self._weights.items():
+            if scales:
+                rows[number, list(columns)] = np.frombuffer(scales, np.float32)
+        return rows
+
+    def _settle(self) -> None:
+        """Appends what is pending to the columns, many rows at once: one by one they would cost as much as the run."""
+        rows, self._pending = self._pending, []
+        scored, posed = len(self._totals), len(self._poses)
+        for row in rows:
+            columns = self._columns_of(row.critics)
+            count, poses = len(row.samples), len(row.trajectory)
+            mode = self._table.texts["mode"].number(row.mode)
+            if row.notes:
+                self._notes[str(len(self._table))] = list(row.notes)
+            counts = scored, count, row.tried, row.rejected, posed, poses
+            self._table.add(row.t, mode, row.vx, row.vy, row.wz, row.best, *counts)
+            weights = columns, b"" if row.scales is None else row.scales.tobytes()
+            self._scales.extend_bytes(_INT(self._weights.setdefault(weights, len(self._weights))))
+            scored, posed = scored + count, posed + poses
+        first = len(self._totals)
+        for critics, group in itertools.groupby((row for row in rows if len(row.samples)), lambda row: row.critics):
+            first = self._add_samples(list(group), self._columns_of(critics), first)
+        self._poses.extend(stacked([row.trajectory for row in rows], 3, "<f4"))
+
+    def _columns_of(self, critics: tuple[str, ...]) -> tuple[int, ...]:
+        """Returns the columns of these critics, new ones included."""
+        for name in critics:
+            if name not in self._critics:
+                self._critics[name] = len(self._critics)
+                self._costs.append(Column("<f4", None, self._folder))
+        return tuple(self._critics[name] for name in critics)
+
+    def _add_samples(self, rows: list[LocalPlanRow], columns: tuple[int, ...], first: int) -> int:
+        """Adds the tables of plans with the same critics; those of another planner have columns of their own."""
+        for column, values in zip(self._samples, np.concatenate([row.samples for row in rows]).T, strict=True):
+            column.extend(values)
+        for column, values in zip(columns, np.concatenate([row.costs for row in rows]).T, strict=True):
+            _pad(self._costs[column], first)
+            self._costs[column].extend(values)
+        self._totals.extend(np.concatenate([row.totals for row in rows]))
+        rejected = np.concatenate([row.rejected_by for row in rows])
+        if columns != tuple(range(len(columns))):
+            rejected = np.array([*columns, _NO_TRAJECTORY, _VALID], np.int8)[rejected]
+        self._rejected_by.extend(rejected)
+        return len(self._totals)
+
+
+def _pad(column: Column, length: int) -> None:
+    """Fills a column with NaN up to a length."""
+    if len(column) < length:
+        column.extend(np.full(length - len(column), np.nan, np.float32))
+
+
 class CostmapBuffer:
     """The updates of one costmap: the whole grid if it moved, else the box of changed cells."""
 
-    def __init__(self, frame: str) -> None:
+    def __init__(self, frame: str, folder: Path | None = None) -> None:
         self.frame = frame
-        self.cells: list[bytes] = []
-        self._rows: list[tuple[float | int, ...]] = []
-        self._size = 0
+        self._table = Table(fmt.COSTMAP_TABLE, folder)
+        self._cells = Column("|u1", None, folder)
         self._geometry: GridGeometry | None = None
         self._last: NDArray[np.uint8] | None = None
 
@@ -85,64 +217,10 @@ class CostmapBuffer:
             inside = geometry.window if window is None else window
             box = Window(*copy_changes(data, self._last, *inside))
         g = geometry
-        self._rows.append((t, g.nx, g.ny, g.resolution, g.origin_x, g.origin_y, *box, self._size))
+        self._table.add(t, g.nx, g.ny, g.resolution, g.origin_x, g.origin_y, *box, len(self._cells))
         if not box.is_empty:
-            cells = data[box.slices].tobytes()
-            self.cells.append(cells)
-            self._size += len(cells)
+            self._cells.extend_bytes(data[box.slices].tobytes())
 
-    def table(self) -> NDArray[np.void]:
-        """Returns the updates as a structured array."""
-        out = np.zeros(len(self._rows), fmt.COSTMAP_TABLE)
-        for i, (name, _) in enumerate(fmt.COSTMAP_TABLE):
-            out[name] = [row[i] for row in self._rows]
-        return out
-
-
-def critics_of(rows: list[LocalPlanRow]) -> tuple[str, ...]:
-    """Returns the names of all critics, in order of their first appearance."""
-    names: dict[str, None] = {}
-    for row in rows:
-        names.update(dict.fromkeys(row.critics))
-    return tuple(names)
-
-
-def local_plan_arrays(rows: list[LocalPlanRow], critics: tuple[str, ...]) -> dict[str, NDArray[Any]]:
-    """Returns the table and the arrays of the local plans; the costs have a column for each of `critics`."""
-    counts = np.array([len(row.samples) for row in rows], np.int64)
-    poses = np.array([len(row.trajectory) for row in rows], np.int64)
-    data: dict[str, Any] = {
-        "first": np.cumsum(counts) - counts,
-        "count": counts,
-        "first_pose": np.cumsum(poses) - poses,
-        "poses": poses,
-    }
-    for name in ("t", "mode", "vx", "vy", "wz", "best", "tried", "rejected"):
-        data[name] = [getattr(row, name) for row in rows]
-    scales = np.full((len(rows), len(critics)), np.nan, np.float32)
-    costs: list[NDArray[np.float32]] = []
-    rejected: list[NDArray[np.int8]] = []
-    for i, row in enumerate(rows):
-        columns = [critics.index(name) for name in row.critics]
-        if row.scales is not None:
-            scales[i, columns] = row.scales
-        if row.critics == critics:
-            costs.append(row.costs)
-            rejected.append(row.rejected_by)
-        elif len(row.samples):
-            # of another planner: its critics have columns of their own
-            wide = np.full((len(row.samples), len(critics)), np.nan, np.float32)
-            wide[:, columns] = row.costs
-            costs.append(wide)
-            lookup = np.array([*columns, -2, -1], np.int8)
-            rejected.append(lookup[row.rejected_by])
-    return {
-        "local_plans": fmt.table(fmt.TABLES["local_plans"], data, len(rows)),
-        # column-major: the costs of one critic compress much better than those of one sample
-        "local_plan_samples": np.asfortranarray(stacked([row.samples for row in rows], 3, "<f4")),
-        "local_plan_costs": np.asfortranarray(stacked(costs, len(critics), "<f4")),
-        "local_plan_totals": joined([row.totals for row in rows], "<f4"),
-        "local_plan_rejected_by": joined(rejected, "|i1"),
-        "local_plan_scales": scales,
-        "local_plan_poses": stacked([row.trajectory for row in rows], 3, "<f4"),
-    }
+    def arrays(self, name: str) -> dict[str, Streamed]:
+        """Returns the arrays of the record for the costmap `name`."""
+        return {f"costmaps/{name}": self._table.streamed(), f"costmaps/{name}_cells": self._cells.streamed()}

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Twist2D
-from navstack.record.format import table
+from navstack.record.columns import Streamed, Table
 from navstack.safety import CommandStep
 
 _VELOCITIES: Final = tuple(
@@ -62,29 +63,22 @@ class RecordedCommand:
 class CommandBuffer:
     """Collects steps of a `CommandChain`."""
 
-    def __init__(self) -> None:
-        self._steps: list[CommandStep] = []
+    def __init__(self, folder: Path | None = None) -> None:
+        self._table = Table(COMMAND_TABLE, folder)
 
     def __len__(self) -> int:
-        return len(self._steps)
+        return len(self._table)
 
     def add(self, step: CommandStep) -> None:
         """Adds a step."""
-        self._steps.append(step)
+        zone = step.decision.zone if step.decision is not None else ""
+        texts = step.source, step.changed_by, step.action, zone, step.reason[:MAX_TEXT]
+        numbers = (known.number(text) for known, text in zip(self._table.texts.values(), texts, strict=True))
+        self._table.add(step.time, *step.requested, *step.smoothed, *step.sent, *numbers)
 
-    def table(self) -> NDArray[np.void]:
+    def table(self) -> Streamed:
         """Returns the steps as a structured array."""
-        steps = self._steps
-        data: dict[str, Any] = {"t": [step.time for step in steps]}
-        for stage in ("requested", "smoothed", "sent"):
-            for i, axis in enumerate(("vx", "vy", "wz")):
-                data[f"{stage}_{axis}"] = [getattr(step, stage)[i] for step in steps]
-        data["source"] = [step.source for step in steps]
-        data["changed_by"] = [step.changed_by for step in steps]
-        data["action"] = [step.action for step in steps]
-        data["zone"] = [step.decision.zone if step.decision is not None else "" for step in steps]
-        data["reason"] = [step.reason[:MAX_TEXT] for step in steps]
-        return table(COMMAND_TABLE, data, len(steps))
+        return self._table.streamed()
 
 
 def recorded_command(row: Any) -> RecordedCommand:

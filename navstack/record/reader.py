@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -39,7 +39,7 @@ class Record:
         self,
         meta: dict[str, Any],
         events: list[dict[str, Any]],
-        arrays: dict[str, NDArray[Any]],
+        arrays: Mapping[str, NDArray[Any]],
         path: Path | None = None,
     ) -> None:
         """Takes the checked members of a file (`navstack.record.format`); use `Record.load`."""

@@ -1,12 +1,12 @@
-"""Records a run: appends to lists, copies arrays that may change, and computes nothing until the end."""
+"""Records a run: appends to buffers, in memory or on disk, and computes nothing until the end."""
 
 from __future__ import annotations
 
 import math
-from array import array
+import struct
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,8 @@ from navstack.core.files import atomic_write, ensure_directory
 from navstack.interfaces import LocalPlan
 from navstack.record import format as fmt
 from navstack.record.archive import write
-from navstack.record.buffers import CostmapBuffer, LocalPlanRow, critics_of, local_plan_arrays, stacked
+from navstack.record.buffers import CostmapBuffer, LocalPlanBuffer, PlanBuffer
+from navstack.record.columns import Column, OnDemand, Streamed, Table
 from navstack.record.commands import CommandBuffer
 from navstack.record.log import render_log
 from navstack.record.reader import Record
@@ -36,6 +37,8 @@ from navstack.record.scans import ScanBuffer, scan_arrays
 from navstack.record.solids import SolidNames, SolidsBuffer
 from navstack.record.steering import SteeredBase
 from navstack.safety import CommandStep
+
+_FLOAT: Final = struct.Struct("<d").pack
 
 
 class Collision(Protocol):
@@ -53,7 +56,7 @@ class Collision(Protocol):
 
 
 class RunRecorder:
-    """The record of one run, in memory until `save`. It is a `Listener` for events; methods add the other data.
+    """The record of one run, in memory or on disk until `save`. It is a `Listener` for events; methods add the other data.
 
     Times (s) are those of the run's clock and must not decrease. Arrays are copied, so the caller may change them afterwards.
     The same calls give the same file byte for byte, so no data may come from a wall clock. See `navstack.record.format`.
@@ -72,34 +75,35 @@ class RunRecorder:
         steering: SteeredBase | None = None,
         keep_tables: bool = True,
         keep_scans: bool = True,
+        spool: Path | None = None,
     ) -> None:
         """`footprint`: without the costmaps' padding. `scenario`: JSON data that describes the run. `sensors`: pose of every
         lidar frame in the base frame. `steering`: of a steered base. `keep_tables=False` omits the local planner's samples (a
-        few hundred bytes per cycle), `keep_scans=False` the scans (about 1 kB each).
+        few hundred bytes per cycle), `keep_scans=False` the scans (about 1 kB each). `spool`: folder for what grows with the run,
+        in files that vanish with the process, instead of in memory; the methods then raise OutputError if the disk is full.
         """
         self._map = map
         self._footprint = footprint
         self._scenario: dict[str, Any] = jsonable(dict(scenario))
         self._frames = {"global": global_frame, "local": local_frame, "base": base_frame}
         self._sensors = {frame: [*pose] for frame, pose in (sensors or {}).items()}
-        self._keep_tables = keep_tables
         self._keep_scans = keep_scans
         self._results: list[dict[str, Any]] = []
         self._events: list[dict[str, Any]] = []
-        self._samples = array("d")
-        self._sample_goal = array("i")
-        self._clearances = array("d")
-        self._steered_base, self._steering = steering, array("d")
+        self._spool = spool
+        self._samples = Table(fmt.TABLES["samples"], spool)
+        self._clearances = Column("<f8", None, spool)
+        self._knows_clearance = False
+        self._steered_base, self._steering = steering, Column("<f8", None, spool)
         self._clearance_source: Callable[[], Sequence[float]] | None = None
         self._solids = SolidsBuffer()
-        self._sample_state: list[str] = []
         self._goals: list[tuple[float, ...]] = []
         self._collisions: list[tuple[float, ...]] = []
-        self._plans: list[tuple[float, NDArray[np.float64], int, str]] = []
-        self._local_plans: list[LocalPlanRow] = []
+        self._plans = PlanBuffer(spool)
+        self._local_plans = LocalPlanBuffer(keep_tables, spool)
         self._costmaps: dict[str, CostmapBuffer] = {}
         self._scans: dict[tuple[str, str], ScanBuffer] = {}
-        self._commands = CommandBuffer()
+        self._commands = CommandBuffer(spool)
         self._zones: list[Any] = []
 
     # --- during the run -----------------------------------------------------------------------------------------------
@@ -145,12 +149,12 @@ class RunRecorder:
         `clearance` (m): distance from the unpadded footprint to the nearest obstacle, if known. `steering` (rad): the angle of
         a steered base.
         """
-        self._clearances.append(clearance)
+        self._knows_clearance = self._knows_clearance or clearance == clearance
+        self._clearances.extend_bytes(_FLOAT(clearance))
         if self._steered_base is not None:
-            self._steering.append(steering)
-        self._samples.extend((t, *pose, *odom.pose, *odom.velocity, *map_to_odom, *command))
-        self._sample_goal.append(goal_index)
-        self._sample_state.append(state if isinstance(state, str) else str(state))
+            self._steering.extend_bytes(_FLOAT(steering))
+        number = self._samples.texts["state"].number(state if isinstance(state, str) else str(state))
+        self._samples.add(t, *pose, *odom.pose, *odom.velocity, *map_to_odom, *command, goal_index, number)
 
     def set_clearance_source(self, source: Callable[[], Sequence[float]]) -> None:
         """Sets a function that returns the clearances (m) of all samples so far; they replace those passed to `sample`.
@@ -171,7 +175,7 @@ class RunRecorder:
 
         The numbers of discs and corners are constant, unless `names` identifies them: see `identify_solids`.
         """
-        self._solids.add(len(self._sample_state), discs, corners, first, names)
+        self._solids.add(len(self._samples), discs, corners, first, names)
 
     def identify_solids(
         self, discs: NDArray[np.float64], corners: NDArray[np.float64], first: NDArray[np.int64], names: SolidNames
@@ -183,11 +187,11 @@ class RunRecorder:
 
     def plan(self, t: float, poses: NDArray[np.float64], frame: str) -> None:
         """Adds a plan (n, 3) of the global planner, for the goal accepted last."""
-        self._plans.append((t, np.array(poses, np.float64).reshape(-1, 3), len(self._goals) - 1, frame))
+        self._plans.add(t, poses, len(self._goals) - 1, frame)
 
     def local_plan(self, t: float, plan: LocalPlan) -> None:
         """Adds a plan of the local planner, with its table of samples."""
-        self._local_plans.append(LocalPlanRow(t, plan, self._keep_tables))
+        self._local_plans.add(t, plan)
 
     def costmap(self, t: float, name: str, costmap: Costmap, window: Window | None = None) -> None:
         """Adds a costmap after an update of `window` (None: of any cell).
@@ -198,7 +202,7 @@ class RunRecorder:
         name = name.removesuffix("_costmap")
         log = self._costmaps.get(name)
         if log is None:
-            log = self._costmaps[name] = CostmapBuffer(costmap.frame)
+            log = self._costmaps[name] = CostmapBuffer(costmap.frame, self._spool)
         log.add(t, costmap, window)
 
     def scan(self, t: float, scan: LaserScan, pose: Pose2D | None = None) -> None:
@@ -208,7 +212,7 @@ class RunRecorder:
         source = (scan.topic, scan.frame)
         buffer = self._scans.get(source)
         if buffer is None:
-            buffer = self._scans[source] = ScanBuffer(len(self._scans))
+            buffer = self._scans[source] = ScanBuffer(len(self._scans), folder=self._spool)
         buffer.add(t, scan, pose)
 
     def collision(self, t: float, pose: Pose2D) -> None:
@@ -227,7 +231,8 @@ class RunRecorder:
 
     def record(self) -> Record:
         """Returns the run so far, as `Record.load` would read it."""
-        return Record(*self._members())
+        meta, events, arrays = self._members()
+        return Record(meta, events, OnDemand(arrays))
 
     def set_sensors(self, sensors: Mapping[str, Transform2D]) -> None:
         """Replaces the poses of the lidar frames in the base frame: those of a log are known only when its scans arrive."""
@@ -253,35 +258,29 @@ class RunRecorder:
             log.write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")
         return files
 
-    def _members(self) -> tuple[dict[str, Any], list[dict[str, Any]], dict[str, NDArray[Any]]]:
+    def _members(self) -> tuple[dict[str, Any], list[dict[str, Any]], dict[str, NDArray[Any] | Streamed]]:
         self._fetch_clearances()
-        critics = critics_of(self._local_plans)
-        arrays: dict[str, NDArray[Any]] = {}
+        arrays: dict[str, NDArray[Any] | Streamed] = {}
         if self._map is not None:
             arrays["map"] = np.ascontiguousarray(self._map.data, np.int8)
-        values = np.array(self._samples, "<f8").reshape(-1, len(fmt.SAMPLE_COLUMNS))
-        samples: dict[str, Any] = {name: values[:, i] for i, name in enumerate(fmt.SAMPLE_COLUMNS)}
-        samples |= {"goal": self._sample_goal, "state": self._sample_state}
-        arrays["samples"] = fmt.table(fmt.TABLES["samples"], samples, len(values))
-        clearances = np.array(self._clearances, "<f8")
-        if not np.isnan(clearances).all():
-            arrays["clearances"] = clearances
+        arrays["samples"] = self._samples.streamed()
+        if self._knows_clearance:
+            arrays["clearances"] = self._clearances.streamed()
         if self._steered_base is not None:
-            arrays["steering"] = np.array(self._steering, "<f8")
-        arrays |= self._solids.arrays(len(values))
+            arrays["steering"] = self._steering.streamed()
+        arrays |= self._solids.arrays(len(self._samples))
         for name, rows in (("goals", self._goals), ("collisions", self._collisions)):
             columns = np.array(rows, np.float64).reshape(-1, 4)
             arrays[name] = fmt.table(
                 fmt.TABLES[name], {key: columns[:, i] for i, key in enumerate(("t", "x", "y", "yaw"))}, len(rows)
             )
-        arrays |= self._plan_arrays()
-        arrays |= local_plan_arrays(self._local_plans, critics)
-        arrays |= scan_arrays(list(self._scans.values()), values[:, 0], values[:, 1:4])
+        arrays |= self._plans.arrays()
+        arrays |= self._local_plans.arrays()
+        arrays |= scan_arrays(list(self._scans.values()), self._samples.rows.array())
         if len(self._commands):
             arrays["commands"] = self._commands.table()
         for name, log in self._costmaps.items():
-            arrays[f"costmaps/{name}"] = log.table()
-            arrays[f"costmaps/{name}_cells"] = np.frombuffer(b"".join(log.cells), np.uint8)
+            arrays |= log.arrays(name)
         meta = {
             "format": fmt.FORMAT,
             "version": fmt.VERSION,
@@ -290,8 +289,8 @@ class RunRecorder:
             "footprint": self._footprint.vertices.tolist(),
             "scenario": self._scenario,
             "results": self._results,
-            "critics": list(critics),
-            "local_plan_notes": {str(i): list(row.notes) for i, row in enumerate(self._local_plans) if row.notes},
+            "critics": list(self._local_plans.critics),
+            "local_plan_notes": self._local_plans.notes,
             "costmaps": {name: log.frame for name, log in self._costmaps.items()},
             "scan_sources": [list(source) for source in self._scans],
             "sensors": self._sensors,
@@ -304,22 +303,10 @@ class RunRecorder:
 
     def _fetch_clearances(self) -> None:
         if self._clearance_source is not None:
-            self._clearances = array("d", self._clearance_source())
-
-    def _plan_arrays(self) -> dict[str, NDArray[Any]]:
-        plans = self._plans
-        counts = np.array([len(poses) for _, poses, _, _ in plans], np.int64)
-        data: dict[str, Any] = {
-            "t": [t for t, _, _, _ in plans],
-            "first": np.cumsum(counts) - counts,
-            "count": counts,
-            "goal": [goal for _, _, goal, _ in plans],
-            "frame": [frame for _, _, _, frame in plans],
-        }
-        return {
-            "plans": fmt.table(fmt.TABLES["plans"], data, len(plans)),
-            "plan_poses": stacked([poses for _, poses, _, _ in plans], 3, "<f8"),
-        }
+            found = np.array(self._clearance_source(), "<f8")
+            self._clearances = Column("<f8")
+            self._clearances.extend(found)
+            self._knows_clearance = not np.isnan(found).all()
 
 
 def _map_meta(grid: OccupancyGrid | None) -> dict[str, Any] | None:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections import deque
+from collections.abc import Iterable, Iterator
+from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Twist2D
+from navstack.record.columns import Table
 
 LINEAR_M_S: Final = 0.05
 """Commands differ if their translational velocities differ by more (m/s),"""
@@ -34,6 +38,87 @@ class Cycle(NamedTuple):
     """True if the local planner found a command."""
     planned: bool
     """True if a new global plan arrived."""
+
+
+_COLUMNS: Final = [
+    *(("time", "<f8"), ("state", "<U"), ("goal", "<i4"), ("vx", "<f8"), ("vy", "<f8"), ("wz", "<f8")),
+    *(("recorded_vx", "<f8"), ("recorded_vy", "<f8"), ("recorded_wz", "<f8"), ("flags", "<i4")),
+]
+_RECORDED, _REJECTED, _CONTROLLED, _PLANNED = 1, 2, 4, 8
+
+
+class Cycles(Iterable[Cycle]):
+    """The cycles of a replay in compact form: a day of them has 130 MB at 20 Hz, in memory or, with a folder, on disk."""
+
+    def __init__(self, cycles: Iterable[Cycle] = (), folder: Path | None = None) -> None:
+        self._table = Table(_COLUMNS, folder)
+        self.first: Cycle | None = None
+        self.last: Cycle | None = None
+        for cycle in cycles:
+            self.append(cycle)
+
+    def __len__(self) -> int:
+        return len(self._table)
+
+    def __iter__(self) -> Iterator[Cycle]:
+        for row in self.rows():
+            flags = int(row["flags"])
+            recorded = Twist2D(*(float(row[f"recorded_{axis}"]) for axis in ("vx", "vy", "wz")))
+            yield Cycle(
+                float(row["time"]),
+                str(row["state"]),
+                int(row["goal"]),
+                Twist2D(float(row["vx"]), float(row["vy"]), float(row["wz"])),
+                recorded if flags & _RECORDED else None,
+                bool(flags & _REJECTED),
+                bool(flags & _CONTROLLED),
+                bool(flags & _PLANNED),
+            )
+
+    def append(self, cycle: Cycle) -> None:
+        """Add a cycle."""
+        state = self._table.texts["state"].number(cycle.state)
+        recorded = cycle.recorded
+        flags = _REJECTED * cycle.rejected + _CONTROLLED * cycle.controlled + _PLANNED * cycle.planned
+        flags += _RECORDED * (recorded is not None)
+        self._table.add(cycle.time, state, cycle.goal, *cycle.command, *(recorded or _NOTHING), flags)
+        self.first = self.first or cycle
+        self.last = cycle
+
+    def rows(self) -> NDArray[Any]:
+        """Return the cycles as a structured array."""
+        return self._table.streamed().array()
+
+    @property
+    def duration(self) -> float:
+        """Time (s) between the first and the last cycle."""
+        return self.last.time - self.first.time if self.first is not None and self.last is not None else 0.0
+
+    def count(self) -> tuple[int, int, int]:
+        """Return the number of cycles with an active goal, and of those without and with a valid command."""
+        rows = self.rows()
+        flags = rows["flags"][rows["goal"] >= 0]
+        return len(flags), int(((flags & _REJECTED) > 0).sum()), int(((flags & _CONTROLLED) > 0).sum())
+
+    def compared(self) -> NDArray[Any]:
+        """Return the rows of the cycles in which navstack found a command and the log had one."""
+        rows = self.rows()
+        both = _RECORDED | _CONTROLLED
+        return rows[(rows["flags"] & both) == both]
+
+    def series(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+        """Return times (n,), commands (n, 3), commands of the log (n, 3) and rejected cycles (n,); NaN without a command."""
+        rows = self.rows()
+        commands = np.where((rows["goal"] >= 0)[:, None], commands_of(rows), math.nan)
+        return rows["time"].copy(), commands, commands_of(rows, "recorded_"), (rows["flags"] & _REJECTED) > 0
+
+
+_NOTHING: Final = (math.nan,) * 3
+
+
+def commands_of(rows: NDArray[Any], prefix: str = "") -> NDArray[np.float64]:
+    """Return the commands (n, 3) of rows of `Cycles`; with the prefix `recorded_`, those of the log."""
+    return np.column_stack([rows[f"{prefix}{axis}"] for axis in ("vx", "vy", "wz")])
 
 
 class Difference(NamedTuple):
@@ -78,24 +163,23 @@ class CommandComparison(NamedTuple):
         }
 
 
-def compare_commands(cycles: Sequence[Cycle]) -> CommandComparison | None:
+def compare_commands(cycles: Cycles) -> CommandComparison | None:
     """Compare the commands; None if the log has none while a goal was active."""
-    pairs = [(cycle, cycle.recorded) for cycle in cycles if cycle.controlled and cycle.recorded is not None]
-    if not pairs:
+    rows = cycles.compared()
+    if not len(rows):
         return None
-    ours = np.array([cycle.command for cycle, _ in pairs], np.float64)
-    theirs = np.array([recorded for _, recorded in pairs], np.float64)
+    ours, theirs = commands_of(rows), commands_of(rows, "recorded_")
     linear = np.hypot(*(ours - theirs)[:, :2].T)
     angular = np.abs(ours[:, 2] - theirs[:, 2])
     differs = (linear > LINEAR_M_S) | (angular > ANGULAR_RAD_S)
     opposite = _opposite(ours[:, 0], theirs[:, 0], LINEAR_M_S) | _opposite(ours[:, 2], theirs[:, 2], ANGULAR_RAD_S)
-    index = int(np.argmax(differs)) if differs.any() else -1
     first = None
-    if index >= 0:
-        cycle, recorded = pairs[index]
-        first = Difference(cycle.time, cycle.command, recorded)
+    if differs.any():
+        index = int(np.argmax(differs))
+        commands = (Twist2D(*map(float, found[index])) for found in (ours, theirs))
+        first = Difference(float(rows["time"][index]), *commands)
     return CommandComparison(
-        len(pairs),
+        len(rows),
         int(differs.sum()),
         int((ours == theirs).all(axis=1).sum()),
         first,
@@ -137,31 +221,45 @@ class PlanComparison(NamedTuple):
         }
 
 
-def compare_plans(
-    ours: Sequence[tuple[float, NDArray[np.float64]]],
-    recorded: Sequence[tuple[float, NDArray[np.float64]]],
-    within_s: float = 1.0,
-) -> PlanComparison | None:
-    """Compare each plan in the log, (time, poses (n, 3)) in the same frame, with navstack's nearest in time.
+class PlanComparer:
+    """Compares each plan of the log with navstack's nearest in time while both arrive; keeps only the last seconds of them."""
 
-    None if there is no pair within `within_s` (s).
-    """
-    times = np.array([t for t, _ in ours])
-    rows: list[tuple[float, float, float, float]] = []
-    for t, poses in recorded:
-        if not len(times) or len(poses) < 2:
-            continue
-        index = int(np.argmin(np.abs(times - t)))
-        if abs(times[index] - t) <= within_s and len(ours[index][1]) >= 2:
-            mine = ours[index][1]
-            rows.append((t, _length(mine), _length(poses), _farthest(mine, poses)))
-    if not rows:
-        return None
-    table = np.array(rows)
-    worst = int(np.argmax(table[:, 3]))
-    length, recorded_length, deviation = table[:, 1:].mean(axis=0).tolist()
-    largest, at = float(table[worst, 3]), float(table[worst, 0])
-    return PlanComparison(len(rows), length, recorded_length, deviation, largest, at)
+    def __init__(self, within_s: float = 1.0) -> None:
+        """`within_s`: plans that are further apart (s) are not compared."""
+        self._within = within_s
+        self._ours: deque[tuple[float, NDArray[np.float64]]] = deque()
+        self._waiting: deque[tuple[float, NDArray[np.float64]]] = deque()
+        self._rows: list[tuple[float, float, float, float]] = []
+
+    def add(self, time: float, poses: NDArray[np.float64]) -> None:
+        """Add a plan (n, 3) of navstack."""
+        self._ours.append((time, poses))
+
+    def add_recorded(self, time: float, poses: NDArray[np.float64]) -> None:
+        """Add a plan (n, 3) of the log, in the same frame."""
+        if len(poses) >= 2:
+            self._waiting.append((time, poses))
+
+    def settle(self, now: float = math.inf) -> None:
+        """Compare the plans of the log for which no nearer plan can come after `now` (s; default: the end)."""
+        while self._waiting and self._waiting[0][0] + self._within < now:
+            time, poses = self._waiting.popleft()
+            nearest = min(self._ours, key=lambda plan: abs(plan[0] - time), default=None)
+            if nearest is not None and abs(nearest[0] - time) <= self._within and len(nearest[1]) >= 2:
+                mine = nearest[1]
+                self._rows.append((time, _length(mine), _length(poses), _farthest(mine, poses)))
+        while self._ours and self._ours[0][0] < now - 2.0 * self._within:
+            self._ours.popleft()
+
+    def result(self) -> PlanComparison | None:
+        """Return the comparison of the settled plans; None without a pair."""
+        if not self._rows:
+            return None
+        table = np.array(self._rows)
+        worst = int(np.argmax(table[:, 3]))
+        length, recorded_length, deviation = table[:, 1:].mean(axis=0).tolist()
+        largest, at = float(table[worst, 3]), float(table[worst, 0])
+        return PlanComparison(len(table), length, recorded_length, deviation, largest, at)
 
 
 def _length(poses: NDArray[np.float64]) -> float:

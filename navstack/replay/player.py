@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import PointCloud, RobotState, Transform2D, Twist2D
+from navstack.core import PointCloud, RobotState, Transform2D
 from navstack.core.errors import FrameError, LogError
 from navstack.logs import LogMessage
 from navstack.logs import messages as ros
@@ -66,9 +66,7 @@ class Player:
         self.clock = clock
         self.frames = LoggedFrames(robot.frames)
         self.problems: dict[str, int] = {}
-        self.plans: list[RecordedPath] = []
-        self.commands: list[tuple[float, Twist2D]] = []
-        """Recorded commands with their times (s)."""
+        self._plans: list[RecordedPath] = []
         self.late_transforms = 0
         """Number of transforms that arrived more than 0.1 s after their stamp."""
         self._topics = topics
@@ -104,6 +102,11 @@ class Player:
         """Times without sensor data or odometry, ordered by their start."""
         return sorted((s for rate in self._rates.values() for s in rate.silences), key=lambda silence: silence.start)
 
+    def take_plans(self) -> list[RecordedPath]:
+        """Return the plans of the log since the last call."""
+        found, self._plans = self._plans, []
+        return found
+
     def play(self, message: LogMessage) -> None:
         """Pass on one message; one that is not valid is counted in `problems`."""
         topic = message.topic
@@ -117,12 +120,10 @@ class Player:
                 self._note_rate(topic, self.clock.time(message.time_ns))
                 self._odometry(message)
             elif topic == self._topics.commands:
-                twist = ros.command_of(message)
-                self.robot.recorded = twist
-                self.commands.append((self.clock.time(message.time_ns), twist))
+                self.robot.recorded = ros.command_of(message)
             elif topic in self._topics.plans:
                 frame, poses = ros.path_of(message.data)
-                self.plans.append(RecordedPath(self.clock.time(message.time_ns), frame, poses))
+                self._plans.append(RecordedPath(self.clock.time(message.time_ns), frame, poses))
             elif topic == ros.EXPORTED_SENSORS:
                 self._scan_fields = ros.scan_fields_of(message.data)
             elif topic == self._topics.truth:

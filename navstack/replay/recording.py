@@ -54,7 +54,9 @@ class ReplayRecorder:
         options: Mapping[str, Any],
         *,
         scans: bool,
+        spool: Path | None,
     ) -> None:
+        """`spool`: as in `RunRecorder`."""
         self._robot = robot
         self._base = configuration.local_costmap.params.robot_base_frame
         self._global = configuration.global_costmap.params.global_frame
@@ -74,6 +76,7 @@ class ReplayRecorder:
             base_frame=self._base,
             sensors=self._sensors,
             keep_scans=scans,
+            spool=spool,
         )
 
     def goal(self, t: float, pose: Pose2D) -> None:

@@ -10,10 +10,8 @@ import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, Final
-
-import numpy as np
-from numpy.typing import NDArray
 
 from navstack.bringup import build_move_base
 from navstack.core import Event, Listener, OccupancyGrid, Pose2D, Twist2D
@@ -24,7 +22,7 @@ from navstack.logs.messages import Clock
 from navstack.move_base import GoalHandle, MoveBase
 from navstack.parameters.configuration import Configuration
 from navstack.record import RunRecorder
-from navstack.replay.comparison import Cycle
+from navstack.replay.comparison import Cycle, Cycles, PlanComparer
 from navstack.replay.logged_robot import LoggedRobot
 from navstack.replay.player import Player
 from navstack.replay.recording import ReplayRecorder
@@ -138,9 +136,13 @@ class LogReplay:
         options: ReplayOptions | None = None,
         *,
         record: bool = True,
+        spool: Path | None = None,
         listeners: Sequence[Listener] = (),
     ) -> None:
-        """`static_map`: None for a robot without a map. Raises LogError, and the errors of `build_move_base`."""
+        """`static_map`: None for a robot without a map. `spool`: folder in which the record grows, instead of in memory.
+
+        Raises LogError, and the errors of `build_move_base`.
+        """
         self.options = options = options or ReplayOptions()
         self.log = log
         # the robot does not obey, so it may stand although it is commanded to move
@@ -158,12 +160,13 @@ class LogReplay:
         self.player = Player(self.robot, self.topics, clock, base_frame=base, periods=periods_of(log, self.topics))
         self.notes += first_transforms(log, self.player, configuration, options.mountings)
         self.notes += place_robot(log, self.player, configuration, options.initial_pose)
-        self.cycles: list[Cycle] = []
+        self.cycles = Cycles(folder=spool)
         self.goals: list[ReplayedGoal] = []
-        self.plans: list[tuple[float, NDArray[np.float64]]] = []
-        """Plans (time in s, poses (n, 3)) of navstack, if the log has plans."""
+        self.compared_plans = PlanComparer()
         self.recorder = (
-            ReplayRecorder(log, configuration, static_map, self.robot, options.as_dict(), scans=options.scans)
+            ReplayRecorder(
+                log, configuration, static_map, self.robot, options.as_dict(), scans=options.scans, spool=spool
+            )
             if record
             else None
         )
@@ -188,7 +191,7 @@ class LogReplay:
     @property
     def duration(self) -> float:
         """Length of the replayed part (s)."""
-        return self.cycles[-1].time - self.cycles[0].time if self.cycles else 0.0
+        return self.cycles.duration
 
     @property
     def run_recorder(self) -> RunRecorder | None:
@@ -223,6 +226,7 @@ class LogReplay:
         self.wall_s = time.perf_counter() - begin
 
     def _finish(self) -> None:
+        self.compared_plans.settle()
         self._settle_goals(final=True)
         if self.recorder is not None:
             self.recorder.finish(self.goals, self.move_base)
@@ -288,7 +292,8 @@ class LogReplay:
         self._settle_goals()
         tick = move_base.last_tick
         if tick.plan is not None and self.topics.plans:
-            self.plans.append((now, tick.plan.path.poses))
+            self.compared_plans.add(now, tick.plan.path.poses)
+        self._compare_plans(now)
         active = bool(self.goals) and not self.goals[-1].handle.is_done
         self.cycles.append(
             Cycle(
@@ -305,6 +310,19 @@ class LogReplay:
         if self.recorder is not None:
             self.recorder.tick(move_base, len(self.goals) - 1)
         return now
+
+    def _compare_plans(self, now: float) -> None:
+        """Pass the plans of the log on to the comparison, in the frame of the global costmap."""
+        target = self.move_base.global_costmap.frame
+        for path in self.player.take_plans():
+            poses = path.poses
+            if path.frame and path.frame != target:
+                try:
+                    poses = self.robot.frames.lookup(target, path.frame).apply_poses(poses)
+                except NavError:
+                    continue
+            self.compared_plans.add_recorded(path.time, poses)
+        self.compared_plans.settle(now)
 
     # --- goals --------------------------------------------------------------------------------------------------------
 

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core.errors import NavError
 from navstack.logs.log import seconds
-from navstack.replay.comparison import CommandComparison, PlanComparison, compare_commands, compare_plans
+from navstack.replay.comparison import CommandComparison, PlanComparison, compare_commands
 
 if TYPE_CHECKING:
     from navstack.replay.replay import LogReplay, ReplayedGoal
@@ -22,14 +21,10 @@ class ReplayReport:
     def __init__(self, replay: LogReplay) -> None:
         self._replay = replay
         self.commands: CommandComparison | None = compare_commands(replay.cycles)
-        self.plans: PlanComparison | None = compare_plans(replay.plans, _recorded_plans(replay))
-        active = [cycle for cycle in replay.cycles if cycle.goal >= 0]
+        self.plans: PlanComparison | None = replay.compared_plans.result()
         self.cycles = len(replay.cycles)
-        self.active = len(active)
-        """Cycles with an active goal."""
-        self.rejected = sum(cycle.rejected for cycle in active)
-        """Cycles in which the local planner found no valid command."""
-        self.controlled = sum(cycle.controlled for cycle in active)
+        self.active, self.rejected, self.controlled = replay.cycles.count()
+        """Cycles with an active goal, and of these those in which the local planner found no valid command, and one."""
 
     @property
     def rejected_share(self) -> float:
@@ -96,14 +91,7 @@ class ReplayReport:
 
         NaN where there is no command.
         """
-        cycles = self._replay.cycles
-        nothing = (math.nan,) * 3
-        return (
-            np.array([cycle.time for cycle in cycles]),
-            np.array([cycle.command if cycle.goal >= 0 else nothing for cycle in cycles], np.float64).reshape(-1, 3),
-            np.array([cycle.recorded or nothing for cycle in cycles], np.float64).reshape(-1, 3),
-            np.array([cycle.rejected for cycle in cycles], np.bool_),
-        )
+        return self._replay.cycles.series()
 
 
 def _command_lines(c: CommandComparison) -> list[str]:
@@ -138,21 +126,6 @@ def _goal(goal: ReplayedGoal) -> dict[str, Any]:
         "recorded_end_s": goal.recorded_end,
         "recorded_text": goal.recorded_text,
     }
-
-
-def _recorded_plans(replay: LogReplay) -> list[tuple[float, NDArray[np.float64]]]:
-    """Return the plans in the log, in the frame of the global costmap."""
-    target = replay.move_base.global_costmap.frame
-    found: list[tuple[float, NDArray[np.float64]]] = []
-    for path in replay.player.plans:
-        poses = path.poses
-        if path.frame and path.frame != target:
-            try:
-                poses = replay.robot.frames.lookup(target, path.frame).apply_poses(poses)
-            except NavError:
-                continue
-        found.append((path.time, poses))
-    return found
 
 
 def clock_text(replay: LogReplay, time: float) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from navstack.bringup import odometry_frame, true_footprint
 from navstack.core import LaserScan, Transform2D
 from navstack.move_base import MoveBase
@@ -11,7 +13,7 @@ from navstack.scenario.scenario import Scenario
 from navstack.sim import SimulatedRobot
 
 
-def new_recorder(scenario: Scenario, robot: SimulatedRobot, *, scans: bool) -> RunRecorder:
+def new_recorder(scenario: Scenario, robot: SimulatedRobot, *, scans: bool, spool: Path | None = None) -> RunRecorder:
     """Returns the recorder of a run of the scenario, with the obstacles if they do not move."""
     configuration = scenario.configuration
     sim = configuration.navstack.sim
@@ -26,6 +28,7 @@ def new_recorder(scenario: Scenario, robot: SimulatedRobot, *, scans: bool) -> R
         sensors={lidar.frame: Transform2D(lidar.x, lidar.y, lidar.yaw) for lidar in lidars},
         steering=SteeredBase.of(sim),
         keep_scans=scans,
+        spool=spool,
     )
     solids = robot.solids
     if not robot.world.moves and scenario.shapes:

@@ -7,6 +7,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -63,11 +64,13 @@ class Run:
         *,
         record: bool = True,
         scans: bool = True,
+        spool: Path | None = None,
         measure: bool = True,
         timings: bool | Timings = False,
         listeners: Sequence[Listener] = (),
     ) -> None:
-        """`record=False` keeps only what the metrics need, `scans=False` all but the scans; `timings` measures the time of
+        """`record=False` keeps only what the metrics need, `scans=False` all but the scans. `spool`: folder in which the
+        record grows instead of in memory. `timings` measures the time of
         both planners, into the given `Timings` or by the wall clock. With `measure=False` there are no metrics either, and the
         memory does not grow with the run.
         """
@@ -77,7 +80,7 @@ class Run:
         self.scenario = scenario
         self.robot = simulated_robot(configuration, scenario.world(), scenario.start, seed=scenario.seed)
         self._measurements = RunMeasurements(self.robot, keep=measure)
-        self.recorder = new_recorder(scenario, self.robot, scans=scans) if record else None
+        self.recorder = new_recorder(scenario, self.robot, scans=scans, spool=spool) if record else None
         if self.recorder is not None:
             self.recorder.set_clearance_source(self._measurements.clearances)
         self._warnings = WarningCollector()
@@ -308,6 +311,7 @@ def run_scenario(
     *,
     record: bool = True,
     scans: bool = True,
+    spool: Path | None = None,
     timings: bool = False,
     progress: Progress | None = None,
     listeners: Sequence[Listener] = (),
@@ -316,13 +320,13 @@ def run_scenario(
     """Drives the simulated robot to each goal in order; continues with the next goal when one fails.
 
     `record=False` computes the same metrics without keeping a record, for large numbers of runs; `scans=False` keeps no
-    scans in it. `timings` adds the wall times of both planners. `stop` is called before every cycle; when it returns True,
-    the goal is cancelled and the run ends with a complete record.
+    scans in it; `spool` is the folder in which it grows instead of in memory. `timings` adds the wall times of both planners.
+    `stop` is called before every cycle; when it returns True, the goal is cancelled and the run ends with a complete record.
 
     Raises InputError or PlanningError if the robot cannot start.
     """
     wall_start = time.perf_counter()
-    run = Run(scenario, record=record, scans=scans, timings=timings, listeners=listeners)
+    run = Run(scenario, record=record, scans=scans, spool=spool, timings=timings, listeners=listeners)
     while True:
         if stop is not None and stop():
             run.stop()

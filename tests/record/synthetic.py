@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,7 +103,7 @@ def curve(n: int) -> NDArray[np.float64]:
     return np.column_stack((points, np.arctan2(slope[:, 1], slope[:, 0])))
 
 
-def local_plan(rng: np.random.Generator, pose: Pose2D, t: int) -> LocalPlan:
+def local_plan(rng: np.random.Generator, pose: Pose2D, t: int, critics: tuple[str, ...] = CRITICS) -> LocalPlan:
     """A table of samples shaped as DWA's."""
     k, best = 126, int(rng.integers(0, 126))
     samples = np.array([(v, 0.0, w) for v in np.linspace(0.1, 0.5, 6) for w in np.linspace(-1.0, 1.0, 21)])
@@ -121,9 +122,9 @@ def local_plan(rng: np.random.Generator, pose: Pose2D, t: int) -> LocalPlan:
         Twist2D(float(samples[best, 0]), 0.0, float(samples[best, 2])),
         "follow",
         samples,
-        CRITICS,
-        costs,
-        scales,
+        critics,
+        costs[:, : len(critics)],
+        scales[: len(critics)],
         totals,
         rejected,
         best,
@@ -132,7 +133,7 @@ def local_plan(rng: np.random.Generator, pose: Pose2D, t: int) -> LocalPlan:
     )
 
 
-def record_run(seconds: float = 72.0, *, scans: bool = False, seed: int = 1) -> RunRecorder:
+def record_run(seconds: float = 72.0, *, scans: bool = False, seed: int = 1, spool: Path | None = None) -> RunRecorder:
     """The whole run, at 5 Hz, with a replan every second."""
     rng = np.random.default_rng(seed)
     grid = office()
@@ -152,6 +153,7 @@ def record_run(seconds: float = 72.0, *, scans: bool = False, seed: int = 1) -> 
         global_frame="map",
         local_frame="odom",
         base_frame="base_footprint",
+        spool=spool,
     )
     n = max(int(seconds * 5), 1)
     path = curve(n)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 import subprocess
@@ -9,8 +10,12 @@ import sys
 import zipfile
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from navstack.core import Pose2D
+from navstack.core.errors import OutputError
+from navstack.record import columns, scans
 from tests.record import synthetic
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -29,6 +34,30 @@ def here(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("run")
     synthetic.record_run(8.0).save(folder)
     return folder
+
+
+def test_on_disk(tmp_path, monkeypatch):
+    """A record that grows on disk is the same file; nothing else is left behind, and it can be read in between."""
+    monkeypatch.setattr(columns, "BLOCK_BYTES", 500)
+    monkeypatch.setattr(scans, "WAITING_RANGES", 200)
+    for name, folder in (("memory", None), ("disk", tmp_path)):
+        recorder = synthetic.record_run(8.0, scans=True, spool=folder)
+        again = recorder.record()
+        recorder.local_plan(8.0, synthetic.local_plan(np.random.default_rng(3), Pose2D(0.0, 0.0), 7, ("goal", "new")))
+        recorder.save(tmp_path / name)
+        assert again.local_plan(3).plan.costs is not None and len(again.scans) == 8
+    assert digests(tmp_path / "disk") == digests(tmp_path / "memory")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["disk", "memory"]
+
+
+def test_a_full_disk_is_an_error_while_it_records(tmp_path, monkeypatch):
+    def full(**options):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(columns.tempfile, "TemporaryFile", full)
+    monkeypatch.setattr(columns, "BLOCK_BYTES", 500)
+    with pytest.raises(OutputError, match=r"No space left on device; choose another folder"):
+        synthetic.record_run(8.0, spool=tmp_path)
 
 
 def test_twice(here, tmp_path):

@@ -173,7 +173,7 @@ def test_a_held_robot_speeds_up_within_the_limits_when_it_is_let_go(
 def recorded(step: CommandStep) -> RecordedCommand:
     buffer = CommandBuffer()
     buffer.add(step)
-    return recorded_command(buffer.table()[0])
+    return recorded_command(buffer.table().array()[0])
 
 
 def test_nav2_compatible_winds_up() -> None:

@@ -129,9 +129,10 @@ def main() -> None:
         cpu, peak = measured(["bag", "info", str(file)])
         rate = file.stat().st_size / 1e6 / cpu
         print(f"bag info: {duration / cpu:.0f} times real time (CPU), {rate:.0f} MB/s, peak {peak:.0f} MB")
-        options = ["--map", "none", "--goal", "0:-2,0", "--no-record", "--out", str(folder / "out")]
-        cpu, peak = measured(["replay", str(file), *options])
-        print(f"replay: {duration / cpu:.0f} times real time (CPU), peak {peak:.0f} MB")
+        options = ["--map", "none", "--goal", "0:-2,0", "--out", str(folder / "out")]
+        for record in ("--no-record", "--record"):
+            cpu, peak = measured(["replay", str(file), *options, record])
+            print(f"replay {record}: {duration / cpu:.0f} times real time (CPU), peak {peak:.0f} MB")
 
 
 if __name__ == "__main__":
