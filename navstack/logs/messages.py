@@ -44,7 +44,7 @@ ACTION_RESULT: Final = "move_base_msgs/msg/MoveBaseActionResult"
 GOAL_ID: Final = "actionlib_msgs/msg/GoalID"
 TRANSFORMS: Final = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 EXPORTED_SENSORS: Final = "/navstack/sensors"
-"""Topic of an exported run: `ScanFields` of each topic of scans, as JSON in a std_msgs/String."""
+"""Topic of an exported run: `ScanFields` by topic and `RangeFields` by frame, as JSON in a std_msgs/String."""
 STRING: Final = "std_msgs/msg/String"
 LARGEST_GRID: Final = 100_000_000
 """Largest number of cells of a map."""
@@ -232,14 +232,31 @@ def scan_of(
     )
 
 
+class RangeFields(NamedTuple):
+    """The fields of a sonar that do not change, in double precision: a message stores them as float32."""
+
+    field_of_view: float
+    min_range: float
+    max_range: float
+
+    def agrees_with(self, message: Any) -> bool:
+        """Return True if a message has the same values, as float32."""
+        return all(np.float32(value) == np.float32(getattr(message, name)) for name, value in self._asdict().items())
+
+
 @checked
-def range_of(message: Any, topic: str, stamp: float) -> RangeReading:
-    """Return the reading of a sonar or infrared sensor."""
+def range_of(message: Any, topic: str, stamp: float, fields: RangeFields | None = None) -> RangeReading:
+    """Return the reading of a sonar or infrared sensor. `fields` replace those of the message if they agree."""
+    exact = message if fields is None or not fields.agrees_with(message) else fields
+    distance = float(message.range)
+    for limit in (float(exact.min_range), float(exact.max_range)):
+        if distance == float(np.float32(limit)):  # a reading at a limit, which means "nothing nearer" or "no obstacle"
+            distance = limit
     return RangeReading(
-        float(message.range),
-        float(message.field_of_view),
-        float(message.min_range),
-        float(message.max_range),
+        distance,
+        float(exact.field_of_view),
+        float(exact.min_range),
+        float(exact.max_range),
         stamp,
         clean_frame(message.header.frame_id),
         topic,
@@ -289,11 +306,15 @@ def map_of(message: Any) -> OccupancyGrid:
         raise LogError(f"a map is not valid: {exc.message}") from exc
 
 
-def scan_fields_of(message: Any) -> dict[str, ScanFields]:
-    """Return the fields of the scans of an exported run by topic. Raises LogError."""
+def sensor_fields_of(message: Any) -> tuple[dict[str, ScanFields], dict[str, RangeFields]]:
+    """Return the fields of an exported run: of scans by topic, of sonars by frame. Raises LogError."""
     try:
         found = json.loads(message.data)
-        return {str(topic): ScanFields(**{k: float(v) for k, v in of.items()}) for topic, of in found["scans"].items()}
+        scans, ranges = found["scans"], found.get("ranges", {})
+        return (
+            {str(topic): ScanFields(**{k: float(v) for k, v in of.items()}) for topic, of in scans.items()},
+            {str(frame): RangeFields(**{k: float(v) for k, v in of.items()}) for frame, of in ranges.items()},
+        )
     except (ValueError, TypeError, KeyError, AttributeError) as exc:
         raise LogError(f"{EXPORTED_SENSORS} has no valid description of the sensors: {exc}") from exc
 

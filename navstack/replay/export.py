@@ -138,7 +138,11 @@ class _Tap:
             "/" + lidar.topic.strip("/"): {name: getattr(lidar, name) for name in ros.ScanFields._fields}
             for lidar in (sim.lidar(name) for name in sim.lasers)
         }
-        text = build.of(ros.STRING, data=json.dumps({"scans": scans}))
+        ranges = {
+            sonar.frame: ros.RangeFields(sonar.fov, sonar.range_min, sonar.range_max)._asdict()
+            for sonar in (sim.sonar(name) for name in sim.sonars)
+        }
+        text = build.of(ros.STRING, data=json.dumps({"scans": scans, "ranges": ranges}))
         self._write(ros.EXPORTED_SENSORS, ros.STRING, 0.0, text, latched=True)
         self._write("/map", ros.MAP, 0.0, build.map(_ns(0.0), self._run.scenario.map), latched=True)
         state = robot.state()

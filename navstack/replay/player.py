@@ -75,6 +75,7 @@ class Player:
         self._rates: dict[str, _Rate] = {}
         self._tilted: set[str] = set()
         self._scan_fields: dict[str, ros.ScanFields] = {}
+        self._range_fields: dict[str, ros.RangeFields] = {}
         self.derives_odometry_frame = not any(topic == "/tf" for topic in topics.transforms)
         """True if the log has no /tf: the pose of the odometry then is the transform odom -> base."""
 
@@ -125,7 +126,7 @@ class Player:
                 frame, poses = ros.path_of(message.data)
                 self._plans.append(RecordedPath(self.clock.time(message.time_ns), frame, poses))
             elif topic == ros.EXPORTED_SENSORS:
-                self._scan_fields = ros.scan_fields_of(message.data)
+                self._scan_fields, self._range_fields = ros.sensor_fields_of(message.data)
             elif topic == self._topics.truth:
                 self.robot.true_pose = ros.odometry_of(message.data, self.clock).pose
         except (LogError, FrameError) as exc:
@@ -164,7 +165,8 @@ class Player:
         sensor = self._topics.sensors[topic]
         stamp = self.clock.stamp(data)
         if sensor.type == ros.RANGE:
-            self.robot.add_scan(ros.range_of(data, sensor.name, stamp))
+            fields = self._range_fields.get(ros.frame_of(data))
+            self.robot.add_scan(ros.range_of(data, sensor.name, stamp, fields))
             return
         frame = ros.frame_of(data)
         mounting = self.frames.mounting(frame)

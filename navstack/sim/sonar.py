@@ -48,6 +48,9 @@ class Sonar:
             there = world.solids_at(stamp) if solids is None else solids
             ranges = sweep(world.leaps, world.grid, *there, eye, self._beams, settings, self._no_noise)
             nearest = max(float(ranges.min()) + noise, p.range_min)
-        if nearest >= p.range_max:
+        nearest = float(np.float32(nearest))  # the precision of sensor_msgs/Range; limits are exact
+        if nearest <= np.float32(p.range_min):
+            nearest = p.range_min
+        if nearest >= np.float32(p.range_max):
             nearest = p.range_max if p.no_return == "max" else math.inf
         return RangeReading(nearest, p.fov, p.range_min, p.range_max, stamp, p.frame, p.topic)

@@ -78,7 +78,7 @@ def test_a_time_outside_the_run_is_refused(record: Record, t: float) -> None:
 
 
 def changed(record: Record, **arrays: np.ndarray) -> Record:
-    return Record(copy.deepcopy(record.meta), [], record.arrays | arrays, record.path)
+    return Record(copy.deepcopy(record.meta), [], {**record.arrays, **arrays}, record.path)
 
 
 def test_a_replay_that_differs_is_refused(record: Record) -> None:
