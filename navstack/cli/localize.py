@@ -27,10 +27,21 @@ def localize(
             help="Known relations between poses (Kümmerle et al. 2009): lines stamp1 stamp2 x y z roll pitch yaw.",
         ),
     ] = None,
+    starts: Annotated[
+        int | None,
+        typer.Option(
+            "--starts",
+            metavar="N",
+            min=1,
+            help="With --global: start at N scans along the log instead of the first, and count how many find the pose.",
+        ),
+    ] = None,
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", metavar="DIR", help="Folder for localize.json, localize.png, errors.png and trajectory.csv."
+            "--out",
+            metavar="DIR",
+            help="Folder for localize.json, localize.png, errors.png and trajectory.csv; of --starts: starts.json, .png, .csv.",
         ),
     ] = None,
     animate: Annotated[
@@ -43,11 +54,24 @@ def localize(
     Logs: CARMEN, bags of ROS 1 and 2, MCAP, recorded runs. Without alignment: a localizer has no frame of its own.
     """
     from navstack.cli.localize_report import print_tracks, write_tracks
+    from navstack.cli.localize_starts import localize_starts
     from navstack.cli.out_path import folder_only
     from navstack.cli.output import print_files, print_json
     from navstack.drives.relations import errors_by_relations, read_relations
 
     folder_only(out)
+    if starts is not None:
+        _require_global(chosen, relations, animate)
+        localize_starts(
+            chosen.query(),
+            starts,
+            chosen_scans(chosen.scans),
+            seed=chosen.seed,
+            title=chosen.log.name,
+            out=out,
+            json_=json_,
+        )
+        return
     known = None if relations is None else read_relations(relations)
     query = chosen.query()
     tracks = _tracks(query, chosen, quiet=json_)
@@ -65,6 +89,16 @@ def localize(
     print_drive_notes(query.drive)
     print_tracks(tracks, results)
     print_files(files)
+
+
+def _require_global(chosen: LocalizeOptions, relations: Path | None, animate: Path | None) -> None:
+    from navstack.core.errors import InputError
+
+    if not chosen.global_:
+        raise InputError("--starts counts starts without a pose; use it with --global", argument="--starts")
+    for name, value in (("--relations", relations), ("--animate", animate)):
+        if value is not None:
+            raise InputError(f"--starts and {name} exclude each other; run the command twice", argument=name)
 
 
 def _tracks(query: LocalizeQuery, chosen: LocalizeOptions, *, quiet: bool) -> dict[str, Track]:

@@ -14,11 +14,14 @@ from numpy.typing import NDArray
 from navstack.core import Pose2D
 from navstack.core.errors import LogError
 from navstack.drives.messages import DriveFrame
-from navstack.interfaces import Localizer
+from navstack.interfaces import Localizer, PoseEstimate
 from navstack.localization.metrics import PoseErrors, absolute_errors, pairs_by_distance, relative_errors
 
 MAX_SNAPSHOTS: Final = 400
 """Most clouds of particles that a track keeps; of a longer drive every second one, and so on."""
+
+SURE_M: Final = 0.5
+"""A localizer that does not say whether it is lost counts as sure below this standard deviation of the position (m)."""
 
 Cloud = Callable[[], NDArray[np.float64]]
 """Returns the possible poses (n, 3) of a localizer in the map: particles or hypotheses."""
@@ -118,7 +121,7 @@ def follow(
         if n == 0:
             _start(localizer, frame, initial_pose, globally)
         began = time.process_time()
-        estimate = localizer.update(frame.odometry, frame.scan, frame.sensor)
+        localizer.update(frame.odometry, frame.scan, frame.sensor)
         spent += time.process_time() - began
         latest = localizer.estimate
         details = {} if latest is None else latest.details
@@ -130,7 +133,7 @@ def follow(
                 every *= 2
                 clouds = {row: poses for row, poses in clouds.items() if row % every == 0}
         count = details.get("particles", details.get("hypotheses", 0))
-        lost = bool(details.get("lost", not details.get("certain", estimate is not None or latest is not None)))
+        lost = latest is None or not is_sure(latest)
         rows.append(
             (frame.index, frame.scan.stamp, pose, reference, int(count), lost, details.get("explained", math.nan))
         )
@@ -148,6 +151,15 @@ def follow(
         clouds,
         1e3 * spent / len(rows),
     )
+
+
+def is_sure(estimate: PoseEstimate) -> bool:
+    """Return whether a localizer knows where it is: it says so, or, if it does not say, the spread of its position is small."""
+    details = estimate.details
+    if "lost" in details or "certain" in details:
+        return not details.get("lost", not details.get("certain", False))
+    spread = math.sqrt(max(float(estimate.covariance[0, 0] + estimate.covariance[1, 1]), 0.0))
+    return spread < SURE_M
 
 
 def _start(localizer: Localizer, frame: DriveFrame, initial_pose: Pose2D | None, globally: bool) -> None:
