@@ -94,7 +94,7 @@ def _write(
             x, y, yaw = r.pose
             error = "" if r.error != r.error else f"{r.error:.4f}"
             lines.append(
-                f"{r.index},{x:.4f},{y:.4f},{yaw:.4f},{r.outcome},{r.scans},{r.seconds:.3f},{r.metres:.3f},{error},{r.wrong}"
+                f"{r.scan},{x:.4f},{y:.4f},{yaw:.4f},{r.outcome},{r.scans},{r.seconds:.3f},{r.metres:.3f},{error},{r.wrong}"
             )
         write_text(table, "\n".join(lines) + "\n")
         files |= {f"picture{suffix}".replace("_", " "): str(picture), f"table{suffix}".replace("_", " "): str(table)}

@@ -33,7 +33,7 @@ Frames = Callable[[], Iterable[DriveFrame]]
 class StartResult(NamedTuple):
     """What came of one start."""
 
-    index: int
+    scan: int
     """Number of its first scan in the drive."""
     pose: tuple[float, float, float]
     """True pose at the start."""
@@ -176,7 +176,8 @@ class _Start:
         duration = self._last.scan.stamp - self._first.scan.stamp
         scans, seconds, metres, error = self._found or (self._scans, duration, self._metres, math.nan)
         reference = self._first.reference
-        pose = (math.nan,) * 3 if reference is None else (reference.x, reference.y, reference.yaw)
+        nan = math.nan
+        pose = (nan, nan, nan) if reference is None else (reference.x, reference.y, reference.yaw)
         if self._wrong:
             error = self._wrong_error
         return StartResult(self._first.index, pose, scans, seconds, metres, self._found is not None, self._wrong, error)

@@ -70,7 +70,7 @@ def test_outcomes() -> None:
     offsets = [(0.1, None), (2.0, None), (math.inf, None), (0.2, 3.0), (0.3, None)]
     starts = run_starts(lambda: frames, lambda number: Told(*offsets[number]), 5)
     assert [r.outcome for r in starts.results] == ["found", "wrong", "uncertain", "wrong", "found"]
-    assert [r.index for r in starts.results] == [0, 8, 16, 24, 32]
+    assert [r.scan for r in starts.results] == [0, 8, 16, 24, 32]
     first = starts.results[0]
     assert (first.scans, first.seconds, first.metres) == (3, 4.0, pytest.approx(1.0))
     assert first.error == pytest.approx(0.1)
