@@ -19,23 +19,6 @@ if TYPE_CHECKING:
 @options.with_options(chosen=LocalizeOptions)
 def localize(
     chosen: LocalizeOptions,
-    relations: Annotated[
-        Path | None,
-        typer.Option(
-            "--relations",
-            metavar="FILE",
-            help="Known relations between poses (Kümmerle et al. 2009): lines stamp1 stamp2 x y z roll pitch yaw.",
-        ),
-    ] = None,
-    starts: Annotated[
-        int | None,
-        typer.Option(
-            "--starts",
-            metavar="N",
-            min=1,
-            help="With --global: start at N scans along the log instead of the first, and count how many find the pose.",
-        ),
-    ] = None,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -60,11 +43,11 @@ def localize(
     from navstack.drives.relations import errors_by_relations, read_relations
 
     folder_only(out)
-    if starts is not None:
-        _require_global(chosen, relations, animate)
+    if chosen.starts is not None:
+        _require_global(chosen, animate)
         localize_starts(
             chosen.query(),
-            starts,
+            chosen.starts,
             chosen_scans(chosen.scans),
             seed=chosen.seed,
             title=chosen.log.name,
@@ -72,7 +55,7 @@ def localize(
             json_=json_,
         )
         return
-    known = None if relations is None else read_relations(relations)
+    known = None if chosen.relations is None else read_relations(chosen.relations)
     query = chosen.query()
     tracks = _tracks(query, chosen, quiet=json_)
     results: dict[str, RelationResult] = {}
@@ -91,12 +74,12 @@ def localize(
     print_files(files)
 
 
-def _require_global(chosen: LocalizeOptions, relations: Path | None, animate: Path | None) -> None:
+def _require_global(chosen: LocalizeOptions, animate: Path | None) -> None:
     from navstack.core.errors import InputError
 
     if not chosen.global_:
         raise InputError("--starts counts starts without a pose; use it with --global", argument="--starts")
-    for name, value in (("--relations", relations), ("--animate", animate)):
+    for name, value in (("--relations", chosen.relations), ("--animate", animate)):
         if value is not None:
             raise InputError(f"--starts and {name} exclude each other; run the command twice", argument=name)
 

@@ -40,6 +40,23 @@ class LocalizeOptions(NamedTuple):
         ),
     ] = None
     global_: Annotated[bool, typer.Option("--global", help="Start without a pose: search the whole map.")] = False
+    relations: Annotated[
+        Path | None,
+        typer.Option(
+            "--relations",
+            metavar="FILE",
+            help="Known relations between poses (Kümmerle et al. 2009): lines stamp1 stamp2 x y z roll pitch yaw.",
+        ),
+    ] = (None,)
+    starts: Annotated[
+        int | None,
+        typer.Option(
+            "--starts",
+            metavar="N",
+            min=1,
+            help="With --global: start at N scans along the log instead of the first, and count how many find the pose.",
+        ),
+    ] = (None,)
     scans: Scans = "all"
     from_: Annotated[
         float | None,
