@@ -105,7 +105,7 @@ class MotionRunner:
         self._clock = NodeClock(rospy)
         self._build = MessageBuilder(ros.MessageTypes(), ros1=True)
         self._out = rospy.Publisher(settings.topic, ros.message("geometry_msgs/Twist"), queue_size=5)
-        self._robot = RosRobot(self._clock, self.publish)
+        self._robot = RosRobot(self._clock, self.publish, self._report)
         tf, later = ros.message("tf2_msgs/TFMessage"), self.inbox.poster
         rospy.Subscriber("/tf_static", tf, later(self._robot.receive_transforms, static=True), queue_size=100)
         rospy.Subscriber("/tf", tf, later(self._robot.receive_transforms, static=False), queue_size=100)

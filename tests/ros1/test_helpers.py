@@ -154,7 +154,9 @@ def test_trajectories_and_teleop(robot: Robot) -> None:
     info = ("/usr/bin/rosnode", "info", "/teleop_twist_keyboard")
     wait_for(lambda: "to: /observer" in robot.graph.run(*info), "the connection of teleop")
     count = len(robot.observed()["twists"])
-    os.write(ours, b"itJq")
+    for number, key in enumerate(b"itJq", 1):
+        os.write(ours, bytes([key]))
+        wait_for(lambda: len(robot.observed()["twists"]) >= count + number, "the velocity of a key")  # noqa: B023
     robot.graph.wait_for_text(keys, "turn 0.660")
     keys.send_signal(signal.SIGINT)
     assert keys.wait(30.0) == 0
