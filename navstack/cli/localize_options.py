@@ -48,7 +48,7 @@ class LocalizeOptions(NamedTuple):
             metavar="FILE",
             help="Known relations between poses (Kümmerle et al. 2009): lines stamp1 stamp2 x y z roll pitch yaw.",
         ),
-    ] = (None,)
+    ] = None
     starts: Annotated[
         int | None,
         typer.Option(
@@ -57,7 +57,7 @@ class LocalizeOptions(NamedTuple):
             min=1,
             help="With --global: start at N scans along the log instead of the first, and count how many find the pose.",
         ),
-    ] = (None,)
+    ] = None
     scans: Scans = "all"
     from_: Annotated[
         float | None,
