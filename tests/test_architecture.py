@@ -180,22 +180,27 @@ def test_at_most_three_kernels_are_exceptions() -> None:
     assert there >= KERNEL_EXCEPTIONS
 
 
-def test_no_record_type_begins_as_another() -> None:
-    """numba would call a kernel compiled for the shorter one with the longer one, with a warning."""
+def test_no_record_type_begins_as_another_and_error_codes_are_unique() -> None:
+    """numba would call a kernel compiled for the shorter record with the longer one, with a warning."""
     code = """
 import importlib, pkgutil, numpy, navstack
-records = {}
+records, errors = {}, {}
 for module in pkgutil.walk_packages(navstack.__path__, "navstack."):
     if not module.name.endswith("__main__"):
         for name, value in vars(importlib.import_module(module.name)).items():
             if isinstance(value, numpy.dtype) and value.names:
                 records[id(value)] = name, [(n, *value.fields[n][:2]) for n in value.names]
-records = list(records.values())
+records, classes = list(records.values()), [navstack.NavError]
+for error in classes:
+    classes += error.__subclasses__()
+    errors.setdefault(vars(error).get("code"), set()).add(error.__qualname__)
+errors.pop(None, None)
+print([(code, names) for code, names in errors.items() if len(names) > 1], end=" ")
 print([(a, b) for a, x in records for b, y in records if x is not y and y[:len(x)] == x], len(records))
 """
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     found, count = out.stdout.rsplit(maxsplit=1)
-    assert found == "[]"
+    assert found == "[] []"
     assert int(count) > 5
 
 

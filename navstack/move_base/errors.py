@@ -78,7 +78,7 @@ class StaleOdometryError(NavError):
 class LostError(NavError):
     """The robot does not know where it is in the map."""
 
-    code = 9024
+    code = 9025
     name = "LOST"
 
 

@@ -73,7 +73,7 @@ def test_it_is_given_up_after_its_time(action: str, recoveries: int) -> None:
     handle = bench.run(bench.move_base.send_goal(GOAL))
     assert (handle.status, handle.text) == (GoalStatus.ABORTED, status_messages.LOST)
     result = handle.result
-    assert (result.error_code, result.error_name) == (9024, "LOST")
+    assert (result.error_code, result.error_name) == (9025, "LOST")
     assert LOST.text in result.message
     assert "lost_timeout 5 s" in result.message
     assert bench.robot.time == pytest.approx(6.0, abs=0.41)  # two control cycles
