@@ -23,6 +23,7 @@ from navstack.cli import (
     explain,
     info,
     internal_error,
+    lattice,
     live,
     localize,
     map_commands,
@@ -79,6 +80,7 @@ app.command("tune")(tune.tune)
 app.add_typer(bag.app, name="bag")
 app.command("localize")(localize.localize)
 app.add_typer(map_commands.app, name="map")
+app.add_typer(lattice.app, name="lattice")
 app.add_typer(bench.app, name="bench")
 app.add_typer(explain.app, name="explain")
 app.add_typer(params.app, name="params")

@@ -30,6 +30,7 @@ from navstack.global_planner.carrot import CarrotPlanner, CarrotPlannerParams
 from navstack.global_planner.given_path import GivenPath, GivenPathParams
 from navstack.global_planner.global_planner import GlobalPlannerParams, GlobalPlannerROS
 from navstack.global_planner.navfn import NavfnParams, NavfnROS
+from navstack.global_planner.smac_2d import Smac2DParams, Smac2DPlanner
 from navstack.global_planner.smac_hybrid import SmacHybridParams, SmacHybridPlanner
 from navstack.global_planner.smac_lattice import SmacLatticeParams, SmacLatticePlanner
 from navstack.global_planner.theta_star import ThetaStarParams, ThetaStarPlanner
@@ -64,6 +65,8 @@ __all__ = [
     "Search",
     "SearchParams",
     "SearchPlanner",
+    "Smac2DParams",
+    "Smac2DPlanner",
     "SmacHybridParams",
     "SmacHybridPlanner",
     "SmacLatticeParams",

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from navstack.global_planner._search.base import Query
-from navstack.global_planner._search.best_first import BestFirst
-from navstack.global_planner._search.cell_search import CellPath, CellPlanner, CellPlannerParams
-from navstack.global_planner._search.cells import Cell
+from navstack.global_planner._search.cell_search import CellPlanner, CellPlannerParams, octile_expansion
 from navstack.plugins import GLOBAL_PLANNERS
 
 
@@ -26,11 +23,4 @@ class AStarPlanner(CellPlanner):
     Params = AStarParams
 
     def __init__(self, params: AStarParams | None = None) -> None:
-        super().__init__(params or AStarParams(), _expand)
-
-
-def _expand(search: BestFirst, query: Query, goal: Cell, max_expanded: int) -> CellPath | None:
-    start = query.start_cell
-    if not search.octile(query.space.costmap, start, goal, max_expanded=max_expanded):
-        return None
-    return CellPath(search.path(start, goal), search.cost_of(goal), search.expanded, search.window)
+        super().__init__(params or AStarParams(), octile_expansion)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core.errors import InputError
-from navstack.core.files import write_text
+from navstack.core.files import ensure_directory, write_text
 from navstack.lattice.geometry import (
     ARC,
     IN_PLACE,
@@ -258,7 +258,7 @@ class _Primitives:
 
 
 def write_lattice(lattice: Lattice, path: str | Path) -> Path:
-    """Write a primitive file that Nav2 reads, too; raises InputError if it cannot be written."""
+    """Write a primitive file that Nav2 reads, too; raises OutputError if it cannot be written."""
     metadata = {
         "motion_model": lattice.motion_model,
         "turning_radius": lattice.turning_radius,
@@ -276,6 +276,7 @@ def write_lattice(lattice: Lattice, path: str | Path) -> Path:
         "primitives": [_row(p, i) for i, p in enumerate(lattice.primitives)],
     }
     target = Path(path)
+    ensure_directory(target.parent)
     write_text(target, json.dumps(content, indent="\t") + "\n")
     return target
 

@@ -39,6 +39,11 @@ VARIANTS: dict[str, list[dict[str, object]]] = {
     ]
     + [{"old_navfn_behavior": True}, {"outline_map": False}, {"allow_unknown": False}],
     "astar": [{}, {"heuristic_weight": 2.0, "cut_corners": True}, {"allow_unknown": False}],
+    "smac_2d": [
+        {"tolerance": 0.0},
+        {"tolerance": 0.0, "use_quadratic_cost_penalty": True, "cost_travel_multiplier": 3.0},
+        {"tolerance": 0.0, "allow_unknown": False},
+    ],
     "theta_star": [{}, {"cost_factor": 0.0}, {"allow_unknown": False}],
 }
 STEERED = {"smac_hybrid", "smac_lattice"}

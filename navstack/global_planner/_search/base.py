@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from typing import NamedTuple, cast
+from typing import ClassVar, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,6 +120,10 @@ class Search(ABC):
 class SearchPlanner(GlobalPlanner):
     """A planner that searches: subclasses pass a search and the headings of their paths to the constructor."""
 
+    limit_name: ClassVar[str] = "max_expansions"
+    """Name of the parameter that limits a search."""
+    tolerance_name: ClassVar[str] = "default_tolerance"
+
     def __init__(self, params: SearchParams, search: Search, orientation: OrientationFilter | None = None) -> None:
         super().__init__(params)
         self._search = search
@@ -179,7 +183,7 @@ class SearchPlanner(GlobalPlanner):
         notes = [] if begin.note is None else [begin.note]
         moved = request.goal.distance_to(route.goal)
         if moved > 0.0:
-            notes.append(f"the goal is unreachable; the plan ends {moved:.2f} m from it (default_tolerance)")
+            notes.append(f"the goal is unreachable; the plan ends {moved:.2f} m from it ({self.tolerance_name})")
         return Plan(
             path=Path(poses, request.frame),
             cost=route.cost,
@@ -208,7 +212,13 @@ class SearchPlanner(GlobalPlanner):
         if result.is_exhausted:
             limit = cast("SearchParams", self.params).expansion_limit
             return errors.timeout(
-                space.costmap, start, goal, result.nearest, expanded=result.expanded, max_expansions=limit
+                space.costmap,
+                start,
+                goal,
+                result.nearest,
+                expanded=result.expanded,
+                max_expansions=limit,
+                name=self.limit_name,
             )
         if not result.left_start and begin.space.is_blocked(begin.cell):
             return errors.start_occupied(space, start, cells[0])

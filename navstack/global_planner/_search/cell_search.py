@@ -83,6 +83,14 @@ If it returns None, the BestFirst contains what was reached: all that is reachab
 """
 
 
+def octile_expansion(search: BestFirst, query: Query, goal: Cell, max_expanded: int) -> CellPath | None:
+    """The expansion of A* over the 8 neighbours of each cell."""
+    start = query.start_cell
+    if not search.octile(query.space.costmap, start, goal, max_expanded=max_expanded):
+        return None
+    return CellPath(search.path(start, goal), search.cost_of(goal), search.expanded, search.window)
+
+
 class CellSearch(Search):
     """An expansion over the cells of a costmap, with these costs."""
 

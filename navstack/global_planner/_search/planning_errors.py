@@ -61,15 +61,24 @@ def start_occupied(
 
 
 def timeout(
-    costmap: Costmap, start: Pose2D, goal: Pose2D, nearest: Cell, *, expanded: int, max_expansions: int
+    costmap: Costmap,
+    start: Pose2D,
+    goal: Pose2D,
+    nearest: Cell,
+    *,
+    expanded: int,
+    max_expansions: int,
+    name: str = "max_expansions",
 ) -> PlanningTimeoutError:
-    """The error for a search that ended because of `max_expansions`; `nearest`: the reached cell nearest to the goal."""
+    """The error for a search that ended because of its limit, the parameter `name`; `nearest`: the reached cell nearest to the
+    goal.
+    """
     x, y = costmap.geometry.cell_to_world(*nearest)
     distance = math.hypot(x - goal.x, y - goal.y)
     return PlanningTimeoutError(
-        f"no path from ({start.x:.3f}, {start.y:.3f}) to ({goal.x:.3f}, {goal.y:.3f}) found within max_expansions = "
+        f"no path from ({start.x:.3f}, {start.y:.3f}) to ({goal.x:.3f}, {goal.y:.3f}) found within {name} = "
         f"{max_expansions} cells; the nearest point reached is ({x:.2f}, {y:.2f}), {distance:.2f} m from the goal; increase "
-        "max_expansions, or set it to 0 for no limit",
+        f"{name}, or set it to 0 for no limit",
         nearest_reachable=[x, y],
         nearest_reachable_distance_m=distance,
         cells_expanded=expanded,
