@@ -34,6 +34,7 @@ from navstack.cli import (
     replay,
     ros1,
     ros1_helpers,
+    ros1_install,
     simulate,
     sweep,
     teleop,
@@ -85,6 +86,7 @@ app.add_typer(bench.app, name="bench")
 app.add_typer(explain.app, name="explain")
 app.add_typer(params.app, name="params")
 ros1_helpers.add_to(ros1.app)
+ros1_install.add_to(ros1.app)
 app.add_typer(ros1.app, name="ros1")
 
 

@@ -59,32 +59,39 @@ def sim(
     The robot stops without a command for 0.5 s. `initialpose` puts it somewhere else. Exit codes: 0 shut down, 2 invalid input.
     """
     from navstack.core.errors import InputError
-    from navstack.ros1 import ros
     from navstack.ros1.sim_node import SimNode
 
     if speed != 1.0 and not clock:
         raise InputError(f"--speed {speed:g} needs simulated time; add --clock", argument="--speed")
     scenario = chosen.build(goals_needed=False)
-    rospy = ros.rospy()
     if not clock:
         start_node(name, context)
         SimNode(scenario, speed=1.0, clock=False).spin()
         return 0
-    # this node makes the time: it must not wait for its own clock
-    set_param("/use_sim_time", False)
-    start_node(name, context)
-    rospy.set_param("/use_sim_time", True)
+    set_param("/use_sim_time", True)
+    start_node(name, context, own_time=True)
     SimNode(scenario, speed=speed, clock=True).spin()
     return 0
 
 
 @app.command("map_server", cls=NodeCommand, context_settings=NODE)
-def map_server(context: typer.Context, map_: options.Map, name: Name = "map_server") -> int:
-    """Publish a map (latched), and offer static_map and change_map. Exit codes: 0 shut down, 2 invalid input."""
+def map_server(
+    context: typer.Context,
+    map_: options.Map,
+    resolution: Annotated[
+        str | None, typer.Argument(metavar="RESOLUTION", help="For an image instead of a YAML file: m per cell.")
+    ] = None,
+    name: Name = "map_server",
+) -> int:
+    """Publish a map (latched), and offer static_map and change_map. Exit codes: 0 shut down, 2 invalid input.
+
+    The old form `IMAGE RESOLUTION` puts the origin at (0, 0); ~negate, ~occupied_thresh and ~free_thresh count for it.
+    """
     from navstack.cli.arguments import map_of
     from navstack.ros1 import map_server as server
+    from navstack.ros1.image_map import load_image
 
-    _, grid = map_of(map_)
+    grid = map_of(map_)[1] if resolution is None else None
     start_node(name, context)
-    server.run(grid)
+    server.run(load_image(map_, str(resolution)) if grid is None else grid)
     return 0

@@ -34,8 +34,11 @@ class NodeCommand(TyperCommand):
         return list(ctx.args)
 
 
-def start_node(name: str, context: typer.Context) -> None:
-    """Register the node at the master, with the ROS arguments of the command line. Raises InputError without a master."""
+def start_node(name: str, context: typer.Context, *, own_time: bool = False) -> None:
+    """Register the node at the master, with the ROS arguments of the command line. Raises InputError without a master.
+
+    With `own_time` the node keeps the wall clock whatever /use_sim_time says: it publishes /clock itself.
+    """
     import io
     import signal
     import sys
@@ -51,6 +54,10 @@ def start_node(name: str, context: typer.Context) -> None:
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(line_buffering=True)  # the log of a node is read while it runs
     sys.argv = ["navstack", *context.args]
+    if own_time:
+        # rospy asks the parameter server only here; other nodes must find /use_sim_time set at any moment
+        simulated = ros.load("rospy.impl.simtime")
+        simulated._is_use_simtime = lambda: False
     rospy.init_node(name, argv=list(sys.argv), disable_signals=True)
     ros.end_politely()
 

@@ -38,7 +38,8 @@ class SimNode:
     def __init__(self, scenario: Scenario, *, speed: float, clock: bool) -> None:
         """`speed`: simulated seconds per second. `clock`: publish `/clock`; otherwise ROS's time is kept, and `speed` is 1.
 
-        Raises InputError for wrong parameters, and if /use_sim_time is set and nobody publishes /clock.
+        If /use_sim_time is set and `clock` is not, the node waits for the clock of another one. Raises InputError for wrong
+        parameters.
         """
         rospy = self._rospy = ros.rospy()
         self.scenario = scenario

@@ -6,13 +6,11 @@ import time
 from abc import ABC, abstractmethod
 from typing import Any, Final
 
-from navstack.core.errors import InputError
 from navstack.ros1 import ros
+from navstack.ros1.clock import wait_for_clock
 
 SLACK_S: Final = 1.0
 """A simulation that is later (s, wall) does not catch up: no burst of steps."""
-FIRST_CLOCK_S: Final = 10.0
-"""Longest wait for the first message on /clock (s, wall)."""
 
 
 class Pace(ABC):
@@ -46,16 +44,9 @@ class ClockPace(Pace):
     """The clock of another node, such as that of a first simulated robot."""
 
     def __init__(self) -> None:
-        """Raises InputError without a clock."""
+        """Wait for the clock, with warnings."""
         self._rospy: Any = ros.rospy()
-        end = time.monotonic() + FIRST_CLOCK_S
-        while self._rospy.Time.now().is_zero() and not ros.is_stopping():
-            if time.monotonic() > end:
-                raise InputError(
-                    "/use_sim_time is set, but nobody publishes /clock; start the robot with --clock first, or run "
-                    "`rosparam set use_sim_time false`"
-                )
-            ros.STOP.wait(0.05)
+        wait_for_clock()
         self.start_ns = self._last_ns = int(self._rospy.Time.now().to_nsec())
 
     def wait_s(self, reached_s: float) -> float:

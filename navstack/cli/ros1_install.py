@@ -1,0 +1,98 @@
+"""`navstack ros1 install`: packages for roslaunch, and what a launch file must become."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from navstack.cli.ros1_node import NODE, NodeCommand
+
+
+def install(
+    context: typer.Context,
+    folder: Annotated[
+        Path | None, typer.Argument(metavar="DIR", help="Folder for the packages, to be put on ROS_PACKAGE_PATH.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace packages that navstack wrote before.")] = False,
+    drop_in: Annotated[
+        bool,
+        typer.Option(
+            "--drop-in/--no-drop-in",
+            help="Also packages named move_base and map_server, so that existing launch files run unchanged.",
+        ),
+    ] = True,
+    launch: Annotated[
+        list[Path],
+        typer.Option("--launch", metavar="FILE", help="Launch file: print what its nodes must become (repeatable)."),
+    ] = [],
+) -> int:
+    """Write packages for roslaunch: navstack_ros1 (nodes, launch files), and move_base and map_server in place of the originals.
+
+    Afterwards: `export ROS_PACKAGE_PATH=DIR` and `roslaunch navstack_ros1 demo.launch`. With `--launch FILE`, arguments of the
+    launch file follow as for roslaunch: `model:=burger`. Exit codes: 0 written, 2 invalid input or an existing folder.
+    """
+    from navstack.core.errors import InputError
+    from navstack.parameters.launch import launch_argument
+
+    if folder is None and not launch:
+        raise InputError("nothing to do: name a folder for the packages, or a launch file with --launch")
+    extra = [text for text in context.args if launch_argument(text) is None]
+    if extra:
+        raise InputError(f"{' '.join(extra)} is neither an option nor an argument NAME:=VALUE of a launch file")
+    arguments = dict(pair for text in context.args if (pair := launch_argument(text)) is not None)
+    advice = [(file, _advice(file, arguments)) for file in launch]
+    if folder is not None:
+        _install(folder, force=force, drop_in=drop_in)
+    for file, lines in advice:
+        _print_advice(file, lines, drop_in=drop_in)
+    return 0
+
+
+def _advice(file: Path, arguments: dict[str, str]) -> list[str]:
+    from navstack.ros1.launch_advice import advise
+
+    return [str(item) for item in advise(file, arguments)]
+
+
+def _install(folder: Path, *, force: bool, drop_in: bool) -> None:
+    from rich.markup import escape
+
+    from navstack.cli.output import stdout
+    from navstack.core.files import resolved
+    from navstack.ros1 import package_install
+
+    for path in package_install.install(folder, force=force, drop_in=drop_in):
+        stdout().print(escape(str(path)), soft_wrap=True)
+    stdout().print(
+        escape(
+            f"export ROS_PACKAGE_PATH={resolved(folder)}${{ROS_PACKAGE_PATH:+:$ROS_PACKAGE_PATH}}\n"
+            "roslaunch navstack_ros1 demo.launch"
+        ),
+        soft_wrap=True,
+    )
+
+
+def _print_advice(file: Path, lines: list[str], *, drop_in: bool) -> None:
+    from rich.markup import escape
+
+    from navstack.cli.output import stdout
+
+    out = stdout()
+    for line in lines:
+        out.print(escape(line), soft_wrap=True, highlight=False)
+    if not lines:
+        out.print(escape(f"{file}: no node of it has to change"), soft_wrap=True)
+    elif drop_in and any(" -> pkg=" in line for line in lines):
+        out.print(
+            "With the packages move_base and map_server on ROS_PACKAGE_PATH, the file can also stay as it is.",
+            soft_wrap=True,
+        )
+    if lines:
+        out.print(escape(f"navstack check {file}    # what navstack reads of its parameters"), soft_wrap=True)
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command to `navstack ros1`."""
+    app.command("install", cls=NodeCommand, context_settings=NODE)(install)

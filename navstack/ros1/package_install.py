@@ -1,0 +1,153 @@
+"""Writes the packages navstack_ros1, move_base, map_server and handsfree_msgs for roslaunch, all or none of them."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Final
+
+import navstack
+from navstack.core.errors import InputError, OutputError
+from navstack.core.files import ensure_directory, resolved
+from navstack.ros1 import handsfree, package_files
+
+DROP_IN: Final = {"move_base": ("move_base",), "map_server": ("map_server",)}
+"""Packages with the names of the original ones, and their nodes."""
+EXECUTABLE: Final = 0o755
+
+
+def packages(*, drop_in: bool) -> dict[str, dict[str, str]]:
+    """Return the files of each package by their paths; those below scripts/ are executable.
+
+    Raises NotSupportedError without ROS.
+    """
+    python, path = sys.executable, _search_path()
+    scripts = {
+        f"scripts/{name}": package_files.script(command, python, path) for name, command in package_files.NODES.items()
+    }
+    description = "navstack's nodes: move_base, the simulated robot, and what tutorials rely on"
+    made = {
+        "navstack_ros1": {
+            "package.xml": package_files.package_xml("navstack_ros1", description),
+            "CMakeLists.txt": package_files.cmake("navstack_ros1", ("launch", "rviz", "scripts")),
+            **package_files.data_files(),
+            **scripts,
+        },
+        handsfree.PACKAGE: _services(),
+    }
+    if drop_in:
+        for package, nodes in DROP_IN.items():
+            made[package] = {
+                "package.xml": package_files.package_xml(
+                    package, f"navstack in place of {package}", ("navstack_ros1",)
+                ),
+                "CMakeLists.txt": package_files.cmake(package, ("scripts",)),
+                **{f"scripts/{name}": scripts[f"scripts/{name}"] for name in nodes},
+            }
+    return made
+
+
+def _services() -> dict[str, str]:
+    """Return the files of handsfree_msgs: definitions, and their Python code, which roslib finds below src/."""
+    package = handsfree.PACKAGE
+    manifest = (
+        f"<package>\n  <!-- {package_files.MARKER} -->\n  <description>SpecialMove and SpecialTurn</description>\n"
+        '  <author>navstack</author>\n  <license>BSD-3-Clause</license>\n  <export>\n    <python path="${prefix}/src"/>\n'
+        "  </export>\n</package>\n"
+    )
+    files = {"manifest.xml": manifest, f"src/{package}/__init__.py": ""}
+    lines: list[str] = []
+    for name, definition in handsfree.DEFINITIONS.items():
+        files[f"srv/{name}.srv"] = definition
+        files[f"src/{package}/srv/_{name}.py"] = handsfree.source(name)
+        lines.append(f"from ._{name} import *\n")
+    files[f"src/{package}/srv/__init__.py"] = "".join(lines)
+    return files
+
+
+def _search_path() -> str:
+    """Return the folder of navstack if Python finds it by PYTHONPATH only; "" for an installed one."""
+    root = resolved(Path(navstack.__file__)).parent.parent
+    given = [resolved(Path(part)) for part in os.environ.get("PYTHONPATH", "").split(os.pathsep) if part]
+    return str(root) if root in given else ""
+
+
+def install(folder: Path, *, force: bool, drop_in: bool) -> list[Path]:
+    """Write the packages below `folder` and return their folders.
+
+    An existing one is replaced with `force`, if navstack has written it; otherwise nothing is written and InputError is raised.
+    Raises OutputError if the folder cannot be written, NotSupportedError without ROS.
+    """
+    made = packages(drop_in=drop_in)
+    for name in made:
+        _check(folder / name, force=force)
+    ensure_directory(folder)
+    try:
+        beside = Path(tempfile.mkdtemp(prefix=".navstack_ros1.", dir=folder))
+    except OSError as exc:
+        raise OutputError(f"cannot write to {folder}: {exc.strerror or exc}", path=str(folder)) from exc
+    try:
+        (beside / "CATKIN_IGNORE").touch()
+        (beside / "rospack_nosubdirs").touch()
+        for name, files in made.items():
+            _write(beside / name, files)
+        _exchange(folder, beside, list(made))
+    except OSError as exc:
+        raise OutputError(f"cannot write {exc.filename or folder}: {exc.strerror or exc}", path=str(folder)) from exc
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
+    return [folder / name for name in made]
+
+
+def _check(target: Path, *, force: bool) -> None:
+    if not os.path.lexists(target):
+        return
+    if not _is_ours(target):
+        raise InputError(
+            f"{target} exists and was not written by navstack; choose another folder, or move it away", path=str(target)
+        )
+    if not force:
+        raise InputError(f"{target} exists; replace it with --force, or choose another folder", path=str(target))
+
+
+def _is_ours(target: Path) -> bool:
+    for name in ("package.xml", "manifest.xml"):
+        try:
+            if package_files.MARKER in (target / name).read_text(encoding="utf-8"):
+                return not target.is_symlink()
+        except (OSError, UnicodeDecodeError):
+            continue
+    return False
+
+
+def _write(target: Path, files: Mapping[str, str]) -> None:
+    for name, text in files.items():
+        file = target / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text, encoding="utf-8")
+        if name.startswith("scripts/"):
+            file.chmod(EXECUTABLE)
+
+
+def _exchange(folder: Path, beside: Path, names: list[str]) -> None:
+    """Move the new packages to their places and the old ones away; after an error everything is as before."""
+    old = beside / "old"
+    old.mkdir()
+    done: list[str] = []
+    try:
+        for name in names:
+            if (folder / name).exists():
+                (folder / name).rename(old / name)
+            done.append(name)
+            (beside / name).rename(folder / name)
+    except BaseException:
+        for name in reversed(done):
+            if (folder / name).exists() and not (beside / name).exists():
+                (folder / name).rename(beside / name)
+            if (old / name).exists():
+                (old / name).rename(folder / name)
+        raise
