@@ -20,8 +20,7 @@ from navstack.local_planner import (
     RotationShimParams,
 )
 from navstack.local_planner.goal_checkers.simple import SimpleGoalCheckerParams
-from navstack.local_planner.graceful._law_kernels import law
-from navstack.local_planner.graceful.planner import LAW
+from navstack.local_planner.graceful._law_kernels import LAW, law
 from navstack.local_planner.regulated_pure_pursuit.regulation import Window, held_to_radius
 from navstack.local_planner.turning import limited_turning_speed, turning_speed
 from navstack.parameters.configuration import check_parameters
@@ -149,6 +148,27 @@ def test_rounding_does_not_turn_the_robot_round() -> None:
         pytest.approx(0.3222),
         -0.537,
     )
+
+
+@pytest.mark.parametrize("corner", [(-0.16, 0.0), (-0.11, 0.11)])
+def test_it_leaves_an_obstacle_under_its_footprint_but_does_not_drive_into_it(corner: tuple[float, float]) -> None:
+    """A mark at the robot's back: forward is free, backward is not; a second mark ahead still stops it."""
+    ahead = [(0.05 * i, 0.0, 0.0) for i in range(40)]
+    for path, marks, goes in (
+        (ahead, [corner], True),
+        ([(-x, y, yaw) for x, y, yaw in ahead], [corner], False),
+        (ahead, [corner, (0.3, 0.0)], False),
+    ):
+        controller = pursuit(use_collision_detection=True, allow_reversing=True, use_rotate_to_heading=False)
+        plan = Path(np.array(path), "odom")
+        controller.set_plan(plan, Pose2D(*plan.poses[-1].tolist()))
+        inputs = control_input(Pose2D(0.0, 0.0), Twist2D(), marks)
+        if goes:
+            found = controller.compute_command(inputs)
+            assert found.command.vx > 0.0 and "leads away" in found.notes[-1]
+        else:
+            with pytest.raises(NoValidControlError, match="would collide"):
+                controller.compute_command(inputs)
 
 
 # --- rotation shim ----------------------------------------------------------------------------------------------------

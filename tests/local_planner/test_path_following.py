@@ -200,6 +200,28 @@ def test_a_path_is_cut_at_its_cusp() -> None:
     assert not rest.ends_at_cusp and rest.ends_at_goal
 
 
+def test_the_way_back_is_not_taken_before_the_cusp() -> None:
+    """There and back on the same line: at every point both ways are equally near."""
+    cut = handler(line((0.0, 0.0), (1.0, 0.0), (0.0, 0.0)), enforce_path_inversion=True, prune_distance=9.0)
+    for x in (0.0, 0.31, 0.72):
+        path = cut.local_path(Pose2D(x, 0.0, math.pi), Transform2D(), WINDOW)
+        assert path.ends_at_cusp and path.first == round(x, 1) * 10 and path.poses[-1, 0] == 1.0
+    assert cut.local_path(Pose2D(0.81, 0.0, math.pi), Transform2D(), WINDOW).first == 12
+    assert cut.local_path(Pose2D(0.4, 0.0, math.pi), Transform2D(), WINDOW).first == 16
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "turned", "passed"),
+    [(0.75, 0.3, 0.0, False), (0.85, 0.3, 0.0, True), (0.95, 0.3, 0.5, False), (1.05, 0.3, 0.5, True)],
+)
+def test_a_cusp_that_is_missed_to_the_side_is_passed(x: float, y: float, turned: float, passed: bool) -> None:
+    """At most inversion_xy_tolerance before it along the path, or beyond it whatever the heading."""
+    plan = line((0.0, 0.0), (1.0, 0.0), (0.0, -0.4))
+    cut = handler(plan, enforce_path_inversion=True, prune_distance=9.0)
+    path = cut.local_path(Pose2D(x, y, float(plan.poses[10, 2]) + turned), Transform2D(), WINDOW)
+    assert path.ends_at_cusp != passed
+
+
 def test_a_path_is_cut_where_it_turns_in_place() -> None:
     rows = [[0.1 * k, 0.0, 0.0] for k in range(10)] + [[0.9, 0.0, 0.2 * k] for k in range(1, 8)]
     rows += [[0.9, 0.1 * k, 1.57] for k in range(1, 10)]

@@ -16,6 +16,9 @@ from navstack.local_planner._path_kernels import closest_pose, cut_path, path_cu
 from navstack.local_planner.nearby_plan import check_path, no_plan, out_of_reach
 from navstack.plugins import PATH_HANDLERS
 
+MOVED_M = 1e-4
+"""Poses closer than this belong to a turn in place (m)."""
+
 
 class FeasiblePathHandlerParams(PluginSection):
     """Which part of the plan the controller gets."""
@@ -33,7 +36,11 @@ class FeasiblePathHandlerParams(PluginSection):
     enforce_path_inversion: bool = param(False, "cut the path at its first cusp until the robot is there")
     enforce_path_rotation: bool = param(False, "cut the path at its first turn in place until the robot is there")
     inversion_xy_tolerance: float = param(
-        0.2, "distance to a cut at which the rest of the path follows", unit="m", ge=0.0
+        0.2,
+        "distance to a cut at which the rest of the path follows",
+        unit="m",
+        ge=0.0,
+        ros_differs="at a cusp the distance along the path counts, and a robot beyond the cusp has passed it",
     )
     inversion_yaw_tolerance: float = param(
         0.4, "angle to the heading of a cut at which the rest of the path follows", unit="rad", ge=0.0
@@ -91,8 +98,7 @@ class FeasiblePathHandler(PathHandler):
         at = robot if to_costmap.is_identity() else to_costmap.inverse().apply(robot)
         half = 0.5 * max(geometry.nx, geometry.ny) * geometry.resolution
         search = half if p.max_robot_pose_search_dist is None else p.max_robot_pose_search_dist
-        first = int(closest_pose(plan, self._begin, float(at.x), float(at.y), search if search >= 0.0 else math.inf))
-        end, at_cusp = self._end(plan, first, at)
+        first, end, at_cusp = self._piece(plan, at, search if search >= 0.0 else math.inf)
         left, right, bottom, top = geometry.extent
         self._window[:] = left, bottom, right, top
         poses = np.empty((end - first, 3))
@@ -123,17 +129,32 @@ class FeasiblePathHandler(PathHandler):
             ends_at_goal=last + 1 == len(plan),
         )
 
-    def _end(self, plan: NDArray[np.float64], first: int, at: Pose2D) -> tuple[int, bool]:
-        """Index after the last pose of the piece that the robot may follow, and whether it ends at a cut.
+    def _piece(self, plan: NDArray[np.float64], at: Pose2D, search: float) -> tuple[int, int, bool]:
+        """The closest pose of the piece that the robot may follow, the index after its last pose, and whether that is a cut.
 
-        A cut is passed when the robot is near it: its pose is the last of one piece and the first of the next.
+        The pieces on both sides of a cusp lie close together: only the first one that the robot has not finished counts.
         """
-        p = self.params
+        begin = self._begin
         while self._cuts:
-            cut = plan[self._cuts[0]].tolist()
-            near = math.hypot(cut[0] - at.x, cut[1] - at.y) <= p.inversion_xy_tolerance
-            if self._cuts[0] < first or (near and abs(angle_between(at.yaw, cut[2])) <= p.inversion_yaw_tolerance):
-                self._cuts.pop(0)
-                continue
-            return self._cuts[0] + 1, True
-        return len(plan), False
+            cut = self._cuts[0]
+            first = int(closest_pose(plan[: cut + 1], begin, float(at.x), float(at.y), search))
+            if not self._is_passed(plan, first, cut, at):
+                return first, cut + 1, True
+            self._cuts.pop(0)
+            begin = cut
+        return int(closest_pose(plan, begin, float(at.x), float(at.y), search)), len(plan), False
+
+    def _is_passed(self, plan: NDArray[np.float64], first: int, cut: int, at: Pose2D) -> bool:
+        """True if the robot, closest to the pose `first`, is at the pose `cut`, or has driven past it."""
+        p = self.params
+        x, y, yaw, length = plan[cut].tolist()
+        turned = abs(angle_between(at.yaw, yaw)) <= p.inversion_yaw_tolerance
+        if turned and math.hypot(x - at.x, y - at.y) <= p.inversion_xy_tolerance:
+            return True
+        # ROS differs: in Nav2 a robot that misses the cusp to the side turns back to it, again and again
+        before = plan[cut - 1].tolist()
+        step = length - before[3]
+        if step <= MOVED_M or (first < cut - 1 and length - plan[first, 3] > p.inversion_xy_tolerance):
+            return False
+        beyond = ((at.x - x) * (x - before[0]) + (at.y - y) * (y - before[1])) / step
+        return beyond >= (-p.inversion_xy_tolerance if turned else 0.0)

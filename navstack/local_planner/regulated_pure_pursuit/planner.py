@@ -17,6 +17,7 @@ from navstack.core.errors import NoValidControlError
 from navstack.core.parameters import ParamModel
 from navstack.interfaces import ControlInput, LocalPlan, VelocityLimits
 from navstack.local_planner import _carrot_kernels as kernels
+from navstack.local_planner.overlap import leads_away, without_lethal
 from navstack.local_planner.path_follower import Following, PathFollower, check_speed
 from navstack.local_planner.regulated_pure_pursuit import regulation
 from navstack.local_planner.regulated_pure_pursuit.params import RegulatedPurePursuitParams
@@ -330,6 +331,13 @@ class RegulatedPurePursuit(PathFollower):
         hit, poses = self._collision(scene, command, *self._checked(now, command, ahead))
         if hit < 0:
             return poses
+        if hit == 0 and not self.as_nav2:
+            # ROS differs: in Nav2 a robot that overlaps an obstacle never leaves it
+            free = scene._replace(costmap=without_lethal(scene.costmap))
+            blocked, way = self._collision(free, command, *self._checked(now, command, ahead))
+            if blocked < 0 and leads_away(scene.costmap, scene.footprint, way):
+                notes.append("the footprint overlaps an obstacle; the command leads away from it")
+                return way
         # ROS differs: the robot is stopped now, and Nav2 goes on from its last command
         self._last = self._last if self.as_nav2 else None
         at = Pose2D(*poses[hit].tolist())
