@@ -184,16 +184,17 @@ def shim(**values: Any) -> RotationShim:
 def test_the_shim_brakes_before_it_turns() -> None:
     """From 0.5 m/s at 1 m/s² it takes ten cycles; Nav2 commands zero at once."""
     controller = shim()
-    pose, velocity, speeds = Pose2D(0.0, 0.0), Twist2D(0.5, 0.0, 0.0), list[float]()
+    pose, velocity, speeds, reasons = Pose2D(0.0, 0.0), Twist2D(0.5, 0.0, 0.0), list[float](), list[str]()
     path = Path(np.array([(0.0, 0.05 * i, math.pi / 2) for i in range(40)]), "odom")
     controller.set_plan(path, Pose2D(*path.poses[-1].tolist()))
     for _ in range(12):
         plan = controller.compute_command(control_input(pose, velocity))
         velocity = plan.command
         speeds.append(velocity.vx)
+        reasons.append(plan.notes[0])
         pose = driven(pose, velocity, 0.05)
     assert speeds == pytest.approx([0.05 * i for i in range(9, 0, -1)] + [0.0] * 3)
-    assert plan.notes[0].endswith("turning in place")
+    assert reasons[-1].endswith("turning in place")
 
 
 def test_the_shim_does_not_turn_where_it_would_collide_while_it_brakes() -> None:
