@@ -58,12 +58,14 @@ def live(chosen: ScenarioOptions, live: LiveOptions) -> int:
 
     require("aiohttp", "navstack live")
     from navstack.cli.output import loading_kernels
+    from navstack.live.logged import LoggedSession
     from navstack.live.stage import Options, Stage
     from navstack.scenario import warm_up
 
     sessions, fixed = _sessions(chosen, live)
-    with loading_kernels():
-        warm_up(sessions[0].scenario)
+    if not isinstance(sessions[0], LoggedSession):  # which has run its first cycle
+        with loading_kernels():
+            warm_up(sessions[0].scenario)
     labels = ("",) if len(sessions) == 1 else tuple(_label(session) for session in sessions)
     named = tuple(session.origin.sources for session in sessions)
     stage = Stage(sessions, Options(live.save_to, fixed, labels, named))
@@ -96,9 +98,9 @@ def _sessions(chosen: ScenarioOptions, live: LiveOptions) -> tuple[list[Session]
 
 
 def _recorded(run: Path, speed: float | None) -> Session:
-    """A session of a recorded run, which is simulated again. Raises RecordError if that gives another run."""
-    from navstack.core.errors import InputError
+    """A session of a recorded run, which is simulated or replayed again. Raises RecordError if that gives another run."""
     from navstack.explain import replay
+    from navstack.live.logged import LoggedSession
     from navstack.live.session import Session
     from navstack.record import Record
     from navstack.replay import is_of_log
@@ -106,11 +108,7 @@ def _recorded(run: Path, speed: float | None) -> Session:
 
     record = Record.load(run)
     if is_of_log(record):
-        raise InputError(
-            f"{run} is the replay of a log, and live shows simulated runs; watch it with `navstack plot {run} --animate`, or "
-            "write a moment of the log as a scenario with `navstack bag scenario`",
-            path=str(run),
-        )
+        return LoggedSession(record, speed=speed)
     replay(record)
     session = Session(Scenario.from_record(record), speed=speed)
     session.end = float(record.times[-1])

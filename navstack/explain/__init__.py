@@ -8,7 +8,7 @@ from navstack.explain.command import CommandReport, explain_command
 from navstack.explain.goal import GoalReport, explain_goal, explain_goals
 from navstack.explain.inflation import InflationCurve, inflation_curves
 from navstack.explain.passages import Passage, PassageReport, find_passages
-from navstack.explain.replay import Replay, replay
+from navstack.explain.replay import Replay, Replayed, replay
 from navstack.explain.tracking import TrackingReport, explain_tracking
 
 __all__ = [
@@ -19,6 +19,7 @@ __all__ = [
     "Passage",
     "PassageReport",
     "Replay",
+    "Replayed",
     "TrackingReport",
     "explain_cell",
     "explain_command",

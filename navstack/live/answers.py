@@ -18,7 +18,7 @@ from navstack.explain import (
     find_passages,
 )
 from navstack.explain.printing import print_cell, print_command, print_goal, print_passages
-from navstack.live.session import Session, Twin
+from navstack.live.session import Session
 from navstack.parameters.configuration import Configuration
 from navstack.record import Record
 
@@ -30,13 +30,8 @@ NEAR_M = 2.0
 
 def why_cell(session: Session, x: float, y: float, costmap: str) -> str:
     """Returns why the cell at a point of the map frame (m) has its cost in the `global` or `local` costmap now."""
-    report = explain_cell(Replay(None, session.run, session.time), x, y, costmap=costmap)
+    report = explain_cell(Replay(None, session.explained, session.time), x, y, costmap=costmap)
     return _printed(print_cell, report)
-
-
-def record_of(session: Session | Twin) -> Record:
-    """Returns the record of the run up to now. Simulates it again."""
-    return session.recorded().record()
 
 
 def why_command(record: Record, time: float | None) -> str:

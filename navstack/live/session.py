@@ -16,10 +16,11 @@ from pathlib import Path
 from typing import Any
 
 from navstack.core.errors import InputError, InternalError
+from navstack.explain import Replayed
 from navstack.live.checkpoints import Checkpoint, Checkpoints, snapshot
 from navstack.live.history import History
 from navstack.parameters.configuration import Configuration
-from navstack.record import RunRecorder
+from navstack.record import Record, RunRecorder
 from navstack.scenario import Run, Scenario
 from navstack.scenario.file.writer import write_scenario
 from navstack.scenario.interactions import INTERACTION, Drive
@@ -58,6 +59,8 @@ class Twin:
     """Digest of all cycles."""
     configuration: Configuration
     """The parameters in force."""
+    until: float
+    """The present time (s)."""
 
     def recorded(self) -> RunRecorder:
         """Simulates the run again, with its record. Raises InternalError if it differs from the session."""
@@ -75,6 +78,10 @@ class Twin:
             again.step()  # finishes the record
         assert again.recorder is not None
         return again.recorder
+
+    def record(self) -> Record:
+        """Returns the record of the run up to now."""
+        return self.recorded().record()
 
     def save_scenario(self, path: Path) -> Scenario:
         """Writes the session as a scenario file and returns what it loads to. Raises OutputError."""
@@ -244,6 +251,7 @@ class Session:
             self.is_done,
             self._digest.digest(),
             self.run.interventions.configuration,
+            self.time,
         )
 
     def recorded(self) -> RunRecorder:
@@ -253,6 +261,11 @@ class Session:
     def save_scenario(self, path: Path) -> Scenario:
         """Writes the session as a scenario file and returns what it loads to. Raises OutputError."""
         return self.twin().save_scenario(path)
+
+    @property
+    def explained(self) -> Replayed:
+        """What explanations of the present look at."""
+        return self.run
 
     @property
     def shapes(self) -> Sequence[Any]:
@@ -269,10 +282,14 @@ class Session:
             measure=False,
             listeners=[self.history],
         )
+        self._begin()
+
+    def _begin(self) -> None:
+        """Sets what counts cycles and time to the start of a new run."""
         self.cycles = 0
         self.restarts += 1
         self._digest = hashlib.blake2b()
-        self._clock = 0.0
+        self._clock = self.time
 
     def _step(self) -> bool:
         """Simulates until the time advances; False if the run is done. Interactions are allowed only between such steps."""

@@ -106,12 +106,12 @@ class Stage:
             return lambda: self._answer(request, _save_run(twin, folder))
 
         def explain() -> messages.Answer:
-            record = answers.record_of(twin)
             if request.type == "explain_goal":
-                return self._answer(request, answers.what_happened(record, request.number))
+                return self._answer(request, answers.what_happened(twin.record(), request.number))
+            record, time = twin.record(), twin.until if request.time is None else request.time
             if request.sample is not None:
-                return self._answer(request, answers.why_sample(record, request.time, request.sample))
-            return self._answer(request, answers.why_command(record, request.time))
+                return self._answer(request, answers.why_sample(record, time, request.sample))
+            return self._answer(request, answers.why_command(record, time))
 
         return explain
 

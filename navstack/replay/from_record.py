@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
+from navstack.core import Listener
 from navstack.core.errors import LogError, RecordError
 from navstack.logs import open_log
 from navstack.record import Record
@@ -16,8 +18,11 @@ def is_of_log(record: Record) -> bool:
     return isinstance(record.scenario.get("log"), dict)
 
 
-def replay_of_log(record: Record) -> LogReplay:
-    """Return the replay that a record came from, before its first cycle. Raises RecordError if the log is not there."""
+def replay_of_log(record: Record, *, recorded: bool = True, listeners: Sequence[Listener] = ()) -> LogReplay:
+    """Return the replay that a record came from, before its first cycle; with `recorded` it is recorded again.
+
+    Raises RecordError if the log is not there.
+    """
     stored: Any = record.scenario["log"]
     try:
         path, partial = str(stored["path"]), bool(stored["partial"])
@@ -31,4 +36,4 @@ def replay_of_log(record: Record) -> LogReplay:
         raise RecordError(
             f"{record.path or 'the record'} is the replay of a log, which is needed again: {exc.message}", log=path
         ) from exc
-    return LogReplay(log, configuration, record.map, options)
+    return LogReplay(log, configuration, record.map, options, record=recorded, listeners=listeners)

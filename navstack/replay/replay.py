@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from navstack.bringup import build_move_base
 from navstack.core import Event, Listener, OccupancyGrid, Pose2D, Twist2D
@@ -24,6 +24,7 @@ from navstack.parameters.configuration import Configuration
 from navstack.record import RunRecorder
 from navstack.replay.comparison import Cycle, Cycles, PlanComparer
 from navstack.replay.logged_robot import LoggedRobot
+from navstack.replay.options import ReplayOptions
 from navstack.replay.player import Player
 from navstack.replay.recording import ReplayRecorder
 from navstack.replay.setup import find_clock, first_transforms, periods_of, place_robot
@@ -47,6 +48,8 @@ class ReplayedGoal:
 
     pose: Pose2D
     frame: str
+    target: Pose2D
+    """The pose in the global frame."""
     id: str
     time: float
     """When it was sent (s)."""
@@ -58,53 +61,6 @@ class ReplayedGoal:
     recorded_end: float = math.nan
     """When it ended in the log (s)."""
     recorded_text: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class ReplayOptions:
-    """What a replay does besides the log."""
-
-    start: float | None = None
-    """First time (s since the first message); None: the beginning."""
-    end: float | None = None
-    topics: Mapping[str, str] = field(default_factory=dict[str, str])
-    """Topic of the parameters -> topic of the log."""
-    goals: tuple[tuple[float, Pose2D], ...] = ()
-    """Goals (time, pose in the global frame) besides those of the log."""
-    initial_pose: Pose2D | None = None
-    """Pose of the robot in the map at the start, for logs without a localization."""
-    mountings: Mapping[str, tuple[str, tuple[float, ...]]] = field(
-        default_factory=dict[str, tuple[str, tuple[float, ...]]]
-    )
-    """Frame -> parent and x, y, z, yaw, for frames that are not in the log."""
-    scans: bool = True
-    """Record the scans."""
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the options as JSON data."""
-        return {
-            "start": self.start,
-            "end": self.end,
-            "topics": dict(self.topics),
-            "goals": [[time, *pose] for time, pose in self.goals],
-            "initial_pose": None if self.initial_pose is None else list(self.initial_pose),
-            "mountings": {frame: [parent, *values] for frame, (parent, values) in self.mountings.items()},
-            "scans": self.scans,
-        }
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> ReplayOptions:
-        """Restore the options. Raises KeyError, TypeError or ValueError for other data."""
-        pose = data["initial_pose"]
-        return cls(
-            data["start"],
-            data["end"],
-            {str(name): str(topic) for name, topic in data["topics"].items()},
-            tuple((float(goal[0]), Pose2D(*map(float, goal[1:]))) for goal in data["goals"]),
-            None if pose is None else Pose2D(*map(float, pose)),
-            {str(frame): (str(value[0]), tuple(map(float, value[1:]))) for frame, value in data["mountings"].items()},
-            bool(data["scans"]),
-        )
 
 
 class _Failures:
@@ -192,6 +148,11 @@ class LogReplay:
     def duration(self) -> float:
         """Length of the replayed part (s)."""
         return self.cycles.duration
+
+    @property
+    def now(self) -> float:
+        """Time of the last cycle (s); before the first one, when the replay begins."""
+        return self._now if self._now > -math.inf else self.options.start or 0.0
 
     @property
     def run_recorder(self) -> RunRecorder | None:
@@ -348,9 +309,10 @@ class LogReplay:
 
     def _send(self, pose: Pose2D, frame: str, goal_id: str, now: float) -> None:
         handle = self.move_base.send_goal(pose, frame or None)
-        self.goals.append(ReplayedGoal(pose, frame, goal_id, now, handle))
+        target = self._in_global_frame(pose, frame)
+        self.goals.append(ReplayedGoal(pose, frame, target, goal_id, now, handle))
         if self.recorder is not None:
-            self.recorder.goal(now, self._in_global_frame(pose, frame))
+            self.recorder.goal(now, target)
 
     def _in_global_frame(self, pose: Pose2D, frame: str) -> Pose2D:
         target = self.move_base.global_costmap.frame

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navstack.core import Pose2D
+from navstack.core import Pose2D, RangeReading
 from navstack.core.errors import InputError, RecordError
 from navstack.logs import open_log
 from navstack.map_io import load_map, map_path
@@ -24,10 +24,11 @@ NOT_IN_A_LOG = {"clearances", "solid_corners", "solid_discs", "solid_first"}
 """What only a simulator knows."""
 
 
-def recorded(scenario: Scenario) -> Record:
+def recorded(scenario: Scenario, readings: list[RangeReading] | None = None) -> Record:
     run = Run(scenario)
     while run.step():
-        pass
+        if readings is not None:
+            readings += [data for data in run.move_base.last_tick.scans if isinstance(data, RangeReading)]
     assert run.recorder is not None
     return run.recorder.record()
 
@@ -80,7 +81,9 @@ IN_BAGS_ONLY = ("unreachable", "sonars")
 )
 def test_replay_equals_the_run(name: str, suffix: str, tmp_path: Path) -> None:
     scenario = SCENARIOS[name]()
-    run = recorded(scenario)
+    sonar: list[RangeReading] = []
+    heard: list[RangeReading] = []
+    run = recorded(scenario, sonar)
     file = tmp_path / f"run.{suffix}"
     exported = export_run(run, file)
     assert exported.duration == run.times[-1] and exported.messages > 100
@@ -88,7 +91,9 @@ def test_replay_equals_the_run(name: str, suffix: str, tmp_path: Path) -> None:
         found = logged_map(log, find_topics(log, scenario.configuration))
         assert found is not None
         replay = LogReplay(log, scenario.configuration, found)
-        replay.run()
+        while replay.step():
+            heard += [data for data in replay.move_base.last_tick.scans if isinstance(data, RangeReading)]
+    assert heard == sonar and bool(sonar) == (name == "sonars")
     again = replay.recorder.recorder.record() if replay.recorder is not None else None
     assert again is not None
     assert not replay.player.problems
