@@ -50,8 +50,8 @@ def replay(
 ) -> int:
     """Replay a log through costmaps, planners and controller, open loop: the robot does what the log says.
 
-    The record opens with `navstack plot`, `explain` and `live`. Exit codes: 0, 2 invalid input, 130 interrupted: the record
-    ends there.
+    The record opens with `navstack plot`, `explain` and `live`, which need the log again. Exit codes: 0, 2 invalid input, 130
+    interrupted: the record ends there.
     """
     from navstack.cli.interrupts import interrupt_flag
     from navstack.core.errors import InputError

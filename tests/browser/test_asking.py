@@ -12,11 +12,13 @@ from typing import Any
 
 import pytest
 
+from navstack.live.logged import LoggedSession
 from navstack.live.session import Origin, Session
 from navstack.live.stage import Options, Stage
 from navstack.parameters.configuration import load_configuration
 from navstack.scenario import Scenario, load_scenario, run_scenario
 from tests.browser.conftest import CORRIDOR, Live, at, drag, value, wait_until
+from tests.replay.test_replay import Maker, record_of, replayed
 
 Start = Callable[..., Live]
 Open = Callable[..., Any]
@@ -192,6 +194,14 @@ def test_a_recorded_run_has_a_time_line(live: Start, open_page: Open, scenario: 
     wait_until(page, "!side.seeking && Math.abs(side.t - 2) < 0.3")
     page.evaluate("() => { window.navstack.act({ type: 'cancel' }); }")
     page.locator(".toast.error", has_text="recorded run").wait_for()
+
+
+def test_the_replay_of_a_log_has_a_time_line(live: Start, open_page: Open, tmp_path: Path) -> None:
+    session = LoggedSession(record_of(replayed(Maker(tmp_path / "robot.bag").write())))
+    page = open_page(live(stage=Stage([session], Options(fixed=True))))
+    page.locator("#timeline").fill("5")
+    wait_until(page, "!side.seeking && Math.abs(side.t - 5) < 0.3 && side.goals.under_way.length == 1")
+    assert value(page, "side.pose[0]") == pytest.approx(1.0, abs=0.1)
 
 
 def test_two_pages_share_a_session(live: Start, open_page: Open) -> None:

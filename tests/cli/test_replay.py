@@ -58,9 +58,10 @@ def test_export_and_replay(recorded: Path, tmp_path: Path, capfd: pytest.Capture
     assert record.scenario["log"]["path"] == str(target)
     assert run(["explain", "command", str(out), "--time", "3"]) == 0
     assert run(["plot", str(out), "--out", str(tmp_path / "x.png")]) == 0
+    target.unlink()
     capfd.readouterr()
     assert run(["live", str(out), "--no-open"]) == 2
-    assert "is the replay of a log, and live shows simulated runs" in " ".join(capfd.readouterr().err.split())
+    assert "is the replay of a log, which is needed again" in " ".join(capfd.readouterr().err.split())
 
 
 def test_scenario(recorded: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

@@ -54,7 +54,7 @@ def test_a_replay_has_a_time_line(record: Record) -> None:
     assert f"{explain_command(record, session.time).time:.3f}" in command
     happened = stage.prepare_slow(messages.read_request('{"type": "explain_goal", "id": 8, "number": 1}'))().text
     assert happened == answers.what_happened(record, 1)
-    assert "lethal" in answers.why_cell(session, 4.02, 0.0, "global")
+    assert "robot at (0.60, 0.00)" in answers.why_cell(session, 4.02, 0.0, "global")
     for refused in ('{"type": "cancel", "id": 9}', '{"type": "restart", "id": 10}'):
         with pytest.raises(InputError, match="recorded run"):
             stage.request(messages.read_request(refused))
