@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import LaserScan, Transform2D
+
+
+FEWEST: Final = 10
+"""With fewer beams in common, two scans are not compared."""
 
 
 class Beams(NamedTuple):
@@ -55,3 +59,28 @@ def scan_beams(scan: LaserScan, sensor: Transform2D, reach: float = np.inf) -> B
         )
     )
     return Beams(ends, np.array([sensor.x, sensor.y]))
+
+
+def continuity(before: Beams, now: Beams, step: Transform2D) -> float | None:
+    """Return the share of the beams `now` that end where the scan `before` saw something, or saw as far.
+
+    `step` is the motion between the scans, by the odometry: the base now in the base before. Ranges in the same direction are
+    compared, with a tolerance of 0.2 m and 5 %; two directions beside a beam count, so that corners which the motion hides or
+    shows agree. None if the scans have fewer than `FEWEST` directions in common.
+    """
+    if len(before.ends) < 2 or len(now.ends) == 0:
+        return None
+    seen = step.inverse().apply_points(np.ascontiguousarray(before.ends[:, :2])) - now.eye
+    bearings, ranges = np.arctan2(seen[:, 1], seen[:, 0]), np.hypot(seen[:, 0], seen[:, 1])
+    order = np.argsort(bearings, kind="stable")
+    bearings, ranges = bearings[order], ranges[order]
+    beams = now.ends[:, :2] - now.eye
+    bearing, length = np.arctan2(beams[:, 1], beams[:, 0]), np.hypot(beams[:, 0], beams[:, 1])
+    k = np.searchsorted(bearings, bearing)
+    common = (k > 0) & (k < len(bearings))
+    if int(common.sum()) < FEWEST:
+        return None
+    k, length = k[common], length[common]
+    tolerance = 0.2 + 0.05 * length
+    low, high = np.minimum(ranges[k - 1], ranges[k]), np.maximum(ranges[k - 1], ranges[k])
+    return float(((length > low - tolerance) & (length < high + tolerance)).mean())

@@ -41,7 +41,7 @@ class ScanMatcher(Localizer):
         self._streak = 0
         self._moved = 0.0
         self._turned = 0.0
-        self._searched_at = -math.inf
+        self._searched_at = -math.inf, -math.inf
         self._given: tuple[Pose2D, NDArray[np.float64]] | None = None
 
     # --- the interface of localizers ----------------------------------------------------------------------------------
@@ -119,8 +119,8 @@ class ScanMatcher(Localizer):
             self._moved += math.hypot(step.x, step.y)
             self._turned += abs(step.yaw)
         h.advance(Frame(odometry, beams.thinned(self._settings.beams)))
-        if self._globally and not self._certain and self._moved - self._searched_at >= self.params.search_distance:
-            self._searched_at = self._moved
+        if self._globally and not self._certain and self._is_search_due():
+            self._searched_at = self._moved, self._turned
             found = search_scan(h.map, beams, keep=self.params.max_hypotheses, beam_count=self.params.search_beams)
             h.add(found.poses, margin=_MARGIN)
         h.prune(margin=_MARGIN, keep=self.params.max_hypotheses)
@@ -134,7 +134,7 @@ class ScanMatcher(Localizer):
         h.clear()
         h.forget_frames()
         self._globally, self._certain, self._streak = globally, False, 0
-        self._moved, self._turned, self._searched_at = 0.0, 0.0, -math.inf
+        self._moved, self._turned, self._searched_at = 0.0, 0.0, (-math.inf, -math.inf)
         self._estimate, self._given = None, None
 
     def _require_map(self) -> Hypotheses:
@@ -147,6 +147,11 @@ class ScanMatcher(Localizer):
             return True
         step = h.frames[-1].odometry.inverse() @ odometry
         return math.hypot(step.x, step.y) >= self.params.update_min_d or abs(step.yaw) >= self.params.update_min_a
+
+    def _is_search_due(self) -> bool:
+        """Return True if the robot sees other things than at the last search of the whole map."""
+        p, (moved, turned) = self.params, self._searched_at
+        return self._moved - moved >= p.search_distance or self._turned - turned >= p.search_turn
 
     def _take_given(self, h: Hypotheses) -> None:
         if self._given is None:

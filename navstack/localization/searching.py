@@ -128,7 +128,7 @@ class SearchingLocalizer(Localizer):
         if believed is None:
             return None
         was_lost = detector.lost
-        result = detector.update(_pose_of(believed.map_to_odom @ odometry), scan, sensor)
+        result = detector.update(_pose_of(believed.map_to_odom @ odometry), scan, sensor, odometry)
         if detector.lost and not was_lost and result is not None and not self._handed:
             self.alarms.append(result)
             self._begin_search(believed, odometry)

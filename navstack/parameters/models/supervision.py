@@ -14,6 +14,15 @@ class LostParams(ParamModel):
     lost_evidence: float = param(
         2.5, "sum of the missing shares, scan by scan, from which the robot counts as lost", gt=0.0
     )
+    lost_continuous: float = param(
+        0.65,
+        "share of beams that agree with the scan before, by the odometry, below which the robot may have been carried away",
+        ge=0.0,
+        lt=1.0,
+    )
+    lost_explained_then: float = param(
+        0.85, "lost_explained from then on, until the scans have confirmed the believed pose", gt=0.0, lt=1.0
+    )
     lost_interval: float = param(0.2, "scans sooner after the last one that counted are left out", unit="s", ge=0.0)
     lost_beams: int = param(60, "beams that are compared", ge=10, le=2000)
 
@@ -27,6 +36,7 @@ class ScanMatcherParams(ParamModel):
     search_beams: int = param(180, "beams of a search over the whole map", ge=10, le=255)
     match_beams: int = param(60, "beams of a match", ge=10, le=2000)
     search_distance: float = param(1.0, "distance to move before the whole map is searched again", unit="m", gt=0.0)
+    search_turn: float = param(1.5, "angle to turn before the whole map is searched again", unit="rad", gt=0.0)
     window: int = param(20, "scans by which hypotheses are compared", ge=2, le=500)
     certain_probability: float = param(
         0.99, "probability of the best hypothesis from which it is certain", gt=0.5, lt=1.0
