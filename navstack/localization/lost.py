@@ -128,6 +128,13 @@ class LostDetector:
         )
         return self._last
 
+    def explained_at(self, pose: Pose2D, scan: LaserScan, sensor: Transform2D) -> float:
+        """Return the share of the scan's returns that the map explains from a pose or one beside it; 0 without returns."""
+        beams = scan_beams(scan, sensor, self.map.reach).thinned(self.params.lost_beams)
+        if not pose.is_finite() or len(beams.points) == 0:
+            return 0.0
+        return self._explained(pose, beams)[0][0]
+
     def _continuity(self, every: Beams, beams: Beams, odometry: Transform2D | None) -> float | None:
         """Compare the beams with the scan before; None without odometry, and after a step too large for a comparison."""
         before, self._before = self._before, None if odometry is None else (every.thinned(_PROFILE), odometry)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections import deque
 from typing import ClassVar
 
 import numpy as np
@@ -18,6 +19,8 @@ from navstack.localization.match_map import MatchMap
 from navstack.localization.scan_matcher import ScanMatcher
 from navstack.parameters.models.supervision import LostParams, ScanMatcherParams, SearchingParams
 
+_GAIN = 0.1
+"""An estimate that jumps must explain this much more of the scan than the pose by the odometry."""
 _HANDED = np.diag([0.05**2, 0.05**2, 0.03**2])
 """Added to the covariance of a hypothesis that is handed to the tracker (m², rad²)."""
 
@@ -48,10 +51,14 @@ class SearchingLocalizer(Localizer):
         self._before: Transform2D | None = None
         """map -> odom before the search of a lost robot."""
         self._estimate: PoseEstimate | None = None
+        self._accepted: PoseEstimate | None = None
+        """The tracker's last estimate that was accepted."""
         self.alarms: list[Agreement] = []
         """The results at which the robot began to count as lost."""
         self.jumps: list[tuple[float, Pose2D]] = []
         """Stamps and poses at which the tracker was set to a pose that a search found."""
+        self.rejected: deque[tuple[float, Pose2D]] = deque(maxlen=100)
+        """Stamps and poses of the tracker's estimates that were rejected: they jumped and explained the scan no better."""
 
     def set_map(self, grid: OccupancyGrid) -> None:
         """Use this map from now on; the estimate stays."""
@@ -66,7 +73,7 @@ class SearchingLocalizer(Localizer):
         self.tracker.set_pose(pose, covariance, stamp)
         self._require_map().reset()
         self._searching = self._globally = False
-        self._handed, self._estimate = 0, None
+        self._handed, self._estimate, self._accepted = 0, None, None
 
     def start_globally(self) -> None:
         """Start without knowledge of the pose."""
@@ -75,7 +82,7 @@ class SearchingLocalizer(Localizer):
             self.tracker.start_globally()
         self._matcher.start_globally()
         self._searching = self._globally = self.params.search
-        self._handed, self._estimate, self._since = 0, None, None
+        self._handed, self._estimate, self._accepted, self._since = 0, None, None, None
 
     def request_update(self) -> None:
         """Let the next scan count even if the robot has not moved."""
@@ -124,7 +131,9 @@ class SearchingLocalizer(Localizer):
         if self._globally:
             return self._find(detector, odometry, scan, sensor)
         found = self.tracker.update(odometry, scan, sensor)
-        believed = self.tracker.estimate
+        if found is not None and self._accepted is not None and not self.lost:
+            found = self._plausible(detector, self._accepted, found, odometry, scan, sensor)
+        believed = self._accepted = found or self._accepted or self.tracker.estimate
         if believed is None:
             return None
         was_lost = detector.lost
@@ -141,6 +150,29 @@ class SearchingLocalizer(Localizer):
         )
         self._estimate = self._with_details(latest)
         return self._estimate
+
+    def _plausible(
+        self,
+        detector: LostDetector,
+        before: PoseEstimate,
+        found: PoseEstimate,
+        odometry: Transform2D,
+        scan: LaserScan,
+        sensor: Transform2D,
+    ) -> PoseEstimate:
+        """Return the tracker's new estimate; if it jumps to a pose that explains the scan no better, the one by the odometry.
+
+        Random particles of amcl that happen to gather outweigh the true cluster for some scans, for example.
+        """
+        expected = _pose_of(before.map_to_odom @ odometry)
+        if self._same(found.map_to_odom @ odometry, expected):
+            return found
+        gain = detector.explained_at(found.pose, scan, sensor) - detector.explained_at(expected, scan, sensor)
+        if gain > _GAIN:
+            return found
+        self.rejected.append((scan.stamp, found.pose))
+        self.tracker.set_pose(expected, _HANDED, math.inf)
+        return dataclasses.replace(found, pose=expected, covariance=_HANDED, map_to_odom=before.map_to_odom)
 
     # --- searching ----------------------------------------------------------------------------------------------------
 
@@ -187,7 +219,7 @@ class SearchingLocalizer(Localizer):
             return None
         self._searching = False
         detector.reset()
-        believed = self.tracker.estimate
+        believed = self._accepted or self.tracker.estimate
         if believed is not None and self._same(believed.map_to_odom @ odometry, guess.pose):
             self._handed = 0
             return None
@@ -214,7 +246,7 @@ class SearchingLocalizer(Localizer):
             return
         poses, covariances, weights = zip(*self._matcher.hypotheses(), strict=True)
         self.tracker.set_hypotheses(list(poses), np.array(covariances) + _HANDED, np.array(weights))
-        self._handed = count
+        self._handed, self._accepted = count, None
 
     def _hand_over(
         self, guess: PoseEstimate, odometry: Transform2D, scan: LaserScan, sensor: Transform2D
@@ -223,7 +255,8 @@ class SearchingLocalizer(Localizer):
         self.tracker.set_pose(guess.pose, guess.covariance + _HANDED, math.inf)
         self._handed = 0
         self.jumps.append((scan.stamp, guess.pose))
-        return self.tracker.update(odometry, scan, sensor) or guess
+        self._accepted = self.tracker.update(odometry, scan, sensor) or guess
+        return self._accepted
 
     def _with_details(self, estimate: PoseEstimate) -> PoseEstimate:
         details = dict(estimate.details)
