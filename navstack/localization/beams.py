@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from navstack.core import LaserScan, Transform2D
 
-
 FEWEST: Final = 10
 """With fewer beams in common, two scans are not compared."""
 

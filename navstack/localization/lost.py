@@ -15,7 +15,6 @@ from navstack.localization.hypotheses import MatchSettings
 from navstack.localization.match_map import MatchMap
 from navstack.parameters.models.supervision import LostParams
 
-
 _PROFILE: Final = 180
 """Beams of the scan before."""
 _LARGEST_STEP_M: Final = 0.5
@@ -146,7 +145,7 @@ class LostDetector:
         return continuity(before[0], beams, step)
 
     def _explained(self, pose: Pose2D, beams: Beams) -> tuple[list[float], float]:
-        """Return the shares (explained, unexpected, through) from the pose or one beside it, and the distance of the latter (m)."""
+        """Return the shares (explained, unexpected, through) from the pose or one beside it, and the distance to that (m)."""
         poses = self.map.to_grid(np.array([pose]))
         believed = poses[0].copy()
         refine(poses, beams.points, self.map.field, self._match, np.zeros((1, 3, 3)))

@@ -10,7 +10,8 @@ import pytest
 
 from navstack.core import LaserScan, OccupancyGrid, Pose2D, Transform2D
 from navstack.localization.amcl import Amcl
-from navstack.localization.lost import LostDetector, LostParams
+from navstack.localization.beams import FEWEST, Beams, continuity, scan_beams
+from navstack.localization.lost import Agreement, LostDetector, LostParams
 from navstack.localization.searching import SearchingLocalizer
 from navstack.parameters.models.amcl import AmclParams
 from tests.localization.rooms import free_pose, rooms, scan_from
@@ -124,6 +125,55 @@ def test_a_global_start_hands_the_pose_to_the_particles(grid: OccupancyGrid) -> 
     assert not localizer.lost
     assert len(localizer.jumps) == 1
     assert not localizer.alarms
+    # in so tight a circle, random particles outweigh the true cluster once; the estimate does not follow them
+    assert len(localizer.rejected) == 1
+    assert localizer.agreement is not None
+    assert localizer.agreement.explained > 0.9
     estimate = localizer.tracker.estimate
     assert estimate is not None
     assert estimate.details["particles"] > 50
+
+
+def test_scans_that_follow_from_each_other(grid: OccupancyGrid) -> None:
+    truth = free_pose(grid, np.random.default_rng(4), margin=1.2)
+    beams = [scan_beams(scan_from(grid, pose, sensor=SENSOR), SENSOR) for pose in (truth, truth @ STEP)]
+    agreeing = continuity(beams[0], beams[1], STEP)
+    assert agreeing is not None
+    assert agreeing > 0.95
+    elsewhere = scan_beams(scan_from(grid, free_pose(grid, np.random.default_rng(21)), sensor=SENSOR), SENSOR)
+    for other, step in ((elsewhere, STEP), (beams[1], Transform2D(0.0, 0.0, 1.5))):
+        found = continuity(beams[0], other, step)
+        assert found is not None
+        assert found < 0.6
+    nothing = Beams(np.empty((0, 3)), beams[0].eye)
+    assert continuity(nothing, beams[1], STEP) is None
+    assert continuity(beams[0], nothing, STEP) is None
+    assert continuity(beams[0], beams[1].thinned(FEWEST - 1), STEP) is None
+
+
+@pytest.mark.parametrize("carried_m", [0.0, 4.0])
+def test_a_scan_that_does_not_follow_is_a_suspicion_that_the_map_decides(grid: OccupancyGrid, carried_m: float) -> None:
+    detector = LostDetector(grid)
+    truth = believed = free_pose(grid, np.random.default_rng(4), margin=1.2)
+    odometry = Transform2D()
+    results: list[Agreement] = []
+    for k in range(40):
+        if k == 10:
+            odometry = odometry @ Transform2D(0.0, 0.0, 0.5)  # a wheel that slipped, or
+            if carried_m:
+                truth = free_pose(grid, np.random.default_rng(21), margin=1.2)
+        scan = stamped(scan_from(grid, truth, sensor=SENSOR), 0.2 * k)
+        result = detector.update(Pose2D(*believed), scan, SENSOR, odometry)
+        assert result is not None
+        results.append(result)
+        truth, believed, odometry = truth @ STEP, believed @ STEP, odometry @ STEP
+    assert results[0].continuous is None
+    assert all(result.continuous is not None and result.continuous > 0.9 for result in results[1:10])
+    assert not any(result.carried for result in results[:10])
+    assert results[10].carried
+    if carried_m:
+        assert results[12].lost
+        assert "after a scan that does not follow from the one before" in results[12].text()
+    else:
+        assert not any(result.lost for result in results)
+        assert not results[-1].carried
