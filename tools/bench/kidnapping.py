@@ -82,7 +82,7 @@ def one_kidnapping(
         clock += 0.2
         scan, sensor = scan_of(second, options.laser, k)
         localizer.update(odometry, _at(scan, clock), sensor)
-        estimate = localizer.tracker.estimate
+        estimate = localizer.estimate
         if noticed is None and (localizer.lost or len(localizer.jumps) > jumps):
             noticed = (n + 1) * 0.2
         if estimate is not None:
@@ -143,7 +143,7 @@ def false_alarms(drives: Drives, options: argparse.Namespace) -> None:
                 scan, sensor = scan_of(drive, options.laser, k)
                 before = len(localizer.alarms)
                 localizer.update(odometry, scan, sensor)
-                estimate = localizer.tracker.estimate
+                estimate = localizer.estimate
                 x, y = drive["truth"][k, :2].tolist()
                 if estimate is not None and len(localizer.alarms) > before:
                     pose = estimate.map_to_odom @ odometry
