@@ -17,6 +17,7 @@ from navstack.core.errors import InputError
 from navstack.interfaces import Localizer, PoseEstimate
 from navstack.localization.beams import scan_beams
 from navstack.localization.hypotheses import Frame, Hypotheses, MatchSettings
+from navstack.localization.inputs import InputCheck, require_covariance
 from navstack.localization.match_map import MatchMap
 from navstack.localization.scan_search import search_scan
 from navstack.parameters.models.supervision import ScanMatcherParams
@@ -33,6 +34,9 @@ class ScanMatcher(Localizer):
     def __init__(self, params: ScanMatcherParams | None = None, settings: MatchSettings | None = None) -> None:
         self.params = params or ScanMatcherParams()
         self._settings = settings or MatchSettings(beams=self.params.match_beams)
+        self._inputs = InputCheck()
+        self.rejections = self._inputs.rejections
+        """Inputs that were not used, with the reason."""
         self._hypotheses: Hypotheses | None = None
         self._estimate: PoseEstimate | None = None
         self._globally = True
@@ -60,10 +64,9 @@ class ScanMatcher(Localizer):
 
     def set_pose(self, pose: Pose2D, covariance: NDArray[np.float64], stamp: float) -> None:
         """Start from a pose of the base in the map; its covariance is that of the estimate until the first scan."""
-        if not pose.is_finite() or not np.isfinite(covariance).all():
-            raise InputError(f"the initial pose {tuple(pose)} and its covariance must be finite")
+        matrix = require_covariance(pose, covariance)
         self._restart(globally=False)
-        self._given = (pose, np.asarray(covariance, np.float64))
+        self._given = pose, matrix
 
     def start_globally(self) -> None:
         """Start without knowledge of the pose: the next scan is searched for in the whole map."""
@@ -103,11 +106,12 @@ class ScanMatcher(Localizer):
         return [(Pose2D(*poses[i].tolist()), h.covariance(i), float(weights[i])) for i in range(len(h))]
 
     def update(self, odometry: Transform2D, scan: LaserScan, sensor: Transform2D) -> PoseEstimate | None:
-        """Process a scan; None if the robot has hardly moved since the last one that counted, or no pose explains it."""
+        """Process a scan; None if the robot has hardly moved since the last one that counted, or no pose explains it.
+
+        A defective input is rejected with a reason in `rejections`.
+        """
         h = self._require_map()
-        if not all(map(math.isfinite, (*odometry, *sensor))):
-            raise InputError(f"odometry {tuple(odometry)} and sensor pose {tuple(sensor)} must be finite")
-        if not self._is_due(h, odometry):
+        if not self._inputs.accept(odometry, scan, sensor) or not self._is_due(h, odometry):
             return None
         beams = scan_beams(scan, sensor, h.map.reach)
         if len(beams.points) == 0:

@@ -14,6 +14,7 @@ from navstack.core import LaserScan, OccupancyGrid, Pose2D, Transform2D
 from navstack.core.errors import InputError
 from navstack.core.parameters import ParamModel
 from navstack.interfaces import LocalizationStatus, Localizer, PoseEstimate
+from navstack.localization.inputs import InputCheck
 from navstack.localization.lost import Agreement, LostDetector
 from navstack.localization.match_map import MatchMap
 from navstack.localization.scan_matcher import ScanMatcher
@@ -41,6 +42,9 @@ class SearchingLocalizer(Localizer):
         self.tracker = tracker
         matcher = {name: getattr(self.params, name) for name in ScanMatcherParams.model_fields}
         self._matcher = ScanMatcher(ScanMatcherParams(**matcher))
+        self._inputs = InputCheck()
+        self.rejections = self._inputs.rejections
+        """Inputs that were not used, with the reason."""
         self._detector: LostDetector | None = None
         self._searching = True
         self._globally = True
@@ -126,8 +130,10 @@ class SearchingLocalizer(Localizer):
         return self._matcher.hypotheses() if self._searching else []
 
     def update(self, odometry: Transform2D, scan: LaserScan, sensor: Transform2D) -> PoseEstimate | None:
-        """Process a scan; None if it did not change the estimate."""
+        """Process a scan; None if it did not change the estimate. A defective one is rejected with a reason in `rejections`."""
         detector = self._require_map()
+        if not self._inputs.accept(odometry, scan, sensor):
+            return None
         if self._globally:
             return self._find(detector, odometry, scan, sensor)
         found = self.tracker.update(odometry, scan, sensor)

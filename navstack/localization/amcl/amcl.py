@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Sequence
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,16 +16,10 @@ from navstack.interfaces import Localizer, PoseEstimate
 from navstack.localization.amcl.odometry import OdometryHistory
 from navstack.localization.amcl.particles import Clusters, ParticleSet
 from navstack.localization.amcl.sensor_model import Readings, SensorModel
+from navstack.localization.inputs import InputCheck, require_covariance
 from navstack.parameters.models.amcl import AmclParams
 
 Array = NDArray[np.float64]
-
-
-class Rejection(NamedTuple):
-    """An input that was not used."""
-
-    stamp: float
-    reason: str
 
 
 class Amcl(Localizer):
@@ -43,7 +36,8 @@ class Amcl(Localizer):
         """`seed` applies if `random_seed` is negative."""
         self.params = params
         self.particles = ParticleSet(params, params.random_seed if params.random_seed >= 0 else seed)
-        self.rejections: deque[Rejection] = deque(maxlen=100)
+        self._inputs = InputCheck()
+        self.rejections = self._inputs.rejections
         """Inputs that were not used, with the reason."""
         self._per_axis = "axis_threshold" in params.ros_defects
         self._alphas = np.array(params.alphas)
@@ -54,7 +48,6 @@ class Amcl(Localizer):
         self._forced = False
         self._last: Transform2D | None = None
         self._due: dict[str, bool] = {}
-        self._stamps: dict[str, float] = {}
         self._updates = 0
         self._estimate: PoseEstimate | None = None
 
@@ -130,15 +123,12 @@ class Amcl(Localizer):
 
     def update(self, odometry: Transform2D, scan: LaserScan, sensor: Transform2D) -> PoseEstimate | None:
         """Process a scan; see `Localizer.update`. A defective input is rejected with a reason in `rejections`."""
-        reason = self._defect(odometry, scan, sensor)
-        if reason:
-            self.rejections.append(Rejection(scan.stamp, reason))
+        if not self._inputs.accept(odometry, scan, sensor):
             return None
-        self._stamps[scan.frame] = scan.stamp
         self._history.add(scan.stamp, odometry)
         model = self._model
         if model is None:
-            self.rejections.append(Rejection(scan.stamp, "there is no map yet; call set_map"))
+            self._inputs.reject(scan.stamp, "there is no map yet; call set_map")
             return None
         if self._pending is not None:
             self._begin()
@@ -152,27 +142,10 @@ class Amcl(Localizer):
             return self._publish(odometry, scan.stamp)
         return None
 
-    def _defect(self, odometry: Transform2D, scan: LaserScan, sensor: Transform2D) -> str:
-        """Return what is wrong with an input; empty if nothing is."""
-        if not all(map(math.isfinite, (*odometry, *sensor))):
-            return f"the odometry {tuple(odometry)} or the sensor's pose {tuple(sensor)} is not finite"
-        if max(map(abs, (*odometry, *sensor))) > 1e7:
-            return f"the odometry {tuple(odometry)} is not a pose on earth"
-        if not math.isfinite(scan.stamp):
-            return f"the stamp of the scan is {scan.stamp}"
-        last = self._stamps.get(scan.frame)
-        if last is not None and scan.stamp <= last:
-            return f"the scan at {scan.stamp} s is not newer than the last one of {scan.frame}, at {last} s"
-        if not (math.isfinite(scan.range_max) and scan.range_max > 0.0 and scan.range_min >= 0.0):
-            return f"the limits of the scan are {scan.range_min} to {scan.range_max} m"
-        if not (math.isfinite(scan.angle_min) and math.isfinite(scan.angle_increment)):
-            return f"the angles of the scan are {scan.angle_min} + i * {scan.angle_increment} rad"
-        return ""
-
     def _move(self, odometry: Transform2D, first: bool) -> None:
         """Move the particles if the robot has moved enough, and let every laser's next scan count."""
         if first:
-            self._due = dict.fromkeys(self._stamps, True)
+            self._due = dict.fromkeys(self._inputs.stamps, True)
             return
         last = self._last
         assert last is not None
@@ -183,7 +156,7 @@ class Amcl(Localizer):
             return
         self._forced = False
         self.particles.move(np.array([dx, dy, dyaw]), last.yaw, self._alphas, self.params.odom_model_type)
-        self._due = dict.fromkeys(self._stamps, True)
+        self._due = dict.fromkeys(self._inputs.stamps, True)
         self._last = odometry
 
     def _weigh(self, model: SensorModel, scan: LaserScan, sensor: Transform2D, first: bool) -> bool:
@@ -193,7 +166,7 @@ class Amcl(Localizer):
         readings = Readings.of(scan, sensor, self.params)
         factors = model.factors(particles.poses, readings, converged=particles.converged)
         if not particles.weigh(factors):
-            self.rejections.append(Rejection(scan.stamp, "the scan fits no particle: all weights are equal now"))
+            self._inputs.reject(scan.stamp, "the scan fits no particle: all weights are equal now")
         self._updates += 1
         if self._updates % self.params.resample_interval:
             return False
@@ -247,21 +220,3 @@ class Amcl(Localizer):
         if shift_x == 0.0:
             return place.center_x + 0.5 * place.cell, place.center_y + 0.5 * place.cell
         return place.center_x - (shift_x - 0.5) * place.cell, place.center_y - (shift_y - 0.5) * place.cell
-
-
-def require_covariance(pose: Pose2D, covariance: NDArray[np.float64]) -> Array:
-    """Return a covariance (3, 3) as float64. Raises InputError if it or the pose is none."""
-    if not pose.is_finite():
-        raise InputError(f"the initial pose {tuple(pose)} is not finite", argument="pose")
-    matrix = np.asarray(covariance, np.float64)
-    if matrix.shape != (3, 3) or not np.isfinite(matrix).all():
-        raise InputError("the covariance of the initial pose must be 3 x 3 finite numbers", argument="covariance")
-    scale = float(np.abs(matrix).max())
-    if not np.allclose(matrix, matrix.T, rtol=0.0, atol=1e-9 * scale):
-        raise InputError("the covariance of the initial pose is not symmetric", argument="covariance")
-    lowest = float(np.linalg.eigvalsh(matrix)[0])
-    if lowest < -1e-9 * scale:
-        raise InputError(
-            f"the covariance of the initial pose has the negative eigenvalue {lowest:.3g}", argument="covariance"
-        )
-    return matrix
