@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from navstack.core import LaserScan, OccupancyGrid, Pose2D, Transform2D
+from navstack.core.errors import ParameterError
 from navstack.localization.amcl import Amcl
 from navstack.localization.beams import FEWEST, Beams, continuity, scan_beams
 from navstack.localization.lost import Agreement, LostDetector, LostParams
 from navstack.localization.searching import SearchingLocalizer
+from navstack.parameters.configuration import load_configuration
 from navstack.parameters.models.amcl import AmclParams
 from tests.localization.rooms import free_pose, rooms, scan_from
 
@@ -177,3 +180,18 @@ def test_a_scan_that_does_not_follow_is_a_suspicion_that_the_map_decides(grid: O
     else:
         assert not any(result.lost for result in results)
         assert not results[-1].carried
+
+
+def test_wrong_parameters_are_found_with_their_place(tmp_path: Path) -> None:
+    file = tmp_path / "bad.yaml"
+    lines = ["navstack: {lost_action: panic, lost_timeout: 0}", "supervision: {search: yes please}"]
+    file.write_text("\n".join([*lines, "recovery_behaviors: [{name: it, type: spin_to_localise}]"]))
+    with pytest.raises(ParameterError) as failed:
+        load_configuration(["turtlebot", str(file)])
+    text = str(failed.value)
+    for part in ("bad.yaml:1:", "lost_action", "recover", "lost_timeout", "bad.yaml:2:", "search"):
+        assert part in text
+    assert 'did you mean "spin_to_localize"?' in text
+    file.write_text("supervision: {lost_explained: 0.9}")
+    with pytest.raises(ParameterError, match="lost_explained_then 0.85 is below lost_explained 0.9"):
+        load_configuration(["turtlebot", str(file)])

@@ -14,8 +14,8 @@ from navstack.record import Record
 
 OFF_M: Final = 0.5
 """A believed pose that is this far (m) from the true one is reported."""
-OFF_S: Final = 0.5
-"""Unless it is nearer again after this time (s)."""
+SAME_S: Final = 1.0
+"""Times that are this near (s) share a line."""
 
 
 def believed_lines(record: Record, report: GoalReport) -> list[TimelineEntry]:
@@ -29,13 +29,16 @@ def believed_lines(record: Record, report: GoalReport) -> list[TimelineEntry]:
     believed = _believed(record.map_to_odom[rows], record.odom_poses[rows])
     off = np.hypot(believed[:, 0] - true[:, 0], believed[:, 1] - true[:, 1])
     edges = np.flatnonzero(np.diff(np.concatenate(([False], off > OFF_M, [False])).astype(np.int8)))
-    lines: list[TimelineEntry] = []
+    spans: list[tuple[int, int]] = []
     for begin, end in edges.reshape(-1, 2).tolist():
-        if times[end - 1] - times[begin] < OFF_S:
-            continue
-        k = begin + int(off[begin:end].argmax())
-        lines.append(_line(times, begin, end, off, believed[k].tolist(), true[k].tolist()))
-    return lines
+        if spans and times[begin] - times[spans[-1][1] - 1] < SAME_S:
+            begin = spans.pop()[0]
+        spans.append((begin, end))
+    worst = [begin + int(off[begin:end].argmax()) for begin, end in spans]
+    return [
+        _line(times, begin, end, off, believed[k].tolist(), true[k].tolist())
+        for (begin, end), k in zip(spans, worst, strict=True)
+    ]
 
 
 def _line(

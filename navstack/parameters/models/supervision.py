@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pydantic import model_validator
+
 from navstack.core.parameters import ParamModel, param
 
 
@@ -25,6 +27,15 @@ class LostParams(ParamModel):
     )
     lost_interval: float = param(0.2, "scans sooner after the last one that counted are left out", unit="s", ge=0.0)
     lost_beams: int = param(60, "beams that are compared", ge=10, le=2000)
+
+    @model_validator(mode="after")
+    def _check_shares(self) -> LostParams:
+        if self.lost_explained_then < self.lost_explained:
+            raise ValueError(
+                f"lost_explained_then {self.lost_explained_then:g} is below lost_explained {self.lost_explained:g}: a robot that "
+                "may have been carried away would need less agreement with the map than any other; set it to at least that"
+            )
+        return self
 
 
 class ScanMatcherParams(ParamModel):
