@@ -137,6 +137,7 @@ class ScanMatcher(Localizer):
         h = self._require_map()
         h.clear()
         h.forget_frames()
+        self._inputs.stamps.clear()
         self._globally, self._certain, self._streak = globally, False, 0
         self._moved, self._turned, self._searched_at = 0.0, 0.0, (-math.inf, -math.inf)
         self._estimate, self._given = None, None

@@ -76,6 +76,7 @@ class SearchingLocalizer(Localizer):
         """Start from a pose of the base in the map."""
         self.tracker.set_pose(pose, covariance, stamp)
         self._require_map().reset()
+        self._inputs.stamps.clear()
         self._searching = self._globally = False
         self._handed, self._estimate, self._accepted = 0, None, None
 
@@ -85,6 +86,7 @@ class SearchingLocalizer(Localizer):
         if not self.params.search:
             self.tracker.start_globally()
         self._matcher.start_globally()
+        self._inputs.stamps.clear()
         self._searching = self._globally = self.params.search
         self._handed, self._estimate, self._accepted, self._since = 0, None, None, None
 

@@ -193,5 +193,5 @@ def test_wrong_parameters_are_found_with_their_place(tmp_path: Path) -> None:
         assert part in text
     assert 'did you mean "spin_to_localize"?' in text
     file.write_text("supervision: {lost_explained: 0.9}")
-    with pytest.raises(ParameterError, match="lost_explained_then 0.85 is below lost_explained 0.9"):
+    with pytest.raises(ParameterError, match=r"lost_explained_then 0\.85 is below lost_explained 0\.9"):
         load_configuration(["turtlebot", str(file)])

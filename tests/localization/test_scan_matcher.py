@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
 
-from navstack.core import OccupancyGrid, Pose2D, Transform2D
+from navstack.core import LaserScan, OccupancyGrid, Pose2D, Transform2D
 from navstack.core.errors import InputError
 from navstack.interfaces import PoseEstimate
 from navstack.localization.scan_matcher import ScanMatcher, ScanMatcherParams
@@ -22,14 +23,18 @@ def drive(
     """Turns on a circle of 0.5 m from `start`, with odometry that drifts by `drift` rad per step of 0.1 m."""
     truth, odometry = start, Transform2D(5.0, -3.0, 1.0)
     found: list[tuple[Transform2D, PoseEstimate]] = []
-    for _ in range(steps):
-        scan = scan_from(grid, truth, sensor=SENSOR)
+    for k in range(steps):
+        scan = stamped(scan_from(grid, truth, sensor=SENSOR), k)
         estimate = matcher.update(odometry, scan, SENSOR)
         if estimate is not None:
             found.append((truth, estimate))
         truth = truth @ Transform2D(0.1, 0.0, 0.2)
         odometry = odometry @ Transform2D(0.102, 0.0, 0.2 + drift)
     return found
+
+
+def stamped(scan: LaserScan, stamp: float) -> LaserScan:
+    return dataclasses.replace(scan, stamp=stamp)
 
 
 def error(truth: Transform2D, estimate: PoseEstimate) -> tuple[float, float]:
@@ -112,11 +117,11 @@ def test_a_resting_robot_gives_no_updates_unless_asked(grid: OccupancyGrid) -> N
     matcher.set_pose(Pose2D(*centre(grid)), np.eye(3) * 0.01, 0.0)
     scan = scan_from(grid, centre(grid), sensor=SENSOR)
     odometry = Transform2D()
-    assert matcher.update(odometry, scan, SENSOR) is not None
-    assert matcher.update(odometry, scan, SENSOR) is None
+    assert matcher.update(odometry, stamped(scan, 0.0), SENSOR) is not None
+    assert matcher.update(odometry, stamped(scan, 0.1), SENSOR) is None
     matcher.request_update()
-    assert matcher.update(odometry, scan, SENSOR) is not None
-    assert matcher.update(odometry, scan, SENSOR) is None
+    assert matcher.update(odometry, stamped(scan, 0.2), SENSOR) is not None
+    assert matcher.update(odometry, stamped(scan, 0.3), SENSOR) is None
 
 
 def test_a_new_map_keeps_a_certain_pose(grid: OccupancyGrid) -> None:
@@ -126,7 +131,7 @@ def test_a_new_map_keeps_a_certain_pose(grid: OccupancyGrid) -> None:
     matcher.set_pose(Pose2D(*start), np.eye(3) * 0.01, 0.0)
     matcher.update(Transform2D(), scan_from(grid, start, sensor=SENSOR), SENSOR)
     matcher.set_map(rooms(yaw=0.3, resolution=0.05))
-    estimate = matcher.update(Transform2D(), scan_from(grid, start, sensor=SENSOR), SENSOR)
+    estimate = matcher.update(Transform2D(), stamped(scan_from(grid, start, sensor=SENSOR), 0.1), SENSOR)
     assert estimate is not None
     assert error(start, estimate)[0] < 0.2
 
