@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from navstack.cli import options
+
+if TYPE_CHECKING:
+    from navstack.record import Record
 
 _Animation = Annotated[
     Path | None,
@@ -27,6 +30,15 @@ _Steering = Annotated[
         "--steering",
         metavar="FILE",
         help="Also draw speed and steering angle of a car or a tricycle over time, with their limits.",
+    ),
+]
+
+_Localization = Annotated[
+    Path | None,
+    typer.Option(
+        "--localization",
+        metavar="FILE",
+        help="Also draw a moment of a run with a localizer: likelihood field, beams, particles, ellipse, believed and true pose.",
     ),
 ]
 
@@ -54,6 +66,8 @@ def plot(
     animation: _Animation = None,
     commands: _Commands = None,
     steering: _Steering = None,
+    localization: _Localization = None,
+    time: options.Time = None,
     speed: Annotated[
         float, typer.Option("--speed", help="Simulated seconds per second of the animation.", min=0.1)
     ] = 4.0,
@@ -64,7 +78,7 @@ def plot(
     from navstack.cli.output import counting_bar, print_files, print_json
     from navstack.core.errors import InputError
     from navstack.map_io import map_names
-    from navstack.plot import animate_run, plot_commands, plot_run, plot_steering
+    from navstack.plot import animate_run, plot_run
     from navstack.record import Record
 
     run = Path(source)
@@ -78,10 +92,7 @@ def plot(
     folder = run if run.is_dir() else run.parent
     picture = file_in("run.png")(out) or folder / "run.png"
     files = {"picture": str(plot_run(record, picture))}
-    if commands is not None:
-        files["commands"] = str(plot_commands(record, file_in("commands.png")(commands) or commands))
-    if steering is not None:
-        files["steering"] = str(plot_steering(record, file_in("steering.png")(steering) or steering))
+    files |= _draw_others(record, commands, steering, localization, time)
     if animate or animation is not None:
         movie = animation or picture.with_suffix(".gif")
         with counting_bar("drawing", quiet=json_) as progress:
@@ -91,6 +102,27 @@ def plot(
         print_json({"files": files})
     else:
         print_files(files)
+
+
+def _draw_others(
+    record: Record, commands: Path | None, steering: Path | None, localization: Path | None, time: float | None
+) -> dict[str, str]:
+    """Draws the pictures that were asked for besides that of the run. Returns their names. Raises InputError."""
+    from navstack.cli.out_path import file_in
+    from navstack.core.errors import InputError
+    from navstack.plot import plot_commands, plot_estimate, plot_steering
+
+    files: dict[str, str] = {}
+    if commands is not None:
+        files["commands"] = str(plot_commands(record, file_in("commands.png")(commands) or commands))
+    if steering is not None:
+        files["steering"] = str(plot_steering(record, file_in("steering.png")(steering) or steering))
+    if localization is not None:
+        file = file_in("localization.png")(localization) or localization
+        files["localization"] = str(plot_estimate(record, file, t=time))
+    elif time is not None:
+        raise InputError("--time is the moment of --localization FILE; give both", argument="--time")
+    return files
 
 
 def _draw_map(source: str, out: Path | None) -> Path:

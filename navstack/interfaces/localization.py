@@ -89,6 +89,15 @@ class Localizer(ABC):
         best = int(np.argmax(weights))
         self.set_pose(poses[best], covariances[best], math.inf)
 
+    def possible_poses(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the poses of the base in the map that the estimate is made of, (n, 3), and their weights (n,).
+
+        Particles or hypotheses, at the stamp of the estimate. Default: the estimate alone.
+        """
+        found = self.estimate
+        poses = np.empty((0, 3)) if found is None else np.array([tuple(found.pose)], np.float64)
+        return poses, np.ones(len(poses))
+
     def request_update(self) -> None:
         """Let the next scan count even if the robot has not moved (`request_nomotion_update`). Default: does nothing."""
         return

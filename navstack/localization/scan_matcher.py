@@ -96,6 +96,13 @@ class ScanMatcher(Localizer):
         """Number of possible poses."""
         return 0 if self._hypotheses is None else len(self._hypotheses)
 
+    def possible_poses(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the hypotheses (n, 3), best first, and their probabilities (n,)."""
+        h = self._hypotheses
+        if h is None or not len(h):
+            return np.empty((0, 3)), np.empty(0)
+        return np.asarray(h.map.to_map(h.poses), np.float64), np.asarray(h.weights, np.float64)
+
     def hypotheses(self) -> list[tuple[Pose2D, NDArray[np.float64], float]]:
         """Return the possible poses in the map, best first: pose, (3, 3) covariance, probability."""
         h = self._hypotheses

@@ -100,6 +100,10 @@ class SearchingLocalizer(Localizer):
         """The last estimate."""
         return self._estimate
 
+    def possible_poses(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the hypotheses of a global start, else the poses of the tracker."""
+        return (self._matcher if self._globally else self.tracker).possible_poses()
+
     @property
     def lost(self) -> bool:
         """True if the robot does not know where it is: it is lost, or has not found itself since a global start."""

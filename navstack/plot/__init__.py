@@ -3,6 +3,7 @@
 from navstack.plot.animate import animate_run
 from navstack.plot.commands import plot_commands
 from navstack.plot.costmap import plot_costmap
+from navstack.plot.estimates import plot_estimate
 from navstack.plot.map import plot_map
 from navstack.plot.plan import plot_plan
 from navstack.plot.recorded_costmap import plot_costmap_at
@@ -17,6 +18,7 @@ __all__ = [
     "plot_commands",
     "plot_costmap",
     "plot_costmap_at",
+    "plot_estimate",
     "plot_goal_reports",
     "plot_inflation_curves",
     "plot_map",

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from navstack.core import Pose2D, Transform2D
 from navstack.plot import colors, drawing, legend
+from navstack.plot.estimates import EstimateArtists, has_estimates
 from navstack.plot.film_layers import CostmapLayer, Stamp
 from navstack.plot.obstacles import draw_obstacles, obstacle_patches, obstacles_moved
 from navstack.plot.picture import Picture
@@ -47,8 +48,10 @@ class Film:
         self._obstacles = _MovingObstacles(axes, record)
         self._robot = _RobotArtists(axes, record)
         self._incidents = _IncidentArtists(axes, record)
+        self._beliefs = EstimateArtists(axes, record) if has_estimates(record) else None
+        beliefs = [] if self._beliefs is None else self._beliefs.entries()
         self._add_legend(
-            self._robot.entries() + obstacles + self._obstacles.entries() + ends + self._incidents.entries()
+            self._robot.entries() + beliefs + obstacles + self._obstacles.entries() + ends + self._incidents.entries()
         )
         self._status = self._picture.subtitle
         self._status.set_animated(True)
@@ -71,16 +74,20 @@ class Film:
         self._robot.move_to(t)
         self._incidents.move_to(t)
         self._obstacles.move_to(t)
+        below, above = (), ()
+        if self._beliefs is not None:
+            self._beliefs.move_to(t)
+            below, above = self._beliefs.below, self._beliefs.above
         self._status.set_text(self._status_text(t))
         surface = self._picture.canvas
         surface.restore_region(self._background)
         for layer in self._layers:
             layer.draw(t, self._picture)
-        for artist in (*self._obstacles.patches, *self._robot.paths):
+        for artist in (*self._obstacles.patches, *self._robot.paths, *below):
             axes.draw_artist(artist)
         self._marks.press(surface)
         incidents_, collisions = self._incidents.markers
-        for artist in (*self._robot.body, incidents_, collisions):
+        for artist in (*self._robot.body, *above, incidents_, collisions):
             axes.draw_artist(artist)
         self._picture.figure.draw_artist(self._status)
         return np.asarray(surface.buffer_rgba())[:, :, :3].copy()
@@ -94,6 +101,7 @@ class Film:
             f"{t - float(record.times[0]):.1f} s    {record.states[i]}"
             + (f"    goal {goal + 1}" if goal >= 0 else "")
             + f"    {np.hypot(v[0], v[1]):.2f} m/s  {v[2]:+.2f} rad/s"
+            + ("" if self._beliefs is None else self._beliefs.status(t))
             + ("" if record.steered_base is None else f"    steering {record.steering[i]:+.2f} rad")
         )
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from navstack.core import Bounds, Event, Transform2D
 from navstack.plot import areas, canvas, colors, drawing, legend
 from navstack.plot.commands import draw_changed_commands
+from navstack.plot.estimates import draw_estimates
 from navstack.plot.obstacles import draw_obstacles
 from navstack.plot.picture import Picture
 from navstack.plot.steering import wheel_lines
@@ -56,6 +57,7 @@ def plot_run(
         if len(record.times):
             line = drawing.draw_line(picture.axes, record.poses, colors.DRIVEN, width=2.2, casing=True, zorder=5)
             entries.insert(0, (line, "driven path"))
+        draw_estimates(picture.axes, record, entries)
         if footprints:
             _draw_footprints(picture.axes, record, entries)
         entries += draw_obstacles(picture.axes, record)

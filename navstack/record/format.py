@@ -58,6 +58,11 @@ Tables (structured arrays, one row per ..):
                   passed a chain   velocity smoother, as the robot got it, base, m/s and rad/s; source U; changed_by U:
                                    velocity_smoother, collision_monitor or empty; action, zone U: of the collision monitor;
                                    reason U. Absent without a chain; `cmd_..` of `samples` is what was requested
+    estimates     estimate of the  t f8: stamp of the scan; x, y, yaw f8: the believed pose, map; xx, xy, xyaw, yy,
+                  localizer        yyaw, yawyaw f8: its covariance, m and rad; count i4: particles or hypotheses;
+                                   lost i4: 1 if the robot knew that it was lost; explained f8: share of the scan
+                                   that the pose explains, or NaN; first i8, drawn i4: rows of `particles`.
+                                   Absent without a localizer
     costmaps/<n>  update of the    t f8; nx, ny i4; resolution, origin_x, origin_y f8: the grid at that time;
                   costmap <n>      x0, y0, x1, y1 i4: the window of changed cells (half open; empty: no change);
                                    first i8: index of its first cell in `costmaps/<n>_cells`, row-major.
@@ -82,6 +87,8 @@ Plain arrays:
     local_plan_poses         (n, 3) f4      the selected trajectory, in the local costmap's frame
     scan_ranges              (n,) f4 m      to the millimetre; inf without a hit, NaN invalid
     costmaps/<n>_cells       (n,) u1        costs
+    particles                (n, 4) f4      x, y, yaw, map, and weight: at most 200 possible poses of an estimate; absent without
+                                            a localizer
 """
 
 from __future__ import annotations

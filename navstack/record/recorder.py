@@ -25,12 +25,13 @@ from navstack.core import (
 )
 from navstack.core.errors import jsonable
 from navstack.core.files import atomic_write, ensure_directory
-from navstack.interfaces import LocalPlan
+from navstack.interfaces import Localizer, LocalPlan
 from navstack.record import format as fmt
 from navstack.record.archive import write
 from navstack.record.buffers import CostmapBuffer, LocalPlanBuffer, PlanBuffer
 from navstack.record.columns import Column, OnDemand, Streamed, Table
 from navstack.record.commands import CommandBuffer
+from navstack.record.estimates import EstimateBuffer
 from navstack.record.log import render_log
 from navstack.record.reader import Record
 from navstack.record.scans import ScanBuffer, scan_arrays
@@ -105,6 +106,7 @@ class RunRecorder:
         self._scans: dict[tuple[str, str], ScanBuffer] = {}
         self._commands = CommandBuffer(spool)
         self._zones: list[Any] = []
+        self._estimates = EstimateBuffer()
 
     # --- during the run -----------------------------------------------------------------------------------------------
 
@@ -122,6 +124,10 @@ class RunRecorder:
     def command_step(self, step: CommandStep) -> None:
         """Adds a command on its way from its source to the robot."""
         self._commands.add(step)
+
+    def estimate(self, localizer: Localizer) -> None:
+        """Adds the last estimate of a localizer, with some of its particles, unless it has been added."""
+        self._estimates.take(localizer)
 
     def zones(self, zones: Sequence[Mapping[str, Any]]) -> None:
         """Sets the zones of the collision monitor: name, action and corners (m, base frame) of each."""
@@ -279,6 +285,8 @@ class RunRecorder:
         arrays |= scan_arrays(list(self._scans.values()), self._samples.rows.array())
         if len(self._commands):
             arrays["commands"] = self._commands.table()
+        if len(self._estimates):
+            arrays |= self._estimates.arrays()
         for name, log in self._costmaps.items():
             arrays |= log.arrays(name)
         meta = {

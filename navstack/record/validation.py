@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from navstack.core.bounded_reading import short_repr
 from navstack.record.commands import check_commands, check_zones
+from navstack.record.estimates import check_estimates
 from navstack.record.format import ARRAYS, COSTMAP_TABLE, META, TABLES, VERSION
 from navstack.record.steering import check_steering
 
@@ -35,6 +36,7 @@ def check(meta: dict[str, Any], events: list[dict[str, Any]], arrays: dict[str, 
             raise ValueError(f"{name} has shape {arrays[name].shape}")
     if "commands" in arrays:
         check_commands(arrays["commands"])
+    check_estimates(arrays)
     check_zones(meta.get("zones", []))
     critics = len(meta["critics"])
     if arrays["local_plan_costs"].shape[1] != critics:

@@ -61,6 +61,9 @@ def record_tick(
     if chain is not None:
         for step in chain.take_steps():
             recorder.command_step(step)
+    localizer = robot.estimation.localizer
+    if localizer is not None:
+        recorder.estimate(localizer)
     recorder.sample(
         t,
         pose=robot.pose,

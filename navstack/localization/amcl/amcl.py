@@ -97,6 +97,10 @@ class Amcl(Localizer):
         if self._model is not None:
             self._begin()
 
+    def possible_poses(self) -> tuple[Array, Array]:
+        """Return the particles (n, 3) and their weights (n,)."""
+        return self.particles.poses.copy(), self.particles.weights.copy()
+
     def put_particles(self, poses: Array, weights: Array) -> None:
         """Start from these poses (n, 3) with `weights` (n,), as a search over the map finds them."""
         self.particles.put(poses[: self.params.max_particles], weights[: self.params.max_particles])
