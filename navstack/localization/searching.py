@@ -121,7 +121,7 @@ class SearchingLocalizer(Localizer):
         count = self._matcher.count
         possible = f"{count} pose{'' if count == 1 else 's'} in the map explain{'s' if count == 1 else ''} its scans"
         if self._globally:
-            text = f"the robot does not know yet where it started; {possible}"
+            text = "the robot does not know yet where it started" + (f"; {possible}" if self._since is not None else "")
             return LocalizationStatus(True, self._since, None, text)
         if self._handed and self.alarms:
             alarm = self.alarms[-1]

@@ -56,7 +56,7 @@ class ControlCycle:
         self._plan_requests = plan_requests
         self._recovery = recovery
         self._tracker = PoseTracker(navigation)
-        self.lost = LostCheck(navigation)
+        self.lost = LostCheck(navigation, costmaps.restart)
         self.progress_checker = navigation.params.make_progress_checker()
         """The progress checker of the parameters, beside oscillation_timeout; None without one."""
         self.stall_timeout_s = 0.0

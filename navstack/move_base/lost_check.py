@@ -5,6 +5,7 @@ ROS differs: amcl does not report it, and move_base drives on.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Final, Literal
 
 from navstack.core.errors import NavError
@@ -24,7 +25,9 @@ _UNEXPLAINED: Final = "its localization reports that it is lost"
 class LostCheck:
     """Publishes when the robot is lost and when it has found itself, and stops it meanwhile."""
 
-    def __init__(self, navigation: Navigation) -> None:
+    def __init__(self, navigation: Navigation, refresh: Callable[[float], None]) -> None:
+        """`refresh` makes the costmaps due at a time (s)."""
+        self._refresh = refresh
         self.action: LostAction = "recover"
         """recover: run the recovery behaviors, then wait; stop: wait; ignore: drive on."""
         self.timeout_s = 60.0
@@ -95,5 +98,6 @@ class LostCheck:
             costmaps.append(navigation.local_costmap)
         for costmap in costmaps:
             plugin_calls.call(costmap, costmap.reset)
+        self._refresh(now)  # a plan must not rest on an empty costmap
         if navigation.goal is not None:
             navigation.apply(NavEvent.FOUND, now)

@@ -48,10 +48,10 @@ def resets_of(bench: Bench) -> list[int]:
 
 
 def test_it_waits_and_plans_anew_when_it_is_found() -> None:
-    bench = bench_of("stop", recoveries=1)
+    bench = bench_of("stop", until=3.5, recoveries=1)
     handle = bench.move_base.send_goal(GOAL)
-    bench.run_to(3.9)
-    assert commands(bench, 1.2, 3.9) == {Twist2D()}
+    bench.run_to(3.4)
+    assert commands(bench, 1.2, 3.4) == {Twist2D()}
     assert bench.move_base.recovery is None
     resets = resets_of(bench)
     plans = len(bench.planner.calls)  # pyright: ignore[reportAttributeAccessIssue]
@@ -64,7 +64,8 @@ def test_it_waits_and_plans_anew_when_it_is_found() -> None:
     assert (warned.text, warned.data["name"]) == (LOST.text, "LOST")
     assert (warned.data["since"], warned.data["explained"]) == (0.9, 0.12)
     (found,) = [e for e in bench.listener.of("info") if "lost" in e.data]
-    assert found.text == "the robot knows where it is again, after 3.0 s"
+    assert found.text == "the robot knows where it is again, after 2.6 s"
+    assert found.time in bench.global_costmap.updates  # before it plans
 
 
 @pytest.mark.parametrize(("action", "recoveries"), [("stop", 2), ("recover", 2), ("recover", 0)])
