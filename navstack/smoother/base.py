@@ -61,7 +61,7 @@ class PointSmoother(Smoother):
         out = self.unchecked(path, costmap)
         for first, last in self.pieces(path.poses):
             piece = slice(first, last + 1)
-            if not self._is_good(path.poses[piece], out[piece], costmap, footprint):
+            if not is_good(path.poses[piece], out[piece], costmap, footprint, self.params.minimum_turning_radius):
                 out[piece] = path.poses[piece]
         return Path(out, path.frame)
 
@@ -84,27 +84,31 @@ class PointSmoother(Smoother):
         bounds = [0, *cuts, len(poses) - 1]
         return [(a, b) for a, b in pairwise(bounds) if b > a]
 
-    def _is_good(
-        self,
-        before: NDArray[np.float64],
-        after: NDArray[np.float64],
-        costmap: Costmap,
-        footprint: Footprint | None,
-    ) -> bool:
-        radius = self.params.minimum_turning_radius
-        if (
-            radius > 0.0
-            and curvatures(after).max(initial=0.0) > max(1.0 / radius, curvatures(before).max(initial=0.0)) + 1e-6
-        ):
+
+def is_good(
+    before: NDArray[np.float64],
+    after: NDArray[np.float64],
+    costmap: Costmap,
+    footprint: Footprint | None,
+    radius: float,
+) -> bool:
+    """Whether a smoothed piece (m, 3) of a path (n, 3) is free and turns no more sharply than the radius, or than the piece did.
+
+    A pose that collides where the piece did, too, is accepted if both have as many poses. `radius` (m): 0 = no limit.
+    """
+    if radius > 0.0:
+        limit = max(1.0 / radius, curvatures(before).max(initial=0.0)) + 1e-6
+        if curvatures(after).max(initial=0.0) > limit:
             return False
-        for old, new in zip(before, after, strict=True):
-            if (
-                not np.array_equal(old, new)
-                and _collides(new, costmap, footprint)
-                and not _collides(old, costmap, footprint)
-            ):
-                return False
-        return True
+    if len(before) == len(after):
+        pairs = zip(before, after, strict=True)
+        return not any(
+            not np.array_equal(old, new)
+            and _collides(new, costmap, footprint)
+            and not _collides(old, costmap, footprint)
+            for old, new in pairs
+        )
+    return not any(_collides(new, costmap, footprint) for new in after)
 
 
 def _collides(pose: NDArray[np.float64], costmap: Costmap, footprint: Footprint | None) -> bool:

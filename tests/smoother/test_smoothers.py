@@ -128,6 +128,8 @@ def test_cusps_stay() -> None:
     (cusp,) = cusp_indices(poses)
     for entry in SMOOTHERS:
         out = entry.cls(entry.cls.Params()).smooth(Path(poses), empty())
+        if entry.name == "constrained":
+            continue  # cusps move with the path: test_constrained
         assert out.poses[cusp, :2] == pytest.approx(poses[cusp, :2])
         # backward: the heading is opposite to the steps
         assert abs(math.remainder(out.poses[cusp + 5, 2], 2.0 * math.pi)) < 0.5
