@@ -15,6 +15,7 @@ from navstack.interfaces import (
     GlobalPlanner,
     GoalChecker,
     Layer,
+    Localizer,
     LocalPlanner,
     PathHandler,
     ProgressChecker,
@@ -152,6 +153,9 @@ RECOVERY_BEHAVIORS: Registry[RecoveryBehavior] = Registry(
     "recovery behavior", "navstack.recovery_behaviors", "navstack.recovery"
 )
 
+LOCALIZERS: Registry[Localizer] = Registry("localizer", "navstack.localizers", "navstack.localization")
+"""Constructor: `(params, *, seed)`."""
+
 SMOOTHERS: Registry[Smoother] = Registry("smoother", "navstack.smoothers", "navstack.smoother")
 
 GOAL_CHECKERS: Registry[GoalChecker] = Registry("goal checker", "navstack.goal_checkers", "navstack.local_planner")
@@ -170,4 +174,5 @@ REGISTRIES: tuple[Registry[Any], ...] = (
     PROGRESS_CHECKERS,
     PATH_HANDLERS,
     RECOVERY_BEHAVIORS,
+    LOCALIZERS,
 )

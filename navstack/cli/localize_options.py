@@ -85,7 +85,7 @@ class LocalizeOptions(NamedTuple):
             "--set",
             metavar="KEY=VALUE",
             help="Parameter of the localizer, or `method=` scan_matching (default), amcl (supervised by searches over the "
-            "map; default with --params) or amcl_only (repeatable).",
+            "map; default with --params), amcl_only, dead_reckoning, or a localizer of another package (repeatable).",
         ),
     ] = []
     versus: Annotated[

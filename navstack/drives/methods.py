@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-import numpy as np
 import yaml
 from pydantic import ValidationError
 
@@ -16,17 +14,23 @@ from navstack.core.errors import InputError
 from navstack.drives.follow import Cloud
 from navstack.interfaces import Localizer
 from navstack.localization.amcl import Amcl
-from navstack.localization.scan_matcher import ScanMatcher, ScanMatcherParams
 from navstack.localization.searching import SearchingLocalizer, SearchingParams
 from navstack.parameters.models.amcl import AmclParams
+from navstack.plugins import LOCALIZERS
 
-METHODS: Final = ("scan_matching", "amcl", "amcl_only")
-"""Multi-hypothesis scan matching; amcl supervised by searches over the map; amcl alone."""
+SUPERVISED: Final = "amcl"
+"""amcl, supervised by searches over the map; `amcl_only` is amcl alone, every other method a localizer of that name."""
+ALONE: Final = "amcl_only"
+
+
+def methods() -> list[str]:
+    """Return the names of all methods."""
+    return sorted({*(entry.name for entry in LOCALIZERS), ALONE})
 
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """A localizer to run: one of METHODS, with parameters by name."""
+    """A localizer to run: one of `methods()`, with parameters by name."""
 
     name: str = "scan_matching"
     values: dict[str, Any] = field(default_factory=dict[str, Any])
@@ -50,8 +54,8 @@ class Method:
                     f'{argument} "{text}" must be KEY=VALUE, such as laser_max_beams=60', argument=argument
                 )
             if key == "method":
-                if raw not in METHODS:
-                    raise InputError(f'{argument} "{text}": the methods are {", ".join(METHODS)}', argument=argument)
+                if raw != ALONE and raw not in LOCALIZERS:
+                    raise InputError(f'{argument} "{text}": the methods are {", ".join(methods())}', argument=argument)
                 name = raw
                 continue
             try:
@@ -62,10 +66,15 @@ class Method:
 
     def build(self, seed: int) -> tuple[Localizer, Cloud]:
         """Return the localizer, without a map, and the function that returns its particles. Raises InputError."""
-        if self.name == "scan_matching":
-            matcher = ScanMatcher(self._params(ScanMatcherParams, self.values))
-            return matcher, lambda: _poses([pose for pose, _, _ in matcher.hypotheses()])
-        supervised = self.name == "amcl"
+        if self.name in (SUPERVISED, ALONE):
+            localizer = self._amcl(seed)
+        else:
+            cls: Any = LOCALIZERS.get(self.name).cls
+            localizer = cls(self._params(cls.Params, self.values), seed=seed)
+        return localizer, lambda: localizer.possible_poses()[0]
+
+    def _amcl(self, seed: int) -> Localizer:
+        supervised = self.name == SUPERVISED
         search = {k: v for k, v in self.values.items() if supervised and k in SearchingParams.model_fields}
         own = {key: value for key, value in self.values.items() if key in AmclParams.model_fields}
         other = [key for key in self.values if key not in search and key not in own]
@@ -75,13 +84,7 @@ class Method:
             )
         written = {} if self.amcl is None else self.amcl.model_dump(include=self.amcl.model_fields_set)
         amcl = Amcl(self._params(AmclParams, {**written, **own}), seed=seed)
-
-        def cloud() -> np.ndarray[Any, Any]:
-            return amcl.particles.poses.copy()
-
-        if not supervised:
-            return amcl, cloud
-        return SearchingLocalizer(amcl, self._params(SearchingParams, search)), cloud
+        return SearchingLocalizer(amcl, self._params(SearchingParams, search)) if supervised else amcl
 
     def _params(self, model: type[Any], values: dict[str, Any]) -> Any:
         try:
@@ -90,7 +93,3 @@ class Method:
             first = exc.errors()[0]
             where = ".".join(map(str, first["loc"])) or "the parameters"
             raise InputError(f"{self.name}: {where}: {first['msg']}, not {short_repr(first['input'])}") from None
-
-
-def _poses(poses: list[Any]) -> Any:
-    return np.array(poses, np.float64).reshape(-1, 3) if poses else np.full((0, 3), math.nan)

@@ -120,7 +120,7 @@ class _Reader:
             elif topic == topics.reference:
                 self._truth.set(_WORLD, _BASE, Transform2D(*_pose_in(message)), self._clock.stamp(message.data))
             elif topic == topics.exported:
-                self._fields = ros.scan_fields_of(message.data)
+                self._fields, _ = ros.sensor_fields_of(message.data)
         except (LogError, FrameError) as exc:
             self._drive.problem(f"{topic}: {exc.message}")
         yield from self._ready(seconds(message.time_ns, self._clock.start_ns))

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
 from navstack.core import OccupancyGrid, Pose2D, Transform2D
 from navstack.interfaces import Localizer
-from navstack.localization.amcl import Amcl
 from navstack.localization.ekf.filtered_odometry import FilteredOdometry
-from navstack.localization.scan_matcher import ScanMatcher
 from navstack.localization.searching import SearchingLocalizer
 from navstack.parameters.localization_sections import LocalizationConfiguration, default_filter
 from navstack.parameters.models.amcl import AmclParams
 from navstack.parameters.models.sim import SimParams
 from navstack.parameters.models.supervision import SearchingParams
+from navstack.plugins import LOCALIZERS
 
 
 def make_localizer(
@@ -26,12 +26,11 @@ def make_localizer(
     None for another value.
     """
     amcl, supervision = sections.amcl or AmclParams(), sections.supervision or SearchingParams()
-    if sim.localization == "amcl":
-        tracker: Localizer = Amcl(amcl, seed=seed)
-    elif sim.localization == "scan_matching":
-        tracker = ScanMatcher(supervision)
-    else:
+    params = {"amcl": amcl, "scan_matching": supervision}.get(sim.localization)
+    if params is None:
         return None
+    plugin: Any = LOCALIZERS.get(sim.localization).cls
+    tracker: Localizer = plugin(params, seed=seed)
     localizer = SearchingLocalizer(tracker, supervision)
     localizer.set_map(grid)
     if sim.initial_pose == "unknown":

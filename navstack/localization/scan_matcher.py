@@ -21,17 +21,22 @@ from navstack.localization.inputs import InputCheck, require_covariance
 from navstack.localization.match_map import MatchMap
 from navstack.localization.scan_search import search_scan
 from navstack.parameters.models.supervision import ScanMatcherParams
+from navstack.plugins import LOCALIZERS
 
 _MARGIN: Final = 15.0
 """Hypotheses whose likelihood is smaller than the best one's by this much (natural logarithm) are dropped."""
 
 
+@LOCALIZERS.register("scan_matching")
 class ScanMatcher(Localizer):
     """Multi-hypothesis scan matching."""
 
     Params = ScanMatcherParams
 
-    def __init__(self, params: ScanMatcherParams | None = None, settings: MatchSettings | None = None) -> None:
+    def __init__(
+        self, params: ScanMatcherParams | None = None, settings: MatchSettings | None = None, *, seed: int = 0
+    ) -> None:
+        """`seed` is not used: it draws no random numbers."""
         self.params = params or ScanMatcherParams()
         self._settings = settings or MatchSettings(beams=self.params.match_beams)
         self._inputs = InputCheck()

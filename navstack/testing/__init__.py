@@ -14,6 +14,7 @@ from navstack.testing.critic import CriticContract, critic_contract
 from navstack.testing.global_planner import GlobalPlannerContract, global_planner_contract
 from navstack.testing.layer import LayerContract, layer_contract
 from navstack.testing.local_planner import LocalPlannerContract, local_planner_contract
+from navstack.testing.localizer import LocalizerContract, localizer_contract
 from navstack.testing.path_following import (
     GoalCheckerContract,
     PathHandlerContract,
@@ -31,6 +32,7 @@ __all__ = [
     "GoalCheckerContract",
     "LayerContract",
     "LocalPlannerContract",
+    "LocalizerContract",
     "PathHandlerContract",
     "ProgressCheckerContract",
     "RecoveryContract",
@@ -40,6 +42,7 @@ __all__ = [
     "goal_checker_contract",
     "layer_contract",
     "local_planner_contract",
+    "localizer_contract",
     "path_handler_contract",
     "progress_checker_contract",
     "recovery_contract",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import json
 from pathlib import Path
 
 import numpy as np
@@ -50,6 +51,13 @@ def write_bag(
         quaternion.x, quaternion.y, quaternion.z, quaternion.w = np.cos(half), np.sin(half), 0.0, 0.0
         if static:
             writer.write("/tf_static", "tf2_msgs/msg/TFMessage", START_NS, mounted, latched=True)
+        # what an exported run has besides: the fields of its scans in double precision
+        fields = scan_from(grid, truths[0], sensor=SENSOR, reach=20.0)
+        fields = reversed_scan(fields)
+        names = ("angle_min", "angle_increment", "range_min", "range_max")
+        exact = {topic: {name: getattr(fields, name) for name in names} for topic in scan_topics}
+        text = build.of("std_msgs/msg/String", data=json.dumps({"scans": exact}))
+        writer.write("/navstack/sensors", "std_msgs/msg/String", START_NS, text, latched=True)
         writer.write("/map", "nav_msgs/msg/OccupancyGrid", START_NS, build.map(START_NS, grid), latched=True)
         for i, at in enumerate(truths):
             stamp = START_NS + round(i * STEP_S * 1e9)

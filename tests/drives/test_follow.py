@@ -15,7 +15,7 @@ from navstack.core import Transform2D
 from navstack.core.errors import InputError, LogError
 from navstack.drives import drive_frames, open_drive
 from navstack.drives.follow import follow
-from navstack.drives.methods import METHODS, Method
+from navstack.drives.methods import Method, methods
 from navstack.map_io import load_map
 from tests.drives.carmen_files import circle, write_corrected_log
 from tests.localization.rooms import rooms
@@ -84,7 +84,8 @@ def test_inputs_of_the_commands(log_file: Path, tmp_path: Path, capsys: pytest.C
 def test_methods_by_name() -> None:
     method = Method.parse(["method=amcl", "max_particles=300", "lost_evidence=3.0"], "--set")
     assert method.label == "amcl max_particles=300 lost_evidence=3.0"
-    for name in METHODS:
+    assert methods() == ["amcl", "amcl_only", "dead_reckoning", "scan_matching"]
+    for name in methods():
         Method(name).build(1)
     with pytest.raises(InputError, match="has no parameter"):
         Method("amcl_only", {"lost_evidence": 3.0}).build(0)

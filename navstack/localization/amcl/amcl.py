@@ -18,10 +18,12 @@ from navstack.localization.amcl.particles import Clusters, ParticleSet
 from navstack.localization.amcl.sensor_model import Readings, SensorModel
 from navstack.localization.inputs import InputCheck, require_covariance
 from navstack.parameters.models.amcl import AmclParams
+from navstack.plugins import LOCALIZERS
 
 Array = NDArray[np.float64]
 
 
+@LOCALIZERS.register("amcl", aliases=("amcl/amcl", "nav2_amcl/AmclNode"))
 class Amcl(Localizer):
     """A particle filter over the pose of the base in a map.
 
