@@ -195,3 +195,38 @@ def test_wrong_parameters_are_found_with_their_place(tmp_path: Path) -> None:
     file.write_text("supervision: {lost_explained: 0.9}")
     with pytest.raises(ParameterError, match=r"lost_explained_then 0\.85 is below lost_explained 0\.9"):
         load_configuration(["turtlebot", str(file)])
+
+
+def test_two_equal_rooms_are_both_in_the_particles_until_the_robot_has_seen_more() -> None:
+    cells = np.zeros((60, 121), np.int8)
+    cells[[0, -1]] = 100
+    cells[:, [0, 60, 120]] = 100
+    cells[20:26, 12:15] = 100
+    cells[20:26, 72:75] = 100
+    grid = OccupancyGrid.from_array(cells, 0.1, values="occupancy")
+    amcl = Amcl(AmclParams(laser_max_beams=60, max_particles=2000), seed=1)
+    localizer = SearchingLocalizer(amcl)
+    localizer.set_map(grid)
+    localizer.start_globally()
+    truth, odometry = Transform2D(3.5, 3.5, 0.3), Transform2D()
+    for k in range(12):
+        localizer.update(odometry, stamped(scan_from(grid, truth, sensor=SENSOR), 0.2 * k), SENSOR)
+        truth, odometry = truth @ STEP, odometry @ STEP
+    assert localizer.lost
+    assert localizer.status.text.startswith("the robot does not know yet where it started; 2 poses in the map explain")
+    left = amcl.particles.weights[amcl.particles.poses[:, 0] < 6.0].sum()
+    assert 0.2 < left < 0.8
+    # the end of the right room is built over, on the map as well: what the robot sees now it can see from the left one only
+    other = OccupancyGrid.from_array(
+        np.where(np.arange(121) >= 100, 100, cells).astype(np.int8), 0.1, values="occupancy"
+    )
+    localizer.set_map(other)
+    for k in range(12, 40):
+        localizer.update(odometry, stamped(scan_from(other, truth, sensor=SENSOR), 0.2 * k), SENSOR)
+        truth, odometry = truth @ STEP, odometry @ STEP
+    assert not localizer.lost
+    estimate = localizer.estimate
+    assert estimate is not None
+    before = truth @ STEP.inverse()
+    pose = estimate.map_to_odom @ odometry @ STEP.inverse()
+    assert math.hypot(pose.x - before.x, pose.y - before.y) < 0.3
