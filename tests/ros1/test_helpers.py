@@ -9,6 +9,7 @@ import pty
 import signal
 import sys
 from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,9 @@ import pytest
 from numpy.typing import NDArray
 
 from navstack.core import Pose2D
+from navstack.core.errors import InputError
 from navstack.motion import poly_path
+from navstack.ros1 import motion_nodes, private, ros
 from navstack.ros1.open_motion import Settings, shorter
 from navstack.ros1.tour import Score, cut
 from navstack.ros1.trajectories import without
@@ -78,7 +81,7 @@ class Robot:
     def __init__(self, graph: ModuleGraph) -> None:
         self.graph = graph
         self._out = graph.folder / "observed.json"
-        graph.node("sim", "office", "--clock", "--speed", "5")
+        graph.node("sim", "office", "--clock", "--speed", "8")
         self._observer = graph.start(PYTHON, "-c", OBSERVER, VELOCITY, str(self._out))
         ready = self._out.with_name("observed.json.ready")
         for name in ("linear_move", "radian_turn"):
@@ -110,7 +113,7 @@ def _yaw(row: list[float]) -> float:
     return 2.0 * math.atan2(row[3], row[4])
 
 
-def test_linear_move_and_turn(robot: Robot) -> None:
+def test_linear_move(robot: Robot) -> None:
     """Defaults of the page: topic, frames with a slash, speeds, tolerances; constant speed, zero at the end."""
     assert "LinearMove drove 0.3" in robot.run("linear_move", "_t_dis:=0.4", "__name:=mover")
     seen = robot.observed()
@@ -120,12 +123,6 @@ def test_linear_move_and_turn(robot: Robot) -> None:
     assert set(speeds) == {0.1, 0.0} and speeds[-1] == 0.0 and speeds[0] == 0.1
     # within the tolerance and one cycle (0.01 m), and what a command that is late by 0.2 s of simulated time adds
     assert 0.4 - 0.08 - 1e-6 <= first[1] - seen["truth"][0][1] <= 0.4
-    robot.run("radian_turn", "-90deg")
-    again = robot.observed()
-    turned = again["twists"][len(moved) :]
-    assert turned[-1][1:] == [0.0, 0.0, 0.0, 0.0]
-    assert min(t[4] for t in turned) == -0.436 and {t[1] for t in turned} == {0.0}
-    assert _yaw(again["truth"][-1]) == pytest.approx(-0.5 * math.pi, abs=0.03 + 0.5 * 0.0436)
 
 
 def test_services_and_initial_pose(robot: Robot) -> None:
@@ -137,7 +134,13 @@ def test_services_and_initial_pose(robot: Robot) -> None:
     caller = robot.graph.start(sys.executable, "-c", CALLER, **robot.graph.own)
     assert caller.wait(120.0) == 0, robot.graph.output_of(caller)
     assert robot.graph.output_of(caller).strip().endswith("[True, True, True, False, True]")
-    after = robot.observed()["truth"][-1]
+    seen = robot.observed()
+    after, commands = seen["truth"][-1], [t[1:] for t in seen["twists"][len(before["twists"]) :]]
+    # a turn begins with a stop, every motion ends with one; nothing but these is commanded
+    turns = [c for c in commands if c[3] != 0.0]
+    assert min(t[3] for t in turns) == -0.436 and {tuple(t[:3]) for t in turns} == {(0.0, 0.0, 0.0)}
+    assert {c[0] for c in commands if c not in turns} == {0.0, -0.1}
+    assert commands[commands.index(turns[0]) - 1] == commands[-1] == [0.0, 0.0, 0.0, 0.0]
     # 0.3 m backwards along a heading of 0.5 rad, short of it by up to the tolerance; then 1 rad clockwise
     driven = (0.8 - after[1]) * math.cos(0.5) + (7.45 - after[2]) * math.sin(0.5)
     assert 0.3 - 0.08 - 1e-6 <= driven <= 0.3
@@ -195,17 +198,10 @@ def _check_poly(poly: NDArray[np.float64]) -> None:
     np.testing.assert_allclose(poly[1, 1:4], start + v * t + a * t**2 + b * t**3, atol=1e-6)
 
 
-def test_a_node_says_what_is_missing(robot: Robot) -> None:
-    graph = robot.graph
-    zero, wrong = (
-        graph.node("linear_move", "_t_dis:=0", "--name", "zero"),
-        graph.node("radian_turn", "_tolerance:=small"),
-    )
-    assert [program.wait(60.0) for program in (robot.lost, zero, wrong)] == [2, 2, 2]
-    texts = [" ".join(graph.output_of(program).split()) for program in (robot.lost, zero, wrong)]
-    assert "no transform from odom to nowhere within 5 s" in texts[0]
-    assert "the distance is 0; set ~t_dis" in texts[1]
-    assert "the parameter /RadianTurn/tolerance is 'small', not a finite number" in texts[2]
+def test_a_node_without_its_transform(robot: Robot) -> None:
+    assert robot.lost.wait(60.0) == 2
+    text = " ".join(robot.graph.output_of(robot.lost).split())
+    assert "no transform from odom to nowhere within 5 s; set ~odom_frame and ~base_frame" in text
 
 
 # --- without ROS ------------------------------------------------------------------------------------------------------
@@ -230,6 +226,45 @@ def test_a_motion_within_the_tolerance_is_made_too() -> None:
     assert settings.move(0.05).params.tolerance == 0.025
     assert settings.move(-0.5).params.tolerance == 0.08
     assert settings.turn(9.0, direct=True).angle == 9.0
+
+
+def _parameters(monkeypatch: pytest.MonkeyPatch, values: dict[str, Any]) -> None:
+    """Have the parameter server of a node /n answer with these values."""
+
+    def get_param(name: str, default: Any) -> Any:
+        return values.get(name, default)
+
+    def resolve_name(name: str) -> str:
+        return name.replace("~", "/n/")
+
+    server = SimpleNamespace(get_param=get_param, resolve_name=resolve_name)
+    monkeypatch.setattr(ros, "rospy", lambda: server)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"~t_dis": 0}, "the distance is 0; set ~t_dis to a distance"),
+        ({"~tolerance": "small"}, "the parameter /n/tolerance is 'small', not a finite number"),
+        ({"~speed_linear": -0.1}, "the parameter /n/speed_linear is -0.1, not a positive number"),
+        ({"~velocity_pub_rate": 0.5}, "/n/velocity_pub_rate is 0.5, not from 1 to 1000"),
+        ({"~vel_topic": ""}, "/n/vel_topic is '', not a text"),
+    ],
+)
+def test_wrong_parameters(values: dict[str, Any], message: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    _parameters(monkeypatch, values)
+    with pytest.raises(InputError, match=message):
+        motion_nodes.linear_move()
+
+
+def test_default_parameters(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those of the known nodes."""
+    _parameters(monkeypatch, {})
+    common = (10.0, VELOCITY, "base_link", "odom")
+    assert motion_nodes.linear_settings() == Settings(0.08, 0.1, *common)
+    assert motion_nodes.turn_settings() == Settings(0.03, 0.436, *common)
+    _parameters(monkeypatch, {"~base_aliases": "wheels", "~direct": 1})
+    assert private.texts("base_aliases", []) == ["wheels"] and private.flag("direct", False)
 
 
 def test_score_of_a_tour() -> None:
@@ -266,7 +301,6 @@ COMMANDS = (
 def test_without_ros(command: str, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """One sentence with the command that installs ROS."""
     from navstack.cli.app import run
-    from navstack.ros1 import ros
 
     real = ros.importlib.import_module
 

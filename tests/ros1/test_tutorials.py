@@ -20,7 +20,7 @@ LAUNCH = """\
 <launch>
   <arg name="folder"/>
   <include file="$(find navstack_ros1)/launch/sim.launch">
-    <arg name="speed" value="4"/>
+    <arg name="speed" value="6"/>
   </include>
   <node pkg="move_base" type="move_base" respawn="false" name="move_base" output="screen">
     <param name="base_global_planner" value="navfn/NavfnROS"/>
