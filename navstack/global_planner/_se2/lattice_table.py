@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.curves.curve_kernels import LEFT, RIGHT, STRAIGHT
+from navstack.global_planner._se2.lattice_start import Rows, StartConnections
 from navstack.global_planner._se2.primitives import PrimitiveTable
 from navstack.global_planner._se2.records import HEADING, PRIMITIVE, SEGMENT
-from navstack.lattice import Lattice, Piece, connect, connection_pieces, sample, scaled
+from navstack.lattice import Lattice, Piece, sample, scaled
 
 IN_PLACE, SIDEWAYS = 0, -1
 MIN_BINS: Final = 72
@@ -20,8 +21,6 @@ MIN_BINS: Final = 72
 _SAME: Final = 1e-9
 _TURN: Final = math.radians(10.0)
 """Most that a robot turns in place between checks."""
-_PER_HEADING: Final = 3
-"""Connections from the start to each heading of the lattice."""
 
 
 @dataclass(frozen=True)
@@ -55,8 +54,9 @@ class LatticeTables:
             for motion in self._motions(k):
                 self._rows.add(motion)
             self._headings["first"][k], self._headings["count"][k] = first, len(self._rows.primitives) - first
-        self._table = self._rows.table(self._headings, self._turn_step)
-        self._starts = _StartCells(lattice)
+        primitives, pieces, samples = self._rows.arrays()
+        self._table = PrimitiveTable(primitives, self._headings, samples, False, pieces, self._turn_step)
+        self._starts = StartConnections(lattice, reach=reach, step=step)
 
     def _motions(self, k: int) -> list[_Motion]:
         lattice = self.lattice
@@ -73,57 +73,53 @@ class LatticeTables:
         near = self.lattice.nearest_heading(start_yaw)
         if abs(math.remainder(start_yaw - float(self.lattice.headings[near]), 2.0 * math.pi)) < _SAME:
             return self._table, near
-        rows = _Rows(self._reach, self._step)
-        for motion in self._first_steps(start_yaw):
-            rows.add(motion)
-        headings = self._headings.copy()
         at = len(self.lattice.headings)
+        parts = [(self._table.primitives, self._table.pieces, self._table.samples), *self._first_steps(start_yaw)]
+        first = len(self._table.primitives)
+        primitives, pieces, samples = joined(parts)
+        headings = self._headings.copy()
         headings["yaw"][at] = start_yaw
         headings["cos"][at], headings["sin"][at] = math.cos(start_yaw), math.sin(start_yaw)
-        headings["first"][at], headings["count"][at] = len(self._table.primitives), len(rows.primitives)
-        return rows.table(headings, self._turn_step, self._table), at
+        headings["first"][at], headings["count"][at] = first, len(primitives) - first
+        return PrimitiveTable(primitives, headings, samples, False, pieces, self._turn_step), at
 
-    def _first_steps(self, yaw: float) -> list[_Motion]:
-        motions = [_Motion(end, pieces, False) for end, pieces in self._starts.connections(yaw)]
+    def _first_steps(self, yaw: float) -> list[Rows]:
+        parts = [self._starts.rows(yaw, list(range(len(self.lattice.headings))), reverse=False)]
         if self._reverse:
-            for end, pieces in self._starts.connections(yaw + math.pi):
-                motions.append(_Motion(self._opposite[end], pieces, True))
+            parts.append(self._starts.rows(yaw + math.pi, self._opposite, reverse=True))
         if self._turn_step > 0.0:
             turns = np.remainder(self.lattice.headings - yaw + math.pi, 2.0 * math.pi) - math.pi
             left, right = np.where(turns > 0.0, turns, np.inf).argmin(), np.where(turns < 0.0, -turns, np.inf).argmin()
-            motions += [_Motion(int(k), (Piece("in_place", float(turns[k])),), False) for k in (left, right)]
-        return motions
+            rows = _Rows(self._reach, self._step)
+            for k in (left, right):
+                rows.add(_Motion(int(k), (Piece("in_place", float(turns[k])),), False))
+            parts.append(rows.arrays())
+        return parts
+
+
+def joined(parts: list[Rows]) -> Rows:
+    """Return the rows of several tables as those of one."""
+    pieces = sample_count = 0
+    primitives: list[NDArray[np.void]] = []
+    for rows, segments, samples in parts:
+        moved = rows
+        if pieces > 0 or sample_count > 0:
+            moved = rows.copy()
+            moved["piece"] += pieces
+            moved["first"] += sample_count
+        primitives.append(moved)
+        pieces += len(segments)
+        sample_count += len(samples)
+    return (
+        np.concatenate(primitives),
+        np.concatenate([part[1] for part in parts]),
+        np.concatenate([part[2] for part in parts]),
+    )
 
 
 def bins_of(lattice: Lattice) -> int:
     """Headings of the tables of a lattice: its own, the start's, and unused ones."""
     return max(MIN_BINS, len(lattice.headings) + 1)
-
-
-class _StartCells:
-    """Connections from headings that the lattice does not have to its states: the shortest ones to each heading."""
-
-    def __init__(self, lattice: Lattice) -> None:
-        self._lattice = lattice
-        self._radius = lattice.turning_radius / lattice.resolution
-        far = max((np.abs(p.poses[-1, :2]).max() / lattice.resolution for p in lattice.primitives), default=4.0)
-        n = max(4, math.ceil(far))
-        x, y = np.meshgrid(np.arange(-n, n + 1), np.arange(-n, n + 1))
-        self._x, self._y = x.ravel().astype(np.float64), y.ravel().astype(np.float64)
-
-    def connections(self, yaw: float) -> list[tuple[int, tuple[Piece, ...]]]:
-        """Return the number of the heading and the pieces (cells) of each connection."""
-        ahead = self._x * math.cos(yaw) + self._y * math.sin(yaw) > 1.0
-        x, y = self._x[ahead], self._y[ahead]
-        out: list[tuple[int, tuple[Piece, ...]]] = []
-        for k, heading in enumerate(self._lattice.headings):
-            if abs(math.remainder(float(heading) - yaw, 2.0 * math.pi)) > 0.45 * math.pi:
-                continue
-            links = connect(x, y, yaw, np.full(len(x), heading), self._radius)
-            length = np.where(np.isnan(links.length), np.inf, links.length)
-            shortest = np.argsort(length, kind="stable")[:_PER_HEADING]
-            out += [(k, tuple(connection_pieces(links, int(i)))) for i in shortest if length[i] < np.inf]
-        return out
 
 
 class _Rows:
@@ -171,20 +167,9 @@ class _Rows:
         self._sampled += len(poses)
         self._pieces += [_segment(p, sign) for p in pieces]
 
-    def table(
-        self, headings: NDArray[np.void], turn_step: float, before: PrimitiveTable | None = None
-    ) -> PrimitiveTable:
-        """Return the table of the rows, after those of `before`."""
-        rows = np.array(self.primitives, PRIMITIVE) if self.primitives else np.zeros(0, PRIMITIVE)
-        pieces = np.array(self._pieces, SEGMENT) if self._pieces else np.zeros(0, SEGMENT)
-        samples = np.concatenate(self._samples) if self._samples else np.zeros((0, 4))
-        if before is not None:
-            rows["first"] += len(before.samples)
-            rows["piece"] += len(before.pieces)
-            rows = np.concatenate([before.primitives, rows])
-            pieces = np.concatenate([before.pieces, pieces])
-            samples = np.concatenate([before.samples, samples])
-        return PrimitiveTable(rows, headings, samples, rotates=False, pieces=pieces, turn_step=turn_step)
+    def arrays(self) -> Rows:
+        """Return the rows as arrays."""
+        return np.array(self.primitives, PRIMITIVE), np.array(self._pieces, SEGMENT), np.concatenate(self._samples)
 
 
 def _segment(p: Piece, sign: float) -> tuple[float | int, ...]:
