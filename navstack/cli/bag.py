@@ -201,6 +201,13 @@ def scenario(
         found = snapshot(opened.log, opened.configuration, opened.static_map, at, opened.options)
     if not found.goals:
         print_note("no goal was active at that time; give one with --goal, or write `goals:` into the file")
+    if found.configuration is not opened.configuration:
+        sim = found.configuration.navstack.sim
+        for lidar in (sim.lidar(name) for name in sim.lasers):
+            print_note(
+                f"the simulated lidar of {lidar.topic} is that of the log: {lidar.beams} beams over {lidar.fov:.2f} rad, "
+                f"{lidar.range_min:g} to {lidar.range_max:g} m, {lidar.frequency:.1f} Hz"
+            )
     written = write_scenario(found, out, map_file=opened.map_file, sources=chosen.params or ["turtlebot"])
     if json_:
         print_json({"start": list(written.start), "shapes": len(written.shapes), "files": {"scenario": str(out)}})

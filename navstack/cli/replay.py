@@ -83,7 +83,7 @@ def _replay(
     record: bool,
     json_: bool,
 ) -> int:
-    from navstack.cli.output import print_files, print_json
+    from navstack.cli.output import print_files, print_json, stdout
     from navstack.core.files import write_json
     from navstack.replay.report import ReplayReport
 
@@ -97,6 +97,8 @@ def _replay(
         files |= {f"{name} {what}".strip(): file for what, file in written.items()}
         documents[name or "replay"] = {**reports[name].as_dict(), "wall_s": done.wall_s}
         if not json_:
+            if len(configurations) > 1:
+                stdout().print(f"\n--{name or 'params'}:")
             _print(done, reports[name], opened if not name else None)
     if len(reports) > 1 and not json_:
         _print_versus(*reports.values())
@@ -218,5 +220,6 @@ def _print_versus(first: Any, second: Any) -> None:
     ]
     table = titled_table("versus", left=("",), right=("--params", "--versus"))
     for name, a, b in zip(names, values(first), values(second), strict=True):
-        table.add_row(name, a, b)
+        if a or b:
+            table.add_row(name, a, b)
     stdout().print(table)

@@ -159,17 +159,19 @@ class Log:
         """What is damaged; None if the file is complete."""
         return self._source.problem
 
+    @cached_property
+    def _span_ns(self) -> tuple[int, int]:
+        return self._source.span_ns or (0, 0)
+
     @property
     def start_ns(self) -> int:
         """Time of the first message (ns); 0 without messages."""
-        span = self._source.span_ns
-        return 0 if span is None else span[0]
+        return self._span_ns[0]
 
     @property
     def end_ns(self) -> int:
         """Time of the last message (ns); 0 without messages."""
-        span = self._source.span_ns
-        return 0 if span is None else span[1]
+        return self._span_ns[1]
 
     @property
     def duration(self) -> float:

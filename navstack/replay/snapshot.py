@@ -12,6 +12,7 @@ from navstack.core import LETHAL, Costmap, OccupancyGrid, Pose2D, Transform2D
 from navstack.core.errors import LogError, NavError
 from navstack.logs import Log
 from navstack.parameters.configuration import Configuration
+from navstack.replay.logged_lidars import with_logged_lidars
 from navstack.replay.replay import LogReplay, ReplayOptions
 from navstack.scenario import Scenario
 from navstack.sim import Shape
@@ -34,7 +35,8 @@ def snapshot(
     """Return the scenario of a moment (s since the first message): start, goal, and obstacles that are not on the map.
 
     The obstacles are the lethal cells of both costmaps where the map is not occupied, joined to rectangles in the map frame;
-    those under the robot are left out. Raises LogError if the robot's pose is not known or the time is not in the log.
+    those under the robot are left out. The simulated lidars are those of the log, unless the parameters describe them. Raises
+    LogError if the robot's pose is not known or the time is not in the log.
     """
     if not 0.0 <= time <= log.duration:
         raise LogError(f"{log.path} has {log.duration:.1f} s; {time:g} s is not in it", time=time)
@@ -58,7 +60,7 @@ def snapshot(
     goals = tuple(goal.pose for goal in replay.goals[-1:] if goal.frame in ("", frame))
     return Scenario(
         map=static_map,
-        configuration=configuration,
+        configuration=with_logged_lidars(log, replay, configuration),
         start=start,
         goals=goals,
         shapes=shapes,
@@ -118,9 +120,10 @@ def rectangles(cells: set[tuple[int, int]]) -> list[tuple[float, float, float, f
                 now[run] = [run[0], y, run[1], y + 1]
                 found.append(now[run])
         open_ = now
+    scaled = ((0.5 * (x0 + x1), 0.5 * (y0 + y1), x1 - x0, y1 - y0) for x0, y0, x1, y1 in found)
     return [
-        (0.5 * (x0 + x1) * CELL_M, 0.5 * (y0 + y1) * CELL_M, (x1 - x0) * CELL_M, (y1 - y0) * CELL_M)
-        for x0, y0, x1, y1 in found
+        (round(x * CELL_M, 6), round(y * CELL_M, 6), round(w * CELL_M, 6), round(h * CELL_M, 6))
+        for x, y, w, h in scaled
     ]
 
 

@@ -233,6 +233,12 @@ def test_moment_as_a_scenario(make: Make) -> None:
         scenario = snapshot(log, CONFIGURATION, grid, 5.0)
         assert scenario.start == pytest.approx(Pose2D(1.0, 0.0, 0.0), abs=0.011)
         assert scenario.goals == (Pose2D(3.0, 0.0),)
+        assert scenario.configuration.navstack.sim.lidar("laser").beams == 640  # as the parameters describe it
+        tree = CONFIGURATION.tree.as_dict()
+        del tree["navstack"]["sim"]["laser"], tree["navstack"]["sim"]["lasers"]
+        lidar = snapshot(log, load_configuration([tree]), grid, 5.0).configuration.navstack.sim.lidar("laser")
+        assert (lidar.beams, lidar.fov, lidar.range_max) == (101, pytest.approx(1.0), 8.0)
+        assert (lidar.x, lidar.yaw, lidar.height, lidar.frequency) == pytest.approx((0.1, 0.0, 0.3, 10.0), abs=0.2)
         with pytest.raises(LogError, match=r"has 6\.0 s; 7 s is not in it"):
             snapshot(log, CONFIGURATION, grid, 7.0)
 

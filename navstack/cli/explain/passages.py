@@ -10,7 +10,9 @@ import typer
 from navstack.cli import options
 
 if TYPE_CHECKING:
+    from navstack.core import OccupancyGrid
     from navstack.explain import PassageReport
+    from navstack.parameters.configuration import Configuration
 
 MOSTLY_UNKNOWN = 0.9
 """Share of unknown cells on the border of free space above which the walls of a map are considered unknown."""
@@ -19,8 +21,15 @@ MOSTLY_UNKNOWN = 0.9
 class PassageOptions(NamedTuple):
     """Map, robot and the passages to find."""
 
-    map_: options.Map
-    params: options.Params = ["turtlebot"]
+    map_: Annotated[
+        str,
+        typer.Argument(
+            metavar="MAP.yaml|RUN",
+            help="map_server YAML file, name of a packaged map, or recorded run: its map and parameters.",
+            autocompletion=options.complete_map,
+        ),
+    ]
+    params: options.Params = []
     set_: options.Set = []
     costmap: options.CostmapName = "global"
     narrowest: Annotated[
@@ -59,16 +68,15 @@ def passages(
     json_: options.Json = False,
 ) -> None:
     """List the doors, corridors and gaps between obstacles of a map: passable, passable at high cost, or not passable."""
-    from navstack.cli.arguments import map_of, parse_costmap_name
+    from navstack.cli.arguments import parse_costmap_name
     from navstack.cli.output import print_files, print_json, stdout
     from navstack.explain import find_passages
     from navstack.explain.printing import print_passages
-    from navstack.parameters.configuration import load_configuration
 
     name = parse_costmap_name(chosen.costmap)
-    path, grid = map_of(chosen.map_)
+    path, grid, configuration = _opened(chosen)
     report = find_passages(
-        load_configuration(chosen.params, overrides=chosen.set_),
+        configuration,
         grid,
         costmap=name,
         narrowest=chosen.narrowest,
@@ -86,6 +94,26 @@ def passages(
     else:
         print_passages(stdout(), report, path.name)
         print_files(document.get("files", {}))
+
+
+def _opened(chosen: PassageOptions) -> tuple[Path, OccupancyGrid, Configuration]:
+    """Return file, map and parameters, for a run those of its record."""
+    from navstack.cli.arguments import map_of
+    from navstack.parameters.configuration import load_configuration
+    from navstack.record import Record
+    from navstack.record.format import RUN_FILE
+    from navstack.scenario import Scenario
+
+    path = Path(chosen.map_)
+    if path.suffix != ".npz" and not path.joinpath(RUN_FILE).is_file():
+        path, grid = map_of(chosen.map_)
+        return path, grid, load_configuration(chosen.params or ["turtlebot"], overrides=chosen.set_)
+    scenario = Scenario.from_record(Record.load(path))
+    recorded = scenario.configuration
+    if chosen.params or chosen.set_:
+        sources = chosen.params or [recorded.tree.as_dict()]
+        return path, scenario.map, load_configuration(sources, overrides=chosen.set_)
+    return path, scenario.map, recorded
 
 
 def _document(report: PassageReport, name: str) -> dict[str, Any]:
