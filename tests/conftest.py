@@ -6,7 +6,11 @@ import os
 import signal
 from pathlib import Path
 
+import hypothesis
 import pytest
+
+hypothesis.settings.register_profile("navstack", deadline=None)  # the first example compiles kernels
+hypothesis.settings.load_profile("navstack")
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 GOLDEN_PART = Path(__file__).resolve().parent / "golden" / "data"
