@@ -237,6 +237,7 @@ def same_name(rig: Rig) -> Outcome:
     driving(rig)
     rig.tell("cancel")
     rig.run_for(1.5)
+    rig.node = second
     right = stopped <= 1.2 and end.startswith("4") and second.poll() is None and len(lines) == 1
     return Outcome(stopped, 1.2, lines, end + "; the second node drives", right)
 
@@ -265,7 +266,7 @@ def clock_stopped(rig: Rig) -> Outcome:
     lines = rig.warnings(at)
     rig.tell("cancel")
     rig.run_for(1.5)
-    return Outcome(stopped, 1.5, lines, end, stopped <= 1.5 and len(lines) == 2)
+    return Outcome(stopped, 1.5, lines, end, stopped <= 1.5 and 2 <= len(lines) <= 3)
 
 
 def wrong_type(rig: Rig) -> Outcome:
@@ -307,9 +308,14 @@ CLOCKED: Final[dict[str, Callable[[Rig], Outcome]]] = {
 def rig_of(folder: Path, port: int, *sim: str) -> Rig:
     """Start a graph with the simulated robot, the probe and the node."""
     rig = Rig(Graph(folder, port))
-    rig.start_sim("office", *sim)
-    rig.start_probe()
-    rig.start_node(*PARAMS)
+    try:
+        rig.start_sim("office", *sim)
+        rig.start_probe()
+        rig.start_node(*PARAMS)
+    except BaseException:
+        rig.close()
+        rig.graph.close()
+        raise
     return rig
 
 

@@ -162,6 +162,10 @@ class CostmapUpdater:
         unknown = bool(getattr(getattr(costmap, "params", None), "track_unknown_space", False))
         return ControlInput(state, costmap.master, costmap.footprint, transform, inflation, unknown)
 
+    def approach(self, time: float) -> None:
+        """Shift the updates of the local costmap towards `time` (s); see `Schedule.approach`."""
+        self._local_update.approach(time)
+
     def _update(
         self, costmap: CostmapServer, now: float, before: NavError | None
     ) -> tuple[Window | None, NavError | None]:

@@ -33,7 +33,7 @@ from navstack.move_base.navigation import Navigation
 from navstack.move_base.parts import connect_parts
 from navstack.move_base.planning import InlinePlanning, Planning
 from navstack.move_base.reconfiguration import reconfigure
-from navstack.move_base.schedule import EPSILON_S
+from navstack.move_base.schedule import EPSILON_S, SCAN_MARGIN_S
 from navstack.move_base.states import Mode, NavEvent, Trigger
 from navstack.move_base.tick_result import TickResult
 from navstack.parameters.models.move_base import MoveBaseParams
@@ -130,6 +130,11 @@ class MoveBase:
             self.motions.run(now)
         self._command.flush(now)
         self._command.abort_after_error(now)
+
+    def follow_scans(self, now: float) -> None:
+        """Let the cycles follow right after scans, one of which arrived at `now` (s); the control period hardly changes."""
+        self._costmaps.approach(now + SCAN_MARGIN_S)
+        self._control.schedule.approach(now + 2.0 * SCAN_MARGIN_S)
 
     def shutdown(self) -> None:
         """End every goal ("node has been killed") and stop the robot. Later goals end at once."""

@@ -12,6 +12,13 @@ from typing import Final
 EPSILON_S: Final = 1e-6
 """Times that differ by less are equal: callers add steps of simulated time in floating point."""
 
+SHIFT_S: Final = 0.002
+"""Largest shift of a schedule that approaches a time (s)."""
+SCAN_MARGIN_S: Final = 0.001
+"""The costmap is updated this long (s) after a scan, the command follows after as much again."""
+NEAR_S: Final = 0.01
+"""A due time that differs from the one that is wanted by more (s) moves at once."""
+
 
 class Schedule:
     """Due at `anchor + k / frequency`; never due with the frequency 0."""
@@ -57,6 +64,23 @@ class Schedule:
         if now > self.due + EPSILON_S:
             self._anchor, self._count = now, 1
             self.due = now + 1.0 / self.frequency
+
+    def approach(self, time: float) -> None:
+        """Shift the schedule so that `time` (s) plus some periods becomes a due time.
+
+        A schedule that is far off is due earlier once. Otherwise it moves by up to `SHIFT_S` to a later time, and by a tenth of
+        it to an earlier one: of times that scatter, the late ones count.
+        """
+        period = self.period
+        if period == math.inf:
+            return
+        error = math.remainder(time - self.due, period)
+        if abs(error) > NEAR_S:
+            shift = error if error < 0.0 else error - period
+        else:
+            shift = max(-0.1 * SHIFT_S, min(SHIFT_S, error))
+        self._anchor += shift
+        self.due += shift
 
     def resume(self, now: float) -> None:
         """Restart at `now` (s), the end of a long call, if that is more than one period late."""

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import math
 import time
-from collections import Counter
+from collections import Counter, deque
 from typing import Final, NamedTuple
+
+from navstack.move_base.tick_result import TickResult
 
 LATE_S: Final = 0.005
 """A cycle that starts this long (s, wall) after it was due is late."""
+KEPT: Final = 6000
+"""Periods and delays that are kept: five minutes at 20 Hz."""
 PHASES: Final = ("messages", "cycle", "publishing")
 
 
@@ -31,6 +35,12 @@ class LoopTimes:
         """Number of late cycles by cause."""
         self.worst: LateCycle | None = None
         """The latest cycle since `take_worst`."""
+        self.periods: deque[float] = deque(maxlen=KEPT)
+        """Times (s, wall) between consecutive commands of the local planner."""
+        self.delays: deque[float] = deque(maxlen=KEPT)
+        """Times (s) from the stamp of a scan to the first command after its costmap update."""
+        self._last_command = math.nan
+        self._scan = self._used = math.nan
         self._begin = time.perf_counter()
         self._cpu = time.thread_time()
         self._spent: dict[str, float] = dict.fromkeys(PHASES, 0.0)
@@ -65,6 +75,27 @@ class LoopTimes:
         self._spent = dict.fromkeys(PHASES, 0.0)
         self._waited = 0.0
         return found
+
+    def command(self, tick: TickResult, now: float) -> None:
+        """Note the command of a tick, at `now` (s, the node's clock) when it was sent; without one, the series ends."""
+        stamps = [data.stamp for data in tick.scans]
+        if stamps:
+            self._scan = max(stamps)
+        if tick.local_window is not None:
+            self._used, self._scan = (self._scan if self._scan == self._scan else self._used), math.nan
+        if tick.local_plan is None:
+            return
+        if self._used == self._used:
+            self.delays.append(now - self._used)
+            self._used = math.nan
+        wall = time.perf_counter()
+        if self._last_command == self._last_command:
+            self.periods.append(wall - self._last_command)
+        self._last_command = wall
+
+    def rest(self) -> None:
+        """End the series of periods: the local planner does not run."""
+        self._last_command = self._used = math.nan
 
     def take_worst(self) -> LateCycle | None:
         """Return the latest cycle since the last call, and forget it."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -16,6 +16,7 @@ from navstack.logs import messages as msg
 from navstack.logs.builder import MessageBuilder
 from navstack.logs.log import topic_name
 from navstack.move_base import MoveBase
+from navstack.move_base.states import Mode
 from navstack.move_base.thread_planning import ThreadPlanning
 from navstack.parameters.configuration import Configuration
 from navstack.replay.topics import sensor_topics
@@ -23,6 +24,7 @@ from navstack.ros1 import ros
 from navstack.ros1.action import ActionInterface
 from navstack.ros1.clock import NodeClock, StillClock, wait_for_clock
 from navstack.ros1.costmap_topics import CostmapTopics
+from navstack.ros1.diagnostics import Diagnostics
 from navstack.ros1.inbox import Inbox
 from navstack.ros1.loop_times import LoopTimes
 from navstack.ros1.master import MasterWatch
@@ -51,6 +53,7 @@ class MoveBaseNode:
         self.robot = RosRobot(self.clock, self._publish_command, self._report)
         self.action = ActionInterface(self.clock, self.build, self.inbox)
         self.plans: PlanTopics | None = None
+        self.diagnostics: Diagnostics | None = None
         self.costmaps: list[CostmapTopics] = []
         self.move_base: MoveBase | None = None
         self._map: OccupancyGrid | None = None
@@ -60,6 +63,8 @@ class MoveBaseNode:
         self._clock_step = 0.0
         self.log = NodeLog(rospy, self._newest_data)
         self._jumps = 0
+        self._lead = ""
+        """Topic of the scans that the cycles follow."""
         self._subscribe()
 
     # --- messages -----------------------------------------------------------------------------------------------------
@@ -81,12 +86,21 @@ class MoveBaseNode:
         self._topics = sorted(sensor.name for sensor in sensors)
         for sensor in sensors:
             kind, method = RECEIVERS[sensor.type]
-            receive = later(getattr(robot, method), sensor.name)
+            receive = later(self._on_data, getattr(robot, method), sensor.name)
             rospy.Subscriber(sensor.name, ros.message(kind), receive, queue_size=50, tcp_nodelay=True)
         rospy.Subscriber(self._map_topic(), ros.message("nav_msgs/OccupancyGrid"), later(self._on_map), queue_size=1)
 
     def _on_clock(self, message: Any) -> None:
         """Nothing to do: the message has woken the node."""
+
+    def _on_data(self, message: Any, receive: Callable[[Any, str], None], topic: str) -> None:
+        """Receive sensor data. The cycles of real time follow the scans of the first lidar."""
+        receive(message, topic)
+        if self.move_base is None or self._is_simulated or not hasattr(message, "ranges"):
+            return
+        self._lead = self._lead or topic
+        if topic == self._lead:
+            self.move_base.follow_scans(self.clock.now())
 
     def _map_topic(self) -> str:
         for costmap in (self.configuration.global_costmap, self.configuration.local_costmap):
@@ -132,6 +146,7 @@ class MoveBaseNode:
         ]
         Services(self.configuration, move_base, self.clock, self.build, self.inbox)
         self.action.connect(move_base)
+        self.diagnostics = Diagnostics(self.robot, self.times, self.clock, self.build)
         servers = ReconfigureServers(self.configuration, move_base, self.inbox)
         self.watch = MasterWatch(lambda: self.inbox.post(servers.write))
         # what exists now lives as long as the node: the garbage collector need not visit it in a cycle
@@ -214,6 +229,8 @@ class MoveBaseNode:
             self._cycle(move_base, now)
         self.action.publish(now)
         self.log.flush(drives=move_base.last_tick.local_plan is not None)
+        if self.diagnostics is not None:
+            self.diagnostics.publish(move_base, now)
         self.times.mark("publishing")
         idle = self.inbox.run(min(due - self.clock.now(), POLL_S), self._report)
         self.times.mark("messages", idle_s=idle)
@@ -234,6 +251,10 @@ class MoveBaseNode:
         move_base.tick(max(now, move_base.now))
         self.times.mark("cycle")
         tick = move_base.last_tick
+        if move_base.state is not Mode.CONTROLLING:
+            self.times.rest()
+        else:
+            self.times.command(tick, self.clock.now())
         for topics, window in zip(self.costmaps, (tick.global_window, tick.local_window), strict=False):
             topics.publish(now, window)
         if self.plans is not None:

@@ -30,6 +30,8 @@ class _Problem(NamedTuple):
     line: str
     time: float
     """Time at which it was told (s, wall)."""
+    is_message: bool
+    """True for a message that cannot be used."""
 
 
 class NodeLog:
@@ -66,8 +68,8 @@ class NodeLog:
             self._add(cause, f"no command: {line}" if event.kind == "control_failed" else line)
 
     def problem(self, text: str) -> None:
-        """Log a problem that is not an event."""
-        self._add(text, text)
+        """Log a problem with a message; it is told as the cause of a stop that follows."""
+        self._add(text, text, is_message=True)
 
     def flush(self, *, drives: bool) -> None:
         """Write the problems that have waited. `drives`: the local planner has found a command since the last call."""
@@ -83,12 +85,13 @@ class NodeLog:
             self._rospy.logwarn("%s", problem.line)
         self._waiting.clear()
 
-    def _add(self, cause: str, line: str) -> None:
+    def _add(self, cause: str, line: str, *, is_message: bool = False) -> None:
         if self._is_new(cause) and not self._is_stopped:
-            self._waiting.append(_Problem(cause, line, time.monotonic()))
+            self._waiting.append(_Problem(cause, line, time.monotonic(), is_message))
 
     def _stop(self, text: str, cause: str) -> None:
-        reason = cause or (self._waiting[0].cause if self._waiting else self._newest_data())
+        told = [problem.cause for problem in self._waiting if problem.is_message or not cause]
+        reason = told[0] if told else cause or self._newest_data()
         is_new = bool(self._waiting) or self._is_new(cause or text)
         self._waiting.clear()
         if not self._is_stopped and is_new:

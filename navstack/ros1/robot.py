@@ -138,6 +138,11 @@ class RosRobot:
 
     # --- interface of a robot -----------------------------------------------------------------------------------------
 
+    @property
+    def odometry_stamp(self) -> float | None:
+        """Stamp (s) of the newest odometry; None before the first one."""
+        return None if self._odometry is None else self._odometry.stamp
+
     def state(self) -> RobotState:
         """Return the newest odometry. Raises StaleOdometryError before the first one."""
         if self._odometry is None:

@@ -194,7 +194,7 @@ def _pace(speed: float, clock: bool) -> Pace:
         return WallPace(speed, START_NS)
     if rospy.get_param("/use_sim_time", False):
         return ClockPace()
-    return WallPace(1.0, int(rospy.Time.now().to_nsec()))
+    return WallPace(1.0, int(rospy.Time.now().to_nsec()), stamps_wall_time=True)
 
 
 def _with_covariances(odometry: Any) -> Any:

@@ -27,8 +27,9 @@ class Pace(ABC):
 class WallPace(Pace):
     """The wall clock, `speed` simulated seconds per second."""
 
-    def __init__(self, speed: float, start_ns: int) -> None:
-        self._speed = speed
+    def __init__(self, speed: float, start_ns: int, *, stamps_wall_time: bool = False) -> None:
+        """With `stamps_wall_time`, a delay also delays the stamps: otherwise all later data would be old."""
+        self._speed, self._stamps_wall_time = speed, stamps_wall_time
         self._begin = time.monotonic()
         self.start_ns = start_ns
 
@@ -37,6 +38,8 @@ class WallPace(Pace):
         ahead = reached_s / self._speed - (time.monotonic() - self._begin)
         if ahead < -SLACK_S:
             self._begin -= ahead
+            if self._stamps_wall_time:
+                self.start_ns -= round(ahead * 1e9)
         return ahead
 
 

@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import math
 
+import pytest
+
 from navstack.move_base.schedule import Schedule
 
 
@@ -57,3 +59,22 @@ def test_accumulated_rounding_does_not_delay() -> None:
         schedule.advance(now)
         assert not schedule.is_due(now)
         now += 0.1
+
+
+def test_a_schedule_approaches_the_times_of_scans() -> None:
+    schedule = Schedule(20.0, 0.013)
+    periods: list[float] = []
+    now = 0.0
+    for scan in range(1, 40):
+        arrival = 0.1 * scan + 0.003 * (scan % 3)
+        while schedule.due < arrival:
+            periods.append(schedule.due - now)
+            now = schedule.due
+            schedule.advance(now)
+        schedule.approach(arrival + 0.001)
+    # once far off, then right after the latest of the scattered arrivals
+    assert sorted(periods[1:])[1:] == pytest.approx([0.05] * (len(periods) - 2), abs=0.0021)
+    assert schedule.due % 0.05 == pytest.approx(0.0065, abs=0.0011)
+    never = Schedule(0.0)
+    never.approach(1.0)
+    assert never.due == math.inf

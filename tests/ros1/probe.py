@@ -21,7 +21,8 @@ CLOCK = "rosgraph_msgs/Clock"
 class Probe:
     """Relays `raw/scan`, `raw/odom`, `raw/tf`, `raw/clock`; `modes` says how."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, relays: bool) -> None:
+        """Without `relays`, only goals are sent, and their results, log lines and diagnostics reported."""
         rospy = self.rospy = ros.rospy()
         rospy.init_node("probe", disable_signals=True)
         self.modes = {"scan": "pass", "odom": "pass", "tf": "pass", "clock": "pass"}
@@ -39,6 +40,16 @@ class Probe:
         }
         self._map: Any = None
         listen = rospy.Subscriber
+        listen("move_base/status", ros.message("actionlib_msgs/GoalStatusArray"), self._status, queue_size=50)
+        listen("move_base/result", ros.message("move_base_msgs/MoveBaseActionResult"), self._result, queue_size=50)
+        listen("/rosout", ros.message("rosgraph_msgs/Log"), self._log, queue_size=100)
+        listen("/diagnostics", ros.message("diagnostic_msgs/DiagnosticArray"), self._diagnostics, queue_size=5)
+        if relays:
+            self._listen_to_all()
+        self.tell("ready")
+
+    def _listen_to_all(self) -> None:
+        listen = self.rospy.Subscriber
         listen("raw/scan", ros.message(SCAN), self._scan, queue_size=10, tcp_nodelay=True)
         listen("raw/odom", ros.message(ODOMETRY), self._odometry, queue_size=10, tcp_nodelay=True)
         listen("/raw/tf", ros.message(TF), self._transforms, queue_size=50, tcp_nodelay=True)
@@ -46,8 +57,6 @@ class Probe:
         listen("raw/map", ros.message(MAP), self._on_map, queue_size=1)
         listen("cmd_vel", ros.message("geometry_msgs/Twist"), self._command, queue_size=50, tcp_nodelay=True)
         listen("base_pose_ground_truth", ros.message(ODOMETRY), self._truth, queue_size=50, tcp_nodelay=True)
-        listen("move_base/status", ros.message("actionlib_msgs/GoalStatusArray"), self._status, queue_size=50)
-        listen("move_base/result", ros.message("move_base_msgs/MoveBaseActionResult"), self._result, queue_size=50)
         feedback = ros.message("move_base_msgs/MoveBaseActionFeedback")
         listen("move_base/feedback", feedback, self._feedback, queue_size=50)
         recovery = ros.message("move_base_msgs/RecoveryStatus")
@@ -55,8 +64,6 @@ class Probe:
         stamped = ros.message("geometry_msgs/PoseStamped")
         listen("move_base/current_goal", stamped, self._current_goal, queue_size=50)
         listen("move_base/NavfnROS/plan", ros.message("nav_msgs/Path"), self._plan, queue_size=50)
-        listen("/rosout", ros.message("rosgraph_msgs/Log"), self._log, queue_size=100)
-        self.tell("ready")
 
     def tell(self, what: str, **data: Any) -> None:
         """Write an event: what was heard or done, and when."""
@@ -158,6 +165,14 @@ class Probe:
     def _log(self, message: Any) -> None:
         self.tell("log", level=int(message.level), name=message.name, text=message.msg)
 
+    def _diagnostics(self, message: Any) -> None:
+        found = {
+            s.name: {"level": s.level, "message": s.message, **{v.key: v.value for v in s.values}}
+            for s in message.status
+        }
+        if any(name.startswith("move_base") for name in found):
+            self.tell("diagnostics", found=found)
+
     # --- commands -----------------------------------------------------------------------------------------------------
 
     def obey(self, command: dict[str, Any]) -> None:
@@ -214,7 +229,7 @@ class Probe:
 
 def main() -> None:
     """Obey until stdin ends."""
-    probe = Probe()
+    probe = Probe(relays="--results" not in sys.argv)
     for line in sys.stdin:
         probe.obey(json.loads(line))
     probe.rospy.signal_shutdown("end")

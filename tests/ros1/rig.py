@@ -69,11 +69,11 @@ class Rig:
         )
         return node
 
-    def start_probe(self) -> None:
-        """Start the probe."""
+    def start_probe(self, *arguments: str) -> None:
+        """Start the probe; with `--results` it only sends goals and reports their results."""
         log = (self.graph.folder / "probe.log").open("wb")
         self._probe = subprocess.Popen(
-            [sys.executable, "-m", "tests.ros1.probe"],
+            [sys.executable, "-m", "tests.ros1.probe", *arguments],
             cwd=ROOT,
             env={**self.graph.environment, **own_environment()},
             stdin=subprocess.PIPE,

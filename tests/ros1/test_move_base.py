@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from tests.ros1.conftest import PYTHON, new_graph, wait_for
 from tests.ros1.rig import Rig
 
 CLIENT = """
-import json, sys, rospy, actionlib
+import json, sys, rospy, actionlib, tf, tf2_ros
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal, MoveBaseActionFeedback
 from actionlib_msgs.msg import GoalStatusArray, GoalID
@@ -41,10 +42,18 @@ def goal(x, y, w=1.0, frame="map"):
     message.target_pose.pose.position.x, message.target_pose.pose.position.y = x, y
     message.target_pose.pose.orientation.w = w
     return message
+listener = tf.TransformListener()
+buffer = tf2_ros.Buffer()
+listener2 = tf2_ros.TransformListener(buffer)
 client = actionlib.SimpleActionClient("move_base", MoveBaseAction)
 client.wait_for_server()
 client.send_goal(goal(2.4, 7.45))
+found["simple states"] = [client.simple_state]
 client.wait_for_result()
+found["simple states"].append(client.simple_state)
+listener.waitForTransform("/map", "/base_footprint", rospy.Time(0), rospy.Duration(20))
+found["tf"] = listener.lookupTransform("/map", "/base_footprint", rospy.Time(0))[0][:2]
+found["tf2"] = buffer.lookup_transform("map", "base_laser_link", rospy.Time(0), rospy.Duration(20)).transform.translation.z
 found["first"] = [client.get_state(), client.get_goal_status_text()]
 plan = rospy.ServiceProxy("/move_base/make_plan", GetPlan)
 start = goal(1.0, 7.45).target_pose
@@ -83,9 +92,18 @@ def nodes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
 
 def test_clients_of_move_base(nodes: Rig, tmp_path: Path) -> None:
     out = tmp_path / "found.json"
+    bag = tmp_path / "drive.bag"
+    wanted = ("/cmd_vel", "/tf", "/scan", "/move_base/status", "/move_base/feedback", "/move_base/result")
+    record = nodes.graph.start("/usr/bin/rosbag", "record", "-O", str(bag), *wanted)
     client = nodes.graph.start(PYTHON, "-c", CLIENT, str(out))
     assert client.wait(180.0) == 0, nodes.output()
     found = json.loads(out.read_text())
+    record.send_signal(signal.SIGINT)
+    assert record.wait(30.0) == 0
+    info = nodes.graph.run("/usr/bin/rosbag", "info", str(bag))
+    assert all(re.search(rf"{topic} +\d+ msgs", info) for topic in wanted), info
+    assert found["simple states"] == [0, 2]  # SimpleGoalState.PENDING, DONE
+    assert abs(found["tf"][0] - 2.4) < 0.2 and abs(found["tf"][1] - 7.45) < 0.2 and found["tf2"] == 0.3
     assert found["first"] == [3, "Goal reached."]
     assert found["plan"][0] > 10 and found["plan"][1:] == ["", "map"]
     assert found["map"] > 100
@@ -110,6 +128,9 @@ def test_shell_tools(nodes: Rig) -> None:
         assert f"/move_base/{name}" in services
     assert graph.run("/usr/bin/rosservice", "type", "/move_base/make_plan").strip() == "nav_msgs/GetPlan"
     graph.run("/usr/bin/rosservice", "call", "/move_base/clear_costmaps")
+    assert float(graph.run("/usr/bin/rosparam", "get", "/move_base/DWAPlannerROS/max_vel_x")) == 0.5
+    diagnostics = graph.run("/usr/bin/rostopic", "echo", "-n", "1", "/diagnostics")
+    assert "move_base: control loop" in diagnostics and "age of scan" in diagnostics
     info = graph.run("/usr/bin/rosnode", "info", "/move_base")
     assert re.search(r"/move_base/local_costmap/costmap \[nav_msgs/OccupancyGrid\]", info)
 

@@ -1,0 +1,118 @@
+"""Times of the ROS 1 nodes: control period, scan to command, processor share; ten times real time, and an hour of it.
+
+    python tools/bench/ros1.py                     # both parts, 1 minute and 10 minutes of simulated time
+    python tools/bench/ros1.py --hours 1           # an hour of simulated time at ten times real time: 6 minutes
+
+The graph is real: a master, `navstack ros1 sim`, `navstack ros1 move_base`; the packaged turtlebot with 640 beams at 10 Hz,
+control at 20 Hz, local costmap at 10 Hz. Periods and delays are those that the node publishes on /diagnostics.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any, Final
+
+ROOT: Final = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+
+from tests.ros1.conftest import Graph  # noqa: E402
+from tests.ros1.rig import Rig  # noqa: E402
+
+PARAMS: Final = (
+    *("--params", "turtlebot", "--set", "controller_frequency=20.0"),
+    *("--set", "local_costmap/update_frequency=10.0", "--set", "oscillation_timeout=0.0"),
+    # at 20 Hz the packaged minimum speeds are out of reach within one period
+    *("--set", "DWAPlannerROS/min_trans_vel=0.0", "--set", "DWAPlannerROS/min_rot_vel=0.0"),
+)
+GOALS: Final = ((11.0, 7.4), (1.2, 7.45))
+"""The two ends of the corridor."""
+TICK: Final = os.sysconf("SC_CLK_TCK")
+
+
+def cpu_s(program: subprocess.Popen[bytes]) -> float:
+    """Return the processor time (s) of a process so far."""
+    fields = Path(f"/proc/{program.pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / TICK
+
+
+def resident_mb(program: subprocess.Popen[bytes]) -> float:
+    """Return the resident memory (MB) of a process."""
+    return int(Path(f"/proc/{program.pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def drive(rig: Rig, until: float) -> list[str]:
+    """Drive to and fro until a time (s, ROS); return the statuses of the goals."""
+    ends: list[str] = []
+    at = rig.now()
+    while at < until:
+        name = f"bench at {at:.3f}"
+        mark = len(rig.take())
+        rig.send_goal(*GOALS[len(ends) % 2], id=name)
+        found = rig.wait(lambda e: e["what"] == "result", f"the end of {name}", 120.0, since=mark)
+        ends.append(f"{found['status']}")
+        at = rig.now()
+        del rig.events[:-100]
+    return ends
+
+
+def newest(rig: Rig) -> dict[str, Any]:
+    """Return the newest diagnostics of the control loop."""
+    mark = len(rig.take())
+    return rig.wait(lambda e: e["what"] == "diagnostics", "diagnostics", since=mark)["found"]["move_base: control loop"]
+
+
+def run(title: str, port: int, seconds: float, *sim: str) -> None:
+    """Drive for some time (s, ROS), and print what the node measured."""
+    with tempfile.TemporaryDirectory() as folder:
+        rig = Rig(Graph(Path(folder), port))
+        try:
+            rig.start_sim("office", *sim, relayed=False)
+            rig.start_probe("--results")
+            rig.start_node(*PARAMS)
+            drive(rig, rig.now() + 5.0)
+            assert rig.node is not None and rig.sim is not None
+            first = newest(rig)
+            begin, wall = rig.now(), time.monotonic()
+            cpu, sim_cpu, memory = cpu_s(rig.node), cpu_s(rig.sim), resident_mb(rig.node)
+            ends = drive(rig, begin + seconds)
+            elapsed, took = rig.now() - begin, time.monotonic() - wall
+            last = newest(rig)
+            cycles = int(last["cycles"]) - int(first["cycles"])
+            late = int(last["late cycles"]) - int(first["late cycles"])
+            print(f"{title}: {elapsed:.0f} s of ROS time in {took:.0f} s, {elapsed / took:.2f} times real time")
+            print(f"  goals           {len(ends)}, {ends.count('3')} reached")
+            print(f"  node            {100 * (cpu_s(rig.node) - cpu) / took:.1f} % of a core")
+            print(f"  simulated robot {100 * (cpu_s(rig.sim) - sim_cpu) / took:.1f} % of a core")
+            print(f"  memory          {memory:.1f} -> {resident_mb(rig.node):.1f} MB")
+            print(f"  late cycles     {late} of {cycles}")
+            for key, value in last.items():
+                if key.startswith(("late because", "control period", "scan to")):
+                    print(f"  {key:45s} {value}")
+        finally:
+            rig.close()
+            rig.graph.close()
+
+
+def main() -> int:
+    """Run the chosen parts."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--hours", type=float, default=1.0 / 6.0, help="simulated hours at ten times real time; 0: not")
+    parser.add_argument("--seconds", type=float, default=60.0, help="of driving in real time; 0: not")
+    parser.add_argument("--speed", type=float, default=10.0)
+    parser.add_argument("--port", type=int, default=11420)
+    chosen = parser.parse_args()
+    if chosen.seconds > 0.0:
+        run("real time", chosen.port, chosen.seconds)
+    if chosen.hours > 0.0:
+        run("simulated time", chosen.port + 1, 3600.0 * chosen.hours, "--clock", "--speed", f"{chosen.speed:g}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
