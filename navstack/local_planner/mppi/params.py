@@ -198,6 +198,12 @@ class MPPIParams(PathFollowerParams):
                 f"shifted between cycles; set it to {self.period:g}"
             )
             yield Issue("warning", "model-dt", ("model_dt", "/controller_frequency"), message, f"{self.period:g}")
+        if not self.listed_critics:
+            message = (
+                "critics is empty, so that every sample is as good as any other: the robot neither follows its path nor keeps "
+                "off obstacles; list critics, or remove the key for those of nav2_bringup"
+            )
+            yield Issue("error", "no-critics", ("critics",), message)
         yield from self._check_speeds(context)
         yield from self._check_footprint(context)
 

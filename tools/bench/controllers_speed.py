@@ -1,17 +1,22 @@
-"""Time of a cycle of MPPI, whole and by stage and critic, beside Nav2's C++ (golden_nav2/nav2_times.json).
+"""Time of a cycle of the controllers on one core, beside Nav2's C++ (golden_nav2/nav2_times.json).
 
-    python tools/bench/mppi.py [--repeats N] [--batch 1000 2000] [--memory]
+    python tools/bench/controllers_speed.py [--repeats N] [--cycles N] [--batch 1000 2000] [--memory]
 
-The scene is that of the C++ times: a closed loop along the path of big_0_0_loop with nav2_bringup's parameters and its eight
-critics, 56 steps. The best of the processor times of many cycles counts, because other programs may share the processor; the
-median is beside it. The calibration does not cover the vector width, so the processor's name is printed. `--memory` runs
-100,000 cycles and prints how the memory of the process grows.
+MPPI whole, with the same and with new noise, by stage and by critic; regulated pure pursuit, rotation shim and graceful. The
+scene of MPPI is that of the C++ times: a closed loop along the path of big_0_0_loop with nav2_bringup's parameters and its
+eight critics, 56 steps. The followers drive along a curved path of 2 m among random obstacles in a costmap of 6 m x 6 m at
+0.05 m; the whole of `compute_command` is timed: path handler, goal checker, command, collision check.
+
+Processor times: other programs may share the processor, so the best is beside the median (p50) and p99. The calibration does
+not cover the vector width, so the processor's name is printed. `--memory` runs 100,000 cycles of each controller and prints how
+the memory of the process grows.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import resource
 import time
@@ -33,6 +38,7 @@ from navstack.local_planner.mppi.critics.path_follow import PathFollowCriticPara
 from navstack.local_planner.mppi.motion_models import OMNI, MotionModelParams
 from navstack.local_planner.mppi.optimizer import Optimizer
 from navstack.local_planner.path_follower import Following
+from navstack.plugins import LOCAL_PLANNERS
 
 NAV2 = Path(os.environ.get("NAVSTACK_GOLDEN_NAV2") or Path(__file__).resolve().parents[3] / "shared" / "golden_nav2")
 
@@ -155,10 +161,66 @@ def stages(controller: MPPIPlanner, repeats: int) -> dict[str, float]:
     return found
 
 
+FOLLOWERS = {
+    "regulated_pure_pursuit": "rpp_default",
+    "rotation_shim": "shim_default",
+    "graceful": "graceful_default",
+}
+"""The followers, and what the C++ times call them."""
+
+
+def curve(seed: int = 0) -> tuple[NavPath, list[ControlInput]]:
+    """A path, and inputs along its first metre."""
+    rng = np.random.default_rng(seed)
+    costmap = Costmap(GridGeometry(120, 120, 0.05, -2.0, -3.0), frame="odom")
+    angles = np.arange(0.0, 2.0, 0.025)
+    path = np.column_stack((2.0 * np.sin(angles), 2.0 * (1.0 - np.cos(angles)), angles))
+    for x, y in rng.uniform((-2.0, -3.0), (4.0, 3.0), (400, 2)).tolist():
+        if np.hypot(path[:, 0] - x, path[:, 1] - y).min() > 0.6:
+            cell = costmap.geometry.world_to_cell(x, y)
+            if cell is not None:
+                costmap.data[cell[1], cell[0]] = 254
+    footprint = Footprint(np.array([[0.25, 0.15], [0.25, -0.15], [-0.25, -0.15], [-0.25, 0.15]]))
+    inputs: list[ControlInput] = []
+    for x, y, yaw in path[:20].tolist():
+        dx, dy, turned = rng.normal(0.0, (0.02, 0.02, 0.05)).tolist()
+        state = RobotState(Pose2D(x + dx, y + dy, yaw + turned), Twist2D(0.4, 0.0, 0.2))
+        inputs.append(ControlInput(state, costmap, footprint))
+    return NavPath(path, "odom"), inputs
+
+
+def follow(name: str, cycles: int) -> list[float]:
+    """Processor times (us) of the cycles of a follower."""
+    path, inputs = curve()
+    goal = Pose2D(*path.poses[-1].tolist())
+    cls = LOCAL_PLANNERS.get(name).cls
+    controller = cls(cls.Params())
+    times: list[float] = []
+    for i in range(-200, cycles):
+        if i % len(inputs) == 0:
+            controller.set_plan(path, goal)
+        begin = time.process_time_ns()
+        controller.compute_command(inputs[i % len(inputs)])
+        if i >= 0:
+            times.append((time.process_time_ns() - begin) * 1e-3)
+    return times
+
+
+def line(times: list[float], unit: str) -> str:
+    """Best, median and p99 of some times."""
+    p50, p99 = np.quantile(times, (0.5, 0.99)).tolist()
+    digits = 1 if unit == "us" else 3
+    return (
+        f"best {min(times):.{digits}f}, p50 {p50:.{digits}f}, p99 {p99:.{digits}f} {unit} "
+        f"({p99 / max(p50, math.ulp(1.0)):.2f} times p50)"
+    )
+
+
 def main() -> None:
-    """Print the table."""
+    """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--repeats", type=int, default=300)
+    parser.add_argument("--repeats", type=int, default=300, help="cycles of MPPI")
+    parser.add_argument("--cycles", type=int, default=20_000, help="cycles of the followers")
     parser.add_argument("--batch", type=int, nargs="*", default=[1000, 2000])
     parser.add_argument("--memory", action="store_true")
     args = parser.parse_args()
@@ -166,41 +228,53 @@ def main() -> None:
     now = Reference()
     calibration = now.calibration_ms() if now.available else float("nan")
     print(f"processor: {processor()}; calibration {calibration:.2f} ms (C++: {reference['calibration_ms']:.2f} ms)")
-    print("best processor time of a cycle, median in brackets; C++: median with -march=native, without; noise")
+    for name, theirs in FOLLOWERS.items():
+        cpp = reference["controllers"].get(theirs)
+        beside = f"; C++ {cpp['median_us_per_cycle']:.1f} us, without path handler and goal checker" if cpp else ""
+        print(f"{name:24} {line(follow(name, args.cycles), 'us')}{beside}", flush=True)
     loop = Loop()
     for kind in ("diff", "omni"):
         for batch in args.batch:
-            cpp = reference["mppi"].get(f"{kind}_{batch}x56")
-            kept, fresh = planner(batch, kind, noise=False), planner(batch, kind, noise=True)
-            loop.drive(kept, 30)
-            loop.drive(fresh, 30)
-            a, _ = loop.drive(kept, args.repeats)
-            b, _ = loop.drive(fresh, args.repeats)
-            line = (
-                f"{kind} {batch} x 56: same noise {min(a):.3f} ({np.median(a):.3f}, p99 {np.quantile(a, 0.99):.3f}) ms"
-            )
-            line += f", new noise {min(b):.3f} ({np.median(b):.3f}, p99 {np.quantile(b, 0.99):.3f}) ms"
-            if cpp:
-                native, plain = cpp["native"], cpp["plain"]
-                line += f"; C++ {native['median_ms']:.3f}, {plain['median_ms']:.3f}; noise {native['noise_ms']:.3f} ms"
-            print(line, flush=True)
-            if cpp:
-                for name, ms in stages(kept, args.repeats).items():
-                    theirs = cpp["native"]["noise_ms"] if name == "noise" else cpp["native"]["parts_ms"].get(name)
-                    beside = f"C++ {theirs:.4f} ms" if theirs is not None else ""
-                    print(f"    {name:30s} {ms:8.4f} ms  {beside}")
+            time_mppi(loop, kind, batch, args.repeats, reference["mppi"].get(f"{kind}_{batch}x56"))
     if args.memory:
         memory(loop)
 
 
+def time_mppi(loop: Loop, kind: str, batch: int, repeats: int, cpp: dict[str, Any] | None) -> None:
+    """Print the times of MPPI with a motion model and a batch size."""
+    kept, fresh = planner(batch, kind, noise=False), planner(batch, kind, noise=True)
+    loop.drive(kept, 30)
+    loop.drive(fresh, 30)
+    same, _ = loop.drive(kept, repeats)
+    new, _ = loop.drive(fresh, repeats)
+    print(f"mppi, {kind}, {batch} x 56")
+    print(f"    same noise: {line(same, 'ms')}")
+    print(f"    new noise:  {line(new, 'ms')}", flush=True)
+    if cpp is None:
+        return
+    native, plain = cpp["native"], cpp["plain"]
+    print(
+        f"    C++: p50 {native['median_ms']:.3f} ms with -march=native, {plain['median_ms']:.3f} without; "
+        f"noise {native['noise_ms']:.3f} ms more, in another thread"
+    )
+    for name, ms in stages(kept, repeats).items():
+        theirs = native["noise_ms"] if name == "noise" else native["parts_ms"].get(name)
+        beside = f"C++ {theirs:.4f} ms" if theirs is not None else ""
+        print(f"    {name:30s} {ms:8.4f} ms  {beside}")
+
+
 def memory(loop: Loop) -> None:
-    """Print the growth of the process over 100,000 cycles."""
+    """Print the growth of the process over 100,000 cycles of each controller."""
     controller = planner(100, "diff", noise=True)
-    for part in range(6):
-        loop.drive(controller, 20_000 if part else 1000)
-        print(
-            f"{part * 20_000:7d} cycles: {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.1f} MB", flush=True
-        )
+    runs: dict[str, Callable[[int], object]] = {"mppi": lambda n: loop.drive(controller, n)}
+    for name in FOLLOWERS:
+        runs[name] = lambda n, name=name: follow(name, n)
+    for name, run in runs.items():
+        grown: list[str] = []
+        for part in range(6):
+            run(20_000 if part else 1000)
+            grown.append(f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.1f}")
+        print(f"{name:24} after 0, 20,000 .. 100,000 cycles: {', '.join(grown)} MB", flush=True)
 
 
 if __name__ == "__main__":
