@@ -16,7 +16,7 @@ DEBIAN: Final = Path("/usr/lib/python3/dist-packages")
 """Debian's Python packages; appended to the search path, so that those of the virtual environment win."""
 INSTALL: Final = (
     "sudo apt-get install python3-rospy python3-actionlib python3-move-base-msgs python3-map-msgs python3-dynamic-reconfigure "
-    "python3-diagnostic-msgs python3-tf2-msgs python3-std-srvs"
+    "python3-diagnostic-msgs python3-tf2-msgs python3-std-srvs python3-trajectory-msgs"
 )
 
 

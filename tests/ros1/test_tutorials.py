@@ -7,6 +7,7 @@ with tf's listener, private parameters, /cmd_vel, /odom, /scan, initialpose and 
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -220,7 +221,9 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
         out = folder / "found.json"
         scripts = graph.start(PYTHON, "-c", SCRIPTS, str(out), "_test_distance:=0.3", "_speed:=0.2")
         assert scripts.wait(240.0) == 0, graph.output_of(scripts) + graph.output_of(launch)
-        yield json.loads(out.read_text())
+        (folder / "places.yaml").write_text("places:\n  near: [1.2, 7.45, 0]\n  far: [1.8, 7.45, 0]\n")
+        tour = graph.run_node("tour", str(folder / "places.yaml"), "_rest_time:=0.5")
+        yield {**json.loads(out.read_text()), "tour": tour}
 
 
 def test_interfaces_that_scripts_rely_on(found: dict[str, Any]) -> None:
@@ -246,6 +249,15 @@ def test_scripts_that_send_goals(found: dict[str, Any]) -> None:
     assert found["late"] == [False, "PREEMPTED"]
     assert found["waypoints"] == [3, 3]
     assert found["set"] == [0.8, 7.45, 0.5]
+
+
+def test_tour(found: dict[str, Any]) -> None:
+    """MultiNav's lines; the way to the first place counts from where the robot was: 0.4 m, within the tolerance of a goal."""
+    assert "Going to: near Goal succeeded! Success so far: 1/1 = 100.0%" in found["tour"]
+    assert re.search(
+        r"Going to: far Goal succeeded! Success so far: 2/2 = 100\.0% Running time: \d+\.\d min", found["tour"]
+    )
+    assert float(found["tour"].split("Distance: ")[-1].split()[0]) == pytest.approx(1.0, abs=0.11)
 
 
 def test_a_second_robot_in_a_namespace(found: dict[str, Any]) -> None:
