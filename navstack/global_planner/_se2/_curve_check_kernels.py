@@ -15,11 +15,16 @@ from navstack.global_planner._se2._shape_kernels import (
     centre_cost,
     motion_blocked,
     near_obstacles,
+    outline_blocked,
     shape_blocked,
 )
+from navstack.global_planner._se2.footprint import PADDINGS
 
 SPACING = 1.0
 """Cells between the samples of the costs along a curve."""
+LEVELS = 1 + len(PADDINGS)
+RETRY = 2
+"""Checks with a padding after which the next larger one is tried again."""
 
 
 @kernel
@@ -53,6 +58,31 @@ def segment_cost(costs, p, kind, x, y, yaw, length, radius, limit):
 
 
 @kernel
+def stretch_free(costs, bits, shape, p, arc, first, length, motion):
+    """Return True if the footprint is free along a stretch of an arc; the tiles near it are packed.
+
+    `arc`: kind, start and radius of the arc; `first`, `length`: where the stretch begins and how long it is (signed); `motion`:
+    how far a point of the footprint moves at most.
+    """
+    kind, x, y, yaw, radius = arc
+    done, level, tries = 0.0, LEVELS - 1, 0
+    while done < 1.0:
+        cover = 2.0 * shape[1, level] if level > 0 else p.fine_step
+        share = min(1.0 - done, cover / motion)
+        px, py, pyaw = advance(kind, x, y, yaw, first + length * (done + 0.5 * share), radius)
+        tries += 1
+        if outline_blocked(costs, bits, shape, level, p, px, py, math.cos(pyaw), math.sin(pyaw)):
+            if level == 0:
+                return False
+            level, tries = level - 1, 0
+        else:
+            done += share
+            if tries > RETRY and level < LEVELS - 1:
+                level, tries = level + 1, 0
+    return True
+
+
+@kernel
 def segment_free(costs, bits, shape, p, kind, x, y, yaw, length, radius):
     """Return True if the footprint is free along a segment, wherever it is between the samples."""
     turn = 0.0 if kind == STRAIGHT else abs(length) / radius
@@ -65,7 +95,6 @@ def segment_free(costs, bits, shape, p, kind, x, y, yaw, length, radius):
         return True
     pieces = max(1, math.ceil(abs(length) / 8.0))
     x0, y0 = x, y
-    before, after = np.empty(3), np.empty(3)
     for piece in range(pieces):
         x1, y1, _ = advance(kind, x, y, yaw, length * (piece + 1) / pieces, radius)
         # an arc bulges from its chord by at most its length squared over 8 radii
@@ -74,18 +103,9 @@ def segment_free(costs, bits, shape, p, kind, x, y, yaw, length, radius):
         low, high = min(y0, y1) - bulge, max(y0, y1) + bulge
         if near_obstacles(costs, bits, p, left, low, right, high):
             motion = (abs(length) + p.reach * turn) / pieces
-            count = max(1, math.ceil(motion / p.sample_step))
-            tight = False
-            for k in range(count + 1):
-                px, py, pyaw = advance(kind, x, y, yaw, length * (piece + k / count) / pieces, radius)
-                if k > 0 and centre_cost(costs, p, px, py) < 0:
-                    return False
-                blocked = shape_blocked(costs, bits, shape, p, px, py, math.cos(pyaw), math.sin(pyaw))
-                after[0], after[1], after[2] = px, py, pyaw
-                if k > 0 and (blocked or tight) and motion_blocked(costs, bits, shape, p, before, after):
-                    return False
-                tight = blocked
-                before[0], before[1], before[2] = px, py, pyaw
+            first, share = length * piece / pieces, length / pieces
+            if not stretch_free(costs, bits, shape, p, (kind, x, y, yaw, radius), first, share, motion):
+                return False
         x0, y0 = x1, y1
     return True
 
@@ -243,32 +263,41 @@ def pivot_cost(costs, bits, shape, p, start, goal, limit):
 
 
 @kernel
-def sweep_free(costs, bits, shape, samples, p, primitive, x, y, c, s):
-    """Return True if the robot may drive a primitive from (x, y), rotated by (c, s); all its samples are checked."""
-    ex, ey = x + c * primitive.dx - s * primitive.dy, y + s * primitive.dx + c * primitive.dy
-    if p.corners > 0:
-        bulge = 0.5 * abs(primitive.length)
-        left, right, low, high = min(x, ex) - bulge, max(x, ex) + bulge, min(y, ey) - bulge, max(y, ey) + bulge
-        if abs(primitive.length) < 4.0:
-            # the bulge of a short arc is well below its chord
-            left, right = min(x, ex) - 0.5, max(x, ex) + 0.5
-            low, high = min(y, ey) - 0.5, max(y, ey) + 0.5
-        exact = near_obstacles(costs, bits, p, left, low, right, high)
-    else:
-        exact = False
-    tight = exact and shape_blocked(costs, bits, shape, p, x, y, c, s)
-    for k in range(primitive.first, primitive.first + primitive.count):
-        sx, sy = samples[k, 0], samples[k, 1]
-        px, py = x + c * sx - s * sy, y + s * sx + c * sy
-        if centre_cost(costs, p, px, py) < 0:
+def samples_free(costs, bits, shape, samples, p, primitive, x, y, c, s):
+    """Return True if the footprint is free along a primitive; the tiles near it are packed.
+
+    A check at a sample covers as many half steps before and after it as its padding allows.
+    """
+    last = primitive.first + primitive.count - 1
+    px, py = x + c * samples[last, 0] - s * samples[last, 1], y + s * samples[last, 0] + c * samples[last, 1]
+    hc, hs = c * samples[last, 2] - s * samples[last, 3], s * samples[last, 2] + c * samples[last, 3]
+    if outline_blocked(costs, bits, shape, 0, p, px, py, hc, hs):
+        return False
+    done, level, tries = 0, LEVELS - 1, 0
+    while done < 2 * primitive.count:
+        half_steps = np.int64(2.0 * shape[1, level] / p.sample_step + 1e-9)
+        at = min((done + half_steps) // 2, primitive.count) if level > 0 else done // 2 + 1
+        k = primitive.first + at - 1
+        tries += 1
+        if level == 0:
+            blocked = sample_blocked(costs, bits, shape, samples, p, primitive, k, x, y, c, s)
+            covered = 2 * at
+        elif at == 0:
+            blocked = outline_blocked(costs, bits, shape, level, p, x, y, c, s)
+            covered = half_steps
+        else:
+            px, py = x + c * samples[k, 0] - s * samples[k, 1], y + s * samples[k, 0] + c * samples[k, 1]
+            hc, hs = c * samples[k, 2] - s * samples[k, 3], s * samples[k, 2] + c * samples[k, 3]
+            blocked = outline_blocked(costs, bits, shape, level, p, px, py, hc, hs)
+            covered = 2 * at + half_steps
+        if not blocked:
+            done = covered
+            if tries > RETRY and level < LEVELS - 1:
+                level, tries = level + 1, 0
+        elif level == 0:
             return False
-        if exact:
-            hc = c * samples[k, 2] - s * samples[k, 3]
-            hs = s * samples[k, 2] + c * samples[k, 3]
-            blocked = shape_blocked(costs, bits, shape, p, px, py, hc, hs)
-            if (blocked or tight) and sample_blocked(costs, bits, shape, samples, p, primitive, k, x, y, c, s):
-                return False
-            tight = blocked
+        else:
+            level, tries = level - 1, 0
     return True
 
 
@@ -288,3 +317,22 @@ def mean_weight(costs, samples, p, primitive, x, y, c, s):
         n += 1
         k -= stride
     return total / n
+
+
+@kernel
+def sweep_free(costs, bits, shape, samples, p, primitive, x, y, c, s):
+    """Return True if the robot may drive a primitive from (x, y), rotated by (c, s)."""
+    ex, ey = x + c * primitive.dx - s * primitive.dy, y + s * primitive.dx + c * primitive.dy
+    # the centre of a polygon is looked at once per cell, where it is not checked itself
+    step = 1 if p.corners == 0 else 3
+    for k in range(primitive.first + primitive.count - 1, primitive.first - 1, -step):
+        sx, sy = samples[k, 0], samples[k, 1]
+        if centre_cost(costs, p, x + c * sx - s * sy, y + s * sx + c * sy) < 0:
+            return False
+    if p.corners == 0:
+        return True
+    bulge = 0.5 * abs(primitive.length) if abs(primitive.length) >= 4.0 else 0.5
+    left, right, low, high = min(x, ex) - bulge, max(x, ex) + bulge, min(y, ey) - bulge, max(y, ey) + bulge
+    if not near_obstacles(costs, bits, p, left, low, right, high):
+        return True
+    return samples_free(costs, bits, shape, samples, p, primitive, x, y, c, s)

@@ -70,14 +70,13 @@ def box_blocked(costs, bits, x0, y0, x1, y1, unknown_blocked):
 
 
 @kernel
-def outline_blocked(costs, bits, shape, first, p, x, y, c, s):
-    """Return True if a polygon at (x, y) with heading (c, s) overlaps a blocked cell or the outside of the grid.
+def outline_blocked(costs, bits, shape, level, p, x, y, c, s):
+    """Return True if the footprint, padded as in `level`, overlaps a blocked cell or the outside of the grid.
 
-    `shape` (8, k): rows 0 and 1 the corners of the padded footprint, rows 6 and 7 with the fine padding; the others are scratch.
-    `first`: 0 or 6. The tiles under it are packed.
+    (x, y) and (c, s): its position and heading. `shape`: `Shape.rows`. The tiles under it are packed, or do not matter.
     """
     ny, nx = costs.shape
-    n = p.corners if first == 0 else p.fine_corners
+    first, n = 6 + 2 * level, np.int64(shape[0, level])
     left, right, low, high = np.inf, -np.inf, np.inf, -np.inf
     for j in range(n):
         px = x + c * shape[first, j] - s * shape[first + 1, j]
@@ -121,12 +120,12 @@ def outline_blocked(costs, bits, shape, first, p, x, y, c, s):
 @kernel
 def shape_blocked(costs, bits, shape, p, x, y, c, s):
     """Return True if the padded footprint at (x, y) with heading (c, s) overlaps a blocked cell or the outside of the grid."""
-    return outline_blocked(costs, bits, shape, 0, p, x, y, c, s)
+    return outline_blocked(costs, bits, shape, 1, p, x, y, c, s)
 
 
 @kernel
 def motion_blocked(costs, bits, shape, p, start, goal):
-    """Return True if the finely padded footprint is blocked between two poses (3,) on an arc, the end included.
+    """Return True if the finely padded footprint is blocked between two poses (3,) on an arc, the ends included.
 
     `p.fine_step`: largest motion of its points between checks. For stretches on which the padded footprint is blocked.
     """
@@ -136,7 +135,7 @@ def motion_blocked(costs, bits, shape, p, start, goal):
     bend = math.sin(0.5 * turn)
     c, s = (dx / chord, dy / chord) if chord > 0.0 else (1.0, 0.0)
     for k in range(count, 0, -1):
-        share = k / count
+        share = (k - 0.5) / count
         along, aside = chord * share, 0.0
         if abs(bend) > 1e-6:
             # the chord of a part of the arc is turned from the whole chord by half of the rest of the turn
@@ -145,7 +144,7 @@ def motion_blocked(costs, bits, shape, p, start, goal):
             along, aside = part * math.cos(angle), -part * math.sin(angle)
         yaw = start[2] + turn * share
         x, y = start[0] + c * along - s * aside, start[1] + s * along + c * aside
-        if outline_blocked(costs, bits, shape, 6, p, x, y, math.cos(yaw), math.sin(yaw)):
+        if outline_blocked(costs, bits, shape, 0, p, x, y, math.cos(yaw), math.sin(yaw)):
             return True
     return False
 
@@ -192,4 +191,4 @@ def pose_free(costs, bits, shape, p, x, y, yaw):
         return True
     if not near_obstacles(costs, bits, p, x, y, x, y):
         return True
-    return not outline_blocked(costs, bits, shape, 6, p, x, y, math.cos(yaw), math.sin(yaw))
+    return not outline_blocked(costs, bits, shape, 0, p, x, y, math.cos(yaw), math.sin(yaw))

@@ -18,6 +18,7 @@ from navstack.global_planner._se2 import _path_kernels as paths
 from navstack.global_planner._se2 import _search_kernels as kernels
 from navstack.global_planner._se2 import _shape_kernels as shapes
 from navstack.global_planner._se2.footprint import Shape
+from navstack.global_planner._se2.memory import untouched_zeros
 from navstack.global_planner._se2.primitives import PrimitiveTable
 from navstack.global_planner._se2.records import ENTRY, FIELD, NODE, SEGMENT, SETTINGS
 
@@ -73,7 +74,7 @@ class PoseSearch:
         self._field_costs = np.zeros((0, 0), np.uint8)
         self._bits = np.zeros((0, 0), np.uint64)
         half, bins = int(self.settings["half"][0]), int(self.settings["bins"][0])
-        self._table = np.zeros((2 * half + 1) * (half + 1) * bins, np.float32)
+        self._table = untouched_zeros((2 * half + 1) * (half + 1) * bins, np.dtype(np.float32))
 
     @property
     def bytes_per_state(self) -> float:
@@ -93,7 +94,7 @@ class PoseSearch:
         tile = shapes.TILE
         rows, words = ny + (ny + tile - 1) // tile, (nx + tile - 1) // tile
         if shape.corners > 0:
-            self._bits = np.zeros((rows, words), np.uint64)
+            self._bits = untouched_zeros(rows * words, np.dtype(np.uint64)).reshape(rows, words)
         elif self._bits.shape != (1, 1):
             self._bits = np.zeros((1, 1), np.uint64)
         self.use(shape)
@@ -102,7 +103,7 @@ class PoseSearch:
         """Search with another padding of the footprint."""
         self.shape = shape
         p = self.settings
-        p["corners"], p["fine_corners"], p["convex"] = shape.corners, shape.fine_corners, shape.convex
+        p["corners"], p["convex"] = shape.corners, shape.convex
         p["reach"], p["sample_step"], p["fine_step"] = shape.reach, shape.step, shape.fine_step
 
     def pose_is_free(self, x: float, y: float, yaw: float) -> bool:
@@ -125,7 +126,7 @@ class PoseSearch:
         same = (int(x), int(y), self.costs.shape)
         if self._field_of == same and (keep or np.array_equal(self._field_costs, self.costs)):
             return
-        self._field = np.zeros(((ny + factor - 1) // factor) * ((nx + factor - 1) // factor), FIELD)
+        self._field = untouched_zeros(((ny + factor - 1) // factor) * ((nx + factor - 1) // factor), FIELD)
         self._field_of, self._field_costs = same, self.costs.copy()
         heuristics.start_field(self.costs, self._field, self._heads[-heuristics.RING :], p[0], x, y, *start)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -13,11 +14,11 @@ from navstack.core import Footprint
 from navstack.core.footprint import CIRCLE_VERTICES
 
 STEP: Final = 0.3
-"""Cells: largest motion of a point of the footprint between two checks.
+"""Cells: largest motion of a point of the footprint between two samples of a primitive."""
+PADDINGS: Final = (0.15, 0.6, 2.2)
+"""Cells: a footprint that is padded by this much and free at a pose is free wherever no point of it moves farther.
 
-Between them each point is within half of it of where it is at one of the checks, so a footprint that is padded by that much and
-free at the checks is free everywhere. Where it is not free, the motion between two checks is checked again, with a finer
-padding at finer steps.
+A check with the largest padding covers most of a motion at once; where it fails, smaller ones follow, and last a fine one.
 """
 FINE: Final = (0.01, 0.002, 0.0)
 """Cells: fine paddings. The first one with which the robot fits at its start and its goal is used."""
@@ -30,11 +31,13 @@ class Shape(NamedTuple):
 
     corners: int
     """0 for a round robot: the costs of cells decide where its centre may be."""
-    fine_corners: int
     rows: NDArray[np.float64]
-    """(8, k): x and y of the padded corners, scratch of the kernels, and x and y of the finely padded corners."""
+    """(6 + 2 levels, k): number of corners and padding per level, four rows of scratch, then x and y of the corners per level.
+
+    Level 0 has the fine padding, the others have PADDINGS.
+    """
     reach: float
-    """Circumscribed radius, padding included; 0 for a round robot."""
+    """Circumscribed radius, the first of PADDINGS included; 0 for a round robot."""
     step: float
     fine_step: float
     convex: bool
@@ -51,19 +54,31 @@ def is_round(footprint: Footprint | None) -> bool:
 
 
 def shape_of(footprint: Footprint | None, resolution: float, fine: float = FINE[0]) -> Shape:
-    """The footprint in cells of `resolution` (m), padded by half of STEP, and by `fine` (cells)."""
+    """The footprint in cells of `resolution` (m), padded by `fine` (cells), and by PADDINGS."""
     if footprint is None or is_round(footprint):
-        return Shape(0, 0, np.zeros((8, 1)), 0.0, ROUND_STEP, ROUND_STEP, True)
+        return _ROUND
+    return _polygon(footprint, resolution, fine)
+
+
+@lru_cache(maxsize=32)
+def _polygon(footprint: Footprint, resolution: float, fine: float) -> Shape:
     polygon = shapely.Polygon(footprint.vertices / resolution)
-    padded, finely = _corners(polygon, 0.5 * STEP), _corners(polygon, fine)
-    reach = max(float(np.hypot(*corners.T).max()) for corners in (padded, finely))
+    levels = [_corners(polygon, padding) for padding in (fine, *PADDINGS)]
+    far = max(float(np.hypot(*corners.T).max()) for corners in levels)
     convex = bool(abs(polygon.convex_hull.area - polygon.area) < 1e-9 * polygon.area)
-    rows = np.zeros((8, max(len(padded), len(finely), math.ceil(2.0 * reach) + 4)))
-    rows[:2, : len(padded)], rows[6:, : len(finely)] = padded.T, finely.T
-    return Shape(len(padded), len(finely), rows, reach, STEP, max(FINEST_STEP, 1.4 * fine), convex)
+    width = max(*(len(corners) for corners in levels), math.ceil(2.0 * far) + 4)
+    rows = np.zeros((6 + 2 * len(levels), width))
+    for level, (corners, padding) in enumerate(zip(levels, (fine, *PADDINGS), strict=True)):
+        rows[0, level], rows[1, level] = len(corners), padding
+        rows[6 + 2 * level : 8 + 2 * level, : len(corners)] = corners.T
+    reach = float(np.hypot(*levels[1].T).max())
+    return Shape(len(levels[0]), rows, reach, STEP, max(FINEST_STEP, 1.4 * fine), convex)
 
 
 def _corners(polygon: shapely.Polygon, padding: float) -> NDArray[np.float64]:
     """Corners (n, 2) of a padded polygon."""
     padded = polygon.buffer(padding, join_style="mitre", mitre_limit=3.0) if padding > 0.0 else polygon
     return np.asarray(padded.exterior.coords)[:-1]
+
+
+_ROUND: Final = Shape(0, np.zeros((6, 1)), 0.0, ROUND_STEP, ROUND_STEP, True)

@@ -62,9 +62,8 @@ SETTINGS: Final = np.dtype(
         ("corners", "i8"),  # of the footprint; 0: round, the costs of the cells decide
         ("convex", "i8"),
         ("reach", "f8"),  # circumscribed radius of the padded footprint
-        ("sample_step", "f8"),  # largest motion of a point of the footprint between checks
-        ("fine_corners", "i8"),  # of the finely padded footprint
-        ("fine_step", "f8"),  # as sample_step, with the fine padding
+        ("sample_step", "f8"),  # largest motion of a point of the footprint between samples of a primitive
+        ("fine_step", "f8"),  # largest motion between checks with the fine padding
         ("bins", "i8"),
         ("rotates", "i8"),  # whether primitives turn with the heading (hybrid), or each heading has its own (lattice)
         ("turn_step", "f8"),  # largest angle of a turn in place, 0: there are none
