@@ -82,9 +82,9 @@ def pop(heads, entries, p):
 
 
 @kernel
-def heuristic(costs, field, heads, table, goals, p, x, y, yaw):
+def heuristic(costs, field, ring, table, goals, p, x, y, yaw):
     """Return the estimated cost from a pose to the nearest goal; infinite where none can be reached."""
-    h = obstacle_cost(costs, field, heads[len(heads) - RING :], p, np.int64(x), np.int64(y))
+    h = obstacle_cost(costs, field, ring, p, np.int64(x), np.int64(y))
     if h == np.inf or len(goals) > 4:
         return h
     least = np.inf
@@ -161,7 +161,10 @@ def primitive_cost(p, primitives, node, row, weight):
 @kernel
 def expand(costs, bits, shapes, primitives, headings, nodes, lists, entries, field, table, p, i):
     """Drive every primitive from node `i`."""
+    # taken out of the tuples here: each time it counts a reference, which waits for all stores before it
     slots, heads = lists
+    ring = heads[len(heads) - RING :]
+    shape, samples, goals = shapes
     nx = costs.shape[1]
     node = nodes[i]
     heading = headings[node.heading]
@@ -178,7 +181,7 @@ def expand(costs, bits, shapes, primitives, headings, nodes, lists, entries, fie
         if p.rotates != 0:
             end, weight = (node.heading + primitive.end) % p.bins, cell_weight(p, cost)
         else:
-            end, weight = primitive.end, mean_weight(costs, shapes[1], p, primitive, node.x, node.y, c, s)
+            end, weight = primitive.end, mean_weight(costs, samples, p, primitive, node.x, node.y, c, s)
             if weight == np.inf:
                 continue
         g = np.float32(node.g + primitive_cost(p, primitives, node, row, weight))
@@ -187,9 +190,9 @@ def expand(costs, bits, shapes, primitives, headings, nodes, lists, entries, fie
         j = np.int64(slots[slot]) - 1
         if j >= 0 and (nodes[j].closed != 0 or g >= nodes[j].g):
             continue
-        if not sweep_free(costs, bits, shapes[0], shapes[1], p, primitive, node.x, node.y, c, s):
+        if not sweep_free(costs, bits, shape, samples, p, primitive, node.x, node.y, c, s):
             continue
-        h = heuristic(costs, field, heads, table, shapes[2], p, x, y, headings[end].yaw)
+        h = heuristic(costs, field, ring, table, goals, p, x, y, headings[end].yaw)
         if h == np.inf:
             continue
         if j < 0:
@@ -214,6 +217,7 @@ def search(costs, bits, shapes, primitives, headings, nodes, lists, entries, fie
     """
     p = settings[0]
     slots, heads = lists
+    ring = heads[len(heads) - RING :]
     goals = shapes[2]
     most = headings[0].count
     for b in range(len(headings)):
@@ -243,7 +247,7 @@ def search(costs, bits, shapes, primitives, headings, nodes, lists, entries, fie
                 and i > 0
             ):
                 p.best_cost, p.best_node, p.best_goal, p.best_is_curve = node.g, i, k, 0
-        h = heuristic(costs, field, heads, table, goals, p, node.x, node.y, yaw)
+        h = heuristic(costs, field, ring, table, goals, p, node.x, node.y, yaw)
         p.nearest_h = min(p.nearest_h, np.float64(np.int64(h)))
         period = max(np.float64(np.int64(p.nearest_h / p.expansion_ratio)), math.ceil(p.expansion_ratio))
         p.countdown = min(p.countdown, period) - 1.0

@@ -57,7 +57,8 @@ def shape_of(footprint: Footprint | None, resolution: float, fine: float = FINE[
     """The footprint in cells of `resolution` (m), padded by `fine` (cells), and by PADDINGS."""
     if footprint is None or is_round(footprint):
         return _ROUND
-    return _polygon(footprint, resolution, fine)
+    shape = _polygon(footprint, resolution, fine)
+    return shape._replace(rows=shape.rows.copy())  # the kernels write to it
 
 
 @lru_cache(maxsize=32)
