@@ -117,8 +117,12 @@ def main() -> None:
                     draw(scene, result.path.poses, args.out / f"{scene.name}.png")
                 continue
             spots = result.data.get("narrow") or []
-            near = min((float(np.hypot(s["x"] - scene.place[0], s["y"] - scene.place[1])) for s in spots), default=np.nan)
-            print(f"{scene.name}: {result.code} {type(result).__name__}, nearest narrow place {near:.2f} m; {result.message}")
+            near = min(
+                (float(np.hypot(s["x"] - scene.place[0], s["y"] - scene.place[1])) for s in spots), default=np.nan
+            )
+            print(
+                f"{scene.name}: {result.code} {type(result).__name__}, nearest narrow place {near:.2f} m; {result.message}"
+            )
     print(*failed, sep="\n")
 
 

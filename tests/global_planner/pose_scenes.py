@@ -134,7 +134,9 @@ def drive_of(kind: str, rng: np.random.Generator, radius: float) -> Drive:
     return pieces
 
 
-def rooms_around(kind: str, poses: NDArray[np.float64], footprint: Footprint, rng: np.random.Generator) -> list[shapely.Geometry]:
+def rooms_around(
+    kind: str, poses: NDArray[np.float64], footprint: Footprint, rng: np.random.Generator
+) -> list[shapely.Geometry]:
     """Free areas beside the sweep of the drive."""
     front, side = float(footprint.vertices[:, 0].max()), float(footprint.vertices[:, 1].max())
     rear = -float(footprint.vertices[:, 0].min())
