@@ -59,71 +59,82 @@ def draw(scene: Scene, poses: np.ndarray, file: Path) -> None:
     plt.close()
 
 
+def run_kind(kind: str, numbers: range, max_iterations: int, out: Path | None) -> tuple[int, int, list[str]]:
+    """Plan in the scenes of a kind, and print a line; return plans found, faulty plans, and what failed."""
+    expanded, ratios, times = [0], [1.0], [0.0]
+    found, faulty, failed = 0, 0, list[str]()
+    for number in numbers:
+        scene = solvable(kind, number)
+        wrong = scene.faults_of_drive()
+        if wrong:
+            raise SystemExit(f"{scene.name}: the known solution is none: {wrong}")
+        began = time.process_time()
+        result = plan(scene, max_iterations)
+        times.append(1e3 * (time.process_time() - began))
+        if isinstance(result, PlanningError):
+            failed.append(f"{scene.name}: {result.message}")
+        else:
+            found += 1
+            expanded.append(result.cells_expanded)
+            ratios.append(result.length_m / float(np.hypot(*np.diff(scene.drive[:, :2], axis=0).T).sum()))
+            wrong = scene.referee().faults(result, scene.start, scene.goal)
+            faulty += bool(wrong)
+            failed += [f"{scene.name}: {fault}" for fault in wrong]
+        if out and (isinstance(result, PlanningError) or wrong):
+            poses = np.zeros((0, 3)) if isinstance(result, PlanningError) else result.path.poses
+            draw(scene, poses, out / f"{scene.name}.png")
+    print(
+        f"{kind:20} scenes {len(numbers):4} found {found:4} faulty {faulty:3} expanded median {np.median(expanded):7.0f} "
+        f"max {max(expanded):8} ms median {np.median(times):7.1f} max {max(times):8.1f} "
+        f"length/known median {np.median(ratios):.3f} max {max(ratios):.3f}",
+        flush=True,
+    )
+    return found, faulty, failed
+
+
+def run_unsolvable(kind: str, numbers: range, max_iterations: int, out: Path | None) -> int:
+    """Print the reasons in scenes without a solution; return how many plans were found."""
+    plans = 0
+    for number in numbers:
+        scene = unsolvable(kind, number)
+        result = plan(scene, max_iterations)
+        if isinstance(result, PlanningError):
+            print(
+                f"{scene.name}, at ({scene.place[0]:.2f}, {scene.place[1]:.2f}): {result.code} {result.message}",
+                flush=True,
+            )
+            continue
+        plans += 1
+        print(
+            f"{scene.name}: a plan of {result.length_m:.2f} m", scene.referee().faults(result, scene.start, scene.goal)
+        )
+        if out:
+            draw(scene, result.path.poses, out / f"{scene.name}.png")
+    return plans
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--unsolvable", type=int, default=80)
-    parser.add_argument("--kind", help="part of the name of the kinds")
+    parser.add_argument("--kind", default="", help="part of the name of the kinds")
     parser.add_argument("--first", type=int, default=0, help="number of the first scene of each kind")
     parser.add_argument("--max-iterations", type=int, default=1_000_000)
     parser.add_argument("--out", type=Path, help="folder for pictures of the scenes that failed")
     args = parser.parse_args()
-    total = [0, 0, 0]
-    failed: list[str] = []
-    for kind in KINDS:
-        if args.kind and args.kind not in kind:
-            continue
-        expanded, ratios, times, found, faulty = [0], [1.0], [0.0], 0, 0
+    total, failed = [0, 0, 0], list[str]()
+    for kind in (k for k in KINDS if args.kind in k):
         numbers = range(args.first, args.first + args.count // len(KINDS))
-        for number in numbers:
-            scene = solvable(kind, number)
-            wrong = scene.faults_of_drive()
-            if wrong:
-                raise SystemExit(f"{scene.name}: the known solution is none: {wrong}")
-            began = time.process_time()
-            result = plan(scene, args.max_iterations)
-            times.append(1e3 * (time.process_time() - began))
-            if isinstance(result, PlanningError):
-                failed.append(f"{scene.name}: {result.message}")
-                if args.out:
-                    draw(scene, np.zeros((0, 3)), args.out / f"{scene.name}.png")
-                continue
-            found += 1
-            expanded.append(result.cells_expanded)
-            known = float(np.hypot(*np.diff(scene.drive[:, :2], axis=0).T).sum())
-            ratios.append(result.length_m / known)
-            wrong = scene.referee().faults(result, scene.start, scene.goal)
-            faulty += bool(wrong)
-            failed += [f"{scene.name}: {fault}" for fault in wrong]
-            if wrong and args.out:
-                draw(scene, result.path.poses, args.out / f"{scene.name}.png")
+        found, faulty, wrong = run_kind(kind, numbers, args.max_iterations, args.out)
         total = [total[0] + len(numbers), total[1] + found, total[2] + faulty]
-        print(
-            f"{kind:20} scenes {len(numbers):4} found {found:4} faulty {faulty:3} expanded median {np.median(expanded):8.0f} max {max(expanded):8} "
-            f"ms median {np.median(times):7.1f} max {max(times):8.1f} length/known median {np.median(ratios):.3f} max {max(ratios):.3f}",
-            flush=True,
-        )
+        failed += wrong
     print(f"all: scenes {total[0]}, found {total[1]}, faulty {total[2]}")
-    for kind in UNSOLVABLE:
-        if args.kind and args.kind not in kind:
-            continue
-        for number in range(args.first, args.first + args.unsolvable // len(UNSOLVABLE)):
-            scene = unsolvable(kind, number)
-            result = plan(scene, args.max_iterations)
-            if not isinstance(result, PlanningError):
-                wrong = scene.referee().faults(result, scene.start, scene.goal)
-                print(f"{scene.name}: a plan of {result.length_m:.2f} m {wrong}")
-                if args.out:
-                    draw(scene, result.path.poses, args.out / f"{scene.name}.png")
-                continue
-            spots = result.data.get("narrow") or []
-            near = min(
-                (float(np.hypot(s["x"] - scene.place[0], s["y"] - scene.place[1])) for s in spots), default=np.nan
-            )
-            print(
-                f"{scene.name}: {result.code} {type(result).__name__}, nearest narrow place {near:.2f} m; {result.message}"
-            )
     print(*failed, sep="\n")
+    plans = 0
+    for kind in (k for k in UNSOLVABLE if args.kind in k):
+        numbers = range(args.first, args.first + args.unsolvable // len(UNSOLVABLE))
+        plans += run_unsolvable(kind, numbers, args.max_iterations, args.out)
+    print(f"plans in scenes without a solution: {plans}")
 
 
 if __name__ == "__main__":

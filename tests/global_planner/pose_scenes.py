@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
 from navstack.core import Costmap, Footprint, Path, Pose2D
 from navstack.interfaces import Plan
@@ -90,13 +91,13 @@ def poses_along(start: Pose2D, drive: Drive, step: float = 0.02) -> NDArray[np.f
     return np.stack(poses)
 
 
-def sweep(poses: NDArray[np.float64], footprint: Footprint, margin: float) -> shapely.Geometry:
+def sweep(poses: NDArray[np.float64], footprint: Footprint, margin: float) -> BaseGeometry:
     """The area that a footprint covers along poses, with a margin (m)."""
     areas = [shapely.Polygon(footprint.at(Pose2D(*p))) for p in poses[::2].tolist() + poses[-1:].tolist()]
     return shapely.union_all(areas).buffer(margin)
 
 
-def rectangle(pose: NDArray[np.float64], rear: float, front: float, right: float, left: float) -> shapely.Geometry:
+def rectangle(pose: NDArray[np.float64], rear: float, front: float, right: float, left: float) -> BaseGeometry:
     """A rectangle in the frame of a pose."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
     corners = [(-rear, -right), (front, -right), (front, left), (-rear, left)]
@@ -136,7 +137,7 @@ def drive_of(kind: str, rng: np.random.Generator, radius: float) -> Drive:
 
 def rooms_around(
     kind: str, poses: NDArray[np.float64], footprint: Footprint, rng: np.random.Generator
-) -> list[shapely.Geometry]:
+) -> list[BaseGeometry]:
     """Free areas beside the sweep of the drive."""
     front, side = float(footprint.vertices[:, 0].max()), float(footprint.vertices[:, 1].max())
     rear = -float(footprint.vertices[:, 0].min())
@@ -169,7 +170,7 @@ def solvable(kind: str, number: int) -> Scene:
     return Scene(f"{kind} {number}", lethal, footprint, radius, reverse, ends[0], ends[1], poses, (0.0, 0.0))
 
 
-def drawn(free: shapely.Geometry) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+def drawn(free: BaseGeometry) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
     """Cells whose centre is outside an area, and the position of the area's zero in them (m)."""
     left, low, right, high = free.bounds
     nx, ny = (math.ceil(v / RESOLUTION) + 6 for v in (right - left, high - low))
@@ -182,7 +183,7 @@ def drawn(free: shapely.Geometry) -> tuple[NDArray[np.bool_], NDArray[np.float64
 def unsolvable(kind: str, number: int) -> Scene:
     """A scene without a solution; its name says why."""
     rng = np.random.default_rng((100 + UNSOLVABLE.index(kind), number))
-    footprint = box(float(rng.uniform(0.4, 0.7)), 0.3, float(rng.uniform(0.5, 0.7)))
+    footprint = box(float(rng.uniform(0.4, 0.7)), 0.2, float(rng.uniform(0.5, 0.7)))
     half = float(footprint.vertices[:, 1].max())
     start = Pose2D(0.0, 0.0, float(rng.uniform(-math.pi, math.pi)))
     bend = 0.6 * math.pi if kind == "sharp bend" else 0.3

@@ -73,6 +73,7 @@ class PoseSearch:
         self._field_of: tuple[Any, ...] | None = None
         self._field_costs = np.zeros((0, 0), np.uint8)
         self._bits = np.zeros((0, 0), np.uint64)
+        self._yaws = np.zeros(0)
         half, bins = int(self.settings["half"][0]), int(self.settings["bins"][0])
         self._table = untouched_zeros((2 * half + 1) * (half + 1) * bins, np.dtype(np.float32))
 
@@ -155,6 +156,7 @@ class PoseSearch:
         p["expanded"], p["countdown"], p["nearest_h"] = 0, 0.0, np.inf
         p["best_node"], p["best_goal"], p["best_cost"], p["best_is_curve"] = -1, -1, np.inf, 0
         p["pause_at"] = UNLIMITED if deadline is None else interval
+        self._yaws = table.headings["yaw"]
         p["curves_tried"], p["yaw_offset"] = 0, table.headings["yaw"][0]
         p["rotates"], p["bins"], p["turn_step"] = table.rotates, len(table.headings), table.turn_step
         p["goal_x"], p["goal_y"] = goals[0, 0], goals[0, 1]
@@ -195,6 +197,18 @@ class PoseSearch:
             else:
                 break
         return self._outcome(status, table, goals, shorten=shorten, timed_out=timed_out)
+
+    def furthest(self, resolution: float, origin_x: float, origin_y: float) -> tuple[float, float, float]:
+        """The state of the last search with the least way left over the cells to the goal: x, y (m), yaw."""
+        nodes = self._nodes[: int(self.settings["nodes"][0])]
+        factor = int(self.settings["factor"][0])
+        width = (self.costs.shape[1] + factor - 1) // factor
+        cells = (nodes["y"].astype(np.int64) // factor) * width + nodes["x"].astype(np.int64) // factor
+        left = self._field["cost"][cells]
+        best = nodes[int(np.argmin(np.where(left > 0.0, left, np.inf)))]
+        yaw = float(self._yaws[int(best["heading"])])
+        x, y = float(best["x"]) * resolution + origin_x, float(best["y"]) * resolution + origin_y
+        return x, y, math.remainder(yaw, 2.0 * math.pi)
 
     def _grow(self) -> None:
         """Double the arrays of the nodes."""

@@ -48,7 +48,7 @@ def goal_occupied(
     occupied = planning_errors.occupied_data(_space(grid, True), (ix, iy))
     data: dict[str, Any] = {**occupied, "x": goal.x, "y": goal.y, "yaw": goal.yaw}
     blocking = _blocking_cell(grid, goal, footprint)
-    if cost >= 253 or blocking is None:
+    if cost == 254 or blocking is None:
         why = f"its centre is in a cell of cost {describe_cost(cost)}"
     else:
         x, y = grid.geometry.cell_to_world(*blocking)
@@ -119,6 +119,8 @@ def no_path(
     near = (outcome.nearest[0] * g.resolution + g.origin_x, outcome.nearest[1] * g.resolution + g.origin_y)
     distance = math.hypot(near[0] - goal.x, near[1] - goal.y)
     narrow = narrow_stretches(engine, grid, start, goal, params.allow_unknown)
+    if narrow is None:  # the heuristic, with larger cells, saw a way
+        return no_connection(grid, start, goal, params.allow_unknown)
     data: dict[str, Any] = {
         "nearest_reachable": list(near),
         "nearest_reachable_distance_m": distance,
@@ -139,9 +141,12 @@ def no_path(
         )
     text = _narrow_text(narrow)
     if not text:
+        x, y, yaw = engine.furthest(g.resolution, g.origin_x, g.origin_y)
+        data["furthest"] = [x, y, yaw]
         text = (
-            "; the passages are wide enough for the footprint, but not for its turns: the turning radius is too large, or the "
-            "goal can be reached at another heading only"
+            f"; the way is wide enough for the footprint, but not for the turns: from ({x:.2f}, {y:.2f}) with heading "
+            f"{yaw:.2f} rad it cannot go on; the turning radius is too large there, or the goal can be reached at another "
+            "heading only"
         )
     return NoValidPathError(f"no path {ends} for this footprint and turning radius; {where}{text}", **data)
 
@@ -157,12 +162,15 @@ def _narrow_text(narrow: list[dict[str, Any]]) -> str:
 
 def narrow_stretches(
     engine: PoseSearch, grid: Costmap, start: Pose2D, goal: Pose2D, allow_unknown: bool
-) -> list[dict[str, Any]]:
-    """Stretches of the cheapest path of cells where the footprint fits at no heading near the direction of the path."""
+) -> list[dict[str, Any]] | None:
+    """Stretches of the cheapest path of cells where the footprint fits at no heading near the direction of the path.
+
+    None if no cells connect start and goal.
+    """
     search = BestFirst(_costs(allow_unknown))
     cells = _cell(grid, start), _cell(grid, goal)
     if not search.octile(grid, *cells, max_expanded=_MAX_EXPANDED):
-        return []
+        return [] if search.expanded >= _MAX_EXPANDED else None
     route = search.path(*cells) + 0.5
     found: list[dict[str, Any]] = []
     last = -10
