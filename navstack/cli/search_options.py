@@ -24,7 +24,12 @@ class SearchArguments(NamedTuple):
     params: options.Params = ["turtlebot"]
     suite: Annotated[
         str,
-        typer.Option("--suite", metavar="NAME|DIR|FILE", help="Suite, folder of scenario files, or BARN worlds.npz."),
+        typer.Option(
+            "--suite",
+            metavar="NAME|DIR|FILE",
+            help="Suite, folder of scenario files, BARN worlds.npz; for amcl: localization (simulated drives), or a "
+            "log.",
+        ),
     ] = "office"
     param: Annotated[
         list[str],

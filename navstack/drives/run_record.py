@@ -10,6 +10,7 @@ import numpy as np
 from navstack.core import OccupancyGrid, Pose2D, Transform2D
 from navstack.core.errors import LogError
 from navstack.drives.messages import Drive, DriveMessage, DriveOptions, Odometry, Reference, Scan
+from navstack.record import Record
 
 
 class RecordDrive(Drive):
@@ -17,17 +18,21 @@ class RecordDrive(Drive):
 
     kind = "record"
 
-    def __init__(self, path: Path, options: DriveOptions | None = None) -> None:
+    def __init__(self, path: Path, options: DriveOptions | None = None, record: Record | None = None) -> None:
+        """`record`: the run itself, if it has been read."""
         super().__init__(path, options)
-        from navstack.record import Record
-
-        self.record = Record.load(path)
+        self.record = Record.load(path) if record is None else record
         if not self.record.scans:
             raise LogError(
                 f"{path} contains no scans; record the run of a robot with a lidar (`simulate --out DIR`)",
                 file=str(path),
             )
         self._topic = self._chosen_topic()
+
+    @classmethod
+    def of(cls, record: Record) -> RecordDrive:
+        """Return the drive of a run in memory."""
+        return cls(record.path or Path("the run"), record=record)
 
     def _chosen_topic(self) -> str:
         """Return the lidar to use: the chosen one, else the first."""

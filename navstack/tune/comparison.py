@@ -15,6 +15,7 @@ _PAIRED_MEASURES: Final = (
     ("time", "time_s", "s", False),
     ("clearance", "clearance_m", "m", True),
     ("jerk", "jerk", "m/s³", False),
+    ("position error", "error_m", "m", False),
 )
 """Measures of pairs in which both runs succeed: name, key of the outcome, unit, whether higher is better."""
 
@@ -121,7 +122,7 @@ _Pairs = Sequence[tuple[str, Outcome, Outcome]]
 
 
 def _values(pairs: _Pairs, key: str) -> tuple[list[float], list[float]]:
-    return [float(b[key]) for _, b, _ in pairs], [float(a[key]) for _, _, a in pairs]
+    return [float(b.get(key, 0.0)) for _, b, _ in pairs], [float(a.get(key, 0.0)) for _, _, a in pairs]
 
 
 def _mean_measure(name: str, unit: str, pairs: _Pairs, key: str, higher_is_better: bool) -> Measure:

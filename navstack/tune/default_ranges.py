@@ -111,6 +111,22 @@ _GRACEFUL: Final[Mapping[str, Range | Choice]] = {
     "v_linear_max": Range(0.1, 0.5, 0.5, robot=True),
     "v_angular_max": Range(0.4, 1.2, 1.0, robot=True),
 }
+_AMCL: Final[Mapping[str, Range | Choice]] = {
+    "max_particles": Range(500, 5000, 2000, log=True),
+    "kld_err": Range(0.01, 0.1, 0.05, log=True),
+    "update_min_d": Range(0.05, 0.4, 0.2),
+    "update_min_a": Range(0.05, 0.6, 0.2),
+    "resample_interval": Range(1, 3, 1),
+    "laser_max_beams": Range(20, 120, 60),
+    "laser_model_type": Choice(("likelihood_field", "likelihood_field_prob"), "likelihood_field"),
+    "laser_z_hit": Range(0.4, 0.95, 0.5),
+    "laser_z_rand": Range(0.05, 0.5, 0.5),
+    "laser_sigma_hit": Range(0.05, 0.4, 0.2, log=True),
+    "odom_alpha1": Range(0.005, 0.5, 0.2, log=True),
+    "odom_alpha2": Range(0.005, 0.5, 0.2, log=True),
+    "odom_alpha3": Range(0.005, 0.5, 0.2, log=True),
+    "odom_alpha4": Range(0.005, 0.5, 0.2, log=True),
+}
 INFLATION: Final[Mapping[str, Range]] = {
     # `_inflation` sets the lower end just above the inscribed radius: below it, plans cross walls
     "inflation_radius": Range(0.0, 1.2, 0.5),
@@ -132,8 +148,8 @@ LOCAL_PLANNERS: Final[Mapping[str, Mapping[str, Range | Choice]]] = {
 """By registered name of the plugin."""
 GLOBAL_PLANNERS: Final[Mapping[str, Mapping[str, Range | Choice]]] = {"global_planner": _GLOBAL_PLANNER}
 
-SPACES: Final = ("auto", "local_planner", "global_planner", "costmaps")
-"""Names for `--space`: everything, or one part."""
+SPACES: Final = ("auto", "local_planner", "global_planner", "costmaps", "localization")
+"""Names for `--space`: everything that plans and drives, or one part; localization: amcl."""
 
 
 def default_space(configuration: Configuration, part: str = "auto") -> SearchSpace:
@@ -148,6 +164,8 @@ def default_space(configuration: Configuration, part: str = "auto") -> SearchSpa
             found.append(_dimension(parameters, f"{planner.namespace}/{name}", default))
     if part in ("auto", "costmaps"):
         found += _inflation(configuration, parameters)
+    if part == "localization" and configuration.localization.amcl is not None:
+        found += [_dimension(parameters, f"amcl/{name}", default) for name, default in _AMCL.items()]
     return SearchSpace(tuple(found))
 
 

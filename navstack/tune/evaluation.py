@@ -54,10 +54,12 @@ class RunOutcome:
     """Number of recovery behaviours run."""
     text: str = ""
     """Why the run failed; empty on success."""
+    error_m: float = 0.0
+    """Root mean square of the distance from the true pose, of a localizer; 0 for other runs."""
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON, rounded."""
-        return {
+        document = {
             "success": self.success,
             "outcome": self.outcome,
             "score": round(self.score, 6),
@@ -68,6 +70,7 @@ class RunOutcome:
             "recoveries": self.recoveries,
             "text": self.text,
         }
+        return {**document, "error_m": round(self.error_m, 6)} if self.error_m else document
 
 
 class Evaluation(ABC):

@@ -100,8 +100,9 @@ def prepare(options: SearchOptions) -> Setup:
         distro=options.distro,
         allow_missing=options.allow_missing,
     )
+    default = "localization" if suite.localizes and not options.param else None
     space = parse_search_space(
-        base, space=options.space, params=options.param, keep=options.keep, limit_factor=options.limit_factor
+        base, space=options.space or default, params=options.param, keep=options.keep, limit_factor=options.limit_factor
     )
     chosen = tuple(n for n in names if n in options.scenarios) if options.scenarios else names
     return Setup(options, suite, base, space, chosen)

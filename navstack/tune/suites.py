@@ -6,9 +6,9 @@ import itertools
 import math
 import random
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Final, cast
 
 from navstack.bench.barn import JACKAL, ROUGH_JACKAL, BarnWorld, load_worlds
 from navstack.core.errors import InputError
@@ -20,6 +20,14 @@ from navstack.scenario import Scenario, ScenarioSpec, load_suite, read_scenario,
 from navstack.scenario.file.spec import check_unique_names, scenarios_in
 from navstack.scenario.suites.barn_worlds import WORLDS_FILE
 from navstack.tune.evaluation import BarnEvaluation, Evaluation, NamedScenario, ScenarioEvaluation
+from navstack.tune.localization import ENVIRONMENT, LocalizationEvaluation, LogPart, parts_of_log
+
+LOCALIZATION: Final = "localization"
+"""Suite of simulated drives to tune amcl on."""
+LOCALIZATION_DRIVES: Final = "office"
+"""Packaged suite whose scenarios are these drives."""
+LOG_SUFFIXES: Final = (".log", ".log.gz", ".bag", ".mcap", ".db3")
+"""Files of logs to tune amcl on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,16 +37,23 @@ class Suite:
     name: str
     files: tuple[ScenarioSpec, ...] = ()
     worlds: tuple[BarnWorld, ...] = ()
+    parts: tuple[LogPart, ...] = ()
+    """Parts of a log, to localize along."""
+    localizes: bool = False
+    """Tunes localization: the scenarios are drives along which amcl runs."""
     held_out: tuple[str, ...] = ()
     """Scenarios that the suite reserves for validation; empty: they are drawn at random."""
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the scenarios."""
-        return tuple(f.name for f in self.files) + tuple(f"world {w.number}" for w in self.worlds)
+        worlds = tuple(f"world {w.number}" for w in self.worlds)
+        return tuple(f.name for f in self.files) + worlds + tuple(p.name for p in self.parts)
 
     def environment(self, *, rough: bool) -> list[Source]:
         """Parameters of the benchmark's simulator, which override those of the user."""
+        if self.localizes:
+            return [ENVIRONMENT]
         return [{"navstack": {"sim": dict(ROUGH_JACKAL if rough else JACKAL)}}] if self.worlds else []
 
 
@@ -51,7 +66,12 @@ def read_suite(suite: str, count: int | None = None) -> Suite:
     # as for parameter sets, packaged names take precedence: ./office is the folder of that name
     if suite in suite_names() and suite != "barn":
         return _packaged(suite, count)
+    if suite == LOCALIZATION:
+        return replace(_packaged(LOCALIZATION_DRIVES, count), name=LOCALIZATION, localizes=True)
     path = Path(suite)
+    if path.name.endswith(LOG_SUFFIXES) or is_file(path / "metadata.yaml") or is_file(path / "run.npz"):
+        parts = parts_of_log(path)
+        return Suite(path.name, parts=parts, localizes=True, held_out=tuple(p.name for p in parts[1::2]))
     if is_file(path / WORLDS_FILE):
         path = path / WORLDS_FILE
     if path.suffix == ".npz" and is_file(path):
@@ -128,6 +148,9 @@ def make_evaluation(
     wanted = set(names)
     if suite.worlds:
         return BarnEvaluation([w for w in suite.worlds if f"world {w.number}" in wanted], seeds)
+    if suite.localizes:
+        files = [_scenario(f, configuration, speed) for f in suite.files if f.name in wanted]
+        return LocalizationEvaluation(suite.name, files, [p for p in suite.parts if p.name in wanted], seeds)
     made = [_scenario(f, configuration, speed) for f in suite.files if f.name in wanted]
     return ScenarioEvaluation(suite.name, made, seeds)
 

@@ -17,7 +17,7 @@ from navstack.tune.study import Study
 from navstack.tune.work import Outcome, evaluate
 
 _SHOWN_CASES: Final = 5
-_RUN_ENDS: Final = ("success", "collision", "timeout", "aborted", "rejected")
+_RUN_ENDS: Final = ("success", "collision", "timeout", "aborted", "rejected", "lost")
 
 
 @dataclass(frozen=True, slots=True)
