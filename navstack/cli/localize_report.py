@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     from navstack.core import OccupancyGrid
@@ -12,17 +12,31 @@ if TYPE_CHECKING:
     from navstack.drives.relations import RelationResult
     from navstack.localization.metrics import PoseErrors
 
+_LONGEST_NAME: Final = 24
+
 
 def print_tracks(tracks: dict[str, Track], relations: dict[str, RelationResult]) -> None:
     """Print a table with a column for each track."""
     from navstack.cli.output import stdout, titled_table
 
     columns = {name: _rows(track, relations.get(name)) for name, track in tracks.items()}
-    table = titled_table("localization", left=("",), right=tuple(columns))
+    table = titled_table("localization", left=("",), right=short_names(list(columns)))
     labels = list(dict.fromkeys(label for rows in columns.values() for label in rows))
     for label in labels:
         table.add_row(label, *(rows.get(label, "-") for rows in columns.values()))
     stdout().print(table)
+
+
+def short_names(names: list[str]) -> tuple[str, ...]:
+    """Return names for columns; long ones are printed above the table and get a letter."""
+    from navstack.cli.output import stdout
+
+    if all(len(name) <= _LONGEST_NAME for name in names):
+        return tuple(names)
+    letters = tuple("ABCDEFGH"[: len(names)])
+    for letter, name in zip(letters, names, strict=True):
+        stdout().print(f"{letter}: {name}", markup=False)
+    return letters
 
 
 def _rows(track: Track, relations: RelationResult | None) -> dict[str, str]:

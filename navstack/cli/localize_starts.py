@@ -47,9 +47,10 @@ def localize_starts(
 def _print(found: dict[str, Starts]) -> None:
     import numpy as np
 
+    from navstack.cli.localize_report import short_names
     from navstack.cli.output import stdout, titled_table
 
-    table = titled_table("global starts", left=("",), right=tuple(found))
+    table = titled_table("global starts", left=("",), right=short_names(list(found)))
     columns: list[dict[str, str]] = []
     for starts in found.values():
         rate, times = starts.rate(), starts.table()
