@@ -230,7 +230,7 @@ class SimulatedRobot:
         self.frames.extend(self.odom_frame, self.base_frame, odometry, stamps)
         if self.estimation.localizer is not None:
             self.frames.extend(self.map_frame, self.odom_frame, [self.estimation.correction] * len(stamps), stamps)
-            if self.estimation.process(self._sensors.scans(self.world), self.frames):
+            if self.estimation.process(self._sensors.scans(self.world, self._step), self.frames):
                 self.frames.set(self.map_frame, self.odom_frame, self.estimation.correction, stamps[-1])
         elif not self._localization.is_static:
             corrections = [
@@ -255,7 +255,7 @@ class SimulatedRobot:
 
     def scans(self) -> Sequence[SensorData]:
         """Returns the sensor data since the last call, oldest first, each as measured at its time."""
-        scans = self._sensors.scans(self.world)
+        scans = self._sensors.scans(self.world, self._step)
         return scans if self.estimation.localizer is None else [*self.estimation.fetch(), *scans]
 
     @property

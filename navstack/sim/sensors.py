@@ -42,6 +42,12 @@ class SensorSuite:
             *(Lidar(params.lidar(name), seed=seed, number=i) for i, name in enumerate(params.lasers)),
             *(Sonar(params.sonar(name), seed=seed, number=i) for i, name in enumerate(params.sonars)),
         ]
+        self._delays: dict[object, int] = {
+            sensor: math.ceil(sensor.params.delay * self._frequency - 1e-9)
+            for sensor in self._rangers
+            if sensor.params.delay > 0.0
+        }
+        """Steps from a measurement to its arrival, of the sensors that have a delay."""
         self._imus = [Imu(params.imu(name), seed=seed, number=i) for i, name in enumerate(params.imus)]
         self._bumpers = [Bumper(params.bumper(name), footprint) for name in params.bumpers]
         self._next_scan = [0] * len(self._rangers)
@@ -99,9 +105,16 @@ class SensorSuite:
             if colliding or self._pressed:
                 self._press_bumpers(step, Pose2D(row[0], row[1], row[2]), solids, colliding)
 
-    def scans(self, world: World) -> list[SensorData]:
-        """Computes the measurements of lidars, sonars and bumpers since the last call, oldest first."""
+    def scans(self, world: World, now: int) -> list[SensorData]:
+        """Computes the measurements of lidars, sonars and bumpers that arrived up to step `now` since the last call.
+
+        In the order of their arrival; those that arrive at once, the oldest first.
+        """
         pending, self._pending = self._pending, []
+        if self._delays:
+            self._pending = [one for one in pending if one.step + self._delays.get(one.sensor, 0) > now]
+            pending = [one for one in pending if one.step + self._delays.get(one.sensor, 0) <= now]
+            pending.sort(key=lambda one: one.step + self._delays.get(one.sensor, 0))
         return [
             sensor.scan(world, pose, number, step / self._frequency, solids)
             for sensor, number, step, pose, solids in pending

@@ -58,6 +58,23 @@ def test_noise_of_a_sonar() -> None:
     assert ranges.std() == pytest.approx(0.02, rel=4 / math.sqrt(2002))
 
 
+def test_delayed_measurements_arrive_late_with_the_stamp_and_the_values_of_their_time() -> None:
+    """A sonar 0.25 s late beside one in time, on a robot that approaches an obstacle."""
+    names = {"late": SonarParams(frame="a", delay=0.25), "prompt": SonarParams(frame="b")}
+    params = SimParams(lasers=[], bumpers=[], sonars=["late", "prompt"], sensors=dict(names))
+    arrived: list[tuple[float, str, float, float]] = []
+    it = robot(params, World(None, [[2.0, 0.0, 0.5]]))
+    it.command(Twist2D(0.5, 0.0, 0.0))
+    for k in range(1, 21):
+        it.advance_to(0.05 * k)
+        arrived += [(it.time, r.frame, r.stamp, r.range_m) for r in it.scans() if isinstance(r, RangeReading)]
+    values = {stamp: value for _, frame, stamp, value in arrived if frame == "b"}
+    late = [(time, stamp, value) for time, frame, stamp, value in arrived if frame == "a"]
+    assert [stamp for _, stamp, _ in late] == pytest.approx([0.1 * k for k in range(8)])
+    assert all(0.25 - 1e-9 <= time - stamp <= 0.3 + 1e-9 and value == values[stamp] for time, stamp, value in late)
+    assert values[0.0] > values[max(values)]
+
+
 # --- lidar ------------------------------------------------------------------------------------------------------------
 
 

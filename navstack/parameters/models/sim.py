@@ -47,6 +47,9 @@ class LidarParams(ParamModel):
     range_min: float = param(0.45, "shorter ranges are reported as -inf (REP 117)", unit="m", ge=0.0)
     range_max: float = param(6.0, "longer ranges are reported as +inf", unit="m", gt=0.0)
     frequency: float = param(10.0, "scans per second", unit="Hz", gt=0.0)
+    delay: float = param(
+        0.0, "time from a scan to its arrival; it keeps the stamp of its measurement", unit="s", ge=0.0, le=60.0
+    )
     range_noise: float = param(0.0, "standard deviation of the ranges", unit="m", ge=0.0)
     dropout: float = param(0.0, "fraction of beams lost in each scan, reported as NaN", ge=0.0, le=1.0)
     no_return: Literal["inf", "max"] = param(
@@ -127,6 +130,9 @@ class SonarParams(ParamModel):
     range_min: float = param(0.02, "shorter distances are reported as this value", unit="m", ge=0.0)
     range_max: float = param(3.0, "maximum range", unit="m", gt=0.0)
     frequency: float = param(10.0, "frequency of readings", unit="Hz", gt=0.0)
+    delay: float = param(
+        0.0, "time from a reading to its arrival; it keeps the stamp of its measurement", unit="s", ge=0.0, le=60.0
+    )
     range_noise: float = param(0.0, "standard deviation of the readings", unit="m", ge=0.0)
     dropout: float = param(0.0, "fraction of readings that miss an obstacle", ge=0.0, le=1.0)
     no_return: Literal["inf", "max"] = param(
