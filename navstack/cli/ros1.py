@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -24,20 +25,29 @@ def move_base(
     params: options.Params = [],
     set_: options.Set = [],
     distro: options.Distro = None,
+    record: Annotated[
+        Path | None,
+        typer.Option("--record", metavar="FOLDER", help="Record the cycles there, in pieces for `plot` and `explain`."),
+    ] = None,
+    record_limit: Annotated[
+        float, typer.Option("--record-limit", metavar="MB", help="Delete the oldest pieces beyond this size.", min=1.0)
+    ] = 500.0,
     name: Name = "move_base",
 ) -> int:
     """Run a node in place of move_base: the action, make_plan, clear_costmaps, costmaps and plans on their topics.
 
     Parameters come from the node's namespace on the parameter server, as for move_base; `--params` overlays them. Remappings
-    follow as for every node: `cmd_vel:=/mobile_base/cmd_vel`. Exit codes: 0 shut down, 2 invalid input.
+    follow as for every node: `cmd_vel:=/mobile_base/cmd_vel`. With `--record`, `navstack explain goal FOLDER/latest` explains the
+    last goal of the running node. Exit codes: 0 shut down, 2 invalid input.
     """
     from navstack.cli.output import print_warnings
     from navstack.ros1 import move_base_node, parameters
+    from navstack.ros1.live_record import RecordFolder
 
     start_node(name, context)
     configuration = parameters.load(params, set_, distro=distro)
     print_warnings(configuration)
-    move_base_node.run(configuration)
+    move_base_node.run(configuration, None if record is None else RecordFolder(record, record_limit))
     return 0
 
 

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from navstack.bringup import build_move_base
-from navstack.core import Event, GridGeometry, OccupancyGrid, Pose2D, Twist2D
+from navstack.core import Event, GridGeometry, Listener, OccupancyGrid, Pose2D, Twist2D
 from navstack.core.errors import NavError
 from navstack.costmap import LayeredCostmap
 from navstack.logs import messages as msg
@@ -26,6 +26,7 @@ from navstack.ros1.clock import NodeClock, StillClock, wait_for_clock
 from navstack.ros1.costmap_topics import CostmapTopics
 from navstack.ros1.diagnostics import Diagnostics
 from navstack.ros1.inbox import Inbox
+from navstack.ros1.live_record import LiveRecord, RecordFolder
 from navstack.ros1.loop_times import LoopTimes
 from navstack.ros1.master import MasterWatch
 from navstack.ros1.node_log import NodeLog
@@ -42,9 +43,11 @@ POLL_S: Final = 0.1
 class MoveBaseNode:
     """The node. `rospy.init_node` must have been called."""
 
-    def __init__(self, configuration: Configuration) -> None:
+    def __init__(self, configuration: Configuration, record: RecordFolder | None = None) -> None:
         rospy = self._rospy = ros.rospy()
         self.configuration = configuration
+        self._record_folder = record
+        self.record: LiveRecord | None = None
         self.inbox = Inbox()
         self._is_simulated = wait_for_clock()
         self.clock = NodeClock(rospy)
@@ -120,6 +123,8 @@ class MoveBaseNode:
             if isinstance(costmap, LayeredCostmap):
                 costmap.set_static_map(grid)
         move_base.costmaps_changed()
+        if self.record is not None:
+            self.record.set_map(grid, move_base)
 
     def _publish_command(self, twist: Twist2D) -> None:
         self._cmd_vel.publish(self.build.twist(twist))
@@ -131,11 +136,15 @@ class MoveBaseNode:
         self._load_kernels()
         if not self._wait_for(self._missing_transform) or not self._wait_for(self._missing_map):
             return False
+        listeners: list[Listener] = [self, self.action]
+        if self._record_folder is not None:
+            self.record = LiveRecord(*self._record_folder, self.configuration, self._map, self.robot)
+            listeners.append(self.record)
         move_base = self.move_base = build_move_base(
             self.configuration,
             self.robot,
             static_map=self._map,
-            listeners=[self, self.action],
+            listeners=listeners,
             planning=ThreadPlanning(on_answer=self.inbox.wake),
         )
         self.plans = PlanTopics(self.configuration, self.clock, self.build)
@@ -246,10 +255,14 @@ class MoveBaseNode:
             self.action.publish(self.clock.now())
         finally:
             self._publish_command(Twist2D())
+            if self.record is not None:
+                self.record.save(move_base, wait=True)
 
     def _cycle(self, move_base: MoveBase, now: float) -> None:
         move_base.tick(max(now, move_base.now))
         self.times.mark("cycle")
+        if self.record is not None:
+            self.record.tick(move_base)
         tick = move_base.last_tick
         if move_base.state is not Mode.CONTROLLING:
             self.times.rest()
@@ -284,9 +297,9 @@ class MoveBaseNode:
             self.plans.on_event(event, self.move_base)
 
 
-def run(configuration: Configuration) -> None:
-    """Run the node until it is shut down."""
-    MoveBaseNode(configuration).spin()
+def run(configuration: Configuration, record: RecordFolder | None = None) -> None:
+    """Run the node until it is shut down; `record` is where it keeps the record of its cycles. Raises OutputError."""
+    MoveBaseNode(configuration, record).spin()
 
 
 def topics_of(configuration: Configuration) -> Sequence[str]:

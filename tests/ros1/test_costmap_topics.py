@@ -114,6 +114,9 @@ def test_costmap_topics(graph: Graph, tmp_path: Path) -> None:
         rig.send_goal(4.0, 7.45)
         found = rig.wait(lambda e: e["what"] == "result", "the end of the goal", 120.0, since=mark)
         assert found["status"] == 3
+        status = rig.wait(lambda e: e["what"] == "diagnostics", "diagnostics", since=mark)["found"]
+        assert set(status) == {"move_base: navigation", "move_base: control loop", "move_base: data"}
+        assert "age of scan (s)" in status["move_base: data"] and int(status["move_base: control loop"]["cycles"]) > 0
         rig.do("nothing", at=rig.now() + 5.0)
         after = grab(graph, tmp_path)
         stop.touch()
