@@ -31,8 +31,11 @@ HELD_SHARE: Final = 0.95
 """A drive succeeds if the pose is held at this share of its scans, and at the last one."""
 START_ERROR: Final = (0.15, 0.15, 0.1)
 """Standard deviations of the error of the first pose (m, m, rad)."""
-PARTS: Final = 8
-"""Parts of a log that are cases of their own."""
+MOST_PARTS: Final = 16
+"""Parts of a log that are cases of their own; half of them are held out."""
+PART_SCANS: Final = 8
+"""A part has at least this many scans."""
+LEAST_PARTS: Final = 4
 ENVIRONMENT: Final[Source] = {
     "amcl": {},
     "navstack": {
@@ -55,10 +58,12 @@ class LogPart:
 def parts_of_log(path: Path) -> tuple[LogPart, ...]:
     """Return the parts of a log. Raises LogError for a log without reference poses."""
     frames, _ = _log_frames(path)
-    if sum(frame.reference is not None for frame in frames) < 10 * PARTS:
-        raise LogError(f"{path} has fewer than {10 * PARTS} scans with a reference pose; tuning needs more")
-    ends = np.round(np.linspace(0, len(frames), PARTS + 1)).astype(int).tolist()
-    return tuple(LogPart(f"part {i + 1}", path, ends[i], ends[i + 1]) for i in range(PARTS))
+    known = sum(frame.reference is not None for frame in frames)
+    count = min(MOST_PARTS, known // PART_SCANS)
+    if count < LEAST_PARTS:
+        raise LogError(f"{path} has {known} scans with a reference pose; tuning needs {LEAST_PARTS * PART_SCANS}")
+    ends = np.round(np.linspace(0, len(frames), count + 1)).astype(int).tolist()
+    return tuple(LogPart(f"part {i + 1}", path, ends[i], ends[i + 1]) for i in range(count))
 
 
 @cache
