@@ -76,7 +76,7 @@ def replay(record: Record, time: float | None = None) -> Replay:
     the replay differs from the record: the diagnostics would then be about another run.
     """
     until = time_in(record, time)
-    run = replay_of_log(record) if is_of_log(record) else Run(Scenario.from_record(record))
+    run = _again(record)
     for expected in record.times[: record.index_at(until) + 1].tolist():
         if not run.step():
             raise _differs(record, expected, "the run has ended")
@@ -84,6 +84,13 @@ def replay(record: Record, time: float | None = None) -> Replay:
             raise _differs(record, expected, f"the control cycle is at {run.move_base.now:.6f} s")
     _check(record, run, until)
     return Replay(record, run, run.move_base.now)
+
+
+def _again(record: Record) -> Replayed:
+    """Returns the run before the first cycle of the record."""
+    if record.resume is not None:
+        return record.resume()
+    return replay_of_log(record) if is_of_log(record) else Run(Scenario.from_record(record))
 
 
 def _map_frame(run: Replayed) -> str:

@@ -61,9 +61,9 @@ def why_sample(record: Record, time: float | None, sample: int) -> str:
     return "\n".join([*lines, "", report.summary])
 
 
-def what_happened(record: Record, number: int) -> str:
-    """Returns the timeline of a goal (from 1)."""
-    return _printed(print_goal, explain_goal(record, number))
+def what_happened(record: Record, number: int, goal_id: str | None = None) -> str:
+    """Returns the timeline of a goal (from 1); `goal_id` as in `explain_goal`."""
+    return _printed(print_goal, explain_goal(record, number, goal_id))
 
 
 def passages_of(configuration: Configuration, grid: OccupancyGrid) -> PassageReport:

@@ -112,6 +112,10 @@ class Checkpoints:
         """Returns the last checkpoint at or before a time (s)."""
         return next((checkpoint for checkpoint in reversed(self._kept) if checkpoint.time <= time), None)
 
+    def all(self) -> tuple[Checkpoint, ...]:
+        """Returns the checkpoints in the order of their times."""
+        return tuple(self._kept)
+
     def drop_after(self, time: float) -> None:
         """Drops the checkpoints later than a time (s)."""
         self._kept = [checkpoint for checkpoint in self._kept if checkpoint.time <= time]

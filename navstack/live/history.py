@@ -57,6 +57,8 @@ class History:
         """Positions of the robot (m, map frame), thinned out when there are too many."""
         self.scans: dict[str, LaserScan] = {}
         """The last scan of each lidar, by topic."""
+        self.goals: dict[str, float] = {}
+        """When each goal was sent (s), by its id, in this order."""
         self.plan_count = 0
         self.least_clearance = math.inf
         """Least clearance so far (m)."""
@@ -66,6 +68,8 @@ class History:
 
     def on_event(self, event: Event) -> None:
         """Keeps an event."""
+        if event.kind == "status" and "id" in event.data:
+            self.goals.setdefault(str(event.data["id"]), event.time)
         number, self._event_count = self._event_count, self._event_count + 1
         self.events.append(NumberedEvent(number, event.time, event.kind, event.text, jsonable(dict(event.data))))
 

@@ -66,9 +66,15 @@ class LoggedTwin:
     until: float
     """The present time (s)."""
 
-    def record(self) -> Record:
+    def record_for_command(self, time: float) -> Record:
         """Returns the record of the whole replay."""
+        del time
         return self._record
+
+    def record_for_goal(self, number: int) -> tuple[Record, str | None]:
+        """Returns the record of the whole replay."""
+        del number
+        return self._record, None
 
 
 class LoggedRun:

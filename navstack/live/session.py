@@ -9,20 +9,18 @@ from __future__ import annotations
 
 import hashlib
 import math
-import struct
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from navstack.core.errors import InputError, InternalError
+from navstack.core.errors import InputError
 from navstack.explain import Replayed
 from navstack.live.checkpoints import Checkpoint, Checkpoints, snapshot
 from navstack.live.history import History
-from navstack.parameters.configuration import Configuration
-from navstack.record import Record, RunRecorder
+from navstack.live.twin import Origin, Twin, digest_of
+from navstack.record import RunRecorder
 from navstack.scenario import Run, Scenario
-from navstack.scenario.file.writer import write_scenario
 from navstack.scenario.interactions import INTERACTION, Drive
 
 MAX_SPEED = 1000.0
@@ -35,57 +33,6 @@ SLOW = 20.0
 SPACING_SLOW, SPACING_FAST = 100, 1500
 """Control cycles between two checkpoints."""
 CHECK_TIME = 1e-9
-
-
-@dataclass(frozen=True, slots=True)
-class Origin:
-    """Where a scenario came from, to write it to a file again."""
-
-    map_file: Path | None = None
-    sources: tuple[str, ...] = ()
-    """The parameters' `--params`."""
-
-
-@dataclass(frozen=True, slots=True)
-class Twin:
-    """A session at one moment, to be simulated again."""
-
-    scenario: Scenario
-    """With the interactions so far."""
-    origin: Origin
-    cycles: int
-    done: bool
-    digest: bytes
-    """Digest of all cycles."""
-    configuration: Configuration
-    """The parameters in force."""
-    until: float
-    """The present time (s)."""
-
-    def recorded(self) -> RunRecorder:
-        """Simulates the run again, with its record. Raises InternalError if it differs from the session."""
-        again = Run(self.scenario)
-        digest = hashlib.blake2b()
-        for _ in range(self.cycles):
-            again.step()
-            digest.update(_digest_of(again))
-        if digest.digest() != self.digest:
-            raise InternalError(
-                "the run simulated again differs from the session; this is a bug in navstack, please report it with the "
-                "saved scenario"
-            )
-        if self.done:
-            again.step()  # finishes the record
-        assert again.recorder is not None
-        return again.recorder
-
-    def record(self) -> Record:
-        """Returns the record of the run up to now."""
-        return self.recorded().record()
-
-    def save_scenario(self, path: Path) -> Scenario:
-        """Writes the session as a scenario file and returns what it loads to. Raises OutputError."""
-        return write_scenario(self.scenario, path, map_file=self.origin.map_file, sources=self.origin.sources)
 
 
 class Session:
@@ -252,6 +199,8 @@ class Session:
             self._digest.digest(),
             self.run.interventions.configuration,
             self.time,
+            tuple(self.history.goals.items()),
+            self._checkpoints.all(),
         )
 
     def recorded(self) -> RunRecorder:
@@ -296,7 +245,7 @@ class Session:
         before = self.time
         while self.run.step():
             self.cycles += 1
-            self._digest.update(_digest_of(self.run))
+            self._digest.update(digest_of(self.run))
             self.history.add(self.run)
             if self.time > before:
                 self.end = max(self.end, self.time)
@@ -309,7 +258,8 @@ class Session:
         spacing = SPACING_FAST if fast else SPACING_SLOW
         if self._checkpoints.is_due(self.cycles, self.time, spacing):
             done = len(self.interactions) - len(self.run.upcoming)
-            copied = snapshot((self.run, self.history), shared=(self.scenario, self.run.scenario))
+            shared = self.scenario, self.run.scenario, self.scenario.map
+            copied = snapshot((self.run, self.history), shared=shared)
             self._checkpoints.keep(self.time, self.cycles, done, self._digest.copy(), copied)
 
     def _restore(self, checkpoint: Checkpoint) -> None:
@@ -349,8 +299,3 @@ class Session:
         if elapsed_s > 0.0:
             weight = min(elapsed_s, 1.0)
             self.factor += weight * (simulated_s / elapsed_s - self.factor)
-
-
-def _digest_of(run: Run) -> bytes:
-    """Bytes that differ if a cycle differs."""
-    return struct.pack("<7d", run.robot.time, *run.robot.pose, *run.move_base.command)

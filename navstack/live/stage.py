@@ -107,8 +107,10 @@ class Stage:
 
         def explain() -> messages.Answer:
             if request.type == "explain_goal":
-                return self._answer(request, answers.what_happened(twin.record(), request.number))
-            record, time = twin.record(), twin.until if request.time is None else request.time
+                record, goal_id = twin.record_for_goal(request.number)
+                return self._answer(request, answers.what_happened(record, request.number, goal_id))
+            time = twin.until if request.time is None else request.time
+            record = twin.record_for_command(time)
             if request.sample is not None:
                 return self._answer(request, answers.why_sample(record, time, request.sample))
             return self._answer(request, answers.why_command(record, time))

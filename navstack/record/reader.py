@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -44,6 +44,8 @@ class Record:
     ) -> None:
         """Takes the checked members of a file (`navstack.record.format`); use `Record.load`."""
         self.path = path
+        self.resume: Callable[[], Any] | None = None
+        """Returns the run, recorded anew, before the first sample of this record; None: the run has to begin from its start."""
         self.meta = meta
         self.arrays = arrays
         """The tables and arrays of the file by name (`navstack.record.format`)."""

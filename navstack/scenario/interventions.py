@@ -75,6 +75,14 @@ class Interventions:
         self._robot, self._move_base, self._goals = robot, move_base, goals
         self._recorder, self._listeners, self._on_sent = recorder, listeners, on_sent
 
+    def record_with(self, recorder: RunRecorder) -> None:
+        """Passes interventions and changes of the world on to this recorder from now on."""
+        self._recorder = recorder
+        self._listeners = (recorder, *self._listeners)
+        if self.world_changed:
+            solids = self._robot.solids
+            recorder.identify_solids(solids.discs, solids.corners, solids.first, self.names_of_solids())
+
     def apply(self, item: Any) -> None:
         """Carries out an interaction now. Raises NavError."""
         match item:

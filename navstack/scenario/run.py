@@ -207,6 +207,25 @@ class Run:
         self.goals.finish_ended()
         self._finish()
 
+    def record_from_here(self, scenario: Scenario) -> None:
+        """Begins a record, without scans and clearances, that has all goals and, from now on, everything else.
+
+        `scenario`: what the record says it is a run of.
+        """
+        recorder = self.recorder = new_recorder(scenario, self.robot, scans=False)
+        for outcome in self.outcomes:
+            recorder.goal(0.0, outcome.goal)
+        for sent in self.goals.under_way:
+            if sent not in self._unrecorded:
+                recorder.goal(sent.time, sent.target or self.robot.pose)
+        self.move_base.listeners.insert(0, recorder)
+        self.interventions.record_with(recorder)
+        chain = self.move_base.chain
+        if chain is not None:
+            chain.take_steps()
+            if chain.monitor is not None:
+                recorder.zones(chain.monitor.as_dict()["zones"])
+
     def result(self, wall_s: float) -> RunResult:
         """Returns the result so far; `wall_s` is the wall time that the caller measured."""
         metrics = self.metrics()

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from navstack.live import answers
 from navstack.live import session as session_module
 from navstack.live.checkpoints import MAX_COUNT, Checkpoints, snapshot
 from navstack.live.session import Session
@@ -163,6 +164,28 @@ def test_going_back_starts_at_a_checkpoint(session: Session, run_to: Advance) ->
     run_to(session, end)
     assert session.run.robot.pose == pose and session.twin().digest == digest
     session.recorded()  # raises if simulating from the start gives another run
+
+
+@pytest.mark.usefixtures("dense")
+def test_explanations_from_a_checkpoint_are_those_of_the_whole_run(session: Session, run_to: Advance) -> None:
+    run_to(session, 4.0)
+    session.interact({"kind": "put", "shape": {"name": "box", "box": [0.3, 0.3], "pose": [5.5, 7.9]}})
+    session.interact({"kind": "goal", "pose": [1.5, 7.4, 3.0]})
+    run_to(session, 7.0)
+    session.interact({"kind": "remove", "name": "box"})
+    session.interact({"kind": "goal", "pose": [5.0, 7.5, 0.0]})
+    run_to(session, 9.6)
+    twin = session.twin()
+    whole = twin.recorded().record()
+    assert len(twin.checkpoints) > 5 and [sent for _, sent in twin.goals] == [0.0, 4.0, 7.0]
+    for time in (twin.until, 9.0, 7.03, 3.3):
+        record = twin.record_for_command(time)
+        assert len(record.times) < 12 < len(whole.times)
+        assert answers.why_command(record, time) == answers.why_command(whole, time)
+    for number in (1, 2, 3):
+        record, name = twin.record_for_goal(number)
+        assert (len(record.times) < len(whole.times)) == (number > 1)
+        assert answers.what_happened(record, number, name) == answers.what_happened(whole, number)
 
 
 @pytest.mark.usefixtures("dense")

@@ -24,8 +24,13 @@ def explain_goals(record: Record) -> tuple[GoalReport, ...]:
     return tuple(_report(record, number, goal_id) for number, goal_id in enumerate(ids, 1))
 
 
-def explain_goal(record: Record, number: int) -> GoalReport:
-    """Reports goal `number` (from 1). Raises InputError for an unknown number, RecordError as `explain_goals`."""
+def explain_goal(record: Record, number: int, goal_id: str | None = None) -> GoalReport:
+    """Reports goal `number` (from 1). `goal_id`: its id, for a record that begins after the first goal.
+
+    Raises InputError for an unknown number, RecordError as `explain_goals`.
+    """
+    if goal_id is not None:
+        return _report(record, number, goal_id)
     reports = explain_goals(record)
     if not 1 <= number <= len(reports):
         known = "only goal 1" if len(reports) == 1 else f"goals 1 to {len(reports)}"
