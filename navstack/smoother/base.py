@@ -94,31 +94,36 @@ def is_good(
 ) -> bool:
     """Whether a smoothed piece (m, 3) of a path (n, 3) is free and turns no more sharply than the radius, or than the piece did.
 
-    A pose that collides where the piece did, too, is accepted if both have as many poses. `radius` (m): 0 = no limit.
+    A pose that collides no worse than the piece did is accepted if both have as many poses. `radius` (m): 0 = no limit.
     """
     if radius > 0.0:
         limit = max(1.0 / radius, curvatures(before).max(initial=0.0)) + 1e-6
         if curvatures(after).max(initial=0.0) > limit:
             return False
     if len(before) == len(after):
-        pairs = zip(before, after, strict=True)
         return not any(
-            not np.array_equal(old, new)
-            and _collides(new, costmap, footprint)
-            and not _collides(old, costmap, footprint)
-            for old, new in pairs
+            not np.array_equal(old, new) and _is_worse(old, new, costmap, footprint)
+            for old, new in zip(before, after, strict=True)
         )
-    return not any(_collides(new, costmap, footprint) for new in after)
+    return all(_collision(new, costmap, footprint) == 0 for new in after)
 
 
-def _collides(pose: NDArray[np.float64], costmap: Costmap, footprint: Footprint | None) -> bool:
+def _is_worse(
+    old: NDArray[np.float64], new: NDArray[np.float64], costmap: Costmap, footprint: Footprint | None
+) -> bool:
+    level = _collision(new, costmap, footprint)
+    return level > 0 and level > _collision(old, costmap, footprint)
+
+
+def _collision(pose: NDArray[np.float64], costmap: Costmap, footprint: Footprint | None) -> int:
+    """Return 2 if the centre is in a blocked cell or outside, 1 if the footprint overlaps one, else 0."""
     x, y, yaw = (float(v) for v in pose)
     cost = costmap.cost_at(x, y)
     if cost is None or cost in (INSCRIBED, LETHAL):
-        return True
+        return 2
     if footprint is None or cost == 0:
-        return False
-    return footprint_cost(costmap, footprint, Pose2D(x, y, yaw)) in (None, LETHAL)
+        return 0
+    return int(footprint_cost(costmap, footprint, Pose2D(x, y, yaw)) in (None, LETHAL))
 
 
 def cusp_indices(poses: NDArray[np.float64]) -> list[int]:

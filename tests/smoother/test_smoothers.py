@@ -150,3 +150,18 @@ def test_selected_by_yaml() -> None:
     assert choose_smoother(configuration, "savitzky_golay").cls is SavitzkyGolaySmoother
     with pytest.raises(UnknownPluginError, match="simple"):
         choose_smoother(configuration, "simpel")
+
+
+@each
+def test_a_pose_that_collides_does_not_get_worse(smoother: Smoother) -> None:
+    """Along a wall that the footprint touches: no centre enters the wall because of that."""
+    costmap = empty()
+    costmap.data[:99] = 254
+    costmap.data[99:105] = 150
+    box = Footprint(np.array([[0.3, 0.2], [0.3, -0.2], [-0.3, -0.2], [-0.3, 0.2]]))
+    x = np.linspace(2.0, 6.0, 41)
+    y = 4.96 + 0.08 * (np.abs(x - 4.0) > 1.0) + 0.02 * np.sin(9.0 * x)
+    y = np.maximum(y, 4.951)
+    path = Path(np.column_stack((x, y, np.zeros(41))))
+    out = smoother.smooth(path, costmap, footprint=box)
+    assert all(costmap.cost_at(float(a), float(b)) != 254 for a, b in out.poses[:, :2])
