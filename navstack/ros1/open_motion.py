@@ -25,6 +25,8 @@ SILENCE_S: Final = 1.0
 """A motion fails if no newer transform comes for this time (s, wall)."""
 CONNECTION_S: Final = 1.0
 """Longest wait for a subscriber of the velocity (s, wall)."""
+MOST_DAMPING: Final = 16.0
+"""Largest factor of the time in which the way left is driven."""
 POLL_S: Final = 0.005
 """Time between two looks at the clock (s, wall)."""
 
@@ -148,7 +150,7 @@ class MotionRunner:
             self.publish(Twist2D())  # as the known node: the robot stops first
         motion.frame = self.settings.odom_frame
         jumps, period = self._clock.jumps, 1.0 / self.settings.rate
-        heard = _Heard()
+        heard, damping = _Heard(), Damping()
         started, due, allowed = self._clock.now(), -math.inf, math.inf
         while not ros.is_stopping():
             self.inbox.run(POLL_S, self._report)
@@ -166,9 +168,10 @@ class MotionRunner:
                 due = now
             if now > allowed:
                 raise self._too_slow(motion, allowed - started)
-            step = motion.command(found[0], state, now, period)
+            step = motion.command(found[0], state, now, period * damping.factor)
             if step.status is not RecoveryStatus.RUNNING:
                 return motion.summary()
+            damping.commanded(step.twist)
             # as the known nodes: a move does not steer
             self.publish(Twist2D(step.twist.vx, 0.0, 0.0) if isinstance(motion, Move) else step.twist)
             due = max(due + period, now - period)
@@ -197,6 +200,27 @@ class MotionRunner:
 
     def _report(self, error: NavError) -> None:
         self._rospy.logwarn("%s", error.message)
+
+
+class Damping:
+    """Slows a robot that has passed its target: with late odometry it would swing about it at full speed.
+
+    The speed near the target is the way left over a time, at first that of one cycle; `factor` doubles it with each reversal.
+    """
+
+    def __init__(self) -> None:
+        self.factor = 1.0
+        self._sign = 0.0
+
+    def commanded(self, twist: Twist2D) -> None:
+        """Note a command."""
+        value = twist.vx or twist.wz
+        if value == 0.0:
+            return
+        sign = math.copysign(1.0, value)
+        if self._sign not in (0.0, sign):
+            self.factor = min(2.0 * self.factor, MOST_DAMPING)
+        self._sign = sign
 
 
 class _Heard:

@@ -16,11 +16,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from navstack.core import Pose2D
+from navstack.core import Pose2D, RobotState
 from navstack.core.errors import InputError
+from navstack.interfaces import RecoveryStatus
 from navstack.motion import poly_path
 from navstack.ros1 import motion_nodes, private, ros
-from navstack.ros1.open_motion import Settings, shorter
+from navstack.ros1.open_motion import Damping, Settings, shorter
 from navstack.ros1.tour import Score, cut
 from navstack.ros1.trajectories import without
 from tests.ros1.conftest import PYTHON, wait_for
@@ -81,7 +82,7 @@ class Robot:
     def __init__(self, graph: ModuleGraph) -> None:
         self.graph = graph
         self._out = graph.folder / "observed.json"
-        graph.node("sim", "office", "--clock", "--speed", "8")
+        graph.node("sim", "office", "--clock", "--speed", "4")
         self._observer = graph.start(PYTHON, "-c", OBSERVER, VELOCITY, str(self._out))
         ready = self._out.with_name("observed.json.ready")
         for name in ("linear_move", "radian_turn"):
@@ -144,7 +145,8 @@ def test_services_and_initial_pose(robot: Robot) -> None:
     # 0.3 m backwards along a heading of 0.5 rad, short of it by up to the tolerance; then 1 rad clockwise
     driven = (0.8 - after[1]) * math.cos(0.5) + (7.45 - after[2]) * math.sin(0.5)
     assert 0.3 - 0.08 - 1e-6 <= driven <= 0.3
-    assert _yaw(after) == pytest.approx(-0.5, abs=0.03 + 0.5 * 0.0436)
+    # the tolerance, a cycle, and what the last command is late on a busy machine (0.2 s of simulated time)
+    assert _yaw(after) == pytest.approx(-0.5, abs=0.03 + 0.436 * 0.3)
 
 
 def test_trajectories_and_teleop(robot: Robot) -> None:
@@ -219,6 +221,30 @@ def test_a_node_without_its_transform(robot: Robot) -> None:
 )
 def test_shorter_way(angle: float, turn: float) -> None:
     assert shorter(angle) == pytest.approx(turn, abs=1e-12)
+
+
+def _cycles_of_a_late_turn(damping: Damping | None) -> int:
+    """Turn by 1.11 rad with ten commands per second and a new pose after every third; return the cycles, at most 100."""
+    motion = Settings(0.03, 0.436, 10.0, "t", "b", "o").turn(1.11, direct=True)
+    motion.frame = "odom"
+    yaw = seen = 0.0
+    motion.begin(Pose2D(0.0, 0.0, 0.0), RobotState(Pose2D(0.0, 0.0, 0.0)))
+    for cycle in range(100):
+        seen = yaw if cycle % 3 == 0 else seen
+        pose = Pose2D(0.0, 0.0, seen)
+        step = motion.command(pose, RobotState(pose), 0.1 * cycle, 0.1 * (damping.factor if damping else 1.0))
+        if step.status is not RecoveryStatus.RUNNING:
+            assert yaw == pytest.approx(1.11, abs=0.03)
+            return cycle
+        if damping is not None:
+            damping.commanded(step.twist)
+        yaw += 0.1 * step.twist.wz
+    return 100
+
+
+def test_a_late_robot_does_not_swing_about_its_target() -> None:
+    assert _cycles_of_a_late_turn(None) == 100
+    assert _cycles_of_a_late_turn(Damping()) < 50
 
 
 def test_a_motion_within_the_tolerance_is_made_too() -> None:
@@ -305,9 +331,9 @@ def test_without_ros(command: str, capfd: pytest.CaptureFixture[str], monkeypatc
     real = ros.importlib.import_module
 
     def absent(name: str) -> Any:
-        if name.startswith("navstack"):
-            return real(name)
-        raise ImportError(name)
+        if name.startswith(("ros", "gen", "actionlib")) or name.partition(".")[0].endswith(("_msgs", "_srvs")):
+            raise ImportError(name)
+        return real(name)
 
     monkeypatch.setattr(ros.importlib, "import_module", absent)
     assert run(["ros1", *command.split()]) == 2
