@@ -243,8 +243,8 @@ def _scan_points(session: Session) -> NDArray[np.int16]:
     for scan in session.history.scans.values():
         ranges = np.asarray(scan.ranges, np.float64)
         good = np.isfinite(ranges) & (ranges >= scan.range_min) & (ranges <= scan.range_max)
-        angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
-        local = np.column_stack((ranges * np.cos(angles), ranges * np.sin(angles)))[good]
+        angles = scan.angle_min + scan.angle_increment * np.flatnonzero(good)
+        local = ranges[good, None] * np.column_stack((np.cos(angles), np.sin(angles)))
         try:
             pose = robot.frames.lookup(robot.base_frame, scan.frame)
         except NavError:
