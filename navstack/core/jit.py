@@ -37,8 +37,9 @@ def boundscheck_enabled() -> bool:
 class Kernel(Generic[P, R]):
     """A function that numba compiles at its first call."""
 
-    def __init__(self, function: Callable[P, R]) -> None:
+    def __init__(self, function: Callable[P, R], *, allocates: bool = True) -> None:
         self.function = function
+        self._allocates = allocates
         self._compiled: Callable[P, R] | None = None
         update_wrapper(self, function)
 
@@ -53,7 +54,7 @@ class Kernel(Generic[P, R]):
         if self._compiled is None:
             with _LOCK:
                 if self._compiled is None:
-                    dispatcher = _dispatcher(self.function)
+                    dispatcher = _dispatcher(self.function, self._allocates)
                     self._compiled = dispatcher
                     # replace the kernels that this one calls by their dispatchers, which numba requires
                     names = self.function.__globals__
@@ -69,13 +70,22 @@ def kernel(function: Callable[P, R]) -> Kernel[P, R]:
     return Kernel(function)
 
 
-def _dispatcher(function: Callable[P, R]) -> Callable[P, R]:
+def plain_kernel(function: Callable[P, R]) -> Kernel[P, R]:
+    """As `kernel`, for a function that allocates no array: the references of its arguments are not counted.
+
+    Counting takes atomic operations, which wait for all stores before them: half of the time of a search over records.
+    """
+    return Kernel(function, allocates=False)
+
+
+def _dispatcher(function: Callable[P, R], allocates: bool) -> Callable[P, R]:
     import numba
     import numba.core.config
 
     config: Any = numba.core.config
 
     options: dict[str, Any] = {"nogil": True, "boundscheck": boundscheck_enabled(), "error_model": "numpy"}
+    options["_nrt"] = allocates  # always given: without it, a kernel inherits it from its caller
     folder = _cache_folder(_files_behind(function))
     if folder is not None:
         before = config.CACHE_DIR

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from navstack.core.jit import kernel
+from navstack.core.jit import kernel, plain_kernel
 from navstack.curves.curve_kernels import SEGMENTS, STRAIGHT, advance, curve
 from navstack.global_planner._se2._heuristic_kernels import angle
 from navstack.global_planner._se2._shape_kernels import (
@@ -27,7 +27,7 @@ RETRY = 2
 """Checks with a padding after which the next larger one is tried again."""
 
 
-@kernel
+@plain_kernel
 def segment_cost(costs, p, kind, x, y, yaw, length, radius, limit):
     """Return the cost of driving along a segment, infinite if the centre may not pass or the cost exceeds `limit`.
 
@@ -57,7 +57,7 @@ def segment_cost(costs, p, kind, x, y, yaw, length, radius, limit):
     return total, run, earlier
 
 
-@kernel
+@plain_kernel
 def stretch_free(costs, bits, shape, p, arc, first, length, motion):
     """Return True if the footprint is free along a stretch of an arc; the tiles near it are packed.
 
@@ -82,7 +82,7 @@ def stretch_free(costs, bits, shape, p, arc, first, length, motion):
     return True
 
 
-@kernel
+@plain_kernel
 def segment_free(costs, bits, shape, p, kind, x, y, yaw, length, radius):
     """Return True if the footprint is free along a segment, wherever it is between the samples."""
     turn = 0.0 if kind == STRAIGHT else abs(length) / radius
@@ -203,7 +203,7 @@ def sample_blocked(costs, bits, shape, samples, p, primitive, k, x, y, c, s):
     return motion_blocked(costs, bits, shape, p, before, after)
 
 
-@kernel
+@plain_kernel
 def turn_cost(costs, p, x, y, turn):
     """Return the cost of a turn in place by an angle (rad), infinite where the robot must not be."""
     cost = centre_cost(costs, p, x, y)
@@ -232,7 +232,7 @@ def turn_free(costs, bits, shape, p, x, y, yaw, turn):
     return True
 
 
-@kernel
+@plain_kernel
 def pivot_parts(start, goal):
     """Return the turns in place at both ends, and the length, of a straight line between two poses (3,)."""
     dx, dy = goal[0] - start[0], goal[1] - start[1]
@@ -243,7 +243,7 @@ def pivot_parts(start, goal):
     return angle(direction - start[2]), length, angle(goal[2] - direction)
 
 
-@kernel
+@plain_kernel
 def pivot_cost(costs, bits, shape, p, start, goal, limit):
     """As `curve_cost`, for a robot that turns in place: a turn to the goal, a straight line, a turn to the goal's heading."""
     first, length, last = pivot_parts(start, goal)
@@ -262,7 +262,7 @@ def pivot_cost(costs, bits, shape, p, start, goal, limit):
     return total if turn_free(costs, bits, shape, p, goal[0], goal[1], direction, last) else np.inf
 
 
-@kernel
+@plain_kernel
 def samples_free(costs, bits, shape, samples, p, primitive, x, y, c, s):
     """Return True if the footprint is free along a primitive; the tiles near it are packed.
 
@@ -301,7 +301,7 @@ def samples_free(costs, bits, shape, samples, p, primitive, x, y, c, s):
     return True
 
 
-@kernel
+@plain_kernel
 def mean_weight(costs, samples, p, primitive, x, y, c, s):
     """Return the mean cost per cell along a primitive from (x, y), rotated by (c, s); infinite where it is blocked."""
     count = primitive.count
@@ -319,7 +319,7 @@ def mean_weight(costs, samples, p, primitive, x, y, c, s):
     return total / n
 
 
-@kernel
+@plain_kernel
 def sweep_free(costs, bits, shape, samples, p, primitive, x, y, c, s):
     """Return True if the robot may drive a primitive from (x, y), rotated by (c, s)."""
     ex, ey = x + c * primitive.dx - s * primitive.dy, y + s * primitive.dx + c * primitive.dy

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from navstack.core.jit import kernel
+from navstack.core.jit import plain_kernel
 from navstack.curves.curve_kernels import dubins, reeds_shepp
 
 RING = 1024
@@ -23,7 +23,7 @@ SQRT2 = math.sqrt(2.0)
 UNREACHED = np.float32(np.inf)
 
 
-@kernel
+@plain_kernel
 def field_weight(costs, p, cx, cy):
     """Return the cost of a step into a cell of the obstacle heuristic, -1 if it is blocked: the least of the cells in it."""
     ny, nx = costs.shape
@@ -45,7 +45,7 @@ def field_weight(costs, p, cx, cy):
     return 1.0 + p.cost_penalty * share
 
 
-@kernel
+@plain_kernel
 def unlink(field, heads, cell, bucket):
     """Take a cell out of the list of its bucket."""
     after, before = field[cell].next, field[cell].previous
@@ -57,7 +57,7 @@ def unlink(field, heads, cell, bucket):
         field[after].previous = before
 
 
-@kernel
+@plain_kernel
 def link(field, heads, cell, bucket):
     """Put a cell at the front of the list of a bucket."""
     first = heads[bucket]
@@ -67,14 +67,14 @@ def link(field, heads, cell, bucket):
     heads[bucket] = cell
 
 
-@kernel
+@plain_kernel
 def focus(p, cx, cy):
     """Return the octile distance to the focus: cells on the way there are closed before those behind the goal."""
     dx, dy = abs(cx - p.focus_x), abs(cy - p.focus_y)
     return max(dx, dy) + (SQRT2 - 1.0) * min(dx, dy)
 
 
-@kernel
+@plain_kernel
 def expand_field(costs, field, heads, p, width, target):
     """Expand the obstacle heuristic until `target` is closed, or nothing is left; `heads`: RING entries.
 
@@ -123,7 +123,7 @@ def expand_field(costs, field, heads, p, width, target):
                 p.open_cells += 1
 
 
-@kernel
+@plain_kernel
 def obstacle_cost(costs, field, heads, p, ix, iy):
     """Return the cost from a cell to the goal, in cells; infinite where the goal cannot be reached."""
     width = (costs.shape[1] + p.factor - 1) // p.factor
@@ -135,7 +135,7 @@ def obstacle_cost(costs, field, heads, p, ix, iy):
     return field[cell].cost * p.factor
 
 
-@kernel
+@plain_kernel
 def start_field(costs, field, heads, p, goal_x, goal_y, start_x, start_y):
     """Open the cell of the goal; the heuristic will be expanded toward the start first."""
     for i in range(RING):
@@ -150,7 +150,7 @@ def start_field(costs, field, heads, p, goal_x, goal_y, start_x, start_y):
     p.level, p.open_cells, p.closed_cells = bucket, 1, 0
 
 
-@kernel
+@plain_kernel
 def turn_drive_turn(p, dx, dy, yaw, goal_yaw):
     """Return the cost of a turn in place, a straight line, and a turn in place from a pose that is (dx, dy) from the goal."""
     first, last = 0.0, abs(angle(goal_yaw - yaw))
@@ -161,13 +161,13 @@ def turn_drive_turn(p, dx, dy, yaw, goal_yaw):
     return math.hypot(dx, dy) + turns * p.rotation
 
 
-@kernel
+@plain_kernel
 def angle(a):
     """Return an angle in [-pi, pi)."""
     return a - 2.0 * math.pi * math.floor(a / (2.0 * math.pi) + 0.5)
 
 
-@kernel
+@plain_kernel
 def curve_distance(table, p, x, y, yaw, goal_x, goal_y, goal_yaw):
     """Return the length of the shortest curve from a pose to a goal, from the table: rounded to cells and heading bins.
 

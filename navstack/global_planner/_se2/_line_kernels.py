@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from navstack.core.jit import kernel
+from navstack.core.jit import kernel, plain_kernel
 from navstack.global_planner._se2._curve_check_kernels import line_cost
 from navstack.global_planner._se2._heuristic_kernels import angle
 from navstack.global_planner._se2._path_kernels import IN_PLACE, SIDEWAYS, pieces_cost, replace_pieces, write_segment
@@ -18,7 +18,7 @@ OFFSETS = (1.0, -1.0, 3.0, -3.0)
 """Cells: how far points are moved aside where that lowers the cost."""
 
 
-@kernel
+@plain_kernel
 def write_line(segments, at, start, goal):
     """Write the line between two poses (3,) from row `at` on, on which the heading turns evenly; return the next row.
 

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from navstack.core.jit import kernel
+from navstack.core.jit import kernel, plain_kernel
 from navstack.curves.curve_kernels import STRAIGHT
 from navstack.global_planner._se2._curve_check_kernels import (
     curve_cost,
@@ -34,7 +34,7 @@ BUCKET = 0.5
 MIX = np.uint64(0x9E3779B97F4A7C15)
 
 
-@kernel
+@plain_kernel
 def slot_of(slots, nodes, key):
     """Return the slot of a key in the hash table, or the empty slot where it belongs."""
     mask = np.uint64(len(slots) - 1)
@@ -44,14 +44,14 @@ def slot_of(slots, nodes, key):
     return np.int64(at)
 
 
-@kernel
+@plain_kernel
 def rehash(slots, nodes, count):
     """Fill an empty hash table with the first `count` nodes."""
     for i in range(count):
         slots[slot_of(slots, nodes, nodes[i].key)] = i + 1
 
 
-@kernel
+@plain_kernel
 def push(heads, entries, p, node, f):
     """Put a node into the bucket of its f."""
     bucket = min(max(np.int64(f / BUCKET), 0), len(heads) - RING - 1)
@@ -68,7 +68,7 @@ def push(heads, entries, p, node, f):
     p.bucket = min(p.bucket, bucket)
 
 
-@kernel
+@plain_kernel
 def pop(heads, entries, p):
     """Take a node from the lowest bucket; the queue must not be empty."""
     while heads[p.bucket] < 0:
@@ -81,7 +81,7 @@ def pop(heads, entries, p):
     return entries[entry].node
 
 
-@kernel
+@plain_kernel
 def heuristic(costs, field, ring, table, goals, p, x, y, yaw):
     """Return the estimated cost from a pose to the nearest goal; infinite where none can be reached."""
     h = obstacle_cost(costs, field, ring, p, np.int64(x), np.int64(y))
@@ -144,7 +144,7 @@ def try_curves(costs, bits, shapes, p, node, yaw):
             return
 
 
-@kernel
+@plain_kernel
 def primitive_cost(p, primitives, node, row, weight):
     """Return the cost of driving primitive `row` from a node into a cell of this weight."""
     primitive = primitives[row]
@@ -158,7 +158,7 @@ def primitive_cost(p, primitives, node, row, weight):
     return cost * p.reverse if primitive.reverse != 0 else cost
 
 
-@kernel
+@plain_kernel
 def expand(costs, bits, shapes, primitives, headings, nodes, lists, entries, field, table, p, i):
     """Drive every primitive from node `i`."""
     # taken out of the tuples here: each time it counts a reference, which waits for all stores before it
@@ -209,7 +209,7 @@ def expand(costs, bits, shapes, primitives, headings, nodes, lists, entries, fie
             p.approach_since = p.expanded
 
 
-@kernel
+@plain_kernel
 def search(costs, bits, shapes, primitives, headings, nodes, lists, entries, field, table, settings):
     """Search until a goal is reached; returns FOUND, EXHAUSTED, LIMIT, APPROACHED, GROW or PAUSED.
 

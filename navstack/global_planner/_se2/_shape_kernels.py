@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from navstack.core.footprint_kernels import overlaps_box
-from navstack.core.jit import kernel
+from navstack.core.jit import plain_kernel
 
 TILE = 64
 EDGE = 1e-9
@@ -21,7 +21,7 @@ LETHAL = np.uint8(254)
 UNKNOWN = np.uint8(255)
 
 
-@kernel
+@plain_kernel
 def pack_tile(costs, bits, tx, ty, unknown_blocked):
     """Pack the blocked cells of a tile."""
     ny, nx = costs.shape
@@ -37,7 +37,7 @@ def pack_tile(costs, bits, tx, ty, unknown_blocked):
     bits[ny + ty, tx] = np.uint64(1)
 
 
-@kernel
+@plain_kernel
 def span_blocked(bits, iy, x0, x1):
     """Return True if a packed cell from x0 to x1 of a row is blocked."""
     w0, w1 = x0 >> 6, x1 >> 6
@@ -53,7 +53,7 @@ def span_blocked(bits, iy, x0, x1):
     return between != np.uint64(0)
 
 
-@kernel
+@plain_kernel
 def box_blocked(costs, bits, x0, y0, x1, y1, unknown_blocked):
     """Return True if a cell in the box is blocked, or a part of it is outside the grid; packs the tiles that it needs."""
     ny, nx = costs.shape
@@ -69,7 +69,7 @@ def box_blocked(costs, bits, x0, y0, x1, y1, unknown_blocked):
     return iy <= y1
 
 
-@kernel
+@plain_kernel
 def outline_blocked(costs, bits, shape, level, p, x, y, c, s):
     """Return True if the footprint, padded as in `level`, overlaps a blocked cell or the outside of the grid.
 
@@ -117,13 +117,13 @@ def outline_blocked(costs, bits, shape, level, p, x, y, c, s):
     return False
 
 
-@kernel
+@plain_kernel
 def shape_blocked(costs, bits, shape, p, x, y, c, s):
     """Return True if the padded footprint at (x, y) with heading (c, s) overlaps a blocked cell or the outside of the grid."""
     return outline_blocked(costs, bits, shape, 1, p, x, y, c, s)
 
 
-@kernel
+@plain_kernel
 def motion_blocked(costs, bits, shape, p, start, goal):
     """Return True if the finely padded footprint is blocked between two poses (3,) on an arc, the ends included.
 
@@ -149,7 +149,7 @@ def motion_blocked(costs, bits, shape, p, start, goal):
     return False
 
 
-@kernel
+@plain_kernel
 def near_obstacles(costs, bits, p, left, low, right, high):
     """Return True if a blocked cell, or the outside, may touch the footprint anywhere in a box; packs its tiles."""
     x0, y0 = math.floor(left - p.reach), math.floor(low - p.reach)
@@ -161,7 +161,7 @@ def near_obstacles(costs, bits, p, left, low, right, high):
     return outside | blocked
 
 
-@kernel
+@plain_kernel
 def centre_cost(costs, p, x, y):
     """Return the cost of the cell of a point, or -1 if the robot's centre must not be in it."""
     ny, nx = costs.shape
@@ -173,7 +173,7 @@ def centre_cost(costs, p, x, y):
     return -1 if cost >= 253 else cost
 
 
-@kernel
+@plain_kernel
 def cell_weight(p, cost):
     """Return the cost of driving one cell's length over a cell of this cost."""
     share = cost / 252.0
@@ -182,7 +182,7 @@ def cell_weight(p, cost):
     return p.base_cost + p.cost_penalty * share
 
 
-@kernel
+@plain_kernel
 def pose_free(costs, bits, shape, p, x, y, yaw):
     """Return True if the robot may be at a pose."""
     if centre_cost(costs, p, x, y) < 0:
