@@ -20,6 +20,24 @@ def navstack(*arguments: str | Path) -> None:
     subprocess.run([sys.executable, "-m", "navstack", *map(str, arguments)], check=True, stdout=subprocess.DEVNULL)
 
 
+def _localization(images: Path, folder: Path) -> None:
+    """Draw the pictures of the tutorial on localization, except those of foreign logs."""
+    text = (IMAGES.parent / "tutorials" / "localization.md").read_text(encoding="utf-8")
+    parameters = folder / "localization.yaml"
+    parameters.write_text(text.split('```yaml title="localization.yaml"\n')[1].split("```")[0], encoding="utf-8")
+    drive, out = folder / "drive", folder / "localize"
+    robot = ("--params", "turtlebot", "--params", parameters)
+    navstack("simulate", "office", *robot, "--out", drive)
+    shutil.copy(drive / "run.png", images / "localization_run.png")
+    navstack("plot", drive, "--localization", images / "localization_moment.png", "--time", "1.0")
+    compared = ("--set", "method=amcl_only", "--versus", "method=dead_reckoning")
+    navstack("localize", drive, *robot, *compared, "--out", out)
+    shutil.copy(out / "localize.png", images / "localization_versus.png")
+    navstack("localize", drive, "--global", "--starts", "50", "--out", out)
+    shutil.copy(out / "starts.png", images / "localization_starts.png")
+    navstack("localize", drive, "--global", "--to", "10", "--animate", images / "localization_start.gif")
+
+
 def main() -> None:
     """Draw every picture."""
     images = Path(sys.argv[1]) if len(sys.argv) > 1 else IMAGES
@@ -50,6 +68,7 @@ def main() -> None:
         navstack("simulate", "car_park", "--out", folder / "car")
         navstack("plot", folder / "car", "--out", images / "car_park.png", "--steering", images / "car_steering.png")
         navstack("info", "--states", images / "states.png")
+        _localization(images, folder)
         # the files of the tutorial on safety
         text = (IMAGES.parent / "tutorials" / "safety.md").read_text(encoding="utf-8")
         section = text[text.index("## Something steps into the way") :]
