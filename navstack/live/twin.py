@@ -10,12 +10,14 @@ from pathlib import Path
 from typing import Final
 
 from navstack.core.errors import InternalError
-from navstack.live.checkpoints import Checkpoint
+from navstack.live.checkpoints import Checkpoint, snapshot
 from navstack.parameters.configuration import Configuration
 from navstack.record import Record, RunRecorder
 from navstack.scenario import Run, Scenario
 from navstack.scenario.file.writer import write_scenario
 
+NEAR_S: Final = 5.0
+"""Before a command that is explained, the record begins this much earlier (s)."""
 SLACK_S: Final = 1e-3
 """Tolerance of requested times (s), as `navstack.explain` has it."""
 
@@ -66,13 +68,13 @@ class Twin:
         by_hand = max(
             (i.time for i in self.scenario.interactions if i.kind == "teleop" and i.time <= time), default=-1.0
         )
-        for checkpoint in reversed(self.checkpoints):
-            if checkpoint.time >= time:
-                continue
+        before = [checkpoint for checkpoint in self.checkpoints if checkpoint.time < time]
+        nearer = [self._nearer(checkpoint, time - NEAR_S) for checkpoint in before[-1:]]
+        for checkpoint in (*nearer, *reversed(before)):
             record = self._record_from(checkpoint, time)
             searches = (*record.local_plan_times, *(event.time for event in record.events_of("control_failed")))
             begun = len(record.times) > 0 and record.times[0] <= time + SLACK_S
-            if begun and (min(searches, default=math.inf) <= time + SLACK_S or by_hand >= checkpoint.time):
+            if begun and (min(searches, default=math.inf) <= time + SLACK_S or by_hand >= record.times[0]):
                 return record
         return self.recorded().record()
 
@@ -84,6 +86,23 @@ class Twin:
             if before:
                 return self._record_from(before[-1], math.inf), name
         return self.recorded().record(), None
+
+    def _nearer(self, checkpoint: Checkpoint, time: float) -> Checkpoint:
+        """Returns a checkpoint at about `time` (s), without a record on the way: recording and checking it takes longer."""
+        if checkpoint.time >= time:
+            return checkpoint
+        run, history = checkpoint.copied.restore()
+        run.replace_upcoming(self.scenario.interactions[checkpoint.done :])
+        digest, cycles = checkpoint.digest.copy(), checkpoint.cycles
+        while cycles < self.cycles and run.robot.time < time:
+            before = run.robot.time
+            while cycles < self.cycles and run.robot.time <= before:  # interactions come between two times only
+                run.step()
+                digest.update(digest_of(run))
+                cycles += 1
+        done = len(self.scenario.interactions) - len(run.upcoming)
+        copied = snapshot((run, history), shared=(self.scenario, run.scenario, self.scenario.map))
+        return checkpoint if copied is None else Checkpoint(run.robot.time, cycles, done, digest, copied)
 
     def _record_from(self, checkpoint: Checkpoint, time: float) -> Record:
         """Simulates the run again from a checkpoint until `time` (s), or until now. Raises InternalError as `recorded`."""

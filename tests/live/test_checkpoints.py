@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from navstack.live import answers
 from navstack.live import session as session_module
+from navstack.live import twin as twin_module
 from navstack.live.checkpoints import MAX_COUNT, Checkpoints, snapshot
 from navstack.live.session import Session
 from navstack.parameters.configuration import load_configuration
@@ -167,7 +168,9 @@ def test_going_back_starts_at_a_checkpoint(session: Session, run_to: Advance) ->
 
 
 @pytest.mark.usefixtures("dense")
-def test_explanations_from_a_checkpoint_are_those_of_the_whole_run(session: Session, run_to: Advance) -> None:
+def test_explanations_from_a_checkpoint_are_those_of_the_whole_run(
+    session: Session, run_to: Advance, monkeypatch: pytest.MonkeyPatch
+) -> None:
     run_to(session, 4.0)
     session.interact({"kind": "put", "shape": {"name": "box", "box": [0.3, 0.3], "pose": [5.5, 7.9]}})
     session.interact({"kind": "goal", "pose": [1.5, 7.4, 3.0]})
@@ -178,6 +181,7 @@ def test_explanations_from_a_checkpoint_are_those_of_the_whole_run(session: Sess
     twin = session.twin()
     whole = twin.recorded().record()
     assert len(twin.checkpoints) > 5 and [sent for _, sent in twin.goals] == [0.0, 4.0, 7.0]
+    monkeypatch.setattr(twin_module, "NEAR_S", 0.25)
     for time in (twin.until, 9.0, 7.03, 3.3):
         record = twin.record_for_command(time)
         assert len(record.times) < 12 < len(whole.times)
