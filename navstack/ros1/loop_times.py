@@ -11,6 +11,8 @@ from navstack.move_base.tick_result import TickResult
 
 LATE_S: Final = 0.005
 """A cycle that starts this long (s, wall) after it was due is late."""
+SPEED_S: Final = 1.0
+"""Time (s, wall) over which the speed of a simulated clock is measured."""
 KEPT: Final = 6000
 """Periods and delays that are kept: five minutes at 20 Hz."""
 PHASES: Final = ("messages", "cycle", "publishing")
@@ -29,7 +31,14 @@ class LateCycle(NamedTuple):
 class LoopTimes:
     """Counts the cycles of one node; the phases of the loop are marked as it goes."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, is_simulated: bool = False) -> None:
+        """With `is_simulated` the clock is that of a simulator: it advances in steps, at a speed of its own."""
+        self._is_simulated = is_simulated
+        self._step = 0.0 if not is_simulated else math.inf
+        """Smallest step of the clock (s)."""
+        self._speed = 1.0
+        self._last_now = math.nan
+        self._measured = (time.perf_counter(), math.nan)
         self.cycles = 0
         self.late = Counter[str]()
         """Number of late cycles by cause."""
@@ -55,19 +64,30 @@ class LoopTimes:
         self._spent[phase] += used
         self._waited += max(0.0, wall - used - idle_s)
 
-    def cycle(self, now: float, due: float, speed: float = 1.0) -> LateCycle | None:
-        """Count a cycle that starts at `now` (s) and was due at `due`; return it if it is late.
+    def clock(self, now: float) -> None:
+        """Note the time (s) of the node's clock: its steps, and its speed."""
+        if not self._is_simulated or now == self._last_now:
+            return
+        if now > self._last_now:
+            self._step = min(self._step, now - self._last_now)
+        self._last_now = now
+        wall, (begin, first) = time.perf_counter(), self._measured
+        if not wall - begin < SPEED_S or not now >= first:
+            if now > first:
+                self._speed = (now - first) / (wall - begin)
+            self._measured = wall, now
 
-        `speed`: seconds of the node's clock per second.
-        """
+    def cycle(self, now: float, due: float) -> LateCycle | None:
+        """Count a cycle that starts at `now` (s) and was due at `due`; return it if it is late, by wall time."""
         self.cycles += 1
-        late = (now - due) / speed if math.isfinite(due) else 0.0
+        step = self._step if math.isfinite(self._step) else 0.0
+        late = (now - due - step) / self._speed if math.isfinite(due) else 0.0
         found: LateCycle | None = None
         if late > LATE_S:
-            spent = {**self._spent, "the processor, or the interpreter's lock": self._waited}
+            spent = {**self._spent, "waiting for the processor or the interpreter": self._waited}
             cause = max(spent, key=lambda name: spent[name])
             if spent[cause] < 0.5 * late:
-                cause = "the clock, which advances in steps" if speed > 1.0 else "no single part"
+                cause = "late clock messages" if self._is_simulated else "several parts"
             found = LateCycle(now, late, cause)
             self.late[cause] += 1
             if self.worst is None or late > self.worst.late_s:

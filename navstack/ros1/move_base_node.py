@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import math
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
@@ -60,10 +61,8 @@ class MoveBaseNode:
         self.costmaps: list[CostmapTopics] = []
         self.move_base: MoveBase | None = None
         self._map: OccupancyGrid | None = None
-        self.times = LoopTimes()
+        self.times = LoopTimes(is_simulated=self._is_simulated)
         self._still = StillClock(rospy)
-        self._last_now = self.clock.now()
-        self._clock_step = 0.0
         self.log = NodeLog(rospy, self._newest_data)
         self._jumps = 0
         self._lead = ""
@@ -223,8 +222,7 @@ class MoveBaseNode:
     def _turn(self, move_base: MoveBase) -> None:
         """One turn of the loop: a cycle if it is due, what is published regularly, and the messages that wait."""
         now = self.clock.now()
-        if now != self._last_now:
-            self._clock_step, self._last_now = now - self._last_now, now
+        self.times.clock(now)
         if self.clock.jumps != self._jumps:
             self._jumps = self.clock.jumps
             self._rospy.logwarn("the clock jumped back; transforms and sensor data before it are forgotten")
@@ -232,9 +230,9 @@ class MoveBaseNode:
         if self._is_simulated and self._still.is_new(now):
             # the base may go on with its last velocity while the simulator stands still
             self._publish_command(Twist2D())
-        due = move_base.next_due(max(now, move_base.now))
+        due = move_base.next_due(-math.inf)  # not "at least now": a late cycle shows
         if now >= due:
-            self.times.cycle(now, due + (self._clock_step if self._is_simulated else 0.0))
+            self.times.cycle(now, due)
             self._cycle(move_base, now)
         self.action.publish(now)
         self.log.flush(drives=move_base.last_tick.local_plan is not None)
