@@ -187,7 +187,7 @@ def test_a_recorded_run_has_a_time_line(live: Start, open_page: Open, scenario: 
     session.end = 12.0
     session.pause(True)
     page = open_page(live(stage=Stage([session], Options(fixed=True))))
-    assert page.locator("#tool-goal").is_disabled()
+    assert page.locator("#tool-goal").is_disabled() and page.locator("#clear").is_disabled()
     page.locator("#timeline").fill("6")
     wait_until(page, "!side.seeking && Math.abs(side.t - 6) < 0.3")
     page.locator("#timeline").fill("2")

@@ -58,6 +58,7 @@ class App {
       document.title = `${header.name} – navstack live`;
       document.body.classList.toggle('read-only', this.readOnly);
       for (const name of ['goal', 'pose', 'disc', 'box', 'wall', 'person', 'delete', 'drive']) $(`tool-${name}`).disabled = this.readOnly;
+      $('clear').disabled = this.readOnly;
       for (const id of ['restart', 'back', 'play', 'step', 'speed', 'timeline']) $(id).disabled = header.read_only;
       this.panel.world(header);
     }
