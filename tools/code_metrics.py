@@ -48,7 +48,9 @@ def functions_of(file: Path) -> Iterator[Function]:
         else:
             lines = node.end_lineno - first + 1
         arguments = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
-        yield Function(file, first, node.name, lines, len(arguments), "kernel" in decorators)
+        yield Function(
+            file, first, node.name, lines, len(arguments), bool({"kernel", "plain_kernel"} & set(decorators))
+        )
 
 
 def _percentile(values: list[int], share: float) -> int:
