@@ -23,6 +23,19 @@ def pytest_configure() -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Skip the tests with real programs, which take minutes, unless they are wanted, as in CI."""
+    for part, variable in (("browser", "NAVSTACK_BROWSER_TESTS"), ("ros1", "NAVSTACK_ROS1_TESTS")):
+        if os.environ.get(variable) != "1":
+            folder, reason = (
+                Path(__file__).parent / part,
+                f"takes minutes with real programs: set {variable}=1, as CI does",
+            )
+            for item in items:
+                if folder in item.path.parents:
+                    item.add_marker(pytest.mark.skip(reason=reason))
+
+
 def pytest_xdist_auto_num_workers() -> int:
     """One more worker than processors: tests of nodes, pages and terminals wait for other processes."""
     return len(os.sched_getaffinity(0)) + 1 if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1) + 1

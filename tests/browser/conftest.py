@@ -1,6 +1,6 @@
 """The live page in a real Chromium: Debian's package, driven by Playwright.
 
-Without it, these tests skip with a reason; with NAVSTACK_BROWSER_TESTS=1 they fail. One browser per worker; the server runs in a
+These tests run with NAVSTACK_BROWSER_TESTS=1, and fail without it then. One browser per worker; the server runs in a
 thread of the test, so that a test can look into the session.
 """
 

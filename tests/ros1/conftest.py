@@ -1,6 +1,6 @@
 """A ROS 1 graph from Debian's packages: a master on a free port, and a virtual display for RViz.
 
-Without the packages, these tests skip with a reason; with NAVSTACK_ROS1_TESTS=1 they fail. The programs are run by Debian's
+These tests run with NAVSTACK_ROS1_TESTS=1, and fail without the packages then. The programs are run by Debian's
 Python, in processes of their own.
 """
 

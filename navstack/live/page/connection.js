@@ -66,6 +66,7 @@ export class Connection {
     }
     this.received += data.byteLength;
     const payload = inflate(data); // begins at once; frames are applied in order
+    payload.catch(() => {}); // reported below, after the frames before it
     this.decoded = this.decoded.then(async () => {
       const { header, blobs } = split(await payload);
       this.handlers.frame(header, blobs);

@@ -283,21 +283,6 @@ class Optimizer:
         self.trajectory(pose)
         return True
 
-    def best_legal(self, most: int) -> list[int]:
-        """The samples without a collision of the lowest total costs, the best first; at most `most`."""
-        count = self.params.batch_size
-        legal = np.flatnonzero(~self.batch.collided[:count])
-        return legal[np.argsort(self.costs[legal], kind="stable")[:most]].tolist()
-
-    def take(self, row: int, start: Floats, pose: Pose2D) -> None:
-        """Replace the sequence by a sample, within all limits."""
-        self.controls = np.ascontiguousarray(self.before + self.sampled[:, :, row].T)
-        if not self.omni:
-            self.controls[:, 1] = 0.0
-        self.limit(start)
-        self.keep()
-        self.trajectory(pose)
-
     def command(self) -> Twist2D:
         """The control that is sent now."""
         vx, vy, wz = self.controls[self.sent].tolist()

@@ -24,14 +24,8 @@ from navstack.local_planner.mppi.diagnostics import all_collide, diagnose
 from navstack.local_planner.mppi.optimizer import Optimizer
 from navstack.local_planner.mppi.params import MPPIParams, TrajectoryValidatorParams
 from navstack.local_planner.mppi.trajectory_critic import TrajectoryCritic
-from navstack.local_planner.overlap import Overlap, leads_away
 from navstack.local_planner.path_follower import Following, PathFollower, check_speed
 from navstack.plugins import CRITICS, LOCAL_PLANNERS
-
-LEAVING_S = 0.5
-"""So much of the trajectory must lead away from an obstacle under the footprint (s)."""
-MOST_SAMPLES, MOST_INSIDE = 10, 50
-"""Samples that are tried where their average collides; where an obstacle is under the footprint."""
 
 
 def make_critics(params: MPPIParams) -> list[TrajectoryCritic]:
@@ -126,15 +120,10 @@ class MPPIPlanner(PathFollower):
         """
         optimizer, p = self.optimizer, self.params
         context = self.context(now)
-        problem, notes = "", list[str]()
-        # ROS differs: in Nav2 every sample collides as long as an obstacle is under the footprint
-        overlap = None if optimizer.as_nav2 else Overlap.at(context)
-        if overlap is not None:
-            context = overlap.relaxed()
-            notes.append(overlap.note)
         start = optimizer.begin(now.state.velocity)
+        problem, notes = "", list[str]()
         for attempt in range(p.retry_attempt_limit + 1):
-            problem = self._attempt(context, start, attempt, now if overlap is not None else None, notes)
+            problem = self._attempt(context, start, attempt)
             if not problem:
                 break
             notes.append(f"attempt {attempt + 1} of {p.retry_attempt_limit + 1}: {problem}")
@@ -155,40 +144,16 @@ class MPPIPlanner(PathFollower):
         optimizer.finish(command)
         return self._plan
 
-    def _attempt(
-        self, context: TrajectoryContext, start: Floats, attempt: int, inside: Following | None, notes: list[str]
-    ) -> str:
-        """Optimize once; return what failed, empty if nothing did. `inside`: an obstacle is under the footprint there."""
+    def _attempt(self, context: TrajectoryContext, start: Floats, attempt: int) -> str:
+        """Optimize once; return what failed, empty if nothing did."""
         optimizer = self.optimizer
         if not optimizer.optimize(context, start, attempt):
             return "every trajectory collides"
         if not np.isfinite(optimizer.controls).all():
             return "the controls are not finite"
-        problem = self._collision(context, inside)
-        if not problem or optimizer.as_nav2:
-            return problem
-        # ROS differs: the average of samples that pass an obstacle on both sides leads into it; Nav2 gives up there
-        for rank, row in enumerate(optimizer.best_legal(MOST_SAMPLES if inside is None else MOST_INSIDE)):
-            optimizer.take(row, start, context.state.pose)
-            if not self._collision(context, inside):
-                notes.append(f"{problem}: legal sample {rank + 1} by cost is followed instead of the average")
-                return ""
-        return problem
-
-    def _collision(self, context: TrajectoryContext, inside: Following | None) -> str:
-        """What is wrong with the chosen trajectory; empty if nothing is."""
-        if not is_safe(context, self.optimizer.optimal, self.params.validator, self.params.model_dt):
+        if not is_safe(context, optimizer.optimal, self.params.validator, self.params.model_dt):
             return "the chosen trajectory collides"
-        if inside is not None and not self._leaves(inside):
-            return "the chosen trajectory comes nearer to the obstacle under the footprint"
         return ""
-
-    def _leaves(self, now: Following) -> bool:
-        """True if the beginning of the chosen trajectory leads away from what is under the footprint."""
-        count = max(1, round(LEAVING_S / self.params.model_dt))
-        poses = np.vstack((np.array([now.state.pose]), self.optimizer.optimal[:count].astype(np.float64)))
-        poses[1:, :2] += self.optimizer.batch.anchor
-        return leads_away(now.costmap, now.footprint, poses)
 
     def context(self, now: Following) -> TrajectoryContext:
         """Input of the critics.
