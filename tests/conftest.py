@@ -36,11 +36,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
                     item.add_marker(pytest.mark.skip(reason=reason))
 
 
-def pytest_xdist_auto_num_workers() -> int:
-    """One more worker than processors: tests of nodes, pages and terminals wait for other processes."""
-    return len(os.sched_getaffinity(0)) + 1 if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1) + 1
-
-
 def _folder(variable: str, default: Path) -> Path:
     return Path(os.environ.get(variable) or default)
 

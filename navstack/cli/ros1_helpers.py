@@ -93,7 +93,7 @@ def initial_pose(
 ) -> int:
     """Publish the robot's pose on `initialpose`, as RViz's "2D Pose Estimate".
 
-    Exit codes: 0 somebody listens, 1 nobody, 2 invalid input.
+    Exit codes: 0 a node subscribes, 1 no subscriber within the wait, 2 invalid input.
     """
     from navstack.cli.arguments import parse_pose
     from navstack.core.frames import clean_frame
