@@ -23,17 +23,23 @@ def pytest_configure() -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+CI_PARTS = {
+    "browser": "NAVSTACK_BROWSER_TESTS",
+    "ros1": "NAVSTACK_ROS1_TESTS",
+    "test_docs.py": "NAVSTACK_DOCS_TESTS",
+    "test_examples.py": "NAVSTACK_DOCS_TESTS",
+    "test_packaging.py": "NAVSTACK_DOCS_TESTS",
+}
+"""Tests that take minutes: real programs, and the code of the documentation in processes of its own; by variable."""
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Skip the tests with real programs, which take minutes, unless they are wanted, as in CI."""
-    for part, variable in (("browser", "NAVSTACK_BROWSER_TESTS"), ("ros1", "NAVSTACK_ROS1_TESTS")):
-        if os.environ.get(variable) != "1":
-            folder, reason = (
-                Path(__file__).parent / part,
-                f"takes minutes with real programs: set {variable}=1, as CI does",
-            )
-            for item in items:
-                if folder in item.path.parents:
-                    item.add_marker(pytest.mark.skip(reason=reason))
+    """Skip the tests that take minutes unless they are wanted, as in CI."""
+    tests = Path(__file__).parent
+    for item in items:
+        variable = CI_PARTS.get(item.path.relative_to(tests).parts[0]) if item.path.is_relative_to(tests) else None
+        if variable is not None and os.environ.get(variable) != "1":
+            item.add_marker(pytest.mark.skip(reason=f"takes minutes: set {variable}=1, as CI does"))
 
 
 def _folder(variable: str, default: Path) -> Path:

@@ -139,7 +139,7 @@ class EstimateArtists:
         off = float(np.hypot(*(self._believed[i, :2] - record.poses[i, :2])))
         found = estimate_at(record, t)
         lost = "    lost" if found is not None and found.lost else ""
-        return f"    believed {off:.2f} m off" + ("" if found is None else f"    {found.count} particles") + lost
+        return f"    believed {off:.2f} m off" + ("" if found is None else f"    particles {found.count}") + lost
 
 
 def _ring_of(found: RecordedEstimate) -> NDArray[np.float64]:
@@ -189,7 +189,7 @@ def plot_estimate(
     off = math.hypot(true.x - believed.x, true.y - believed.y)
     turned = math.degrees(abs(math.remainder(believed.yaw - true.yaw, 2.0 * math.pi)))
     lost = "   lost" if found.lost else ""
-    subtitle = f"{found.count} particles   believed pose {off:.2f} m and {turned:.1f}° off{lost}"
+    subtitle = f"particles {found.count}   believed pose {off:.2f} m and {turned:.1f}° off{lost}"
     with canvas.style():
         area = _area(record, found, true, believed, time)
         title = f"localization at {time:.1f} s"

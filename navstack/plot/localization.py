@@ -119,7 +119,7 @@ def animate_track(
             robot.set_data(past[-1:, 0], past[-1:, 1])
             robot.set_color(_LOST if track.lost[row] else colors.PLANS[0])
             state = "lost" if track.lost[row] else f"error {track.errors[row]:.2f} m"
-            picture.subtitle.set_text(f"scan {track.indices[row]}   {len(cloud)} particles   {state}")
+            picture.subtitle.set_text(f"scan {track.indices[row]}   particles {len(cloud)}   {state}")
             picture.canvas.draw()
             return np.asarray(picture.canvas.buffer_rgba())[:, :, :3].copy()
 
