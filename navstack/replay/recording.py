@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from navstack.bringup import odometry_frame, true_footprint
-from navstack.core import LaserScan, OccupancyGrid, Pose2D, RobotState, Transform2D, Twist2D
+from navstack.core import OccupancyGrid, Pose2D, RobotState, Transform2D, Twist2D
 from navstack.core.errors import NavError
 from navstack.logs import Log
 from navstack.move_base import GoalHandle, MoveBase
 from navstack.parameters.configuration import Configuration
 from navstack.record import RunRecorder
+from navstack.record.ticks import record_tick_outputs
 from navstack.replay.logged_robot import LoggedRobot
 from navstack.scenario import Scenario
 
@@ -86,25 +87,8 @@ class ReplayRecorder:
 
     def tick(self, move_base: MoveBase, goal: int) -> None:
         """Add what the last tick did."""
-        recorder, robot = self.recorder, self._robot
-        tick = move_base.last_tick
-        t = tick.time
-        if tick.global_window is not None:
-            recorder.costmap(t, "global", move_base.global_costmap.master, tick.global_window)
-        if tick.local_window is not None:
-            recorder.costmap(t, "local", move_base.local_costmap.master, tick.local_window)
-        if tick.plan is not None:
-            recorder.plan(t, tick.plan.path.poses, tick.plan.path.frame)
-        if tick.local_plan is not None:
-            recorder.local_plan(t, tick.local_plan)
-        for scan in tick.scans:
-            if isinstance(scan, LaserScan):
-                self._mount(scan.frame)
-                recorder.scan(scan.stamp, scan)
-        chain = move_base.chain
-        if chain is not None:
-            for step in chain.take_steps():
-                recorder.command_step(step)
+        recorder, robot, t = self.recorder, self._robot, move_base.last_tick.time
+        record_tick_outputs(recorder, move_base, self._mount)
         pose = robot.true_pose or robot.pose_in(self._global, self._base) or robot.pose_in(self._local, self._base)
         if pose is None:
             return

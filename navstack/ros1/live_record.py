@@ -9,13 +9,14 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from navstack.bringup import odometry_frame, true_footprint
-from navstack.core import Event, LaserScan, OccupancyGrid, Pose2D, RobotState, Transform2D, Twist2D
+from navstack.core import Event, OccupancyGrid, Pose2D, RobotState, Transform2D, Twist2D
 from navstack.core.errors import NavError
 from navstack.core.files import ensure_directory
 from navstack.interfaces import Robot
 from navstack.move_base import GoalHandle, MoveBase
 from navstack.parameters.configuration import Configuration
 from navstack.record import RunRecorder
+from navstack.record.ticks import record_tick_outputs
 from navstack.scenario import Scenario
 
 REST_S: Final = 1.0
@@ -90,32 +91,14 @@ class LiveRecord:
             self.save(move_base)
 
     def _add(self, move_base: MoveBase) -> None:
-        recorder, tick = self._recorder, move_base.last_tick
-        t = tick.time
+        recorder, t = self._recorder, move_base.last_tick.time
         handle = move_base.goal_handle
         if handle is not None and handle not in self._handles:
             self._handles.append(handle)
             pose = move_base.goal_pose or handle.goal.pose
             self._goals.append(pose)
             recorder.goal(t, pose)
-        for name, costmap, window in (
-            ("global", move_base.global_costmap, tick.global_window),
-            ("local", move_base.local_costmap, tick.local_window),
-        ):
-            if window is not None:
-                recorder.costmap(t, name, costmap.master, window)
-        if tick.plan is not None:
-            recorder.plan(t, tick.plan.path.poses, tick.plan.path.frame)
-        if tick.local_plan is not None:
-            recorder.local_plan(t, tick.local_plan)
-        for scan in tick.scans:
-            if isinstance(scan, LaserScan):
-                self._mount(scan.frame)
-                recorder.scan(scan.stamp, scan)
-        chain = move_base.chain
-        if chain is not None:
-            for step in chain.take_steps():
-                recorder.command_step(step)
+        record_tick_outputs(recorder, move_base, self._mount)
         at = self._lookup(self._global, self._base)
         if at is None:
             return

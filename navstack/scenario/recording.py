@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from navstack.bringup import odometry_frame, true_footprint
-from navstack.core import LaserScan, Transform2D
+from navstack.core import Transform2D
 from navstack.move_base import MoveBase
 from navstack.record import RunRecorder, SteeredBase
 from navstack.record.solids import SolidNames
+from navstack.record.ticks import record_tick_outputs
 from navstack.scenario.scenario import Scenario
 from navstack.sim import SimulatedRobot
 
@@ -40,27 +41,10 @@ def record_tick(
     recorder: RunRecorder, robot: SimulatedRobot, move_base: MoveBase, goal: int, solids: SolidNames | None
 ) -> None:
     """Adds what the last tick did to the record; `solids` are the names of the obstacles once they have changed."""
-    tick = move_base.last_tick
-    t = tick.time
-    for name, costmap, window in (
-        ("global", move_base.global_costmap, tick.global_window),
-        ("local", move_base.local_costmap, tick.local_window),
-    ):
-        if window is not None:
-            recorder.costmap(t, name, costmap.master, window)
-    if tick.plan is not None:
-        recorder.plan(t, tick.plan.path.poses, tick.plan.path.frame)
-    if tick.local_plan is not None:
-        recorder.local_plan(t, tick.local_plan)
+    t = move_base.last_tick.time
+    record_tick_outputs(recorder, move_base)
     if robot.world.moves or solids is not None:
         recorder.solids(robot.solids.discs, robot.solids.corners, robot.solids.first, solids)
-    for scan in tick.scans:
-        if isinstance(scan, LaserScan):
-            recorder.scan(scan.stamp, scan)
-    chain = move_base.chain
-    if chain is not None:
-        for step in chain.take_steps():
-            recorder.command_step(step)
     localizer = robot.estimation.localizer
     if localizer is not None:
         recorder.estimate(localizer)
