@@ -81,10 +81,13 @@ def hashes(recorder: RunRecorder) -> dict[str, str]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("names", nargs="*", help=f"of {', '.join(RUNS)}; all by default")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(RUNS)}; all by default")
     parser.add_argument("--write", type=Path)
     parser.add_argument("--compare", type=Path)
     args = parser.parse_args()
+    unknown = [name for name in args.names if name not in RUNS]
+    if unknown:
+        parser.error(f'no run "{unknown[0]}"; use some of: {", ".join(RUNS)}')
     expected = json.loads(args.compare.read_text()) if args.compare else {}
     found: dict[str, dict[str, str]] = {}
     different = False

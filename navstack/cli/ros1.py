@@ -64,7 +64,7 @@ def sim(
     ] = False,
     name: Name = "navstack_sim",
 ) -> int:
-    """Run the simulated robot as a node: scan, odom, tf, imu, map, bumpers and the true pose; it obeys cmd_vel.
+    """Run the simulated robot as a node: scan, odom, tf, imu, map, bumpers and the true pose; it follows cmd_vel.
 
     The robot stops without a command for 0.5 s. `initialpose` puts it somewhere else. Exit codes: 0 shut down, 2 invalid input.
     """

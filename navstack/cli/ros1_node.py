@@ -37,7 +37,7 @@ class NodeCommand(TyperCommand):
 def start_node(name: str, context: typer.Context, *, own_time: bool = False) -> None:
     """Register the node at the master, with the ROS arguments of the command line. Raises InputError without a master.
 
-    With `own_time` the node keeps the wall clock whatever /use_sim_time says: it publishes /clock itself.
+    With `own_time` the node keeps the wall clock independent of /use_sim_time: it publishes /clock itself.
     """
     import io
     import signal
@@ -59,7 +59,7 @@ def start_node(name: str, context: typer.Context, *, own_time: bool = False) -> 
         simulated = ros.load("rospy.impl.simtime")
         simulated._is_use_simtime = lambda: False
     rospy.init_node(name, argv=list(sys.argv), disable_signals=True)
-    ros.end_politely()
+    ros.flush_at_shutdown()
 
     def shut_down(number: int, frame: Any) -> None:
         del number, frame

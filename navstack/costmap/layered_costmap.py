@@ -172,7 +172,7 @@ class LayeredCostmap:
     def explain(self, ix: int, iy: int) -> CellProvenance:
         """Explain which layer and observation source set the cost of a cell, and when; see `explain_cell`.
 
-        Computed on request only: the layers write the cell's surroundings once more, into a copy.
+        Computed on request only: the layers write the cell's surroundings again, into a copy.
         """
         return explain_cell(self, ix, iy)
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def explain_cell(costmap: LayeredCostmap, ix: int, iy: int, *, follow: bool = True) -> CellProvenance:
-    """Explain a cell by writing its surroundings once more, layer by layer, into a copy of the master grid.
+    """Explain a cell by writing its surroundings again, layer by layer, into a copy of the master grid.
 
     With `follow`, the explanation of an inflated cell includes that of its obstacle.
     """

@@ -154,7 +154,7 @@ def follow(
 
 
 def is_sure(estimate: PoseEstimate) -> bool:
-    """Return whether a localizer knows where it is: it says so, or, if it does not say, the spread of its position is small."""
+    """Return whether the robot is localized: as the localizer reports, or else by the spread of its position."""
     details = estimate.details
     if "lost" in details or "certain" in details:
         return not details.get("lost", not details.get("certain", False))

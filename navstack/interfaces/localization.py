@@ -30,7 +30,7 @@ class PoseEstimate:
 
 
 class LocalizationStatus(NamedTuple):
-    """Whether a robot knows where it is in the map."""
+    """Whether a robot is localized in the map."""
 
     lost: bool = False
     since: float | None = None
@@ -76,7 +76,7 @@ class Localizer(ABC):
 
     @property
     def status(self) -> LocalizationStatus | None:
-        """Whether the robot knows where it is; None (the default) for a localizer that does not watch that."""
+        """Whether the robot is localized; None (the default) for a localizer that does not watch that."""
         return None
 
     def set_hypotheses(

@@ -27,7 +27,7 @@ class RecoveryContext:
     local_planner: LocalPlanner
     controller_frequency: float = 20.0
     localization: Callable[[], LocalizationStatus | None] = lambda: None
-    """Returns whether the robot knows where it is; None for a robot that does not report it."""
+    """Returns whether the robot is localized; None for a robot that does not report it."""
 
 
 class RecoveryStatus(Enum):

@@ -39,7 +39,7 @@ class LiveServer:
         self.gate = gate
         self.read_only = read_only
         self.number = secrets.token_hex(8)
-        """Identifies this start of the server: a page that reconnects to another one begins anew."""
+        """Identifies this start of the server: a page that reconnects to another one starts over."""
         self._clients: set[Client] = set()
         self._files = _page_files()
         self._slow = asyncio.Semaphore(1)

@@ -27,7 +27,7 @@ OUTCOMES: Final = 50
 
 
 class SessionView:
-    """The differences between a session and what a page knows of it."""
+    """The differences between a session and what a page has of it."""
 
     def __init__(self, session: Session) -> None:
         self.session = session

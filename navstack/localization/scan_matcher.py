@@ -88,7 +88,7 @@ class ScanMatcher(Localizer):
 
     @property
     def estimate(self) -> PoseEstimate | None:
-        """The last estimate; `details["certain"]` says whether the robot knows where it is."""
+        """The last estimate; `details["certain"]` states whether the robot is localized."""
         return self._estimate
 
     @property

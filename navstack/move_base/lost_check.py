@@ -58,7 +58,7 @@ class LostCheck:
             events.warn(now, status.text or _UNEXPLAINED, self._error(status))
             return
         since = self._lost_at
-        events.info(now, f"the robot knows where it is again, after {now - since:.1f} s", lost=False, lost_since=since)
+        events.info(now, f"the robot is localized again, after {now - since:.1f} s", lost=False, lost_since=since)
         self._forget(now)
 
     def blocks(self, goal: ActiveGoal, now: float) -> bool:
@@ -89,7 +89,7 @@ class LostCheck:
         )
 
     def _forget(self, now: float) -> None:
-        """Forget the obstacles that were marked from wrong poses, and plan anew."""
+        """Forget the obstacles that were marked from wrong poses, and plan again."""
         navigation = self._navigation
         if self.action == "ignore":
             return

@@ -50,7 +50,7 @@ class NavEvent(Enum):
     LOST = "the robot is lost, and a recovery behavior is left (lost_action: recover)"
     LOST_WAITING = "control cycle in which the robot waits because it is lost"
     LOST_TOO_LONG = "the robot has been lost for lost_timeout"
-    FOUND = "the robot knows again where it is"
+    FOUND = "the robot is localized again"
     PLAN_FOUND = "the global planner found a plan"
     PLAN_FAILED = "the global planner found no plan"
     PLANNING_EXHAUSTED = "the global planner found no plan, and planner_patience or max_planning_retries is exhausted"

@@ -155,8 +155,8 @@ def _check_sizes(path: Path, archive: zipfile.ZipFile) -> None:
     limit = _limit()
     if total > limit:
         raise RecordError(
-            f"{path} expands to {size_text(total)}, more than {size_text(limit)}; if you trust the file, set the environment "
-            f"variable {LIMIT_VARIABLE} to {total // 1_000_000 + 1}",
+            f"{path} expands to {size_text(total)}, more than {size_text(limit)}; if the source of the file is trusted, set the "
+            f"environment variable {LIMIT_VARIABLE} to {total // 1_000_000 + 1}",
             path=str(path),
             expanded_bytes=total,
         )

@@ -74,7 +74,7 @@ Plain arrays:
     clearances               (n,) f8 m      a row per row of `samples`: distance from the unpadded footprint to the nearest
                                             obstacle, inf without obstacles; absent if unknown (a real robot)
     steering                 (n,) f8 rad    a row per row of `samples`: steering angle; absent for a base that is not steered
-    solid_discs              (r, k, 3) f4   x, y, radius, map: obstacles besides the map. r is 1 if none of them moves;
+    solid_discs              (r, k, 3) f4   x, y, radius, map: obstacles that are not on the map. r is 1 if none of them moves;
     solid_corners            (r, m, 2) f4   else there is a row per row of `samples`. Corners x, y of p polygons; those of
     solid_first              (p + 1,) i8    polygon i start at solid_first[i]. All absent if there are no obstacles besides
                                             the map and the scenario's `obstacles`. NaN while an obstacle is absent

@@ -45,7 +45,7 @@ class Record:
         """Takes the checked members of a file (`navstack.record.format`); use `Record.load`."""
         self.path = path
         self.resume: Callable[[], Any] | None = None
-        """Returns the run, recorded anew, before the first sample of this record; None: the run has to begin from its start."""
+        """Returns the run, recorded again, before the first sample of this record; None: the run has to begin from its start."""
         self.meta = meta
         self.arrays = arrays
         """The tables and arrays of the file by name (`navstack.record.format`)."""
@@ -135,12 +135,12 @@ class Record:
 
     @property
     def has_moving_solids(self) -> bool:
-        """True if obstacles besides the map moved."""
+        """True if obstacles that are not on the map moved."""
         discs = self.arrays.get("solid_discs")
         return discs is not None and len(discs) > 1
 
     def solids_at(self, t: float, *, absent: bool = False) -> tuple[NDArray[np.float32], list[NDArray[np.float32]]]:
-        """Returns the obstacles besides the map at `t` (s), in the global frame: discs (k, 3) x, y, radius, and polygons (n, 2).
+        """Returns the obstacles that are not on the map at `t` (s), global frame: discs (k, 3) x, y, radius; polygons (n, 2).
 
         Both are empty if there were only the scenario's `obstacles`. With `absent`, obstacles that exist at another time only
         are listed as NaN, so that the order is the same at every time.

@@ -81,7 +81,7 @@ class RunRecorder:
         """`footprint`: without the costmaps' padding. `scenario`: JSON data that describes the run. `sensors`: pose of every
         lidar frame in the base frame. `steering`: of a steered base. `keep_tables=False` omits the local planner's samples (a
         few hundred bytes per cycle), `keep_scans=False` the scans (about 1 kB each). `spool`: folder for what grows with the run,
-        in files that vanish with the process, instead of in memory; the methods then raise OutputError if the disk is full.
+        in temporary files instead of in memory, deleted with the process; the methods then raise OutputError if the disk is full.
         """
         self._map = map
         self._footprint = footprint
@@ -176,7 +176,7 @@ class RunRecorder:
         first: NDArray[np.int64],
         names: SolidNames | None = None,
     ) -> None:
-        """Adds the obstacles besides the map (global frame): discs (k, 3) x, y, radius, and the corners (m, 2) of polygons,
+        """Adds the obstacles that are not on the map (global frame): discs (k, 3) x, y, radius, and corners (m, 2) of polygons,
         those of polygon i at `first[i]` .. `first[i + 1] - 1`. Call it once if none of them moves, else for every sample.
 
         The numbers of discs and corners are constant, unless `names` identifies them: see `identify_solids`.

@@ -1,4 +1,4 @@
-"""Buffer of a recorder for the obstacles besides the map, which may move, appear and disappear."""
+"""Buffer of a recorder for the obstacles that are not on the map, which may move, appear and disappear."""
 
 from __future__ import annotations
 

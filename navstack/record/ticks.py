@@ -1,4 +1,4 @@
-"""What a tick of move_base adds to a record, whatever robot it drives: simulated, replayed or real."""
+"""What a tick of move_base adds to a record, for any robot: simulated, replayed or real."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""spin_to_localize: turn in place until the robot knows where it is.
+"""spin_to_localize: turn in place until the robot is localized.
 
 A lost robot that turns sees more of its surroundings, and its localizer compares each scan with the possible poses. Nav2 and
 move_base have no such behavior; its motion is that of Nav2's spin.
@@ -27,7 +27,7 @@ class SpinToLocalizeParams(SpinParams):
 
 @RECOVERY_BEHAVIORS.register("spin_to_localize")
 class SpinToLocalize(Spin):
-    """Turns by at most `spin_dist`, and ends as soon as the robot is not lost: at once if it knows where it is.
+    """Turns by at most `spin_dist`, and ends as soon as the robot is not lost: immediately if it is localized.
 
     It fails if the robot is still lost after the turn. A robot that does not report whether it is lost makes the whole turn. The
     footprint is checked as by spin.
@@ -45,7 +45,7 @@ class SpinToLocalize(Spin):
         status = self._localization()
         if status is not None and not status.lost:
             turned = math.degrees(self.progress.turned)
-            text = f"{self.name}: the robot knows where it is, after a turn of {turned:.0f} degrees"
+            text = f"{self.name}: the robot is localized, after a turn of {turned:.0f} degrees"
             return RecoveryStep(RecoveryStatus.DONE, text=text, data={"turned_rad": self.progress.turned})
         step = super().step(state, now)
         if step.status is not RecoveryStatus.DONE or status is None:

@@ -1,4 +1,4 @@
-"""A robot whose sensor data and odometry come from a log. It does not obey: what it did is recorded."""
+"""A robot whose sensor data and odometry come from a log. Its motion is recorded: commands have no effect."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a replay does besides the log."""
+"""Options of a replay."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from navstack.core import Pose2D
 
 @dataclass(frozen=True, slots=True)
 class ReplayOptions:
-    """What a replay does besides the log."""
+    """Options of a replay."""
 
     start: float | None = None
     """First time (s since the first message); None: the beginning."""
@@ -19,7 +19,7 @@ class ReplayOptions:
     topics: Mapping[str, str] = field(default_factory=dict[str, str])
     """Topic of the parameters -> topic of the log."""
     goals: tuple[tuple[float, Pose2D], ...] = ()
-    """Goals (time, pose in the global frame) besides those of the log."""
+    """Goals (time, pose in the global frame) in addition to those of the log."""
     initial_pose: Pose2D | None = None
     """Pose of the robot in the map at the start, for logs without a localization."""
     mountings: Mapping[str, tuple[str, tuple[float, ...]]] = field(

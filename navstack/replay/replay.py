@@ -36,7 +36,7 @@ TOLERANCE_S: Final = 1e-8
 """Times that differ by less are equal."""
 
 RECOVERY_TIME_LIMIT_S: Final = 20.0
-"""A recovery behavior that runs longer (s) fails: the robot of a log does not turn because navstack wants it to."""
+"""A recovery behavior that runs longer (s) fails: the robot of a log does not turn for navstack."""
 
 Progress = Callable[[float], None]
 """Called about once per second of the log with its time (s)."""
@@ -101,7 +101,7 @@ class LogReplay:
         """
         self.options = options = options or ReplayOptions()
         self.log = log
-        # the robot does not obey, so it may stand although it is commanded to move
+        # commands have no effect, so the robot may stand although it is commanded to move
         self.configuration = replace(
             configuration, navstack=configuration.navstack.model_copy(update={"stall_timeout": 0.0})
         )

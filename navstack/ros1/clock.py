@@ -1,4 +1,4 @@
-"""Seconds of a node: since its start, never backwards, whatever ROS's clock does."""
+"""Seconds of a node: since its start, never backwards, for any jump of ROS's clock."""
 
 from __future__ import annotations
 

@@ -55,5 +55,5 @@ def publish(pose: Pose2D, frame: str, wait_s: float) -> bool:
         rospy.loginfo("published x %.3f, y %.3f, yaw %.3f in %s on %s", pose.x, pose.y, pose.yaw, frame, topic)
     else:
         rospy.logwarn("nobody subscribes to %s; start the localization first", topic)
-    ros.say_goodbye(lambda: None)
+    ros.shut_down(lambda: None)
     return found

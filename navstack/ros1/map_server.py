@@ -62,4 +62,4 @@ def run(grid: OccupancyGrid) -> None:
     topics.publish(int(rospy.Time.now().to_nsec()))
     while not ros.is_stopping():
         ros.STOP.wait(0.1)
-    ros.say_goodbye(lambda: None)
+    ros.shut_down(lambda: None)

@@ -58,7 +58,7 @@ def _run_once(settings: Settings, motion: Move | Turn) -> int:
         except NavError as exc:
             rospy.logerr("%s", exc.message)
             code = 1
-    ros.say_goodbye(lambda: None)
+    ros.shut_down(lambda: None)
     return code
 
 
@@ -122,7 +122,7 @@ class _Server:
                 continue
             item.success = self._drive(item.request)
             item.done.set()
-        ros.say_goodbye(lambda: None)
+        ros.shut_down(lambda: None)
 
     def _drive(self, request: Any) -> bool:
         try:

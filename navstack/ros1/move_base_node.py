@@ -217,7 +217,7 @@ class MoveBaseNode:
                 self._turn(self.move_base)
         finally:
             # also after an error: the robot must not go on with its last velocity
-            ros.say_goodbye(self._end)
+            ros.shut_down(self._end)
 
     def _turn(self, move_base: MoveBase) -> None:
         """One turn of the loop: a cycle if it is due, what is published regularly, and the messages that wait."""

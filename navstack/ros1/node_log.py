@@ -29,7 +29,7 @@ class _Problem(NamedTuple):
     cause: str
     line: str
     time: float
-    """Time at which it was told (s, wall)."""
+    """Time at which it was logged (s, wall)."""
     is_message: bool
     """True for a message that cannot be used."""
 
@@ -37,7 +37,7 @@ class _Problem(NamedTuple):
 class NodeLog:
     """Collects the problems of the cycles; `flush` writes those that are new.
 
-    A stop is told with its cause: problems wait for `HOLD_S`, so that a stop that follows from them takes their place. What
+    A stop is logged with its cause: problems wait for `HOLD_S`, so that a stop that follows from them takes their place. What
     else fails is left out while the robot stands.
     """
 
@@ -68,7 +68,7 @@ class NodeLog:
             self._add(cause, f"no command: {line}" if event.kind == "control_failed" else line)
 
     def problem(self, text: str) -> None:
-        """Log a problem with a message; it is told as the cause of a stop that follows."""
+        """Log a problem with a message; it is logged as the cause of a stop that follows."""
         self._add(text, text, is_message=True)
 
     def flush(self, *, drives: bool) -> None:

@@ -1,4 +1,4 @@
-"""Runs single motions on a robot that publishes tf and obeys a velocity topic: no costmaps, no planner."""
+"""Runs single motions on a robot that publishes tf and follows a velocity topic: no costmaps, no planner."""
 
 from __future__ import annotations
 
@@ -178,7 +178,7 @@ class MotionRunner:
         raise RecoveryError(f"{motion.summary()}: the node was shut down")
 
     def _wait_for_subscriber(self) -> None:
-        """Wait for somebody who obeys, because the first messages of a new publisher are lost."""
+        """Wait for a subscriber, because the first messages of a new publisher are lost."""
         end = time.monotonic() + CONNECTION_S
         while self._out.get_num_connections() == 0 and time.monotonic() < end and not ros.is_stopping():
             self.inbox.run(0.02, self._report)

@@ -21,12 +21,12 @@ INSTALL: Final = (
 
 
 STOP: Final = threading.Event()
-"""Set when the process was asked to end: the node says goodbye, then the connections are closed."""
-GOODBYE_S: Final = 0.2
+"""Set when the process was asked to end: the node sends its last messages, then the connections are closed."""
+FLUSH_S: Final = 0.2
 """Time for the last messages to leave (s, wall)."""
-LONGEST_GOODBYE_S: Final = 2.0
-"""Longest wait for the goodbye (s, wall)."""
-_said: Final = threading.Event()
+LONGEST_FLUSH_S: Final = 2.0
+"""Longest wait for the last messages (s, wall)."""
+_flushed: Final = threading.Event()
 """Set when the last messages have left."""
 
 
@@ -35,17 +35,17 @@ def is_stopping() -> bool:
     return STOP.is_set() or bool(rospy().is_shutdown())
 
 
-def end_politely() -> None:
-    """Let the node say goodbye before rospy closes its connections: `rosnode kill`, or another node of the same name."""
-    rospy().on_shutdown(_wait_for_goodbye)
+def flush_at_shutdown() -> None:
+    """Let the node send its last messages before rospy closes: `rosnode kill`, or another node of the same name."""
+    rospy().on_shutdown(_wait_for_last_messages)
 
 
-def _wait_for_goodbye() -> None:
+def _wait_for_last_messages() -> None:
     STOP.set()
-    _said.wait(LONGEST_GOODBYE_S)
+    _flushed.wait(LONGEST_FLUSH_S)
 
 
-def say_goodbye(last: Callable[[], None]) -> None:
+def shut_down(last: Callable[[], None]) -> None:
     """Call `last`, which publishes the last messages, give them time to leave, and end the node.
 
     Without connections (rospy was shut down before) nothing can be published.
@@ -54,13 +54,13 @@ def say_goodbye(last: Callable[[], None]) -> None:
     if not node.is_shutdown():
         try:
             last()
-            node.rostime.wallsleep(GOODBYE_S)
+            node.rostime.wallsleep(FLUSH_S)
         except node.ROSException as exc:
             node.logdebug("the last messages could not be sent: %s", exc)
-    _said.set()
+    _flushed.set()
     node.signal_shutdown("end of the node")
-    # a shutdown from outside runs in another thread: it must have told the master before this process ends
-    end = time.monotonic() + LONGEST_GOODBYE_S
+    # a shutdown from outside runs in another thread: it must have unregistered before this process ends
+    end = time.monotonic() + LONGEST_FLUSH_S
     while not node.is_shutdown() and time.monotonic() < end:
         node.rostime.wallsleep(0.01)
 

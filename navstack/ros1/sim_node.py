@@ -115,7 +115,7 @@ class SimNode:
                 if ahead <= 0.0 or ros.is_stopping():
                     break
             self._step(reached)
-        ros.say_goodbye(lambda: None)
+        ros.shut_down(lambda: None)
 
     def _on_new_master(self) -> None:
         if self._clock is not None:

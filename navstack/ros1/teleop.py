@@ -47,7 +47,7 @@ class Teleop:
                 for key in keys:
                     self._press(key)
         finally:
-            ros.say_goodbye(lambda: self._publish(0.0, 0.0, 0.0, 0.0))
+            ros.shut_down(lambda: self._publish(0.0, 0.0, 0.0, 0.0))
 
     def _press(self, key: str) -> None:
         twist = self.keyboard.press(key)

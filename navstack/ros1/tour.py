@@ -161,4 +161,4 @@ class Tour:
             self._client.cancel_all_goals()
             self._rospy.rostime.wallsleep(0.5)
             self._cmd_vel.publish(ros.message("geometry_msgs/Twist")())
-        ros.say_goodbye(lambda: None)
+        ros.shut_down(lambda: None)

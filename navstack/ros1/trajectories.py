@@ -62,7 +62,7 @@ class TrajectoryPublisher:
                 continue
             due += EVERY_S
             self._publish()
-        ros.say_goodbye(lambda: None)
+        ros.shut_down(lambda: None)
 
     def _publish(self) -> None:
         trajectory = self.trajectory()

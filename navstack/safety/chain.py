@@ -138,7 +138,7 @@ class CommandChain:
 
     @property
     def localization_status(self) -> LocalizationStatus | None:
-        """Whether the robot knows where it is; None for a robot that does not watch it."""
+        """Whether the robot is localized; None for a robot that does not watch it."""
         return getattr(self.robot, "localization_status", None)
 
     def scans(self) -> Sequence[SensorData]:

@@ -110,7 +110,7 @@ class Drive(_Interaction):
     velocity: Annotated[list[Number], Field(min_length=3, max_length=3)] = param(
         ..., "[vx, vy, wz]; vy needs a holonomic robot", unit="m/s, rad/s"
     )
-    until: float = param(..., "time at which the robot stops and obeys its goal again", unit="s", ge=0.0, le=1e7)
+    until: float = param(..., "time at which the robot stops and follows its goal again", unit="s", ge=0.0, le=1e7)
 
 
 class Teleop(_Interaction):

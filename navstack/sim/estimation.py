@@ -53,7 +53,7 @@ class Estimation:
 
     @property
     def status(self) -> LocalizationStatus | None:
-        """Whether the robot knows where it is; None without a localizer that watches it."""
+        """Whether the robot is localized; None without a localizer that watches it."""
         return None if self.localizer is None else self.localizer.status
 
     def tell(self, pose: Transform2D, odometry: Transform2D) -> None:

@@ -260,7 +260,7 @@ class SimulatedRobot:
 
     @property
     def localization_status(self) -> LocalizationStatus | None:
-        """Whether the robot knows where it is; None for a robot that does not watch it."""
+        """Whether the robot is localized; None for a robot that does not watch it."""
         return self.estimation.status
 
     def imu_readings(self) -> Sequence[ImuReading]:
@@ -283,7 +283,7 @@ class SimulatedRobot:
 
     @property
     def by_hand(self) -> Twist2D | None:
-        """The velocity of `drive_by_hand`; None if the robot obeys `command`."""
+        """The velocity of `drive_by_hand`; None if the robot follows `command`."""
         return self._by_hand
 
     def drive_by_hand(self, twist: Twist2D | None) -> None:
@@ -374,7 +374,7 @@ class SimulatedRobot:
 
     @property
     def solids(self) -> Solids:
-        """All obstacles besides the map at the current step, pedestrians last among the discs (m, map frame)."""
+        """All obstacles that are not on the map at the current step, pedestrians last among the discs (m, map frame)."""
         return self._solids
 
     @property

@@ -1,4 +1,4 @@
-"""Parameters of the obstacles in a simulated world besides the map: outlines and motions.
+"""Parameters of the obstacles of a simulated world that are not on the map: outlines and motions.
 
 Scenario files and records contain these models: `model_validate` reads what `model_dump(mode="json")` writes.
 """

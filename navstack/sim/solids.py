@@ -1,4 +1,4 @@
-"""The obstacles of the world besides the map, at one time, in the form that the kernels take."""
+"""The obstacles of the world that are not on the map, at one time, in the form that the kernels take."""
 
 from __future__ import annotations
 

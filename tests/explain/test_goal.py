@@ -270,4 +270,4 @@ def test_a_kidnapped_robot_finds_itself_and_the_timeline_says_so() -> None:
     assert warned.begin < 8.0
     (recovery,) = report.recoveries
     assert (recovery.name, recovery.trigger) == ("localize", "LOST_R")
-    assert [line for line in of(report, "info") if "knows where it is again" in line.text]
+    assert [line for line in of(report, "info") if "is localized again" in line.text]

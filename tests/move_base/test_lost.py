@@ -64,7 +64,7 @@ def test_it_waits_and_plans_anew_when_it_is_found() -> None:
     assert (warned.text, warned.data["name"]) == (LOST.text, "LOST")
     assert (warned.data["since"], warned.data["explained"]) == (0.9, 0.12)
     (found,) = [e for e in bench.listener.of("info") if "lost" in e.data]
-    assert found.text == "the robot knows where it is again, after 2.6 s"
+    assert found.text == "the robot is localized again, after 2.6 s"
     assert found.time in bench.global_costmap.updates  # before it plans
 
 

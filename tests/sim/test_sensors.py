@@ -200,7 +200,7 @@ def test_noise_of_the_localization() -> None:
     it.advance_to(9.9)
     errors = np.array([tuple(it.frames.lookup("map", "base_footprint", 0.04 + 0.1 * k)) for k in range(98)])
     n = len(errors)
-    assert np.abs(np.diff(errors[:, 0])).min() > 0.0  # drawn anew at each update
+    assert np.abs(np.diff(errors[:, 0])).min() > 0.0  # redrawn at each update
     # and held until the next: 0.02 and 0.1 s are steps of the update before
     for a, b in ((0.04, 0.08), (5.04, 5.08)):
         assert it.frames.lookup("map", "odom", a) == it.frames.lookup("map", "odom", b)

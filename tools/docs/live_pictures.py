@@ -114,7 +114,7 @@ def ten_moments(moments: Moments, address: str) -> None:
 
 
 def animation(page: Any, target: Path) -> None:
-    """Writes a short animation: a box is put in the way, and the plan goes round."""
+    """Writes a short animation: a box is put in the way, and the plan goes around it."""
     pictures: list[Image.Image] = []
     page.click("#sheet-button")
     page.evaluate("() => { const n = window.navstack; n.camera.x = 5.2; n.camera.y = 8.6; n.camera.scale = 105; }")

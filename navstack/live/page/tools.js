@@ -138,7 +138,7 @@ export class Tools {
       case 'pose': app.act({ type: 'place', pose }); break;
       case 'copy': app.copyPose(pose); break;
       case 'passage': app.why.passage(drag.x, drag.y); break;
-      case 'delete': if (drag.shape) app.act({ type: 'remove', name: drag.shape.name }); else app.toast('There is no obstacle here; only obstacles besides the map can be removed.', 'warning'); break;
+      case 'delete': if (drag.shape) app.act({ type: 'remove', name: drag.shape.name }); else app.toast('There is no obstacle here; only obstacles that are not on the map can be removed.', 'warning'); break;
       default: app.act({ type: 'put', shape: { name: this.freeName(this.tool), ...this.shape(this.tool, drag) } });
     }
   }

@@ -54,7 +54,7 @@ class AxisGoalChecker(GoalChecker):
         return math.pi
 
     def at_position(self, approach: Approach) -> bool:
-        """Within both tolerances, and the path driven out."""
+        """Within both tolerances, and the path followed to its end."""
         p = self.params
         if approach.remaining_m > p.path_length_tolerance:
             return False

@@ -20,7 +20,7 @@ class PositionGoalCheckerParams(PluginSection):
     )
     path_length_tolerance: float = param(
         1.0,
-        "the goal is not reached while more of the path is left: a path that loops past its goal is driven out",
+        "the goal is not reached while more of the path is left: a path that loops past its goal is followed to its end",
         unit="m",
         ge=0.0,
         ros_differs="the whole path that is left counts; in Nav2 only that in the local costmap and within prune_distance",
@@ -57,7 +57,7 @@ class PositionGoalChecker(GoalChecker):
         return math.pi
 
     def at_position(self, approach: Approach) -> bool:
-        """Within the tolerance or latched, and the path driven out."""
+        """Within the tolerance or latched, and the path followed to its end."""
         p = self.params
         if approach.remaining_m > p.path_length_tolerance:
             return False

@@ -256,7 +256,7 @@ class GracefulController(PathFollower):
         self._law["beyond"] = 0.0 if self.as_nav2 else max(0.0, now.path.remaining_m - along)
         found = self._lowering(now, (x, y, yaw))
         if self.as_nav2:
-            if found is None and near and backward:  # a second attempt, for which Nav2 turns the target once more
+            if found is None and near and backward:  # a second attempt, for which Nav2 turns the target again
                 return self._lowering(now, (x, y, yaw + math.pi))
             risky = near and found is not None and found.cost >= SEARCH_COST - p.obstacle_cost_margin
             return self._search_as_nav2(now, x, y, found) if risky else found

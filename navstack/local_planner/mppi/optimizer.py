@@ -83,7 +83,7 @@ class Optimizer:
             self.last = last
 
     def reset(self) -> None:
-        """Reset the whole state: sequence, histories, last command; the noise is drawn anew."""
+        """Reset the whole state: sequence, histories, last command; the noise is redrawn."""
         self.controls: Floats = np.zeros((self.params.time_steps, 3), np.float32)
         self.history: Floats = np.zeros((HISTORY, 3), np.float32)
         """(5, 3) commands sent, the oldest first."""

@@ -53,7 +53,7 @@ class FeasiblePathHandlerParams(PluginSection):
 
 @PATH_HANDLERS.register("feasible", aliases=("nav2_controller/FeasiblePathHandler",))
 class FeasiblePathHandler(PathHandler):
-    """Hands out the plan from the pose closest to the robot on; poses behind that one are dropped for good."""
+    """Hands out the plan from the pose closest to the robot on; poses behind that one are dropped permanently."""
 
     Params: ClassVar[type[ParamModel]] = FeasiblePathHandlerParams
 

@@ -28,7 +28,7 @@ class Amcl(Localizer):
     """A particle filter over the pose of the base in a map.
 
     Scans count once the robot has moved by `update_min_d` or `update_min_a`; `resample_interval` updates later the particles are
-    drawn anew and the estimate changes. Dieter Fox et al.: Monte Carlo Localization (1999); Probabilistic Robotics, chapter 8.
+    redrawn and the estimate changes. Dieter Fox et al.: Monte Carlo Localization (1999); Probabilistic Robotics, chapter 8.
     Deliberate differences from noetic's amcl are on the parity page; `ros_defects` switches them off.
     """
 
@@ -83,7 +83,7 @@ class Amcl(Localizer):
             self._forced |= self.params.force_update_after_set_map
 
     def set_pose(self, pose: Pose2D, covariance: NDArray[np.float64], stamp: float) -> None:
-        """Start anew from a normal distribution, as the topic `initialpose` does.
+        """Restart from a normal distribution, as the topic `initialpose` does.
 
         The motion from `stamp` (s) to the last scan is added; math.inf for now. Raises InputError for a pose that is not finite
         and for a covariance that is not symmetric or has a negative eigenvalue.

@@ -112,7 +112,7 @@ class Ekf:
         return state, covariance
 
     def set_pose(self, pose: Pose2D, covariance: Array, stamp: float) -> None:
-        """Start anew at a pose with its covariance (3, 3); the velocities are 0. Raises InputError if it is not finite."""
+        """Restart at a pose with its covariance (3, 3); the velocities are 0. Raises InputError if it is not finite."""
         if not (pose.is_finite() and math.isfinite(stamp) and np.isfinite(covariance).all()):
             raise InputError(f"the pose {tuple(pose)} at {stamp} s and its covariance must be finite")
         self._state = np.array([*pose, 0.0, 0.0, 0.0, 0.0, 0.0])
