@@ -226,9 +226,10 @@ def _dwa() -> LocalPlanner:
     return cls(cls.Params(**{**values, "min_vel_trans": 0.0, "min_vel_theta": 0.0}))
 
 
-def _rollout() -> LocalPlanner:
+def _rollout(*, sideways: bool) -> LocalPlanner:
     cls = LOCAL_PLANNERS.get("trajectory_rollout").cls
-    values = {"max_vel_x": 0.5, "min_vel_x": 0.1, "max_vel_theta": 1.2, "min_vel_theta": -1.2, "escape_vel": -0.1}
+    values: dict[str, Any] = {"holonomic_robot": sideways, "y_vels": [-0.3, -0.1, 0.1, 0.3]}
+    values |= {"max_vel_x": 0.5, "min_vel_x": 0.1, "max_vel_theta": 1.2, "min_vel_theta": -1.2, "escape_vel": -0.1}
     return cls(cls.Params(**values))
 
 
@@ -299,7 +300,10 @@ _FLOAT32: Final = 1e-5
 
 LIMIT_CASES: Final[Mapping[str, LimitCase]] = {
     "dwa": LimitCase(_dwa, Limits(-0.2, 0.5, 1.5), tolerance=_FLOAT32),
-    "trajectory_rollout": LimitCase(_rollout, Limits(-0.1, 0.5, 1.2), tolerance=_FLOAT32),
+    "trajectory_rollout": LimitCase(lambda: _rollout(sideways=False), Limits(-0.1, 0.5, 1.2), tolerance=_FLOAT32),
+    "trajectory_rollout, holonomic": LimitCase(
+        lambda: _rollout(sideways=True), Limits(-0.1, 0.5, 1.2, max_y=0.3), tolerance=_FLOAT32
+    ),
     "pure_pursuit": LimitCase(_pursuit, _WINDOW, lag=True),
     "pure_pursuit, car": LimitCase(
         _car, Limits(-0.6, 0.6, 1.6, faster_x=1.2, slower_x=1.8, theta=2.6, radius=0.6), lag=True
