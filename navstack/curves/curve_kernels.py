@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from navstack.core.jit import kernel
+from navstack.core.jit import plain_kernel
 
 NONE, LEFT, STRAIGHT, RIGHT = 0, 1, 2, 3
 SEGMENTS = 5
@@ -38,21 +38,21 @@ RS_WORDS = np.array(
 RS_COUNT = np.array([3, 3, 3, 4, 4, 4, 4, 5], np.int64)
 
 
-@kernel
+@plain_kernel
 def wrapped(angle):
     """Return an angle in [0, 2 pi); within EPSILON of 2 pi it is 0: an arc of almost a full turn is none."""
     turned = angle - TAU * math.floor(angle / TAU)
     return 0.0 if turned >= TAU - EPSILON else turned
 
 
-@kernel
+@plain_kernel
 def centred(angle):
     """Return an angle in (-pi, pi]; within EPSILON of -pi it is pi."""
     turned = angle - TAU * math.floor(angle / TAU + 0.5)
     return turned + TAU if turned <= EPSILON - math.pi else turned
 
 
-@kernel
+@plain_kernel
 def dubins_candidate(word, d, a, b):
     """Return (t, p, q) of a Dubins word; t is infinite without a solution. `d`: distance; `a`, `b`: headings against it."""
     sa, sb, ca, cb = math.sin(a), math.sin(b), math.cos(a), math.cos(b)
@@ -83,7 +83,7 @@ def dubins_candidate(word, d, a, b):
     return t, p, wrapped(sign * (a - b) - t + p)
 
 
-@kernel
+@plain_kernel
 def dubins(x, y, phi):
     """Return (length, word, t, p, q) of the shortest Dubins curve to the goal (x, y, phi)."""
     d, theta = math.hypot(x, y), math.atan2(y, x)
@@ -99,7 +99,7 @@ def dubins(x, y, phi):
     return best, best_word, best_t, best_p, best_q
 
 
-@kernel
+@plain_kernel
 def tau_omega(u, v, xi, eta, phi):
     """Return the outer arcs of a word of four arcs, given its inner ones."""
     delta = centred(u - v)
@@ -111,7 +111,7 @@ def tau_omega(u, v, xi, eta, phi):
     return tau, centred(tau - u + v - phi)
 
 
-@kernel
+@plain_kernel
 def reeds_shepp_base(family, x, y, phi):
     """Return (accepted, t, u, v) of a base word; `family`: row of RS_WORDS."""
     s, c = math.sin(phi), math.cos(phi)
@@ -171,7 +171,7 @@ def reeds_shepp_base(family, x, y, phi):
     return t >= -EPSILON and u <= EPSILON and v >= -EPSILON, t, u, v
 
 
-@kernel
+@plain_kernel
 def reeds_shepp(x, y, phi):
     """Return (length, family, variant, t, u, v) of the shortest Reeds-Shepp curve to the goal (x, y, phi).
 
@@ -204,46 +204,50 @@ def reeds_shepp(x, y, phi):
     return best, best_family, best_variant, best_t, best_u, best_v
 
 
-@kernel
-def curve(x, y, phi, reverse, kinds, lengths):
-    """Write the segments of the shortest curve to the goal (x, y, phi) and return their number and the length.
+@plain_kernel
+def backwards(count, values):
+    """Return a tuple of SEGMENTS entries with the first `count` of them (3 to 5) in reverse order."""
+    a, b, c, d, e = values
+    if count == 3:
+        return c, b, a, d, e
+    return (d, c, b, a, e) if count == 4 else (e, d, c, b, a)
 
-    `reverse`: Reeds-Shepp instead of Dubins. `kinds` and `lengths`: at least SEGMENTS entries, written.
+
+@plain_kernel
+def curve(x, y, phi, reverse):
+    """Return (count, kinds, lengths, total) of the shortest curve to the goal (x, y, phi).
+
+    `reverse`: Reeds-Shepp instead of Dubins. `kinds`, `lengths`: tuples of SEGMENTS entries, of which the first `count` count.
     """
     if not reverse:
         total, word, t, p, q = dubins(x, y, phi)
-        kinds[0], kinds[1], kinds[2] = DUBINS_WORDS[word, 0], DUBINS_WORDS[word, 1], DUBINS_WORDS[word, 2]
-        lengths[0], lengths[1], lengths[2] = t, p, q
-        return 3, total
+        row = DUBINS_WORDS[word]
+        return 3, (row[0], row[1], row[2], 0, 0), (t, p, q, 0.0, 0.0), total
     total, family, variant, t, u, v = reeds_shepp(x, y, phi)
     count = RS_COUNT[family]
-    lengths[0], lengths[count - 1] = t, v
     if count == 3:
-        lengths[1] = u
+        lengths = (t, u, v, 0.0, 0.0)
     elif family == 3:
-        lengths[1], lengths[2] = u, -u
+        lengths = (t, u, -u, v, 0.0)
     elif family == 4:
-        lengths[1], lengths[2] = u, u
+        lengths = (t, u, u, v, 0.0)
+    elif count == 4:
+        lengths = (t, -HALF_PI, u, v, 0.0)
     else:
-        lengths[1], lengths[2] = -HALF_PI, u
-        if count == 5:
-            lengths[3] = -HALF_PI
-    for i in range(count):
-        kinds[i] = RS_WORDS[family, i]
+        lengths = (t, -HALF_PI, u, -HALF_PI, v)
+    row = RS_WORDS[family]
+    kinds = (row[0], row[1], row[2], row[3], row[4])
     if variant & 4:
-        for i in range(count // 2):
-            j = count - 1 - i
-            kinds[i], kinds[j] = kinds[j], kinds[i]
-            lengths[i], lengths[j] = lengths[j], lengths[i]
-    for i in range(count):
-        if variant & 1:
-            lengths[i] = -lengths[i]
-        if variant & 2:
-            kinds[i] = LEFT + RIGHT - kinds[i]
-    return count, total
+        kinds, lengths = backwards(count, kinds), backwards(count, lengths)
+    if variant & 1:
+        lengths = (-lengths[0], -lengths[1], -lengths[2], -lengths[3], -lengths[4])
+    if variant & 2:
+        both = LEFT + RIGHT
+        kinds = (both - kinds[0], both - kinds[1], both - kinds[2], both - kinds[3], both - kinds[4])
+    return count, kinds, lengths, total
 
 
-@kernel
+@plain_kernel
 def advance(kind, x, y, theta, length, radius):
     """Return the pose after a segment of signed `length` (same unit as `radius`) from (x, y, theta)."""
     if kind == STRAIGHT:
@@ -257,7 +261,7 @@ def advance(kind, x, y, theta, length, radius):
     )
 
 
-@kernel
+@plain_kernel
 def curve_lengths(starts, goals, radius, reverse, out):
     """Write the lengths (m) of the shortest curves between poses (n, 3) to `out` (n,); `radius` (n,) (m)."""
     for i in range(len(starts)):
@@ -267,7 +271,7 @@ def curve_lengths(starts, goals, radius, reverse, out):
         out[i] = (reeds_shepp(x, y, phi)[0] if reverse else dubins(x, y, phi)[0]) * radius[i]
 
 
-@kernel
+@plain_kernel
 def sample_segment(kind, pose, length, radius, count, out, first):
     """Write `count` poses after `pose` (3,), evenly spaced along a segment, to the rows of `out` from `first` on."""
     for k in range(count):

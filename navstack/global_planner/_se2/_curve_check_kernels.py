@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 
-from navstack.core.jit import kernel, plain_kernel
-from navstack.curves.curve_kernels import SEGMENTS, STRAIGHT, advance, curve
+from navstack.core.jit import plain_kernel
+from navstack.curves.curve_kernels import STRAIGHT, advance, curve
 from navstack.global_planner._se2._heuristic_kernels import angle
 from navstack.global_planner._se2._shape_kernels import (
     cell_weight,
@@ -110,16 +110,15 @@ def segment_free(costs, bits, shape, p, kind, x, y, yaw, length, radius):
     return True
 
 
-@kernel
+@plain_kernel
 def curve_cost(costs, bits, shape, p, start, goal, radius, limit, from_start):
     """Return the cost of the shortest curve between two poses (3,), infinite if it is blocked or exceeds `limit`.
 
     With `from_start` False, costs above `expansion_cost` are allowed in one run that ends at the goal only.
     """
-    kinds, lengths = np.empty(SEGMENTS, np.int64), np.empty(SEGMENTS)
     dx, dy = (goal[0] - start[0]) / radius, (goal[1] - start[1]) / radius
     c, s = math.cos(start[2]), math.sin(start[2])
-    count, size = curve(c * dx + s * dy, c * dy - s * dx, goal[2] - start[2], p.reeds_shepp != 0, kinds, lengths)
+    count, kinds, lengths, size = curve(c * dx + s * dy, c * dy - s * dx, goal[2] - start[2], p.reeds_shepp != 0)
     size *= radius
     if size * p.base_cost > limit or (not from_start and size > p.expansion_length):
         return np.inf
@@ -151,7 +150,7 @@ def curve_cost(costs, bits, shape, p, start, goal, radius, limit, from_start):
     return total
 
 
-@kernel
+@plain_kernel
 def line_cost(costs, bits, shape, p, start, goal, limit):
     """As `curve_cost`, for a robot that drives in any direction: a straight line, on which the heading turns evenly."""
     dx, dy = goal[0] - start[0], goal[1] - start[1]
@@ -162,7 +161,7 @@ def line_cost(costs, bits, shape, p, start, goal, limit):
         return np.inf
     count = max(1, math.ceil(length / SPACING), math.ceil((length + p.reach * abs(turn)) / p.sample_step))
     total, tight = 0.0, False
-    before, after = np.empty(3), np.empty(3)
+    before = start
     for k in range(count + 1):
         share = k / count
         px, py, yaw = start[0] + share * dx, start[1] + share * dy, start[2] + share * turn
@@ -176,31 +175,29 @@ def line_cost(costs, bits, shape, p, start, goal, limit):
         blocked = False
         if p.corners > 0 and near_obstacles(costs, bits, p, px, py, px, py):
             blocked = shape_blocked(costs, bits, shape, p, px, py, math.cos(yaw), math.sin(yaw))
-        after[0], after[1], after[2] = px, py, yaw
+        after = (px, py, yaw)
         # between two checks this is close enough to an arc
         if k > 0 and (blocked or tight) and motion_blocked(costs, bits, shape, p, before, after):
             return np.inf
         tight = blocked
-        before[0], before[1], before[2] = px, py, yaw
+        before = after
     return total
 
 
-@kernel
+@plain_kernel
 def sample_blocked(costs, bits, shape, samples, p, primitive, k, x, y, c, s):
     """Return True if the finely padded footprint is blocked on the way from the sample before `k` to sample `k`."""
-    before, after = np.empty(3), np.empty(3)
-    before[0], before[1], before[2] = x, y, 0.0
+    from_x, from_y, from_yaw = x, y, 0.0
     if k > primitive.first:
         sx, sy = samples[k - 1, 0], samples[k - 1, 1]
-        before[0], before[1] = x + c * sx - s * sy, y + s * sx + c * sy
-        before[2] = math.atan2(samples[k - 1, 3], samples[k - 1, 2])
+        from_x, from_y = x + c * sx - s * sy, y + s * sx + c * sy
+        from_yaw = math.atan2(samples[k - 1, 3], samples[k - 1, 2])
     sx, sy = samples[k, 0], samples[k, 1]
-    after[0], after[1] = x + c * sx - s * sy, y + s * sx + c * sy
-    turn = math.atan2(samples[k, 3], samples[k, 2]) - before[2]
+    to_x, to_y = x + c * sx - s * sy, y + s * sx + c * sy
+    turn = math.atan2(samples[k, 3], samples[k, 2]) - from_yaw
     turn -= 2.0 * math.pi * math.floor(turn / (2.0 * math.pi) + 0.5)
-    before[2] += math.atan2(s, c)
-    after[2] = before[2] + turn
-    return motion_blocked(costs, bits, shape, p, before, after)
+    from_yaw += math.atan2(s, c)
+    return motion_blocked(costs, bits, shape, p, (from_x, from_y, from_yaw), (to_x, to_y, from_yaw + turn))
 
 
 @plain_kernel
@@ -212,7 +209,7 @@ def turn_cost(costs, p, x, y, turn):
     return p.rotation * (cell_weight(p, cost) + 1.0 - p.base_cost) * abs(turn) / p.turn_step
 
 
-@kernel
+@plain_kernel
 def turn_free(costs, bits, shape, p, x, y, yaw, turn):
     """Return True if the footprint is free all along a turn in place."""
     if centre_cost(costs, p, x, y) < 0:
@@ -220,15 +217,15 @@ def turn_free(costs, bits, shape, p, x, y, yaw, turn):
     if p.corners == 0 or not near_obstacles(costs, bits, p, x, y, x, y):
         return True
     count = max(1, math.ceil(p.reach * abs(turn) / p.sample_step))
-    before, after = np.empty(3), np.empty(3)
+    before = (x, y, yaw)
     tight = False
     for k in range(count + 1):
-        after[0], after[1], after[2] = x, y, yaw + turn * k / count
+        after = (x, y, yaw + turn * k / count)
         blocked = shape_blocked(costs, bits, shape, p, x, y, math.cos(after[2]), math.sin(after[2]))
         if k > 0 and (blocked or tight) and motion_blocked(costs, bits, shape, p, before, after):
             return False
         tight = blocked
-        before[:] = after
+        before = after
     return True
 
 

@@ -7,10 +7,17 @@ import math
 
 import numpy as np
 
-from navstack.core.jit import kernel, plain_kernel
+from navstack.core.jit import plain_kernel
 from navstack.global_planner._se2._curve_check_kernels import line_cost
 from navstack.global_planner._se2._heuristic_kernels import angle
-from navstack.global_planner._se2._path_kernels import IN_PLACE, SIDEWAYS, pieces_cost, replace_pieces, write_segment
+from navstack.global_planner._se2._path_kernels import (
+    IN_PLACE,
+    SIDEWAYS,
+    pieces_cost,
+    pose_at,
+    replace_pieces,
+    write_segment,
+)
 
 LONGEST = 4.0
 """Cells: longest piece of a line."""
@@ -44,8 +51,8 @@ def write_line(segments, at, start, goal):
     return at
 
 
-@kernel
-def straighten(costs, bits, shapes, p, segments, work, values, count, goal):
+@plain_kernel
+def straighten(costs, bits, shapes, p, segments, added, values, count, goal):
     """Replace stretches of a path by straight lines that cost less and are free; return the number of pieces.
 
     As `shorten`, for a robot that drives in any direction.
@@ -54,8 +61,6 @@ def straighten(costs, bits, shapes, p, segments, work, values, count, goal):
     pieces_cost(costs, p, segments[:count], values)
     limit = p.expansion_length
     p.expansion_length = np.inf
-    start, end = np.empty(3), np.empty(3)
-    added = np.zeros(256, segments.dtype)
     span = count
     while span >= 2:
         i = 0
@@ -64,16 +69,12 @@ def straighten(costs, bits, shapes, p, segments, work, values, count, goal):
             old = 0.0
             for k in range(i, j):
                 old += values[k]
-            start[0], start[1], start[2] = segments[i].x, segments[i].y, segments[i].yaw
-            if j < count:
-                end[0], end[1], end[2] = segments[j].x, segments[j].y, segments[j].yaw
-            else:
-                end[0], end[1], end[2] = goal[0], goal[1], goal[2]
+            start, end = pose_at(segments, i, count, goal), pose_at(segments, j, count, goal)
             far = math.hypot(end[0] - start[0], end[1] - start[1]) > 1e-9
             if far and line_cost(costs, bits, shape, p, start, end, old * 0.999 - 1e-6) < np.inf:
                 fresh = write_line(added, 0, start, end)
                 if fresh <= len(added) and count - span + fresh < len(segments):
-                    count = replace_pieces(segments, work, values, count, i, j, added, fresh)
+                    count = replace_pieces(segments, values, count, i, j, added, fresh)
                     pieces_cost(costs, p, segments[i : i + fresh], values[i : i + fresh])
                     i += max(1, fresh // 2)
                     continue
@@ -83,8 +84,8 @@ def straighten(costs, bits, shapes, p, segments, work, values, count, goal):
     return count
 
 
-@kernel
-def bend(costs, bits, shapes, p, segments, work, values, count, goal, reach):
+@plain_kernel
+def bend(costs, bits, shapes, p, segments, added, values, count, goal, reach):
     """Move the points between pieces aside where lines through them cost less; return the number of pieces.
 
     `reach`: pieces before and after a point that are replaced. As `relax`, for a robot that drives in any direction.
@@ -92,36 +93,30 @@ def bend(costs, bits, shapes, p, segments, work, values, count, goal, reach):
     shape = shapes[0]
     limit = p.expansion_length
     p.expansion_length = np.inf
-    start, middle, end = np.empty(3), np.empty(3), np.empty(3)
-    added = np.zeros(256, segments.dtype)
     j = 1
     while j < count:
         first, last = max(0, j - reach), min(count, j + reach)
         old = 0.0
         for k in range(first, last):
             old += values[k]
-        start[0], start[1], start[2] = segments[first].x, segments[first].y, segments[first].yaw
-        if last < count:
-            end[0], end[1], end[2] = segments[last].x, segments[last].y, segments[last].yaw
-        else:
-            end[0], end[1], end[2] = goal[0], goal[1], goal[2]
+        start, end = pose_at(segments, first, count, goal), pose_at(segments, last, count, goal)
         row = segments[j]
         course = row.yaw + row.sideways
-        middle[2] = row.yaw
         best, best_offset = old * 0.9995 - 1e-6, 0.0
         for option in range(4):
             offset = OFFSETS[option]
-            middle[0], middle[1] = row.x - offset * math.sin(course), row.y + offset * math.cos(course)
+            middle = (row.x - offset * math.sin(course), row.y + offset * math.cos(course), row.yaw)
             cost = line_cost(costs, bits, shape, p, start, middle, best)
             if cost < best:
                 cost += line_cost(costs, bits, shape, p, middle, end, best - cost)
             if cost < best:
                 best, best_offset = cost, offset
         if best_offset != 0.0:
-            middle[0], middle[1] = row.x - best_offset * math.sin(course), row.y + best_offset * math.cos(course)
+            x, y = row.x - best_offset * math.sin(course), row.y + best_offset * math.cos(course)
+            middle = (x, y, row.yaw)
             fresh = write_line(added, write_line(added, 0, start, middle), middle, end)
             if fresh <= len(added) and count - (last - first) + fresh < len(segments):
-                count = replace_pieces(segments, work, values, count, first, last, added, fresh)
+                count = replace_pieces(segments, values, count, first, last, added, fresh)
                 pieces_cost(costs, p, segments[first : first + fresh], values[first : first + fresh])
                 j = max(j, first + fresh // 2)
         j += 1

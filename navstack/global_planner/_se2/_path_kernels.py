@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 
-from navstack.core.jit import kernel
-from navstack.curves.curve_kernels import SEGMENTS, STRAIGHT, advance, curve
+from navstack.core.jit import plain_kernel
+from navstack.curves.curve_kernels import STRAIGHT, advance, curve
 from navstack.global_planner._se2._curve_check_kernels import (
     curve_cost,
     pivot_cost,
@@ -26,7 +26,7 @@ RADII = 3
 """Numbers of radii that are tried: 1, 2 and 4 times the turning radius."""
 
 
-@kernel
+@plain_kernel
 def write_segment(segments, at, kind, x, y, yaw, size, radius):
     """Write row `at` of a path."""
     row = segments[at]
@@ -34,13 +34,12 @@ def write_segment(segments, at, kind, x, y, yaw, size, radius):
     row.kind_, row.size, row.radius, row.sideways, row.turn = kind, size, radius, 0.0, 0.0
 
 
-@kernel
+@plain_kernel
 def write_curve(segments, at, reeds_shepp, start, goal, radius, longest):
     """Write the shortest curve between two poses (3,) from row `at` on, in pieces of at most `longest`; return the next row."""
-    kinds, lengths = np.empty(SEGMENTS, np.int64), np.empty(SEGMENTS)
     dx, dy = (goal[0] - start[0]) / radius, (goal[1] - start[1]) / radius
     c, s = math.cos(start[2]), math.sin(start[2])
-    count, _ = curve(c * dx + s * dy, c * dy - s * dx, goal[2] - start[2], reeds_shepp, kinds, lengths)
+    count, kinds, lengths, _ = curve(c * dx + s * dy, c * dy - s * dx, goal[2] - start[2], reeds_shepp)
     x, y, yaw = start[0], start[1], start[2]
     for i in range(count):
         length = lengths[i] * radius
@@ -56,7 +55,7 @@ def write_curve(segments, at, reeds_shepp, start, goal, radius, longest):
     return at
 
 
-@kernel
+@plain_kernel
 def segment_end(row):
     """Return the pose at the end of a piece of a path."""
     if row.kind_ == IN_PLACE:
@@ -67,7 +66,7 @@ def segment_end(row):
     return advance(row.kind_, row.x, row.y, row.yaw, row.size, row.radius)
 
 
-@kernel
+@plain_kernel
 def write_pivot(segments, at, start, goal):
     """Write a turn in place, a straight line and a turn in place from row `at` on; return the next row."""
     first, length, last = pivot_parts(start, goal)
@@ -88,7 +87,7 @@ def write_pivot(segments, at, start, goal):
     return at
 
 
-@kernel
+@plain_kernel
 def trace(nodes, primitives, headings, pieces, last, segments):
     """Write the path to node `last` and return the number of its pieces; only count them if `segments` has fewer rows."""
     count = 0
@@ -115,7 +114,7 @@ def trace(nodes, primitives, headings, pieces, last, segments):
     return count
 
 
-@kernel
+@plain_kernel
 def pieces_cost(costs, p, segments, out):
     """Write the cost of each piece of a path."""
     for i in range(len(segments)):
@@ -127,24 +126,28 @@ def pieces_cost(costs, p, segments, out):
         out[i] = segment_cost(costs, p, kind, row.x, row.y, row.yaw + row.sideways, row.size, row.radius, np.inf)[0]
 
 
-@kernel
-def replace_pieces(segments, work, values, count, first, last, added, fresh):
+@plain_kernel
+def replace_pieces(segments, values, count, first, last, added, fresh):
     """Replace pieces first .. last - 1 by the first `fresh` rows of `added`; return the new number of pieces."""
-    tail = count - last
-    for k in range(tail):
-        work[k] = segments[last + k]
-    kept = np.empty(tail)
-    for k in range(tail):
-        kept[k] = values[last + k]
+    moved, tail = fresh - (last - first), count - last
+    for n in range(tail):
+        k = last + (n if moved < 0 else tail - 1 - n)  # in the order in which nothing is overwritten before it is moved
+        segments[k + moved] = segments[k]
+        values[k + moved] = values[k]
     for k in range(fresh):
         segments[first + k] = added[k]
-    for k in range(tail):
-        segments[first + fresh + k] = work[k]
-        values[first + fresh + k] = kept[k]
-    return first + fresh + tail
+    return count + moved
 
 
-@kernel
+@plain_kernel
+def pose_at(segments, k, count, goal):
+    """Return the pose where piece `k` of a path begins; the goal after the last of `count` pieces."""
+    if k < count:
+        return segments[k].x, segments[k].y, segments[k].yaw
+    return goal
+
+
+@plain_kernel
 def best_curve(costs, bits, shape, p, start, end, limit, radii):
     """Return the lowest cost below `limit` of a curve between two poses, and its radius; 0 if none is lower.
 
@@ -165,7 +168,7 @@ def best_curve(costs, bits, shape, p, start, end, limit, radii):
     return best, best_radius
 
 
-@kernel
+@plain_kernel
 def write_best(segments, at, reeds_shepp, start, goal, radius):
     """Write what `best_curve` found from row `at` on; return the next row."""
     if radius < 0.0:
@@ -173,17 +176,15 @@ def write_best(segments, at, reeds_shepp, start, goal, radius):
     return write_curve(segments, at, reeds_shepp, start, goal, radius, PIECE)
 
 
-@kernel
-def shorten(costs, bits, shapes, p, segments, work, values, count, goal, rounds):
+@plain_kernel
+def shorten(costs, bits, shapes, p, segments, added, values, count, goal, rounds):
     """Replace stretches of a path by curves that cost less and are free; return the number of pieces.
 
-    `segments` and `work` have room for more pieces than `count`; the path is unchanged if it ends where they end. Stretches from
-    the whole path down to two pieces are tried, from its start to its end.
+    `segments` has room for more pieces than `count`, `added` for those of one curve; without room the path stays as it is.
+    Stretches from the whole path down to two pieces are tried, from its start to its end.
     """
     shape = shapes[0]
     pieces_cost(costs, p, segments[:count], values)
-    start, end = np.empty(3), np.empty(3)
-    added = np.zeros(256, segments.dtype)
     both = p.reeds_shepp
     for _ in range(rounds):
         span = count
@@ -197,17 +198,13 @@ def shorten(costs, bits, shapes, p, segments, work, values, count, goal, rounds)
                 for k in range(i, j):
                     old += values[k]
                     has_reverse = has_reverse or (segments[k].kind_ > 0 and segments[k].size < 0.0)
-                start[0], start[1], start[2] = segments[i].x, segments[i].y, segments[i].yaw
-                if j < count:
-                    end[0], end[1], end[2] = segments[j].x, segments[j].y, segments[j].yaw
-                else:
-                    end[0], end[1], end[2] = goal[0], goal[1], goal[2]
+                start, end = pose_at(segments, i, count, goal), pose_at(segments, j, count, goal)
                 p.reeds_shepp = 1 if both != 0 and has_reverse else 0
                 _, best_radius = best_curve(costs, bits, shape, p, start, end, old * 0.999 - 1e-6, RADII)
                 if best_radius != 0.0:
                     fresh = write_best(added, 0, p.reeds_shepp != 0, start, end, best_radius)
                     if fresh < len(added) and count - span + fresh < len(segments):
-                        count = replace_pieces(segments, work, values, count, i, j, added, fresh)
+                        count = replace_pieces(segments, values, count, i, j, added, fresh)
                         pieces_cost(costs, p, segments[i : i + fresh], values[i : i + fresh])
                         changed = True
                         i += max(1, fresh // 2)
@@ -220,15 +217,13 @@ def shorten(costs, bits, shapes, p, segments, work, values, count, goal, rounds)
     return count
 
 
-@kernel
-def relax(costs, bits, shapes, p, segments, work, values, count, goal, reach):
+@plain_kernel
+def relax(costs, bits, shapes, p, segments, added, values, count, goal, reach):
     """Move the poses between pieces sideways and turn them where curves through them cost less; return the number of pieces.
 
     `reach`: pieces before and after a pose that are replaced. As `shorten` otherwise.
     """
     shape = shapes[0]
-    start, middle, end = np.empty(3), np.empty(3), np.empty(3)
-    added = np.zeros(256, segments.dtype)
     both = p.reeds_shepp
     j = 1
     while j < count:
@@ -239,19 +234,13 @@ def relax(costs, bits, shapes, p, segments, work, values, count, goal, reach):
             old += values[k]
             has_reverse = has_reverse or (segments[k].kind_ > 0 and segments[k].size < 0.0)
         p.reeds_shepp = 1 if both != 0 and has_reverse else 0
-        start[0], start[1], start[2] = segments[first].x, segments[first].y, segments[first].yaw
-        if last < count:
-            end[0], end[1], end[2] = segments[last].x, segments[last].y, segments[last].yaw
-        else:
-            end[0], end[1], end[2] = goal[0], goal[1], goal[2]
+        start, end = pose_at(segments, first, count, goal), pose_at(segments, last, count, goal)
         row = segments[j]
         best, best_offset, best_turn, radius_a, radius_b = old * 0.9995 - 1e-6, 0.0, 0.0, 0.0, 0.0
         for option in range(4):
             sign = 1.0 if option % 2 == 0 else -1.0
             offset, turn = (sign * OFFSET, 0.0) if option < 2 else (0.0, sign * TURN)
-            middle[0] = row.x - offset * math.sin(row.yaw)
-            middle[1] = row.y + offset * math.cos(row.yaw)
-            middle[2] = row.yaw + turn
+            middle = (row.x - offset * math.sin(row.yaw), row.y + offset * math.cos(row.yaw), row.yaw + turn)
             cost_a, a = best_curve(costs, bits, shape, p, start, middle, best, 1)
             if a == 0.0:
                 continue
@@ -259,13 +248,12 @@ def relax(costs, bits, shapes, p, segments, work, values, count, goal, reach):
             if b != 0.0:
                 best, best_offset, best_turn, radius_a, radius_b = cost_a + cost_b, offset, turn, a, b
         if radius_a != 0.0:
-            middle[0] = row.x - best_offset * math.sin(row.yaw)
-            middle[1] = row.y + best_offset * math.cos(row.yaw)
-            middle[2] = row.yaw + best_turn
+            x, y = row.x - best_offset * math.sin(row.yaw), row.y + best_offset * math.cos(row.yaw)
+            middle = (x, y, row.yaw + best_turn)
             fresh = write_best(added, 0, p.reeds_shepp != 0, start, middle, radius_a)
             fresh = write_best(added, fresh, p.reeds_shepp != 0, middle, end, radius_b)
             if fresh < len(added) and count - (last - first) + fresh < len(segments):
-                count = replace_pieces(segments, work, values, count, first, last, added, fresh)
+                count = replace_pieces(segments, values, count, first, last, added, fresh)
                 pieces_cost(costs, p, segments[first : first + fresh], values[first : first + fresh])
                 j = max(j, first + fresh // 2)
         j += 1
@@ -273,7 +261,7 @@ def relax(costs, bits, shapes, p, segments, work, values, count, goal, reach):
     return count
 
 
-@kernel
+@plain_kernel
 def poses_of(segments, goal, spacing, turn_step, out):
     """Write poses at most `spacing` apart to `out` (n, 3) and return their number; counts only if `out` is too short."""
     at = 0

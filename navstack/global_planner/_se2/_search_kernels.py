@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from navstack.core.jit import kernel, plain_kernel
+from navstack.core.jit import plain_kernel
 from navstack.curves.curve_kernels import STRAIGHT
 from navstack.global_planner._se2._curve_check_kernels import (
     curve_cost,
@@ -93,24 +93,22 @@ def heuristic(costs, field, ring, table, goals, p, x, y, yaw):
     return max(h, least)
 
 
-@kernel
+@plain_kernel
 def curve_and_tail_cost(costs, bits, shape, p, start, goal, tail, limit):
     """Return the cost of a curve to a pose from which `tail` (signed) straight on is the goal; the tail is free."""
     c, s = math.cos(goal[2]), math.sin(goal[2])
-    stage = np.empty(3)
-    stage[0], stage[1], stage[2] = goal[0] - tail * c, goal[1] - tail * s, goal[2]
+    stage = (goal[0] - tail * c, goal[1] - tail * s, goal[2])
     last, _, _ = segment_cost(costs, p, STRAIGHT, stage[0], stage[1], stage[2], tail, p.radius, limit)
     if last == np.inf:
         return np.inf
     return last + curve_cost(costs, bits, shape, p, start, stage, p.radius, limit - last, False)
 
 
-@kernel
+@plain_kernel
 def try_curves(costs, bits, shapes, p, node, yaw):
     """Try to reach the goals by curves from a node; keep the cheapest path."""
     shape, goals = shapes[0], shapes[2]
-    start = np.empty(3)
-    start[0], start[1], start[2] = node.x, node.y, yaw
+    start = (node.x, node.y, yaw)
     # goal headings that are not multiples of `coarse` are tried if one of the multiples was reached
     for fine in range(2 if p.coarse > 1 else 1):
         reached = False
@@ -121,19 +119,20 @@ def try_curves(costs, bits, shapes, p, node, yaw):
             if limit <= 0.0:
                 return
             p.curves_tried += 1
+            goal = (goals[i, 0], goals[i, 1], goals[i, 2])
             tail = 0.0
             if p.holonomic != 0:
-                cost = line_cost(costs, bits, shape, p, start, goals[i], limit)
+                cost = line_cost(costs, bits, shape, p, start, goal, limit)
             else:
-                cost = curve_cost(costs, bits, shape, p, start, goals[i], p.radius, limit, False)
+                cost = curve_cost(costs, bits, shape, p, start, goal, p.radius, limit, False)
                 for column in range(4, goals.shape[1]):
                     if cost == np.inf and goals[i, column] != 0.0:
                         tail = goals[i, column]
-                        cost = curve_and_tail_cost(costs, bits, shape, p, start, goals[i], tail, limit)
+                        cost = curve_and_tail_cost(costs, bits, shape, p, start, goal, tail, limit)
             kind = CURVE
             near = math.hypot(goals[i, 0] - node.x, goals[i, 1] - node.y) <= p.expansion_length
             if near and p.turn_step > 0.0 and p.holonomic == 0:
-                pivot = pivot_cost(costs, bits, shape, p, start, goals[i], min(cost, limit))
+                pivot = pivot_cost(costs, bits, shape, p, start, goal, min(cost, limit))
                 if pivot < cost:
                     cost, kind, tail = pivot, PIVOT, 0.0
             if cost < limit:

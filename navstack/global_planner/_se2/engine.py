@@ -31,6 +31,10 @@ REACHES: Final = (6, 4, 3, 2)
 """Pieces on either side of a pose that are replaced when it is moved, round by round."""
 
 
+Pose = tuple[float, float, float]
+"""x, y (cells) and yaw."""
+
+
 @dataclass(frozen=True)
 class Outcome:
     """What a search found: a path, or why there is none."""
@@ -39,7 +43,7 @@ class Outcome:
     """Of the kernels: FOUND, EXHAUSTED, LIMIT, APPROACHED."""
     segments: NDArray[np.void]
     """Pieces of the path (SEGMENT), empty without one."""
-    end: tuple[float, float, float]
+    end: Pose
     """Where the path ends (cells, rad)."""
     cost: float
     expanded: int
@@ -74,6 +78,7 @@ class PoseSearch:
         self._field_costs = np.zeros((0, 0), np.uint8)
         self._bits = np.zeros((0, 0), np.uint64)
         self._yaws = np.zeros(0)
+        self._added = np.zeros(256, SEGMENT)
         half, bins = int(self.settings["half"][0]), int(self.settings["bins"][0])
         self._table = untouched_zeros((2 * half + 1) * (half + 1) * bins, np.dtype(np.float32))
 
@@ -236,14 +241,15 @@ class PoseSearch:
             )
         node = self._nodes[last]
         heading = table.headings[int(node["heading"])]
-        end = np.array([node["x"], node["y"], heading["yaw"]])
-        goal = end.copy()
+        end = (float(node["x"]), float(node["y"]), float(heading["yaw"]))
+        goal = end
         steps = paths.trace(self._nodes, table.primitives, table.headings, table.pieces, last, np.zeros(0, SEGMENT))
         segments = np.zeros(steps + 256, SEGMENT)
         paths.trace(self._nodes, table.primitives, table.headings, table.pieces, last, segments)
         count = int(steps)
         if status == kernels.FOUND and p["best_is_curve"]:
-            goal = goals[int(p["best_goal"]), :3].copy()
+            x, y, yaw = (float(v) for v in goals[int(p["best_goal"]), :3])
+            goal = (x, y, yaw)
             if p["holonomic"]:
                 count = int(lines.write_line(segments, count, end, goal))
             elif p["best_is_curve"] == kernels.PIVOT:
@@ -253,18 +259,17 @@ class PoseSearch:
         segments = segments[:count]
         if shorten and count > 1:
             segments, cost = self._shorten(segments, goal, goals)
-        x, y, yaw = (float(v) for v in goal)
-        return Outcome(status, segments, (x, y, yaw), cost, expanded, visited, nearest, timed_out)
+        return Outcome(status, segments, goal, cost, expanded, visited, nearest, timed_out)
 
     def _shorten(
-        self, segments: NDArray[np.void], goal: NDArray[np.float64], goals: NDArray[np.float64]
+        self, segments: NDArray[np.void], goal: Pose, goals: NDArray[np.float64]
     ) -> tuple[NDArray[np.void], float]:
         """Replace stretches of a path by cheaper ones; return the path and its cost."""
         p, count = self.settings[0], len(segments)
         room = np.zeros(count + 768, SEGMENT)
         room[:count] = segments
-        work, values = np.zeros(len(room), SEGMENT), np.zeros(len(room))
-        arguments = self.costs, self._bits, (self.shape.rows, goals), p, room, work, values
+        values = np.zeros(len(room))
+        arguments = self.costs, self._bits, (self.shape.rows, goals), p, room, self._added, values
         if p["holonomic"]:
             count = int(lines.straighten(*arguments, count, goal))
             for reach in REACHES:
@@ -276,25 +281,23 @@ class PoseSearch:
             count = int(paths.shorten(*arguments, count, goal, 1))
         return room[:count], float(values[:count].sum())
 
-    def _write_curve(
-        self, segments: NDArray[np.void], count: int, start: NDArray[np.float64], goal: NDArray[np.float64]
-    ) -> int:
+    def _write_curve(self, segments: NDArray[np.void], count: int, start: Pose, goal: Pose) -> int:
         """Write the curve that the search found, and the straight way after it."""
         p = self.settings[0]
-        tail, stage = float(p["best_tail"]), goal.copy()
-        stage[:2] -= tail * np.array([math.cos(goal[2]), math.sin(goal[2])])
+        tail = float(p["best_tail"])
+        stage = (goal[0] - tail * math.cos(goal[2]), goal[1] - tail * math.sin(goal[2]), goal[2])
         both, radius = bool(p["reeds_shepp"]), float(p["radius"])
         count = int(paths.write_curve(segments, count, both, start, stage, radius, paths.PIECE))
         pieces = math.ceil(abs(tail) / paths.PIECE)
         for k in range(pieces):
-            at = stage[:2] + (goal[:2] - stage[:2]) * k / pieces
-            paths.write_segment(segments, count + k, STRAIGHT, at[0], at[1], goal[2], tail / pieces, 1.0)
+            x, y = (stage[i] + (goal[i] - stage[i]) * k / pieces for i in (0, 1))
+            paths.write_segment(segments, count + k, STRAIGHT, x, y, goal[2], tail / pieces, 1.0)
         return count + pieces
 
 
 def poses_of(outcome: Outcome, spacing: float) -> NDArray[np.float64]:
     """Poses (n, 3) of a path, at most `spacing` cells apart (cells, rad)."""
-    goal = np.array(outcome.end)
+    goal = outcome.end
     none = np.zeros((0, 3))
     turn = math.radians(10.0)
     out = np.zeros((int(paths.poses_of(outcome.segments, goal, spacing, turn, none)), 3))
