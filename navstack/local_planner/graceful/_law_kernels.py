@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from navstack.core.footprint_kernels import OUTSIDE, edge_cost, overlapped_cost, place_footprint
+from navstack.core.footprint_kernels import OUTSIDE, edge_cost, overlapped_cost, place_footprint, pose_cost
 from navstack.core.jit import kernel
 
 LAW = np.dtype(
@@ -227,3 +227,19 @@ def simulate(costs, grid, corners, start, target, settings, out, command):
         if math.hypot(to_x - x, to_y - y) <= resolution:
             return i + 1, highest, seconds if p.as_nav2 else (i + 1) * dt
     return (most if p.as_nav2 else -2), highest, seconds if p.as_nav2 else most * dt
+
+
+@kernel
+def holds(costs, grid, vertices, start, v, w, period, unknown_free):
+    """Return True if the footprint `vertices` (n, 2) does not collide while (v, w) is held: at its begin, middle and end.
+
+    `grid` and `start` as of `simulate`.
+    """
+    for half in range(3):
+        turned, length = 0.5 * half * period * w, 0.5 * half * period * v
+        heading = start[2] + 0.5 * turned
+        x, y = start[0] + length * math.cos(heading), start[1] + length * math.sin(heading)
+        cost = pose_cost(costs, grid[0], grid[1], grid[2], vertices, x, y, start[2] + turned, True)
+        if cost == OUTSIDE or cost == 254 or (cost == 255 and not unknown_free):
+            return False
+    return True

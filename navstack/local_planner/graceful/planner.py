@@ -148,7 +148,7 @@ class GracefulController(PathFollower):
             if found is None:
                 continue
             self.carrot = _in_frame_of(now.state.pose, found.target)
-            trajectory = np.vstack((np.array([now.state.pose]), self._out[: found.points]))
+            trajectory = np.concatenate((self._start[np.newaxis], self._out[: found.points]))
             notes = (self._reason(now, found, along, tried),)
             return LocalPlan(found.command, trajectory=trajectory, local_plan=local, notes=notes)
         self.carrot = None
@@ -187,10 +187,10 @@ class GracefulController(PathFollower):
         """The path; with the direction of the next pose as heading if all poses between first and last have the same one."""
         if len(poses) < 3:
             return poses
-        turned = np.array([angle_between(float(poses[1, 2]), yaw) for yaw in poses[2:-1, 2].tolist()])
+        first = float(poses[1, 2])
         # ROS differs: Nav2 also takes a path that turns left for one without headings
-        same = bool((turned >= -1e-6).all()) if self.as_nav2 else bool((np.abs(turned) <= 1e-6).all())
-        if not same:
+        most = math.inf if self.as_nav2 else 1e-6
+        if not all(-1e-6 <= angle_between(first, yaw) <= most for yaw in poses[2:-1, 2].tolist()):
             return poses
         poses = poses.copy()
         steps = np.diff(poses[:, :2], axis=0)
@@ -330,15 +330,18 @@ class GracefulController(PathFollower):
         """
         if self.as_nav2 or not self.params.use_collision_detection:
             return True
-        pose = now.state.pose
-        for share in (0.0, 0.5, 1.0):
-            turned, length = share * self.period * w, share * self.period * v
-            heading = pose.yaw + 0.5 * turned
-            at = Pose2D(pose.x + length * math.cos(heading), pose.y + length * math.sin(heading), pose.yaw + turned)
-            cost = footprint_cost(now.costmap, now.footprint, at)
-            if cost is None or cost == LETHAL or (cost == UNKNOWN and not now.track_unknown_space):
-                return False
-        return True
+        return bool(
+            kernels.holds(
+                now.costmap.data,
+                self._grid,
+                now.footprint.vertices,
+                self._start,
+                v,
+                w,
+                self.period,
+                now.track_unknown_space,
+            )
+        )
 
 
 def _in_frame_of(pose: Pose2D, target: tuple[float, float, float]) -> tuple[float, float]:
