@@ -7,12 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from navstack.bench.contact_causes import UNEXPLAINED
 from navstack.bench.safety_drive import Contact, SafetyDrive, contacts_of, explain_contacts
 from navstack.bench.safety_scene import DEAD_TIME_S, DURATION_S, PERIOD_S, robot_kinds
 from navstack.bench.table import Column, Table
 from navstack.jobs import Job, JobResult
-
-UNEXPLAINED = "unexplained"
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 import shapely
 
+from navstack.bench.contact_causes import Moment, Sight, is_worse_than_stop
 from navstack.bench.safety_bench import SafetyTask, safety_jobs, safety_tables, stopping_distance, unexplained
-from navstack.bench.safety_drive import Moment, SafetyDrive, is_worse_than_stop
+from navstack.bench.safety_drive import SafetyDrive, braking
 from navstack.bench.safety_scene import HostileSource, robot_kinds, safety_scene
 from navstack.core import Pose2D, Twist2D
 from navstack.jobs.job import JobResult, perform
@@ -55,12 +56,13 @@ def test_scenes_that_were_not_explained(number: int, why: str) -> None:
 
 def test_commands_that_are_worse_than_a_stop_are_not_explained() -> None:
     solids = SafetyDrive(0, monitored=False).robot.solids
-    scene = safety_scene(0)  # round, radius 0.2 m, 1 m/s²
+    robot = braking(safety_scene(0))  # round, radius 0.2 m, 1 m/s²
+    nothing = Sight(np.empty((0, 2)), solids)
     person = shapely.Point(0.25, 0.0).buffer(0.02)
 
     def worse(sent: Twist2D, velocity: Twist2D, obstacle: shapely.Polygon = person) -> bool:
-        moment = Moment(0.0, Pose2D(0.0, 0.0), velocity, velocity, sent, solids, np.empty((0, 2)))
-        return is_worse_than_stop(scene, moment, obstacle)
+        moment = Moment(0.0, Pose2D(0.0, 0.0), velocity, velocity, sent, solids, nothing)
+        return is_worse_than_stop(robot, moment, obstacle)
 
     assert worse(Twist2D(0.7), Twist2D(0.15))  # a stop would not touch it
     assert not worse(Twist2D(), Twist2D(0.5))
