@@ -29,8 +29,6 @@ _STANDING_M_S: Final = 0.01
 _OVERLAP_ROUNDING_M2: Final = 1e-6
 """Overlaps that differ by less are equal: 1 mm of a corner."""
 
-UNEXPLAINED: Final = "unexplained"
-"""The cause that is left: a stop would have been better."""
 Cause = Literal[
     "it moved into the standing robot",
     "seen too late",
@@ -38,6 +36,8 @@ Cause = Literal[
     "it moved into the way",
     "unexplained",
 ]
+UNEXPLAINED: Final[Cause] = "unexplained"
+"""The cause that is left: a stop would have been better."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +109,7 @@ def cause_of(robot: Braking, moments: Sequence[Moment], collision: Collision) ->
     if max(_fastest(robot, last.velocity), _fastest(robot, last.sent_before)) < _STANDING_M_S:
         return "it moved into the standing robot"
     if collision.kind == "map":
-        return "unexplained"  # walls are always seen
+        return UNEXPLAINED  # walls are always seen
     seen = next((m for m in moments if _is_seen(m, collision)), None)
     if seen is None or not _can_stop(robot, seen, moments, collision):
         return "seen too late"
@@ -157,11 +157,11 @@ def _cause_by_checks(robot: Braking, moments: Sequence[Moment], collision: Colli
         if not any(body.intersects(there) for _, body in robot.outlines(moment, moment.sent)):
             if after is None or there.symmetric_difference(_obstacle(after.solids, collision)).area > 1e-9:
                 return "it moved into the way"
-            return "unexplained"
+            return UNEXPLAINED
         if is_worse_than_stop(robot, moment, there):
-            return "unexplained" if _is_seen(moment, collision) else "not in view"
+            return UNEXPLAINED if _is_seen(moment, collision) else "not in view"
         after = moment
-    return "unexplained"
+    return UNEXPLAINED
 
 
 def _is_seen(moment: Moment, collision: Collision) -> bool:

@@ -6,7 +6,7 @@ import math
 from collections import deque
 from typing import Final
 
-from navstack.bench.contact_causes import Braking, Cause, Moment, cause_of, sight_of
+from navstack.bench.contact_causes import UNEXPLAINED, Braking, Cause, Moment, cause_of, sight_of
 from navstack.core import LaserScan, Pose2D, Transform2D, Twist2D
 from navstack.local_planner.sampling_planner import control_period
 from navstack.scenario import Run
@@ -34,9 +34,12 @@ class ContactWatch:
     def look(self) -> None:
         """Find the causes of the new contacts; remember the present state."""
         robot, tick = self._run.robot, self._run.move_base.last_tick
+        if not robot.world.moves:  # the robot's motion alone is the cause
+            self.causes = [UNEXPLAINED] * len(robot.collisions)
+            return
         for collision in robot.collisions[len(self.causes) :]:
             before = [m for m in self._moments if m.time < collision.time - 1e-9]
-            self.causes.append(cause_of(self._braking, before, collision) if before else "unexplained")
+            self.causes.append(cause_of(self._braking, before, collision) if before else UNEXPLAINED)
         scan = next((s for s in reversed(tick.scans) if isinstance(s, LaserScan) and s.frame in self._mounts), None)
         if scan is not None:
             sensor = Transform2D(*robot.pose).apply(self._mounts[scan.frame])

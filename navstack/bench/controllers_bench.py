@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple
@@ -11,6 +12,7 @@ import numpy as np
 
 from navstack.bench.barn import drive_world
 from navstack.bench.compare_scenarios import ComparedScenario, ParameterSet, read_scenarios
+from navstack.bench.contact_watch import ContactWatch
 from navstack.bench.digests import for_workers, short_names
 from navstack.core.errors import InputError
 from navstack.jobs import Job, JobResult
@@ -120,6 +122,7 @@ def _drive(scenario: ComparedScenario, chosen: ParameterSet, seed: int) -> dict[
     timings = Timings(clock=time.thread_time)
     run = Run(scenario.scenario(chosen, seed), record=False, timings=timings)
     score = None
+    watch = ContactWatch(run)
     if scenario.world is not None:
         outcome = drive_world(scenario.world, run)
         success, ended, seconds = outcome.succeeded, outcome.outcome, outcome.time_s
@@ -127,7 +130,7 @@ def _drive(scenario: ComparedScenario, chosen: ParameterSet, seed: int) -> dict[
         text = outcome.text
     else:
         while run.step():
-            pass
+            watch.look()
         result = run.result(0.0)
         success, seconds = result.succeeded, result.metrics.time_s
         length, clearance = result.metrics.length_m, result.metrics.clearance_min_m
@@ -135,6 +138,7 @@ def _drive(scenario: ComparedScenario, chosen: ParameterSet, seed: int) -> dict[
         failed = [goal for goal in result.goals if not goal.succeeded]
         ended = "; ".join(missed) or " ".join(goal.state for goal in failed)
         text = failed[0].message if failed else ""
+    watch.look()
     track = run.track()
     p50, p99 = (1e3 * np.percentile(timings.control_s, (50, 99))).tolist() if timings.control_s else (None, None)
     return {
@@ -148,6 +152,7 @@ def _drive(scenario: ComparedScenario, chosen: ParameterSet, seed: int) -> dict[
         "clearance_min_m": clearance,
         "jerk_rms_m_s3": resampled_jerk(track[:, 0], track[:, 1:], JERK_PERIOD_S),
         "contacts": len(run.robot.collisions),
+        "causes": dict(Counter(watch.causes)),
         "recoveries": sum(goal.recoveries for goal in run.outcomes),
         "cycle_p50_ms": p50,
         "cycle_p99_ms": p99,

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Any, Final, get_args
 
+from navstack.bench.contact_causes import UNEXPLAINED, Cause
 from navstack.bench.controllers_bench import MeasuredRun
 from navstack.bench.table import Column, Table
 from navstack.statistics import Interval, mean, paired_difference, rate, share
@@ -20,6 +22,7 @@ COLUMNS: Final = (
     Column("jerk_rms_m_s3", "jerk, rms (m/s³)", 2),
     Column("contacts", "contacts"),
     Column("contacts_per_hour", "contacts per hour", 1),
+    Column("avoidable_per_hour", "avoidable per hour", 1),
     Column("cycle_p50_ms", "cycle, median (ms)", 3),
     Column("cycle_p99_ms", "cycle, p99 (ms)", 3),
 )
@@ -36,12 +39,11 @@ _DIFFERENCE_COLUMNS: Final = (
 
 
 def all_tables(runs: Sequence[MeasuredRun]) -> list[Table]:
-    """The tables to show: all measures, times against the first controller if there are several, and failures if any."""
+    """The tables to show: all measures; if there are any, times against the first controller, causes of contacts, failures."""
     tables = [controllers_table(runs)]
     if len({run.controller for run in runs}) > 1:
         tables.append(differences_table(runs))
-    failures = failures_table(runs)
-    return tables if failures is None else [*tables, failures]
+    return [*tables, *(table for table in (causes_table(runs), failures_table(runs)) if table is not None)]
 
 
 def controllers_table(runs: Sequence[MeasuredRun]) -> Table:
@@ -85,6 +87,7 @@ def _row(suite: str, name: str, runs: Sequence[MeasuredRun], common: set[tuple[s
         "success": share([bool(run.values["success"]) for run in runs], groups),
         "contacts": sum(contacts),
         "contacts_per_hour": rate(contacts, hours, groups),
+        "avoidable_per_hour": rate([_causes(run)[UNEXPLAINED] for run in runs], hours, groups),
         "simulated_h": math.fsum(hours),
         "recoveries": sum(int(run.values["recoveries"]) for run in runs),
     }
@@ -130,6 +133,25 @@ def differences_table(runs: Sequence[MeasuredRun]) -> Table:
     return Table(f"times against {first}, of the runs in which both succeed", _DIFFERENCE_COLUMNS, rows)
 
 
+def causes_table(runs: Sequence[MeasuredRun]) -> Table | None:
+    """Contacts by cause, a row per suite and controller that has any; None without contacts."""
+    rows: list[dict[str, Any]] = []
+    for suite, name in dict.fromkeys((run.group, run.controller) for run in runs):
+        found = sum((_causes(run) for run in runs if (run.group, run.controller) == (suite, name)), Counter())
+        if found:
+            rows.append({"suite": suite, "controller": name, **{cause: found[cause] for cause in get_args(Cause)}})
+    if not rows:
+        return None
+    headings: dict[str, str] = {UNEXPLAINED: "avoidable"}
+    columns = [Column("suite", "suite"), Column("controller", "controller")]
+    columns += [Column(cause, headings.get(cause, cause)) for cause in get_args(Cause)]
+    return Table("contacts by cause", columns, rows)
+
+
+def _causes(run: MeasuredRun) -> Counter[Cause]:
+    return Counter(run.values["causes"])
+
+
 def failures_table(runs: Sequence[MeasuredRun]) -> Table | None:
     """A row per run without success; None if all succeed."""
     rows = [
@@ -154,6 +176,7 @@ def controllers_notes(runs: Sequence[MeasuredRun], period_s: float) -> list[str]
     """What to consider when reading the tables."""
     notes = [
         "time, clearance and jerk are of the scenarios in which every controller succeeds; contacts and cycles are of all runs",
+        "avoidable contacts: with something that the robot saw, after a command that was worse than a stop",
         f"jerk is measured at {period_s:g} s for any control frequency",
         "a cycle is processor time of the local planner's compute_command on this machine",
     ]

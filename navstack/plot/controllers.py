@@ -27,6 +27,8 @@ _PANELS: Final = (
     _Panel("contacts_per_hour", "contacts per hour"),
     _Panel("cycle_p50_ms", "cycle (ms)", log=True),
 )
+_HOLLOW: Final = {"cycle_p50_ms": "cycle_p99_ms", "contacts_per_hour": "avoidable_per_hour"}
+"""Drawn hollow in the panel of another measure."""
 _MARKERS: Final = ("o", "s", "D", "^", "v", "P", "X")
 
 
@@ -38,7 +40,9 @@ def plot_controllers(
     title: str,
     dpi: float = 130.0,
 ) -> Any:
-    """Draws a column per suite and a row per measure; bars are 95 % intervals. Of the cycle, the median and, hollow, the p99.
+    """Draws a column per suite and a row per measure; bars are 95 % intervals.
+
+    Hollow: avoidable contacts, and the p99 of the cycle.
 
     Draws to a .png, .svg or .pdf, into the axes `ax` (divided), or a new figure. Raises OutputError. Returns the file;
     without a path the axes.
@@ -64,7 +68,7 @@ def plot_controllers(
                     axes.yaxis.set_label_coords(-0.24, 0.5)
         for k, name in enumerate(names):
             whole.plot([], [], _MARKERS[k % 7], color=colors.PLANS[k % 7], label=name.replace("_", " "))
-        whole.plot([], [], "o", mfc="none", color=colors.FAINT, label="p99 of a cycle")
+        whole.plot([], [], "o", mfc="none", color=colors.FAINT, label="avoidable contacts,\np99 of a cycle")
         whole.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
         return canvas.finish(whole.figure, whole, path, dpi)
 
@@ -78,8 +82,9 @@ def _draw(axes: Any, panel: _Panel, rows: Sequence[Row | None]) -> None:
         low, high = (interval.value if math.isnan(v) else v for v in (interval.low, interval.high))
         axes.plot([k, k], [max(low, 0.0), high], color=color, lw=1.2)
         axes.plot([k], [interval.value], marker, color=color, ms=5.0, clip_on=False)
-        if panel.key == "cycle_p50_ms" and not math.isnan(row["cycle_p99_ms"].value):
-            axes.plot([k], [row["cycle_p99_ms"].value], marker, mfc="none", color=color, ms=5.0)
+        hollow = row.get(_HOLLOW.get(panel.key, ""))
+        if hollow is not None and not math.isnan(hollow.value):
+            axes.plot([k], [hollow.value], marker, mfc="none", color=color, ms=5.0)
     axes.set_xlim(-0.6, len(rows) - 0.4)
     axes.set_xticks([])
     axes.tick_params(labelsize=7.5)

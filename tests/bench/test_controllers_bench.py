@@ -10,6 +10,7 @@ import pytest
 
 from navstack.bench.controllers_bench import CONTROLLERS, MeasuredRun, read_groups, read_tunings
 from navstack.bench.controllers_tables import (
+    causes_table,
     common_cases,
     controllers_notes,
     controllers_table,
@@ -32,6 +33,7 @@ def run(controller: str, scenario: str, time_s: float | None, contacts: int = 0,
         "clearance_min_m": 0.2,
         "jerk_rms_m_s3": 1.0,
         "contacts": contacts,
+        "causes": {"it moved into the way": contacts},
         "recoveries": 0,
         "cycle_p50_ms": 0.1,
         "cycle_p99_ms": 0.2,
@@ -59,6 +61,16 @@ def test_times_against_the_first_controller() -> None:
     (row,) = differences_table(RUNS).rows
     assert (row["controller"], row["pairs"], row["verdict"]) == ("mppi", 7, "faster")
     assert row["difference"].interval.value == pytest.approx(-1.0)
+
+
+def test_avoidable_contacts_are_counted_apart() -> None:
+    runs = [*RUNS, run("mppi", "s8", 20.0, contacts=3, causes={"unexplained": 2, "seen too late": 1})]
+    row = controllers_table(runs).rows[1]
+    assert row["avoidable_per_hour"].value == pytest.approx(2 / (9 * 90.0 / 3600.0))
+    table = causes_table(runs)
+    assert table is not None and [r["controller"] for r in table.rows] == ["mppi"]
+    assert [table.rows[0][key] for key in ("unexplained", "seen too late", "it moved into the way")] == [2, 1, 1]
+    assert causes_table(RUNS[:8]) is None
 
 
 def test_failures_are_listed() -> None:

@@ -2,10 +2,11 @@
 
     python tools/bench/controllers_speed.py [--repeats N] [--cycles N] [--batch 1000 2000] [--memory]
 
-MPPI whole, with the same and with new noise, by stage and by critic; regulated pure pursuit, rotation shim and graceful. The
-scene of MPPI is that of the C++ times: a closed loop along the path of big_0_0_loop with nav2_bringup's parameters and its
-eight critics, 56 steps. The followers drive along a curved path of 2 m among random obstacles in a costmap of 6 m x 6 m at
-0.05 m; the whole of `compute_command` is timed: path handler, goal checker, command, collision check.
+MPPI whole, with the same and with new noise; by stage and by critic, median of a drive with new noise; regulated pure pursuit,
+rotation shim and graceful. The scene of MPPI is that of the C++ times: a closed loop along the path of big_0_0_loop with
+nav2_bringup's parameters and its eight critics, 56 steps. The followers drive along a curved path of 2 m among random obstacles
+in a costmap of 6 m x 6 m at 0.05 m; the whole of `compute_command` is timed: path handler, goal checker, command, collision
+check.
 
 Processor times: other programs may share the processor, so the best is beside the median (p50) and p99. The calibration does
 not cover the vector width, so the processor's name is printed. `--memory` runs 100,000 cycles of each controller and prints how
@@ -31,6 +32,7 @@ from navstack.core import Costmap, Footprint, GridGeometry, Pose2D, RobotState, 
 from navstack.core import Path as NavPath
 from navstack.interfaces import ControlInput, Inflation
 from navstack.local_planner.mppi import MPPIParams, MPPIPlanner
+from navstack.local_planner.mppi.batch import TrajectoryContext
 from navstack.local_planner.mppi.critics.cost import CostCriticParams
 from navstack.local_planner.mppi.critics.path_align import PathAlignCriticParams
 from navstack.local_planner.mppi.critics.path_angle import PathAngleCriticParams
@@ -104,61 +106,57 @@ class Loop:
         return times, inputs
 
 
-def best(function: Callable[[], Any], repeats: int) -> float:
-    """Best processor time (ms)."""
-    times: list[int] = []
-    for _ in range(repeats):
-        begin = time.process_time_ns()
-        function()
-        times.append(time.process_time_ns() - begin)
-    return min(times) * 1e-6
+class Stages:
+    """Processor times of the stages and critics of a controller while it drives, each without what it calls of the others.
 
+    A context manager: the methods are timed inside it.
+    """
 
-def stages(controller: MPPIPlanner, repeats: int) -> dict[str, float]:
-    """Best processor times (ms) of the stages and critics, in the state after a loop."""
-    optimizer: Optimizer = controller.optimizer
-    context = controller._context
-    assert context is not None
-    start = optimizer.begin(context.state.velocity)
-    found: dict[str, float] = {}
-    controls = optimizer.controls.copy()
+    def __init__(self, controller: MPPIPlanner) -> None:
+        optimizer: Optimizer = controller.optimizer
+        self.times: dict[str, list[float]] = {}
+        """Milliseconds per cycle."""
+        self._inner = [0]
+        self._cycle: dict[str, int] = {}
+        self._wrapped: list[tuple[Any, str, Any]] = []
+        for method in ("add_control_cost", "weigh", "average", "smooth", "limit"):
+            self._wrap(optimizer, method, "updateControlSequence")
+        for method in ("pin", "roll_out"):
+            self._wrap(optimizer, method, "generateNoisedTrajectories")
+        self._wrap(optimizer, "draw", "noise")
+        for critic in optimizer.critics:
+            self._wrap(critic, "add_scores", critic.name)
+        self._wrap(TrajectoryContext, "furthest_reached", "findPathFurthestReachedPoint")
+        self._wrap(controller, "compute_command", "")
 
-    def draw() -> None:
-        optimizer._drawn = None
-        optimizer.draw(0)
+    def _wrap(self, owner: Any, method: str, name: str) -> None:
+        function = getattr(owner, method)
+        self._wrapped.append((owner, method, function))
 
-    found["noise"] = best(draw, repeats)
+        def timed(*args: Any, **kwargs: Any) -> Any:
+            begin = time.process_time_ns()
+            self._inner.append(0)
+            found = function(*args, **kwargs)
+            spent = time.process_time_ns() - begin
+            self._cycle[name] = self._cycle.get(name, 0) + spent - self._inner.pop()
+            self._inner[-1] += spent
+            if not name:
+                self._end_cycle()
+            return found
 
-    def roll_out() -> None:
-        optimizer.pin(start)
-        optimizer.roll_out(start, context.state.pose)
+        setattr(owner, method, timed)
 
-    found["generateNoisedTrajectories"] = best(roll_out, repeats)
-    context.begin(optimizer.batch.anchor)
+    def __enter__(self) -> Stages:
+        return self
 
-    def furthest() -> None:
-        context.furthest = -1
-        context.furthest_reached(optimizer.batch)
+    def __exit__(self, *_: object) -> None:
+        for owner, method, function in self._wrapped:
+            setattr(owner, method, function)
 
-    found["findPathFurthestReachedPoint"] = best(furthest, repeats)
-    context.valid_poses()
-    for index, critic in enumerate(optimizer.critics):
-        critic.prepare(context)
-        found[critic.name] = best(
-            lambda c=critic, i=index: c.add_scores(optimizer.batch, optimizer.scores[i], optimizer.costs), repeats
-        )
-
-    def update() -> None:
-        optimizer.controls = controls.copy()
-        optimizer.add_control_cost()
-        optimizer.weigh()
-        optimizer.average()
-        optimizer.smooth()
-        optimizer.limit(start)
-
-    optimizer.evaluate(context)
-    found["updateControlSequence"] = best(update, repeats)
-    return found
+    def _end_cycle(self) -> None:
+        for name, spent in self._cycle.items():
+            self.times.setdefault(name or "the rest", []).append(spent * 1e-6)
+        self._cycle = {}
 
 
 FOLLOWERS = {
@@ -257,7 +255,10 @@ def time_mppi(loop: Loop, kind: str, batch: int, repeats: int, cpp: dict[str, An
         f"    C++: p50 {native['median_ms']:.3f} ms with -march=native, {plain['median_ms']:.3f} without; "
         f"noise {native['noise_ms']:.3f} ms more, in another thread"
     )
-    for name, ms in stages(kept, repeats).items():
+    with Stages(fresh) as stages:
+        loop.drive(fresh, repeats)
+    for name, times in stages.times.items():
+        ms = float(np.median(times))
         theirs = native["noise_ms"] if name == "noise" else native["parts_ms"].get(name)
         beside = f"C++ {theirs:.4f} ms" if theirs is not None else ""
         print(f"    {name:30s} {ms:8.4f} ms  {beside}")
