@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 FIXED: Final = frozenset({"global_frame", "robot_base_frame", "rolling_window", "track_unknown_space", "plugins"})
 """Parameters that a running costmap cannot change."""
+FOOTPRINT: Final = frozenset({"footprint", "robot_radius", "footprint_padding"})
+"""Parameters without a change of which a footprint that a topic has set remains, as in ROS."""
 SIZE: Final = frozenset({"width", "height", "resolution", "origin_x", "origin_y"})
 
 
@@ -47,7 +49,7 @@ def apply_reconfigure(
 ) -> bool:
     """Apply changes that `check_reconfigure` accepted; return False if nothing differs. `footprint` is padded."""
     differing = changed(costmap.params, params)
-    moved = footprint != costmap.footprint
+    moved = bool(differing & FOOTPRINT) and footprint != costmap.footprint
     others = [
         (layer, spec.params)
         for layer, spec in zip(costmap.layers, layers, strict=True)

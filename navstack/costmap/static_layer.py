@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -100,6 +101,25 @@ class StaticLayer(Layer):
         self.geometry = covering_geometry(grid)
         self._fresh = True
         return True
+
+    def update_map(self, x: int, y: int, values: NDArray[np.int8]) -> None:
+        """Replace the values (h, w) of the map from its cell (x, y) on.
+
+        ROS differs: an update that is not inside the map raises InputError; C++ writes out of bounds.
+        """
+        height, width = values.shape
+        ny, nx = self.map.geometry.shape
+        if not (0 <= x <= nx - width and 0 <= y <= ny - height):
+            raise InputError(
+                f"an update of {width} x {height} cells at ({x}, {y}) is not inside the map of {nx} x {ny} cells",
+                at=[x, y],
+                size=[width, height],
+            )
+        data = self.map.data.copy()
+        data[y : y + height, x : x + width] = values
+        self.map = replace(self.map, data=data, raw=True)
+        self.costs = interpret(self.map, self.params)
+        self._fresh = True
 
     def match_size(self, geometry: GridGeometry) -> None:
         """Write the map again at the next update."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from navstack.core import GridGeometry
 from navstack.core.parameters import ParamModel, param
-from navstack.costmap._voxel_kernels import VOXEL_GRID, clear_voxel_rays, mark_voxels
+from navstack.costmap._voxel_kernels import VOXEL_GRID, clear_voxel_rays, mark_voxels, ray_ends
 from navstack.costmap.observation_buffer import Observation
 from navstack.costmap.obstacle_layer import ObstacleLayer, ObstacleLayerParams, cells_in
 from navstack.interfaces import LayerContext
@@ -75,6 +75,31 @@ class VoxelLayer(ObstacleLayer):
             marked, free = word >> (level + self.levels) & 1, word >> level & 1
             signs.append("#" if marked else "." if free else "?")
         return "".join(signs)
+
+    def voxel_words(self) -> NDArray[np.uint32]:
+        """Return the columns (ny, nx) as costmap_2d's voxel grid stores them.
+
+        Bits z and z + 16 are set for a marked voxel, bit z only for an unknown one, none for a free one. Levels above the
+        column are unknown.
+        """
+        levels, columns = (1 << self.levels) - 1, self.marks.astype(np.int64)
+        free, marked = columns & levels, columns >> self.levels & levels
+        return ((~free & 0xFFFF) | marked | marked << LEVELS).astype(np.uint32)
+
+    def clearing_ends(self) -> NDArray[np.float64]:
+        """Return where the rays of the last clearing observations end, (n, 3): centres of voxels."""
+        ends: list[NDArray[np.float64]] = [np.empty((0, 3))]
+        g, params = self.geometry, self.params
+        for seen in (observation for buffer in self._clearing for observation in buffer.observations):
+            count, reach = seen.count, seen.source.params.raytrace_range
+            places, cells = np.empty((3, count)), np.empty((4, count), np.int32)
+            size = float(g.nx), float(g.ny)
+            ray_ends(seen.points[:count], self._kernel_settings(), (seen.x, seen.y, seen.z), reach, size, places, cells)
+            ix, iy, iz, _ = cells[:, cells[3] == 1]
+            x, y, z = (axis.astype(np.float64) + 0.5 for axis in (ix, iy, iz))
+            corner, sizes = (g.origin_x, g.origin_y, params.origin_z), (g.resolution, g.resolution, params.z_resolution)
+            ends.append(np.array(corner) + np.column_stack((x, y, z)) * np.array(sizes))
+        return np.concatenate(ends)
 
     def _serial_bits(self) -> int:
         return min(8 * self._word.itemsize - 2 * self.levels, 16)

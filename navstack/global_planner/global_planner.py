@@ -27,7 +27,6 @@ class GlobalPlannerParams(SearchParams):
     NO_EFFECT: ClassVar[Mapping[str, str]] = {
         "planner_window_x": "read by GlobalPlanner, never used",
         "planner_window_y": "read by GlobalPlanner, never used",
-        "publish_scale": "scales the potential that ROS publishes; here the plan contains it unscaled",
     }
 
     CLAMPED: ClassVar[frozenset[str]] = frozenset(
@@ -61,7 +60,8 @@ class GlobalPlannerParams(SearchParams):
     lethal_cost: int = param(253, "cells with a cost of at least this value less one are blocked", ge=1, le=255)
     neutral_cost: int = param(50, "cost of a free cell", ge=1, le=255)
     cost_factor: float = param(3.0, "factor on the costmap's costs", ge=0.01, le=5.0)
-    publish_potential: bool = param(True, "publish the potential; here the plan contains it on request")
+    publish_potential: bool = param(True, "publish the potential (ROS 1 node); elsewhere plans contain it on request")
+    publish_scale: int = param(100, "value of the largest potential that is published (ROS 1 node)", ge=1, le=127)
     orientation_mode: int = param(
         1,
         "headings: 0 none, 1 forward, 2 interpolate, 3 forward then interpolate, 4 backward, 5 leftward, 6 rightward",

@@ -149,20 +149,25 @@ class MessageBuilder:
 
     def cloud(self, time_ns: int, cloud: PointCloud) -> Any:
         """Return a point cloud of x, y, z."""
-        data = np.ascontiguousarray(cloud.points, np.float32)
+        return self.points(time_ns, cloud.frame, "xyz", cloud.points)
+
+    def points(self, time_ns: int, frame: str, names: Sequence[str], rows: NDArray[np.floating[Any]]) -> Any:
+        """Return a PointCloud2 of (n, k) values with the names of its k fields."""
+        data = np.ascontiguousarray(rows, np.float32)
         fields = [
             self.of("sensor_msgs/msg/PointField", name=name, offset=4 * i, datatype=_FLOAT32, count=1)
-            for i, name in enumerate("xyz")
+            for i, name in enumerate(names)
         ]
+        step = 4 * len(names)
         return self.of(
             "sensor_msgs/msg/PointCloud2",
-            header=self.header(time_ns, cloud.frame),
+            header=self.header(time_ns, frame),
             height=1,
             width=len(data),
             fields=fields,
             is_bigendian=False,
-            point_step=12,
-            row_step=12 * len(data),
+            point_step=step,
+            row_step=step * len(data),
             data=np.frombuffer(data.tobytes(), np.uint8),
             is_dense=True,
         )
@@ -186,13 +191,18 @@ class MessageBuilder:
         """Return the map as map_server publishes it."""
         geometry = grid.geometry
         origin = Pose2D(geometry.origin_x, geometry.origin_y, grid.origin_yaw)
-        return self._grid(time_ns, grid.frame, geometry.resolution, origin, np.asarray(grid.data, np.int8))
+        data = np.asarray(grid.data, np.int8)
+        return self._grid(time_ns, grid.frame, geometry.resolution, origin, data, loaded_ns=time_ns)
 
     def costmap(self, time_ns: int, costmap: Costmap) -> Any:
         """Return a whole costmap as costmap_2d publishes it."""
+        return self.values(time_ns, costmap, _PUBLISHED[costmap.data])
+
+    def values(self, time_ns: int, costmap: Costmap, values: NDArray[np.int8]) -> Any:
+        """Return a grid of values (ny, nx) at the place of a costmap. It has no load time, unlike a map."""
         geometry = costmap.geometry
         origin = Pose2D(geometry.origin_x, geometry.origin_y, 0.0)
-        return self._grid(time_ns, costmap.frame, geometry.resolution, origin, _PUBLISHED[costmap.data])
+        return self._grid(time_ns, costmap.frame, geometry.resolution, origin, values, loaded_ns=0)
 
     def costmap_update(self, time_ns: int, costmap: Costmap, window: Window) -> Any:
         """Return the cells of a window."""
@@ -207,10 +217,12 @@ class MessageBuilder:
             data=_PUBLISHED[part].ravel(),
         )
 
-    def _grid(self, time_ns: int, frame: str, resolution: float, origin: Pose2D, data: NDArray[np.int8]) -> Any:
+    def _grid(
+        self, time_ns: int, frame: str, resolution: float, origin: Pose2D, data: NDArray[np.int8], *, loaded_ns: int
+    ) -> Any:
         info = self.of(
             "nav_msgs/msg/MapMetaData",
-            map_load_time=self.time(time_ns),
+            map_load_time=self.time(loaded_ns),
             resolution=resolution,
             width=data.shape[1],
             height=data.shape[0],

@@ -13,7 +13,7 @@ from navstack.move_base.goal import Goal, GoalHandle, GoalResult, StatusListener
 from navstack.move_base.goal_status import GoalStatus, ServerCall
 
 STATUS_LIST_TIMEOUT_S = 5.0
-"""Time for which a goal remains on the status list after its end (actionlib's status_list_timeout)."""
+"""Default of actionlib's status_list_timeout."""
 
 
 class SimpleActionServer:
@@ -27,6 +27,8 @@ class SimpleActionServer:
         """True if the current goal must end: it was cancelled, or another goal is waiting."""
         self.last_cancel = -float("inf")
         """Goals stamped up to this time (s) are recalled."""
+        self.status_list_timeout_s = STATUS_LIST_TIMEOUT_S
+        """Time (s) for which a goal remains on the status list after its end."""
         self._next_preempt_requested = False
         self._handles: dict[str, GoalHandle] = {}
         self._cancelled_before_sent: dict[str, float] = {}
@@ -154,10 +156,10 @@ class SimpleActionServer:
         self._end(ServerCall.SET_CANCELED, now, text, result)
 
     def prune(self, now: float) -> None:
-        """Remove goals from the status list that ended more than STATUS_LIST_TIMEOUT_S before `now` (s)."""
+        """Remove goals from the status list that ended more than `status_list_timeout_s` before `now` (s)."""
         if len(self._handles) < 2 and not self._cancelled_before_sent:
             return
-        old = now - STATUS_LIST_TIMEOUT_S
+        old = now - self.status_list_timeout_s
         for handle in [h for h in self._handles.values() if h.ended_at is not None and h.ended_at < old]:
             if handle is not self.current:
                 del self._handles[handle.id]

@@ -38,10 +38,14 @@ class PlanRequest(NamedTuple):
     footprint: Footprint
     goal_id: str
     at: float
+    keep_potential: bool = False
+    """Whether the plan is to have its potential."""
 
     def carry_out(self) -> Plan:
         """Plan. Raises NavError for any exception of the planner."""
-        return plugin_calls.make_plan(self.planner, self.costmap, self.start, self.goal, self.footprint)
+        return plugin_calls.make_plan(
+            self.planner, self.costmap, self.start, self.goal, self.footprint, keep_potential=self.keep_potential
+        )
 
     def answer(self, plan: Plan | None = None, error: NavError | None = None) -> PlanAnswer:
         """Return the answer to this request."""

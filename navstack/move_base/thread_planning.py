@@ -101,6 +101,8 @@ class ThreadPlanning:
         A planner that works on one request for longer than `hang_timeout_s` (s, in the time of the ticks) hangs.
         """
         self.hang_timeout_s = hang_timeout_s
+        self.keep_potential = False
+        """Whether plans are to have their potential, for viewers."""
         self.hung = 0
         """How often the present planner was replaced because it hung."""
         self._on_answer = on_answer
@@ -127,7 +129,7 @@ class ThreadPlanning:
             if self._worker is not None:
                 self._worker.submit(None)
             self._planner, self._worker, self.hung = planner, _Worker(planner, self._on_answer), 0
-        self._job = _Job(request._replace(costmap=request.costmap.copy()))
+        self._job = _Job(request._replace(costmap=request.costmap.copy(), keep_potential=self.keep_potential))
         if self._worker is not None:
             self._worker.submit(self._job)
 

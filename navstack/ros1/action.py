@@ -7,20 +7,38 @@ from typing import Any, Final
 from navstack.core import Event, Pose2D
 from navstack.logs.builder import MessageBuilder
 from navstack.move_base import GoalHandle, GoalStatus, MoveBase
+from navstack.move_base.action_server import STATUS_LIST_TIMEOUT_S
 from navstack.ros1 import ros
 from navstack.ros1.clock import NodeClock
 from navstack.ros1.inbox import Inbox
 
 STATUS_HZ: Final = 5.0
 """Default of actionlib_status_frequency (Hz)."""
+QUEUE: Final = 50
+"""Default of the lengths of actionlib's queues."""
+LARGEST: Final = 1e6
+"""Parameters of actionlib above are not valid."""
 
 
 def _status_period(rospy: Any) -> float:
     """Return the time (s) between two status messages: actionlib_status_frequency, looked up in the enclosing namespaces."""
+    if rospy.has_param("move_base/status_frequency"):
+        rospy.logwarn(
+            "the parameter move_base/status_frequency is deprecated in actionlib and has no effect; "
+            "set actionlib_status_frequency"
+        )
     name = rospy.search_param("actionlib_status_frequency")
-    value = STATUS_HZ if name is None else rospy.get_param(name)
-    frequency = float(value) if isinstance(value, (int, float)) and value > 0.0 else STATUS_HZ
+    frequency = STATUS_HZ if name is None else _positive(rospy, name, STATUS_HZ)
     return 1.0 / frequency
+
+
+def _positive(rospy: Any, name: str, default: float) -> float:
+    """Return a parameter that is a positive number, or the default."""
+    value = rospy.get_param(name, default)
+    if isinstance(value, (int, float)) and not isinstance(value, bool) and 0.0 < value < LARGEST:
+        return float(value)
+    rospy.logwarn("the parameter %s is %r, not a positive number; %g is used", name, value, default)
+    return default
 
 
 class ActionInterface:
@@ -38,24 +56,29 @@ class ActionInterface:
         self._name = str(rospy.get_name())
         goal, cancel = ros.message("move_base_msgs/MoveBaseActionGoal"), ros.message("actionlib_msgs/GoalID")
         self._goal_type = goal
+        self._list_timeout_s = _positive(rospy, "move_base/status_list_timeout", STATUS_LIST_TIMEOUT_S)
+        out, into = (
+            int(_positive(rospy, f"move_base/actionlib_server_{way}_queue_size", QUEUE)) for way in ("pub", "sub")
+        )
         self._status = rospy.Publisher(
-            "move_base/status", ros.message("actionlib_msgs/GoalStatusArray"), queue_size=50, latch=True
+            "move_base/status", ros.message("actionlib_msgs/GoalStatusArray"), queue_size=out, latch=True
         )
         self._feedback_out = rospy.Publisher(
-            "move_base/feedback", ros.message("move_base_msgs/MoveBaseActionFeedback"), queue_size=50
+            "move_base/feedback", ros.message("move_base_msgs/MoveBaseActionFeedback"), queue_size=out
         )
         self._result = rospy.Publisher(
-            "move_base/result", ros.message("move_base_msgs/MoveBaseActionResult"), queue_size=50
+            "move_base/result", ros.message("move_base_msgs/MoveBaseActionResult"), queue_size=out
         )
         self._own_goals = rospy.Publisher("move_base/goal", goal, queue_size=1)
         # goals and cancels arrive in the order in which they were sent, because one queue holds both
-        rospy.Subscriber("move_base/goal", goal, inbox.poster(self._on_goal), queue_size=50)
-        rospy.Subscriber("move_base/cancel", cancel, inbox.poster(self._on_cancel), queue_size=50)
+        rospy.Subscriber("move_base/goal", goal, inbox.poster(self._on_goal), queue_size=into)
+        rospy.Subscriber("move_base/cancel", cancel, inbox.poster(self._on_cancel), queue_size=into)
         simple = ros.message("geometry_msgs/PoseStamped")
         rospy.Subscriber("move_base_simple/goal", simple, self._on_simple_goal, queue_size=1)
 
     def connect(self, move_base: MoveBase) -> None:
         """Use this goal manager; before, goals are not accepted."""
+        move_base.server.status_list_timeout_s = self._list_timeout_s
         self._move_base = move_base
 
     # --- messages of clients ------------------------------------------------------------------------------------------

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
-from navstack.core import Window
+from navstack.core import Transform2D, Window
 from navstack.core.errors import NavError
 from navstack.costmap import LayeredCostmap
 from navstack.logs.builder import MessageBuilder
 from navstack.move_base.schedule import Schedule
 from navstack.ros1 import ros
 from navstack.ros1.clock import NodeClock
+from navstack.ros1.costmap_inputs import footprint_topic
 from navstack.ros1.inbox import Inbox
+from navstack.ros1.voxel_topics import VoxelTopics
 
 
 class CostmapTopics:
@@ -38,7 +40,9 @@ class CostmapTopics:
         self._full = rospy.Publisher(f"{name}/costmap", grid, subscriber_listener=Greeter(), queue_size=1)
         self._updates = rospy.Publisher(f"{name}/costmap_updates", update, queue_size=1)
         polygon = ros.message("geometry_msgs/PolygonStamped")
-        self._footprint = rospy.Publisher(f"{name}/footprint", polygon, queue_size=1)
+        topic = footprint_topic(costmap, "published_footprint_topic")
+        self._footprint = rospy.Publisher(topic, polygon, queue_size=1)
+        self._voxels = VoxelTopics(costmap, build)
 
     def _grid(self) -> Any:
         return self._build.costmap(self._clock.ns(self._clock.now()), self.costmap.master)
@@ -52,6 +56,7 @@ class CostmapTopics:
                 self._touched = window if before is None else _union(before, window)
             if self._footprint.get_num_connections():
                 self._publish_footprint(now)
+            self._voxels.publish(self._clock.ns(now))
         self._schedule.set_frequency(costmap.params.publish_frequency, now)
         if not self._schedule.is_due(now):
             return
@@ -71,8 +76,6 @@ class CostmapTopics:
             pose = self.costmap.robot_pose(now)
         except NavError:
             return
-        from navstack.core import Transform2D
-
         corners = Transform2D(*pose).apply_points(self.costmap.footprint.vertices)
         self._footprint.publish(self._build.polygon(self._clock.ns(now), self.costmap.frame, corners))
 

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from navstack.core.errors import InputError, NavError
 from navstack.motion import Move, Turn
-from navstack.ros1 import handsfree, private, ros
+from navstack.ros1 import generated_messages, private, ros
 from navstack.ros1.open_motion import MotionRunner, Settings
 
 NODE_WAIT_S: Final = 5.0
@@ -98,7 +98,7 @@ class _Server:
         self._waiting: queue.SimpleQueue[_Request] = queue.SimpleQueue()
         self._runner = MotionRunner(settings)
         self._runner.wait_for_transform(SERVICE_WAIT_S)
-        self._response = ros_class = handsfree.service(kind)
+        self._response = ros_class = generated_messages.message(f"handsfree_msgs/srv/{kind}")
         self._service = rospy.Service(name, ros_class, self._call)
         rospy.loginfo("the service %s is ready", rospy.resolve_name(name))
 

@@ -24,6 +24,8 @@ from navstack.replay.topics import sensor_topics
 from navstack.ros1 import ros
 from navstack.ros1.action import ActionInterface
 from navstack.ros1.clock import NodeClock, StillClock, wait_for_clock
+from navstack.ros1.cloud_topics import CloudTopics
+from navstack.ros1.costmap_inputs import CostmapInputs
 from navstack.ros1.costmap_topics import CostmapTopics
 from navstack.ros1.diagnostics import Diagnostics
 from navstack.ros1.inbox import Inbox
@@ -139,20 +141,24 @@ class MoveBaseNode:
         if self._record_folder is not None:
             self.record = LiveRecord(*self._record_folder, self.configuration, self._map, self.robot)
             listeners.append(self.record)
+        planning = ThreadPlanning(on_answer=self.inbox.wake)
         move_base = self.move_base = build_move_base(
             self.configuration,
             self.robot,
             static_map=self._map,
             listeners=listeners,
-            planning=ThreadPlanning(on_answer=self.inbox.wake),
+            planning=planning,
         )
         self.plans = PlanTopics(self.configuration, self.clock, self.build)
+        self.clouds = CloudTopics(self.configuration, planning, self.clock, self.build)
         self.costmaps = [
             CostmapTopics(costmap, self.clock, self.build, self.inbox)
             for costmap in (move_base.global_costmap, move_base.local_costmap)
             if isinstance(costmap, LayeredCostmap)
         ]
-        Services(self.configuration, move_base, self.clock, self.build, self.inbox)
+        self._inputs = [CostmapInputs(topics.costmap, self.inbox) for topics in self.costmaps]
+        publish_plan = self.plans.publish_plan
+        Services(self.configuration, move_base, self.clock, self.build, self.inbox, publish_plan)
         self.action.connect(move_base)
         self.diagnostics = Diagnostics(self.robot, self.times, self.clock, self.build)
         servers = ReconfigureServers(self.configuration, move_base, self.inbox)
@@ -270,6 +276,7 @@ class MoveBaseNode:
             topics.publish(now, window)
         if self.plans is not None:
             self.plans.publish(move_base, now)
+            self.clouds.publish(move_base, now)
         self.times.mark("publishing")
 
     def _report(self, error: NavError) -> None:

@@ -1,4 +1,4 @@
-"""Writes the packages navstack_ros1, move_base, map_server and handsfree_msgs for roslaunch, all or none of them."""
+"""Writes packages for roslaunch, all or none of them: navstack_ros1, those in place of the originals, and messages."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import Final
 import navstack
 from navstack.core.errors import InputError, OutputError
 from navstack.core.files import ensure_directory, resolved
-from navstack.ros1 import handsfree, package_files
+from navstack.ros1 import generated_messages, package_files
 
 DROP_IN: Final = {"move_base": ("move_base",), "map_server": ("map_server",)}
 """Packages with the names of the original ones, and their nodes."""
@@ -37,9 +37,10 @@ def packages(*, drop_in: bool) -> dict[str, dict[str, str]]:
             **package_files.data_files(),
             **scripts,
         },
-        handsfree.PACKAGE: _services(),
+        "handsfree_msgs": _messages("handsfree_msgs"),
     }
     if drop_in:
+        made["costmap_2d"] = _messages("costmap_2d")
         for package, nodes in DROP_IN.items():
             made[package] = {
                 "package.xml": package_files.package_xml(
@@ -51,21 +52,22 @@ def packages(*, drop_in: bool) -> dict[str, dict[str, str]]:
     return made
 
 
-def _services() -> dict[str, str]:
-    """Return the files of handsfree_msgs: definitions, and their Python code, which roslib finds below src/."""
-    package = handsfree.PACKAGE
+def _messages(package: str) -> dict[str, str]:
+    """Return the files of a package of messages or services: definitions, and their code, which roslib finds below src/."""
+    names = {name: text for name, text in generated_messages.DEFINITIONS.items() if name.startswith(f"{package}/")}
+    listed = ", ".join(name.rpartition("/")[2] for name in names)
     manifest = (
-        f"<package>\n  <!-- {package_files.MARKER} -->\n  <description>SpecialMove and SpecialTurn</description>\n"
+        f"<package>\n  <!-- {package_files.MARKER} -->\n  <description>{listed}</description>\n"
         '  <author>navstack</author>\n  <license>BSD-3-Clause</license>\n  <export>\n    <python path="${prefix}/src"/>\n'
         "  </export>\n</package>\n"
     )
     files = {"manifest.xml": manifest, f"src/{package}/__init__.py": ""}
-    lines: list[str] = []
-    for name, definition in handsfree.DEFINITIONS.items():
-        files[f"srv/{name}.srv"] = definition
-        files[f"src/{package}/srv/_{name}.py"] = handsfree.source(name)
-        lines.append(f"from ._{name} import *\n")
-    files[f"src/{package}/srv/__init__.py"] = "".join(lines)
+    for name, text in names.items():
+        short, kind = name.rpartition("/")[2], "srv" if "/srv/" in name else "msg"
+        files[f"{kind}/{short}.{kind}"] = text
+        files[f"src/{package}/{kind}/_{short}.py"] = generated_messages.source(name)
+        index = f"src/{package}/{kind}/__init__.py"
+        files[index] = files.get(index, "") + f"from ._{short} import *\n"
     return files
 
 

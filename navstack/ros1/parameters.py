@@ -14,15 +14,16 @@ from navstack.ros1 import ros
 SEARCHED: Final = (
     "footprint",
     "robot_radius",
-    "footprint_topic",
     "obstacle_range",
     "raytrace_range",
     "controller_frequency",
-    "actionlib_status_frequency",
 )
 """Parameters that are looked up in the enclosing namespaces (searchParam)."""
-NOT_OURS: Final = frozenset({"actionlib_status_frequency", "footprint_topic"})
-"""Parameters of the node, not of the goal manager."""
+NOT_OURS: Final = (
+    *("actionlib_status_frequency", "actionlib_server_pub_queue_size", "actionlib_server_sub_queue_size"),
+    *("status_list_timeout", "status_frequency", "footprint_topic", "published_footprint_topic"),
+)
+"""Parameters of the node's topics, not of the goal manager."""
 
 
 def load(sources: Sequence[str] = (), overrides: Sequence[str] = (), *, distro: str | None = None) -> Configuration:

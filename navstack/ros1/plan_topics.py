@@ -42,7 +42,7 @@ class PlanTopics:
             self._publish_goal(move_base, stamp)
         if tick.plan is not None:
             path = tick.plan.path
-            self._plan.publish(self._build.path(stamp, path.frame, path.poses))
+            self.publish_plan(self._build.path(stamp, path.frame, path.poses))
         local = tick.local_plan
         if local is None:
             return
@@ -52,6 +52,10 @@ class PlanTopics:
         if local.local_plan is not None and self._global_plan.get_num_connections():
             self._global_plan.publish(self._build.path(stamp, local.local_plan.frame, local.local_plan.poses))
 
+    def publish_plan(self, path: Any) -> None:
+        """Publish a nav_msgs/Path of the global planner; a service may call this in its thread."""
+        self._plan.publish(path)
+
     def on_event(self, event: Event, move_base: MoveBase | None) -> None:
         """Publish a goal that was accepted, an attempt to plan that failed, and the start of a recovery behavior."""
         if move_base is None:
@@ -59,7 +63,7 @@ class PlanTopics:
         stamp, frame = self._clock.ns(event.time), move_base.global_costmap.frame
         if event.kind == "plan_failed":
             # as navfn: every attempt is published, one without a plan as an empty path
-            self._plan.publish(ros.message("nav_msgs/Path")())
+            self.publish_plan(self._build.path(stamp, frame, np.empty((0, 3))))
         elif event.kind == "goal":
             self._accepted = str(event.data["id"])
         elif event.kind == "recovery":

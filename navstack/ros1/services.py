@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Callable
 from typing import Any
 
-from navstack.core import Pose2D
-from navstack.core.errors import InputError, NavError, PlanningError
+import numpy as np
+
+from navstack.core import Costmap, Footprint, Pose2D
+from navstack.core.errors import NavError, PlanningError
+from navstack.interfaces import GlobalPlanner
 from navstack.logs import messages as msg
 from navstack.logs.builder import MessageBuilder
-from navstack.move_base import MoveBase
+from navstack.move_base import MoveBase, plugin_calls
 from navstack.parameters.configuration import Configuration
 from navstack.ros1 import ros
 from navstack.ros1.clock import NodeClock
 from navstack.ros1.inbox import Inbox
+from navstack.smoother import unsmoothed
 
 
 class Services:
-    """Offers the services; they run in the thread of the node."""
+    """Offers the services of the node; they run in its thread."""
 
     def __init__(
         self,
@@ -25,17 +31,19 @@ class Services:
         clock: NodeClock,
         build: MessageBuilder,
         inbox: Inbox,
+        publish: Callable[[Any], None],
     ) -> None:
+        """`publish` gets the nav_msgs/Path of each attempt to plan, an empty one after a failure."""
         rospy = ros.rospy()
-        self._move_base, self._clock, self._build = move_base, clock, build
+        self._move_base, self._clock, self._build, self._publish = move_base, clock, build, publish
         get_plan, empty = ros.message("nav_msgs/srv/GetPlan"), ros.message("std_srvs/srv/Empty")
         planner = configuration.global_planner
         name = planner.namespace or planner.name
-
+        own = PlannerService(move_base, clock, build, inbox, publish)
         self._kept = [
             rospy.Service("~make_plan", get_plan, inbox.caller(self._make_plan)),
             rospy.Service("~clear_costmaps", empty, inbox.caller(self._clear)),
-            rospy.Service(f"~{name}/make_plan", get_plan, inbox.caller(self._planner_plan)),
+            rospy.Service(f"~{name}/make_plan", get_plan, own.answer),
         ]
 
     def _clear(self, request: Any) -> Any:
@@ -45,45 +53,85 @@ class Services:
 
     def _make_plan(self, request: Any) -> Any:
         """Plan as move_base's service. None, an error for the client, while a goal is active."""
-        start = request.start if request.start.header.frame_id else None
+        start = _pose(request.start) if request.start.header.frame_id else None
         response = ros.message("nav_msgs/srv/GetPlanResponse")()
+        frame = self._move_base.global_costmap.frame
         try:
-            poses = self._plan(request.goal, start, float(request.tolerance))
+            _check_frames(frame, request.goal, *([] if start is None else [request.start]))
+            plan = self._move_base.make_plan(_pose(request.goal), start, tolerance=float(request.tolerance))
         except PlanningError as exc:
             ros.rospy().logwarn("make_plan: %s", exc.message)
+            stamp = self._clock.ns(self._clock.now())
+            self._publish(self._build.path(stamp, frame, np.empty((0, 3))))
             return response
-        except InputError as exc:
-            ros.rospy().logerr("make_plan: %s", exc.message)
-            return None
         except NavError as exc:
             ros.rospy().logerr("make_plan: %s", exc.message)
             return None
-        response.plan = poses
+        path = self._build.path(self._clock.ns(self._clock.now()), frame, plan.path.poses)
+        self._publish(path)
         # ROS leaves the header of this plan empty
-        response.plan.header.frame_id = ""
-        response.plan.header.stamp = ros.rospy().Time(0)
+        response.plan.poses = path.poses
         return response
 
-    def _planner_plan(self, request: Any) -> Any:
-        """Plan as the planner's own service: any time, always with an answer."""
+
+class PlannerService:
+    """`~<planner>/make_plan`: plans at any time, also while the robot drives, and always has an answer.
+
+    A planner of its own, with the parameters of the node's, works on a copy of the costmap in the thread of the service, so
+    neither the control cycle nor the plans of a goal wait for it.
+    """
+
+    def __init__(
+        self,
+        move_base: MoveBase,
+        clock: NodeClock,
+        build: MessageBuilder,
+        inbox: Inbox,
+        publish: Callable[[Any], None],
+    ) -> None:
+        self._move_base, self._clock, self._build = move_base, clock, build
+        self._inbox, self._publish = inbox, publish
+        self._lock = threading.Lock()
+        self._model: GlobalPlanner | None = None
+        self._planner: GlobalPlanner | None = None
+
+    def answer(self, request: Any) -> Any:
+        """Return the plan, an empty one after a failure. The tolerance of the request is ignored, as in ROS."""
+        model, costmap, footprint, time_ns = self._inbox.call(self._snapshot)
         response = ros.message("nav_msgs/srv/GetPlanResponse")()
+        response.plan.header = self._build.header(time_ns, costmap.frame)
         try:
-            response.plan = self._plan(request.goal, request.start, 0.0)
+            _check_frames(costmap.frame, request.goal, request.start)
+            with self._lock:
+                planner = self._like(model)
+                plan = plugin_calls.make_plan(planner, costmap, _pose(request.start), _pose(request.goal), footprint)
+            response.plan.poses = self._build.path(time_ns, costmap.frame, plan.path.poses).poses
         except NavError as exc:
-            ros.rospy().logwarn("make_plan: %s", exc.message)
+            ros.rospy().logwarn("make_plan of the global planner: %s", exc.message)
+        self._publish(response.plan)
         return response
 
-    def _plan(self, goal: Any, start: Any, tolerance: float) -> Any:
-        """Return a plan as a nav_msgs/Path. Poses in another frame than the global costmap's have none."""
-        frame = self._move_base.global_costmap.frame
-        for pose in (goal, start):
-            given = "" if pose is None else msg.frame_of(pose)
-            if given and given != frame:
-                raise PlanningError(f'the pose is in "{given}", and plans are made in "{frame}"', frame=given)
-        at = None if start is None else msg.pose_of(start.pose)
-        found = self._move_base.make_plan(_pose(goal), at, tolerance=tolerance)
-        return self._build.path(self._clock.ns(self._clock.now()), frame, found.path.poses)
+    def _snapshot(self) -> tuple[GlobalPlanner, Costmap, Footprint, int]:
+        """Return the node's planner, a copy of its costmap, the footprint and ROS's time (ns)."""
+        costmap = self._move_base.global_costmap
+        now_ns = self._clock.ns(self._clock.now())
+        return unsmoothed(self._move_base.global_planner), costmap.master.copy(), costmap.footprint, now_ns
+
+    def _like(self, model: GlobalPlanner) -> GlobalPlanner:
+        """Return a planner with the class and the parameters of another one."""
+        if self._planner is None or self._model is not model:
+            self._planner = plugin_calls.call(model, type(model), model.params)
+            self._model = model
+        return self._planner
 
 
 def _pose(message: Any) -> Pose2D:
     return msg.pose_of(message.pose)
+
+
+def _check_frames(frame: str, *poses: Any) -> None:
+    """Raise PlanningError for a pose in another frame: neither start nor goal are transformed, as in ROS."""
+    for pose in poses:
+        given = msg.frame_of(pose)
+        if given != frame:
+            raise PlanningError(f'the pose is in "{given}", and plans are made in "{frame}"', frame=given)

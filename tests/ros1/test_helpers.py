@@ -64,13 +64,13 @@ while True:
 """
 CALLER = """
 import sys
-from navstack.ros1 import handsfree, ros
+from navstack.ros1 import generated_messages, ros
 rospy = ros.rospy()
 rospy.init_node("caller", disable_signals=True)
 rospy.wait_for_service("/move_distance", 60)
 rospy.wait_for_service("/turn_radian", 60)
-move = rospy.ServiceProxy("/move_distance", handsfree.service("SpecialMove"))
-turn = rospy.ServiceProxy("/turn_radian", handsfree.service("SpecialTurn"))
+move = rospy.ServiceProxy("/move_distance", generated_messages.message("handsfree_msgs/srv/SpecialMove"))
+turn = rospy.ServiceProxy("/turn_radian", generated_messages.message("handsfree_msgs/srv/SpecialTurn"))
 print([move(target_distance_move=-0.3).success, turn(target_radian_turn=-1.0).success, turn(6.28).success,
     move(float("nan")).success, move(0.0).success])
 """

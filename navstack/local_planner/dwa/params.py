@@ -11,8 +11,6 @@ from navstack.local_planner import parameter_checks as checks
 from navstack.local_planner.critics._weights import RosDistro
 from navstack.plugins import CRITICS
 
-NO_TOPIC = "navstack publishes no topics; every command has its table of samples"
-
 
 class DWAParams(ParamModel):
     """Parameters of DWAPlannerROS (dwa_local_planner/cfg/DWAPlanner.cfg, base_local_planner's local_planner_limits)."""
@@ -36,10 +34,6 @@ class DWAParams(ParamModel):
         "acc_lim_trans": "ROS stores it but never uses it",
         "acc_limit_trans": "the old name of acc_lim_trans, which ROS stores but never uses",
         "restore_defaults": "a button of dynamic_reconfigure",
-        "publish_cost_grid_pc": NO_TOPIC,
-        "publish_traj_pc": NO_TOPIC,
-        "global_frame_id": "it only names the frame of the published trajectories",
-        "odom_topic": "the velocity is part of the robot's state",
         "holonomic_robot": "a parameter of TrajectoryPlannerROS; DWA uses max_vel_y and min_vel_y",
         "penalize_negative_x": "removed in hydro; see the prefer_forward critic",
     }
@@ -133,6 +127,10 @@ class DWAParams(ParamModel):
         "noetic",
         "scoring scale of noetic, or of the releases before 2018 (indigo), for which most published YAML was tuned",
     )
+    publish_traj_pc: bool = param(False, "publish the legal trajectories on trajectory_cloud (ROS 1 node)")
+    publish_cost_grid_pc: bool = param(False, "publish the costs of the cells on cost_cloud (ROS 1 node)")
+    global_frame_id: str = param("odom", "frame of trajectory_cloud (ROS 1 node)")
+    odom_topic: str = param("odom", "topic of the odometry (ROS 1 node)")
     critics: list[PluginSpec] | None = param(
         None, "ordered critics instead of the seven of move_base: a list of {name, type}; an addition of navstack"
     )

@@ -33,8 +33,8 @@ class TrajectoryPlannerParams(ParamModel):
         "world_model": 'ROS supports only "costmap"',
         "point_grid": "belongs to a world model that ROS has removed",
         "restore_defaults": "a button of dynamic_reconfigure",
-        "publish_cost_grid_pc": "navstack publishes no topics; every command has its table of samples",
-        "global_frame_id": "it only names the frame of the published grid",
+        "publish_cost_grid_pc": "ROS does not read it: cost_cloud is always published",
+        "global_frame_id": "ROS does not read it: cost_cloud is in the costmap's frame",
         "max_vel_y": "y_vels has the sideways speeds",
         "min_vel_y": "y_vels has the sideways speeds",
     }
