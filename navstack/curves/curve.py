@@ -114,7 +114,7 @@ def _curve(start: Pose2D, goal: Pose2D, radius: float, *, reverse: bool) -> Curv
         raise InputError(f"the turning radius must be a positive length in metres, not {radius}", radius=radius)
     dx, dy = (goal.x - start.x) / radius, (goal.y - start.y) / radius
     c, s = math.cos(start.yaw), math.sin(start.yaw)
-    count, kinds, lengths, _ = kernels.curve(c * dx + s * dy, c * dy - s * dx, goal.yaw - start.yaw, reverse)
+    count, kinds, lengths, _ = kernels.curve(c * dx + s * dy, c * dy - s * dx, goal.yaw - start.yaw, reverse, math.inf)
     segments = tuple(
         Segment(_NAMES[int(kinds[i])], float(lengths[i]) * radius) for i in range(count) if abs(lengths[i]) > _NOTHING
     )

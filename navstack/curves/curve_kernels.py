@@ -53,16 +53,20 @@ def centred(angle):
 
 
 @plain_kernel
-def dubins_candidate(word, d, a, b):
-    """Return (t, p, q) of a Dubins word; t is infinite without a solution. `d`: distance; `a`, `b`: headings against it."""
-    sa, sb, ca, cb = math.sin(a), math.sin(b), math.cos(a), math.cos(b)
-    cab = math.cos(a - b)
+def dubins_candidate(word, d, a, b, trig, bound):
+    """Return (t, p, q) of a Dubins word; t is infinite without a solution, or if p alone is at least `bound`.
+
+    `d`: distance; `a`, `b`: headings against it; `trig`: their sines and cosines, and the cosine of a - b.
+    """
+    sa, sb, ca, cb, cab = trig
     if word < 2:
         sign = 1.0 if word == 0 else -1.0
         squared = 2.0 + d * d - 2.0 * cab + sign * 2.0 * d * (sa - sb)
         if squared < -EPSILON:
             return np.inf, 0.0, 0.0
         p = math.sqrt(max(squared, 0.0))
+        if p >= bound:
+            return np.inf, 0.0, 0.0
         # with p = 0 both arcs are on one circle, and the direction between them is arbitrary
         eta = a if p < EPSILON else math.atan2(sign * (cb - ca), d + sign * (sa - sb))
         return wrapped(sign * (eta - a)), p, wrapped(sign * (b - eta))
@@ -72,28 +76,36 @@ def dubins_candidate(word, d, a, b):
         if squared < -EPSILON:
             return np.inf, 0.0, 0.0
         p = math.sqrt(max(squared, 0.0))
+        if p >= bound:
+            return np.inf, 0.0, 0.0
         eta = math.atan2(-sign * (ca + cb), d + sign * (sa + sb)) - math.atan2(-sign * 2.0, p)
         return wrapped(sign * (eta - a)), p, wrapped(sign * (eta - b))
     sign = 1.0 if word == 4 else -1.0
     cosine = (6.0 - d * d + 2.0 * cab + sign * 2.0 * d * (sa - sb)) / 8.0
-    if abs(cosine) > 1.0:
+    if abs(cosine) > 1.0 or bound <= math.pi:  # the middle arc is longer than half a circle
         return np.inf, 0.0, 0.0
     p = TAU - math.acos(cosine)
+    if p >= bound:
+        return np.inf, 0.0, 0.0
     t = wrapped(sign * (a - math.atan2(sign * (ca - cb), d - sign * (sa - sb))) + 0.5 * p)
     return t, p, wrapped(sign * (a - b) - t + p)
 
 
 @plain_kernel
-def dubins(x, y, phi):
-    """Return (length, word, t, p, q) of the shortest Dubins curve to the goal (x, y, phi)."""
+def dubins(x, y, phi, bound):
+    """Return (length, word, t, p, q) of the shortest Dubins curve to the goal (x, y, phi).
+
+    Curves that are not shorter than `bound` need not be found: then the length is at least `bound`, and the rest has no meaning.
+    """
     d, theta = math.hypot(x, y), math.atan2(y, x)
     a, b = wrapped(-theta), wrapped(phi - theta)
-    best, best_word, best_t, best_p, best_q = np.inf, 0, 0.0, 0.0, 0.0
+    trig = (math.sin(a), math.sin(b), math.cos(a), math.cos(b), math.cos(a - b))
+    best, best_word, best_t, best_p, best_q = bound, 0, 0.0, 0.0, 0.0
     for word in range(6):
         # the middle arc of a shortest curve of three arcs joins poses less than four radii apart
         if word >= 4 and d > 4.0 + EPSILON:
             break
-        t, p, q = dubins_candidate(word, d, a, b)
+        t, p, q = dubins_candidate(word, d, a, b, trig, best)
         if t + p + q < best:
             best, best_word, best_t, best_p, best_q = t + p + q, word, t, p, q
     return best, best_word, best_t, best_p, best_q
@@ -112,9 +124,11 @@ def tau_omega(u, v, xi, eta, phi):
 
 
 @plain_kernel
-def reeds_shepp_base(family, x, y, phi):
-    """Return (accepted, t, u, v) of a base word; `family`: row of RS_WORDS."""
-    s, c = math.sin(phi), math.cos(phi)
+def reeds_shepp_base(family, x, y, phi, s, c, bound):
+    """Return (accepted, t, u, v) of a base word; `family`: row of RS_WORDS; `s`, `c`: sine and cosine of phi.
+
+    A word whose inner arcs alone are not shorter than `bound` is not accepted.
+    """
     if family == 0 or family == 2 or family == 5:
         xi, eta = x - s, y - 1.0 + c
     else:
@@ -122,6 +136,8 @@ def reeds_shepp_base(family, x, y, phi):
     rho = math.hypot(xi, eta)
     t, u, v = -1.0, 0.0, 0.0
     if family == 0:
+        if rho >= bound:
+            return False, t, u, v
         t, u = centred(math.atan2(eta, xi)), rho
         v = centred(phi - t)
         return t >= -EPSILON and v >= -EPSILON, t, u, v
@@ -129,6 +145,8 @@ def reeds_shepp_base(family, x, y, phi):
         if rho < 2.0 - EPSILON:
             return False, t, u, v
         u = math.sqrt(max(rho * rho - 4.0, 0.0))
+        if u >= bound:
+            return False, t, u, v
         t = centred(math.atan2(eta, xi) + math.atan2(2.0, u))
         v = centred(t - phi)
         return t >= -EPSILON and v >= -EPSILON, t, u, v
@@ -136,6 +154,8 @@ def reeds_shepp_base(family, x, y, phi):
         if rho > 4.0 + EPSILON:
             return False, t, u, v
         u = -2.0 * math.asin(min(0.25 * rho, 1.0))
+        if -u >= bound:
+            return False, t, u, v
         t = centred(math.atan2(eta, xi) + 0.5 * u + math.pi)
         v = centred(phi - t + u)
         return t >= -EPSILON, t, u, v
@@ -144,6 +164,8 @@ def reeds_shepp_base(family, x, y, phi):
         if ratio > 1.0 + EPSILON:
             return False, t, u, v
         u = math.acos(min(ratio, 1.0))
+        if 2.0 * u >= bound:
+            return False, t, u, v
         t, v = tau_omega(u, -u, xi, eta, phi)
         return t >= -EPSILON and v <= EPSILON, t, u, v
     if family == 4:
@@ -151,6 +173,8 @@ def reeds_shepp_base(family, x, y, phi):
         if ratio < -EPSILON or ratio > 1.0 + EPSILON:
             return False, t, u, v
         u = -math.acos(min(max(ratio, 0.0), 1.0))
+        if -2.0 * u >= bound:
+            return False, t, u, v
         t, v = tau_omega(u, u, xi, eta, phi)
         return t >= -EPSILON and v >= -EPSILON, t, u, v
     if rho < 2.0 - EPSILON:
@@ -158,39 +182,46 @@ def reeds_shepp_base(family, x, y, phi):
     if family == 5:
         r = math.sqrt(max(rho * rho - 4.0, 0.0))
         u = 2.0 - r
+        if u > EPSILON or abs(u) + HALF_PI >= bound:
+            return False, t, u, v
         t = centred(math.atan2(eta, xi) + math.atan2(r, -2.0))
         v = centred(phi - HALF_PI - t)
-        return t >= -EPSILON and u <= EPSILON and v <= EPSILON, t, u, v
+        return t >= -EPSILON and v <= EPSILON, t, u, v
     if family == 6:
-        t, u = centred(math.atan2(xi, -eta)), 2.0 - rho
+        u = 2.0 - rho
+        if u > EPSILON or abs(u) + HALF_PI >= bound:
+            return False, t, u, v
+        t = centred(math.atan2(xi, -eta))
         v = centred(t + HALF_PI - phi)
-        return t >= -EPSILON and u <= EPSILON and v <= EPSILON, t, u, v
+        return t >= -EPSILON and v <= EPSILON, t, u, v
     u = 4.0 - math.sqrt(max(rho * rho - 4.0, 0.0))
+    if u > EPSILON or abs(u) + math.pi >= bound:
+        return False, t, u, v
     t = centred(math.atan2((4.0 - u) * xi - 2.0 * eta, -2.0 * xi + (u - 4.0) * eta))
     v = centred(t - phi)
-    return t >= -EPSILON and u <= EPSILON and v >= -EPSILON, t, u, v
+    return t >= -EPSILON and v >= -EPSILON, t, u, v
 
 
 @plain_kernel
-def reeds_shepp(x, y, phi):
+def reeds_shepp(x, y, phi, bound):
     """Return (length, family, variant, t, u, v) of the shortest Reeds-Shepp curve to the goal (x, y, phi).
 
-    `variant`: sum of 1 (time flip), 2 (reflection) and 4 (backwards).
+    `variant`: sum of 1 (time flip), 2 (reflection) and 4 (backwards). `bound`: as in `dubins`.
     """
     c, s = math.cos(phi), math.sin(phi)
-    best, best_family, best_variant, best_t, best_u, best_v = np.inf, 0, 0, 0.0, 0.0, 0.0
+    best, best_family, best_variant, best_t, best_u, best_v = bound, 0, 0, 0.0, 0.0, 0.0
     for variant in range(8):
-        gx, gy, gphi = x, y, phi
+        gx, gy, gphi, gs = x, y, phi, s
         if variant & 4:
             gx, gy = x * c + y * s, x * s - y * c
         if variant & 1:
-            gx, gphi = -gx, -gphi
+            gx, gphi, gs = -gx, -gphi, -gs
         if variant & 2:
-            gy, gphi = -gy, -gphi
+            gy, gphi, gs = -gy, -gphi, -gs
         for family in range(8):
             if variant >= 4 and family != 2 and family != 5 and family != 6:
                 continue
-            accepted, t, u, v = reeds_shepp_base(family, gx, gy, gphi)
+            accepted, t, u, v = reeds_shepp_base(family, gx, gy, gphi, gs, c, best)
             if accepted:
                 length = abs(t) + abs(u) + abs(v)
                 if family == 3 or family == 4:
@@ -214,16 +245,17 @@ def backwards(count, values):
 
 
 @plain_kernel
-def curve(x, y, phi, reverse):
+def curve(x, y, phi, reverse, bound):
     """Return (count, kinds, lengths, total) of the shortest curve to the goal (x, y, phi).
 
     `reverse`: Reeds-Shepp instead of Dubins. `kinds`, `lengths`: tuples of SEGMENTS entries, of which the first `count` count.
+    `bound`: as in `dubins`.
     """
     if not reverse:
-        total, word, t, p, q = dubins(x, y, phi)
+        total, word, t, p, q = dubins(x, y, phi, bound)
         row = DUBINS_WORDS[word]
         return 3, (row[0], row[1], row[2], 0, 0), (t, p, q, 0.0, 0.0), total
-    total, family, variant, t, u, v = reeds_shepp(x, y, phi)
+    total, family, variant, t, u, v = reeds_shepp(x, y, phi, bound)
     count = RS_COUNT[family]
     if count == 3:
         lengths = (t, u, v, 0.0, 0.0)
@@ -268,7 +300,7 @@ def curve_lengths(starts, goals, radius, reverse, out):
         dx, dy = (goals[i, 0] - starts[i, 0]) / radius[i], (goals[i, 1] - starts[i, 1]) / radius[i]
         c, s = math.cos(starts[i, 2]), math.sin(starts[i, 2])
         x, y, phi = c * dx + s * dy, c * dy - s * dx, goals[i, 2] - starts[i, 2]
-        out[i] = (reeds_shepp(x, y, phi)[0] if reverse else dubins(x, y, phi)[0]) * radius[i]
+        out[i] = (reeds_shepp(x, y, phi, np.inf)[0] if reverse else dubins(x, y, phi, np.inf)[0]) * radius[i]
 
 
 @plain_kernel

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from navstack.core.jit import plain_kernel
-from navstack.curves.curve_kernels import STRAIGHT, advance, curve
+from navstack.curves.curve_kernels import SEGMENTS, STRAIGHT, advance, curve
 from navstack.global_planner._se2._heuristic_kernels import angle
 from navstack.global_planner._se2._shape_kernels import (
     cell_weight,
@@ -23,6 +23,8 @@ from navstack.global_planner._se2.footprint import PADDINGS
 SPACING = 1.0
 """Cells between the samples of the costs along a curve."""
 LEVELS = 1 + len(PADDINGS)
+ROUNDED = 1.0 + 1e-6
+"""Factor on limits that lower bounds of costs are compared with: the sums along a curve are rounded."""
 RETRY = 2
 """Checks with a padding after which the next larger one is tried again."""
 
@@ -111,6 +113,18 @@ def segment_free(costs, bits, shape, p, kind, x, y, yaw, length, radius):
 
 
 @plain_kernel
+def least_cost(p, kinds, lengths, radius):
+    """Return the cost of a curve over free cells: no curve costs less."""
+    total = 0.0
+    for i in range(SEGMENTS):
+        length = lengths[i] * radius
+        if abs(length) >= 1e-9:
+            factor = abs(length) if kinds[i] == STRAIGHT else abs(length) * p.non_straight
+            total += factor * p.reverse if length < 0.0 else factor
+    return total * p.base_cost
+
+
+@plain_kernel
 def curve_cost(costs, bits, shape, p, start, goal, radius, limit, from_start):
     """Return the cost of the shortest curve between two poses (3,), infinite if it is blocked or exceeds `limit`.
 
@@ -118,9 +132,17 @@ def curve_cost(costs, bits, shape, p, start, goal, radius, limit, from_start):
     """
     dx, dy = (goal[0] - start[0]) / radius, (goal[1] - start[1]) / radius
     c, s = math.cos(start[2]), math.sin(start[2])
-    count, kinds, lengths, size = curve(c * dx + s * dy, c * dy - s * dx, goal[2] - start[2], p.reeds_shepp != 0)
+    turn, both = goal[2] - start[2], p.reeds_shepp != 0
+    bound = limit * ROUNDED / (p.base_cost * radius)
+    if math.hypot(dx, dy) >= bound:
+        return np.inf
+    count, kinds, lengths, size = curve(c * dx + s * dy, c * dy - s * dx, turn, both, bound)
+    if size >= bound:
+        return np.inf
     size *= radius
     if size * p.base_cost > limit or (not from_start and size > p.expansion_length):
+        return np.inf
+    if least_cost(p, kinds, lengths, radius) > limit * ROUNDED:
         return np.inf
     total, run, costly = 0.0, 0, False
     x, y, yaw = start[0], start[1], start[2]

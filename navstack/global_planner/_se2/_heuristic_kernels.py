@@ -194,7 +194,7 @@ def curve_distance(table, p, x, y, yaw, goal_x, goal_y, goal_yaw):
         heading = bin_ * width
         ca, sa = math.cos(heading), math.sin(heading)
         gx, gy = (-ix * ca - iy * sa) / p.radius, (ix * sa - iy * ca) / p.radius
-        length = reeds_shepp(gx, gy, -heading)[0] if p.reeds_shepp != 0 else dubins(gx, gy, -heading)[0]
+        length = reeds_shepp(gx, gy, -heading, np.inf)[0] if p.reeds_shepp != 0 else dubins(gx, gy, -heading, np.inf)[0]
         known = np.float32(max(length * p.radius, 1e-6))
         table[at] = known
     if p.turn_step > 0.0:

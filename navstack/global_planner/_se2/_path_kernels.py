@@ -10,6 +10,7 @@ import numpy as np
 from navstack.core.jit import plain_kernel
 from navstack.curves.curve_kernels import STRAIGHT, advance, curve
 from navstack.global_planner._se2._curve_check_kernels import (
+    ROUNDED,
     curve_cost,
     pivot_cost,
     pivot_parts,
@@ -39,7 +40,7 @@ def write_curve(segments, at, reeds_shepp, start, goal, radius, longest):
     """Write the shortest curve between two poses (3,) from row `at` on, in pieces of at most `longest`; return the next row."""
     dx, dy = (goal[0] - start[0]) / radius, (goal[1] - start[1]) / radius
     c, s = math.cos(start[2]), math.sin(start[2])
-    count, kinds, lengths, _ = curve(c * dx + s * dy, c * dy - s * dx, goal[2] - start[2], reeds_shepp)
+    count, kinds, lengths, _ = curve(c * dx + s * dy, c * dy - s * dx, goal[2] - start[2], reeds_shepp, np.inf)
     x, y, yaw = start[0], start[1], start[2]
     for i in range(count):
         length = lengths[i] * radius
@@ -241,6 +242,10 @@ def relax(costs, bits, shapes, p, segments, added, values, count, goal, reach):
             sign = 1.0 if option % 2 == 0 else -1.0
             offset, turn = (sign * OFFSET, 0.0) if option < 2 else (0.0, sign * TURN)
             middle = (row.x - offset * math.sin(row.yaw), row.y + offset * math.cos(row.yaw), row.yaw + turn)
+            far = math.hypot(middle[0] - start[0], middle[1] - start[1])
+            far += math.hypot(end[0] - middle[0], end[1] - middle[1])
+            if far * p.base_cost > best * ROUNDED:
+                continue
             cost_a, a = best_curve(costs, bits, shape, p, start, middle, best, 1)
             if a == 0.0:
                 continue
