@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from navstack.parameters.configuration import Configuration
-    from navstack.parameters.findings import Finding
     from navstack.scenario import GoalOutcome, RunResult
 
 
@@ -76,16 +75,14 @@ def print_note(message: str) -> None:
 
 
 def print_warnings(configuration: Configuration) -> None:
-    """Print the warnings about a parameter set to stderr; see `print_findings`."""
-    print_findings(configuration.findings)
+    """Print the warnings about a parameter set to stderr, with the severity that `navstack check` uses.
 
-
-def print_findings(findings: Sequence[Finding]) -> None:
-    """Print warnings to stderr, with the severity that `navstack check` uses: none with --quiet, also infos with --verbose."""
+    Nothing with --quiet, also the infos with --verbose.
+    """
     from rich.markup import escape
 
     shown = {Verbosity.QUIET: (), Verbosity.NORMAL: ("warning",), Verbosity.VERBOSE: ("warning", "info")}[_verbosity]
-    for finding in findings:
+    for finding in configuration.findings:
         if finding.severity in shown:
             color = "yellow" if finding.severity == "warning" else "cyan"
             stderr().print(f"[{color}]{finding.severity}:[/] {escape(f'{finding.location}: {finding.message}')}")

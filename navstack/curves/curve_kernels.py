@@ -203,6 +203,18 @@ def reeds_shepp_base(family, x, y, phi, s, c, bound):
 
 
 @plain_kernel
+def reeds_shepp_goal(x, y, phi, c, s, variant):
+    """Return the goal (x, y, phi), and the sine of phi, for which a variant of a word is the base word; `c`, `s`: of phi."""
+    if variant & 4:
+        x, y = x * c + y * s, x * s - y * c
+    if variant & 1:
+        x, phi, s = -x, -phi, -s
+    if variant & 2:
+        y, phi, s = -y, -phi, -s
+    return x, y, phi, s
+
+
+@plain_kernel
 def reeds_shepp(x, y, phi, bound):
     """Return (length, family, variant, t, u, v) of the shortest Reeds-Shepp curve to the goal (x, y, phi).
 
@@ -211,13 +223,7 @@ def reeds_shepp(x, y, phi, bound):
     c, s = math.cos(phi), math.sin(phi)
     best, best_family, best_variant, best_t, best_u, best_v = bound, 0, 0, 0.0, 0.0, 0.0
     for variant in range(8):
-        gx, gy, gphi, gs = x, y, phi, s
-        if variant & 4:
-            gx, gy = x * c + y * s, x * s - y * c
-        if variant & 1:
-            gx, gphi, gs = -gx, -gphi, -gs
-        if variant & 2:
-            gy, gphi, gs = -gy, -gphi, -gs
+        gx, gy, gphi, gs = reeds_shepp_goal(x, y, phi, c, s, variant)
         for family in range(8):
             if variant >= 4 and family != 2 and family != 5 and family != 6:
                 continue
@@ -245,17 +251,8 @@ def backwards(count, values):
 
 
 @plain_kernel
-def curve(x, y, phi, reverse, bound):
-    """Return (count, kinds, lengths, total) of the shortest curve to the goal (x, y, phi).
-
-    `reverse`: Reeds-Shepp instead of Dubins. `kinds`, `lengths`: tuples of SEGMENTS entries, of which the first `count` count.
-    `bound`: as in `dubins`.
-    """
-    if not reverse:
-        total, word, t, p, q = dubins(x, y, phi, bound)
-        row = DUBINS_WORDS[word]
-        return 3, (row[0], row[1], row[2], 0, 0), (t, p, q, 0.0, 0.0), total
-    total, family, variant, t, u, v = reeds_shepp(x, y, phi, bound)
+def reeds_shepp_segments(family, variant, t, u, v):
+    """Return (count, kinds, lengths) of a word that `reeds_shepp` returned, as `curve` does."""
     count = RS_COUNT[family]
     if count == 3:
         lengths = (t, u, v, 0.0, 0.0)
@@ -276,6 +273,22 @@ def curve(x, y, phi, reverse, bound):
     if variant & 2:
         both = LEFT + RIGHT
         kinds = (both - kinds[0], both - kinds[1], both - kinds[2], both - kinds[3], both - kinds[4])
+    return count, kinds, lengths
+
+
+@plain_kernel
+def curve(x, y, phi, reverse, bound):
+    """Return (count, kinds, lengths, total) of the shortest curve to the goal (x, y, phi).
+
+    `reverse`: Reeds-Shepp instead of Dubins. `kinds`, `lengths`: tuples of SEGMENTS entries, of which the first `count` count.
+    `bound`: as in `dubins`.
+    """
+    if not reverse:
+        total, word, t, p, q = dubins(x, y, phi, bound)
+        row = DUBINS_WORDS[word]
+        return 3, (row[0], row[1], row[2], 0, 0), (t, p, q, 0.0, 0.0), total
+    total, family, variant, t, u, v = reeds_shepp(x, y, phi, bound)
+    count, kinds, lengths = reeds_shepp_segments(family, variant, t, u, v)
     return count, kinds, lengths, total
 
 

@@ -12,6 +12,7 @@ from navstack.core import Costmap, Footprint, GridGeometry, Pose2D
 from navstack.core.errors import GoalOccupiedError, NoValidPathError, PlanningTimeoutError, StartOccupiedError
 from navstack.curves import dubins_curve, reeds_shepp_curve
 from navstack.global_planner import SmacHybridParams, SmacHybridPlanner
+from navstack.global_planner._se2.planner import cusps
 from tests.global_planner.pose_referee import Referee, inflated, random_queries
 
 BOX = Footprint(np.array([[0.45, 0.3], [0.45, -0.3], [-0.25, -0.3], [-0.25, 0.3]]))
@@ -80,6 +81,42 @@ def test_cusps_are_stated() -> None:
     signs = plan.path.directions
     assert int((signs[1:] != signs[:-1]).sum()) == 2
     assert any("2 changes between driving forward and backward" in note for note in plan.notes)
+
+
+def test_a_cost_of_cusps_decides_between_words() -> None:
+    """On the spot: 0.4 pi m with two cusps, or 0.4 * 7 pi / 3 m without; the costs of cusps are in the plan's cost."""
+    start, goal = Pose2D(4.0, 4.0, 0.0), Pose2D(4.0, 4.0, math.pi)
+    plans = [
+        planner(
+            motion_model_for_search="REEDS_SHEPP", reverse_penalty=1.0, non_straight_penalty=1.0, cusp_penalty=cost
+        ).make_plan(empty(), start, goal)
+        for cost in (0.1, 2.0)
+    ]
+    assert [p.length_m for p in plans] == pytest.approx([0.4 * math.pi, 0.4 * 7.0 * math.pi / 3.0], rel=0.03)
+    assert [cusps(p.path.poses) for p in plans] == [2, 0]
+    assert plans[0].cost == pytest.approx(plans[0].length_m + 0.2, rel=0.03)
+
+
+def test_a_cost_of_cusps_prevents_zigzags() -> None:
+    """A car turns round in an aisle of 1.2 m: without the cost, it shuttles by single cells."""
+    lethal = np.zeros((36, 200), np.bool_)
+    lethal[[0, -1]] = lethal[:, [0, -1]] = True
+    lethal[:6] = lethal[30:] = True
+    lethal[:, 140:196] = False  # a crossing
+    car = Footprint(np.array([[-0.15, -0.25], [-0.15, 0.25], [0.65, 0.25], [0.65, -0.25]]))
+    referee = Referee(inflated(lethal, RESOLUTION, car.inscribed_radius), car, False, 0.85, True)
+    start, goal = Pose2D(5.0, 0.9, 0.0), Pose2D(1.0, 0.9, math.pi)
+    pieces: list[list[float]] = []
+    for cost in (0.0, 1.0):
+        search = planner(motion_model_for_search="REEDS_SHEPP", minimum_turning_radius=0.85, cusp_penalty=cost)
+        plan = search.make_plan(referee.costmap, start, goal, footprint=car)
+        assert referee.faults(plan, start, goal) == []
+        poses = plan.path.poses
+        step = np.hypot(*np.diff(poses[:, :2], axis=0).T)
+        turns = np.flatnonzero(np.diff(plan.path.directions[:-1])) + 1
+        pieces.append([float(part.sum()) for part in np.split(step, turns)])
+    assert len(pieces[0]) > 8 and min(pieces[0]) < 0.15
+    assert len(pieces[1]) <= 4 and min(pieces[1]) > 0.25
 
 
 @pytest.mark.parametrize(("cells", "fits"), [(14, True), (11, False)])

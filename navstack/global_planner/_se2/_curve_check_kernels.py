@@ -9,6 +9,7 @@ import numpy as np
 
 from navstack.core.jit import plain_kernel
 from navstack.curves.curve_kernels import SEGMENTS, STRAIGHT, advance, curve
+from navstack.curves.cusp_kernels import changes_of_direction, cheapest_curve
 from navstack.global_planner._se2._heuristic_kernels import angle
 from navstack.global_planner._se2._shape_kernels import (
     cell_weight,
@@ -125,26 +126,38 @@ def least_cost(p, kinds, lengths, radius):
 
 
 @plain_kernel
-def curve_cost(costs, bits, shape, p, start, goal, radius, limit, from_start):
-    """Return the cost of the shortest curve between two poses (3,), infinite if it is blocked or exceeds `limit`.
+def choose_curve(p, start, goal, radius, ends, bound):
+    """Return (count, kinds, lengths, size) of the curve that is tried between two poses (3,), in units of `radius`.
 
-    With `from_start` False, costs above `expansion_cost` are allowed in one run that ends at the goal only.
+    It is the shortest one; with a cost of cusps, the one that costs least on free cells. `ends`: direction of travel before and
+    after it (1, -1, or 0). If `size` is at least `bound` (in radii, times base_cost), the rest has no meaning.
     """
     dx, dy = (goal[0] - start[0]) / radius, (goal[1] - start[1]) / radius
     c, s = math.cos(start[2]), math.sin(start[2])
-    turn, both = goal[2] - start[2], p.reeds_shepp != 0
+    x, y, turn = c * dx + s * dy, c * dy - s * dx, goal[2] - start[2]
+    if p.reeds_shepp != 0 and p.cusp > 0.0:
+        return cheapest_curve(x, y, turn, p.cusp / (radius * p.base_cost), p.reverse, ends, bound)
+    return curve(x, y, turn, p.reeds_shepp != 0, bound)
+
+
+@plain_kernel
+def curve_cost(costs, bits, shape, p, start, goal, radius, ends, limit, from_start):
+    """Return the cost of `choose_curve`'s curve between two poses (3,), infinite if it is blocked or exceeds `limit`.
+
+    With `from_start` False, costs above `expansion_cost` are allowed in one run that ends at the goal only.
+    """
     bound = limit * ROUNDED / (p.base_cost * radius)
-    if math.hypot(dx, dy) >= bound:
+    if math.hypot(goal[0] - start[0], goal[1] - start[1]) >= bound * radius:
         return np.inf
-    count, kinds, lengths, size = curve(c * dx + s * dy, c * dy - s * dx, turn, both, bound)
+    count, kinds, lengths, size = choose_curve(p, start, goal, radius, ends, bound)
     if size >= bound:
         return np.inf
-    size *= radius
+    size = radius * (abs(lengths[0]) + abs(lengths[1]) + abs(lengths[2]) + abs(lengths[3]) + abs(lengths[4]))
     if size * p.base_cost > limit or (not from_start and size > p.expansion_length):
         return np.inf
-    if least_cost(p, kinds, lengths, radius) > limit * ROUNDED:
+    total, run, costly = p.cusp * changes_of_direction(lengths, ends), 0, False
+    if total + least_cost(p, kinds, lengths, radius) > limit * ROUNDED:
         return np.inf
-    total, run, costly = 0.0, 0, False
     x, y, yaw = start[0], start[1], start[2]
     for i in range(count):
         length = lengths[i] * radius
@@ -263,12 +276,13 @@ def pivot_parts(start, goal):
 
 
 @plain_kernel
-def pivot_cost(costs, bits, shape, p, start, goal, limit):
+def pivot_cost(costs, bits, shape, p, start, goal, ends, limit):
     """As `curve_cost`, for a robot that turns in place: a turn to the goal, a straight line, a turn to the goal's heading."""
     first, length, last = pivot_parts(start, goal)
     if length * p.base_cost > limit:
         return np.inf
     total = turn_cost(costs, p, start[0], start[1], first) + turn_cost(costs, p, goal[0], goal[1], last)
+    total += p.cusp * ((ends[0] < 0) + (ends[1] < 0))
     direction = start[2] + first
     if length > 0.0:
         total += segment_cost(costs, p, STRAIGHT, start[0], start[1], direction, length, p.radius, limit)[0]

@@ -3,7 +3,7 @@
 
 Obstacles: cheapest path over the cells to the goal, for a robot without heading (Dijkstra, expanded as far as it is needed, with
 buckets as wide as the least step, so the order within one does not matter). Distance: length of the shortest curve to the goal
-without obstacles, in a table that is filled where it is read.
+without obstacles, with the cost of its cusps, in a table that is filled where it is read.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 
 from navstack.core.jit import plain_kernel
 from navstack.curves.curve_kernels import dubins, reeds_shepp
+from navstack.curves.cusp_kernels import cheapest_curve
 
 RING = 1024
 """Buckets of the obstacle heuristic: more than the greatest growth of g + focus in a step, in buckets, plus two."""
@@ -169,7 +170,7 @@ def angle(a):
 
 @plain_kernel
 def curve_distance(table, p, x, y, yaw, goal_x, goal_y, goal_yaw):
-    """Return the length of the shortest curve from a pose to a goal, from the table: rounded to cells and heading bins.
+    """Return the length of the shortest curve from a pose to a goal, with its cusps, from the table: rounded to cells and bins.
 
     Outside the table it is the straight distance. For a robot that turns in place it is at most the cost of turning to the goal,
     driving there, and turning to its heading.
@@ -194,7 +195,12 @@ def curve_distance(table, p, x, y, yaw, goal_x, goal_y, goal_yaw):
         heading = bin_ * width
         ca, sa = math.cos(heading), math.sin(heading)
         gx, gy = (-ix * ca - iy * sa) / p.radius, (ix * sa - iy * ca) / p.radius
-        length = reeds_shepp(gx, gy, -heading, np.inf)[0] if p.reeds_shepp != 0 else dubins(gx, gy, -heading, np.inf)[0]
+        if p.reeds_shepp == 0:
+            length = dubins(gx, gy, -heading, np.inf)[0]
+        elif p.cusp > 0.0:
+            length = cheapest_curve(gx, gy, -heading, p.cusp / p.radius, 1.0, (0, 0), np.inf)[3]
+        else:
+            length = reeds_shepp(gx, gy, -heading, np.inf)[0]
         known = np.float32(max(length * p.radius, 1e-6))
         table[at] = known
     if p.turn_step > 0.0:

@@ -8,9 +8,10 @@ import math
 import numpy as np
 
 from navstack.core.jit import plain_kernel
-from navstack.curves.curve_kernels import STRAIGHT, advance, curve
+from navstack.curves.curve_kernels import STRAIGHT, advance
 from navstack.global_planner._se2._curve_check_kernels import (
     ROUNDED,
+    choose_curve,
     curve_cost,
     pivot_cost,
     pivot_parts,
@@ -36,17 +37,15 @@ def write_segment(segments, at, kind, x, y, yaw, size, radius):
 
 
 @plain_kernel
-def write_curve(segments, at, reeds_shepp, start, goal, radius, longest):
-    """Write the shortest curve between two poses (3,) from row `at` on, in pieces of at most `longest`; return the next row."""
-    dx, dy = (goal[0] - start[0]) / radius, (goal[1] - start[1]) / radius
-    c, s = math.cos(start[2]), math.sin(start[2])
-    count, kinds, lengths, _ = curve(c * dx + s * dy, c * dy - s * dx, goal[2] - start[2], reeds_shepp, np.inf)
+def write_curve(segments, at, p, start, goal, radius, ends):
+    """Write `choose_curve`'s curve between two poses (3,) from row `at` on, in pieces of at most PIECE; return the next row."""
+    count, kinds, lengths, _ = choose_curve(p, start, goal, radius, ends, np.inf)
     x, y, yaw = start[0], start[1], start[2]
     for i in range(count):
         length = lengths[i] * radius
         if abs(length) < 1e-9:
             continue
-        pieces = max(1, math.ceil(abs(length) / longest))
+        pieces = max(1, math.ceil(abs(length) / PIECE))
         for _ in range(pieces):
             if at >= len(segments):
                 return at
@@ -54,6 +53,34 @@ def write_curve(segments, at, reeds_shepp, start, goal, radius, longest):
             x, y, yaw = advance(kinds[i], x, y, yaw, length / pieces, radius)
             at += 1
     return at
+
+
+@plain_kernel
+def direction_of(row):
+    """Return the direction of travel on a piece of a path: 1, -1, or 0 for turns in place and holonomic lines."""
+    if row.kind_ <= 0:
+        return 0
+    return 1 if row.size > 0.0 else -1
+
+
+@plain_kernel
+def directions_around(segments, first, last, count):
+    """Return the directions of travel before piece `first` and from piece `last` on, and the changes between these two."""
+    before, after = 0, 0
+    i = first - 1
+    while i >= 0 and before == 0:
+        before = direction_of(segments[i])
+        i -= 1
+    i = last
+    while i < count and after == 0:
+        after = direction_of(segments[i])
+        i += 1
+    changes, direction = 0, before
+    for i in range(first, last):
+        sign = direction_of(segments[i])
+        changes += direction * sign < 0
+        direction = direction if sign == 0 else sign
+    return before, after, changes + (direction * after < 0)
 
 
 @plain_kernel
@@ -149,7 +176,7 @@ def pose_at(segments, k, count, goal):
 
 
 @plain_kernel
-def best_curve(costs, bits, shape, p, start, end, limit, radii):
+def best_curve(costs, bits, shape, p, start, end, ends, limit, radii):
     """Return the lowest cost below `limit` of a curve between two poses, and its radius; 0 if none is lower.
 
     The turning radius is tried first, then twice that, and so on: `radii` of them. For a robot that turns in place, turns and a
@@ -158,23 +185,23 @@ def best_curve(costs, bits, shape, p, start, end, limit, radii):
     best, best_radius = limit, 0.0
     radius = p.radius
     for _ in range(radii):
-        cost = curve_cost(costs, bits, shape, p, start, end, radius, best, True)
+        cost = curve_cost(costs, bits, shape, p, start, end, radius, ends, best, True)
         if cost < best:
             best, best_radius = cost, radius
         radius *= 2.0
     if p.turn_step > 0.0:
-        cost = pivot_cost(costs, bits, shape, p, start, end, best)
+        cost = pivot_cost(costs, bits, shape, p, start, end, ends, best)
         if cost < best:
             best, best_radius = cost, -1.0
     return best, best_radius
 
 
 @plain_kernel
-def write_best(segments, at, reeds_shepp, start, goal, radius):
+def write_best(segments, at, p, start, goal, radius, ends):
     """Write what `best_curve` found from row `at` on; return the next row."""
     if radius < 0.0:
         return write_pivot(segments, at, start, goal)
-    return write_curve(segments, at, reeds_shepp, start, goal, radius, PIECE)
+    return write_curve(segments, at, p, start, goal, radius, ends)
 
 
 @plain_kernel
@@ -201,9 +228,11 @@ def shorten(costs, bits, shapes, p, segments, added, values, count, goal, rounds
                     has_reverse = has_reverse or (segments[k].kind_ > 0 and segments[k].size < 0.0)
                 start, end = pose_at(segments, i, count, goal), pose_at(segments, j, count, goal)
                 p.reeds_shepp = 1 if both != 0 and has_reverse else 0
-                _, best_radius = best_curve(costs, bits, shape, p, start, end, old * 0.999 - 1e-6, RADII)
+                before, after, changes = directions_around(segments, i, j, count)
+                old, ends = old + p.cusp * changes, (before, after)
+                _, best_radius = best_curve(costs, bits, shape, p, start, end, ends, old * 0.999 - 1e-6, RADII)
                 if best_radius != 0.0:
-                    fresh = write_best(added, 0, p.reeds_shepp != 0, start, end, best_radius)
+                    fresh = write_best(added, 0, p, start, end, best_radius, ends)
                     if fresh < len(added) and count - span + fresh < len(segments):
                         count = replace_pieces(segments, values, count, i, j, added, fresh)
                         pieces_cost(costs, p, segments[i : i + fresh], values[i : i + fresh])
@@ -237,6 +266,10 @@ def relax(costs, bits, shapes, p, segments, added, values, count, goal, reach):
         p.reeds_shepp = 1 if both != 0 and has_reverse else 0
         start, end = pose_at(segments, first, count, goal), pose_at(segments, last, count, goal)
         row = segments[j]
+        before, after, changes = directions_around(segments, first, last, count)
+        # both curves pay for a change to this direction between them: once too often at most
+        ends_a, ends_b = (before, direction_of(row)), (direction_of(row), after)
+        old += p.cusp * changes
         best, best_offset, best_turn, radius_a, radius_b = old * 0.9995 - 1e-6, 0.0, 0.0, 0.0, 0.0
         for option in range(4):
             sign = 1.0 if option % 2 == 0 else -1.0
@@ -246,17 +279,17 @@ def relax(costs, bits, shapes, p, segments, added, values, count, goal, reach):
             far += math.hypot(end[0] - middle[0], end[1] - middle[1])
             if far * p.base_cost > best * ROUNDED:
                 continue
-            cost_a, a = best_curve(costs, bits, shape, p, start, middle, best, 1)
+            cost_a, a = best_curve(costs, bits, shape, p, start, middle, ends_a, best, 1)
             if a == 0.0:
                 continue
-            cost_b, b = best_curve(costs, bits, shape, p, middle, end, best - cost_a, 1)
+            cost_b, b = best_curve(costs, bits, shape, p, middle, end, ends_b, best - cost_a, 1)
             if b != 0.0:
                 best, best_offset, best_turn, radius_a, radius_b = cost_a + cost_b, offset, turn, a, b
         if radius_a != 0.0:
             x, y = row.x - best_offset * math.sin(row.yaw), row.y + best_offset * math.cos(row.yaw)
             middle = (x, y, row.yaw + best_turn)
-            fresh = write_best(added, 0, p.reeds_shepp != 0, start, middle, radius_a)
-            fresh = write_best(added, fresh, p.reeds_shepp != 0, middle, end, radius_b)
+            fresh = write_best(added, 0, p, start, middle, radius_a, ends_a)
+            fresh = write_best(added, fresh, p, middle, end, radius_b, ends_b)
             if fresh < len(added) and count - (last - first) + fresh < len(segments):
                 count = replace_pieces(segments, values, count, first, last, added, fresh)
                 pieces_cost(costs, p, segments[first : first + fresh], values[first : first + fresh])

@@ -94,21 +94,25 @@ def heuristic(costs, field, ring, table, goals, p, x, y, yaw):
 
 
 @plain_kernel
-def curve_and_tail_cost(costs, bits, shape, p, start, goal, tail, limit):
-    """Return the cost of a curve to a pose from which `tail` (signed) straight on is the goal; the tail is free."""
+def curve_and_tail_cost(costs, bits, shape, p, start, goal, tail, before, limit):
+    """Return the cost of a curve to a pose from which `tail` (signed) straight on is the goal; the tail is free.
+
+    `before`: direction of travel at the start.
+    """
     c, s = math.cos(goal[2]), math.sin(goal[2])
     stage = (goal[0] - tail * c, goal[1] - tail * s, goal[2])
     last, _, _ = segment_cost(costs, p, STRAIGHT, stage[0], stage[1], stage[2], tail, p.radius, limit)
     if last == np.inf:
         return np.inf
-    return last + curve_cost(costs, bits, shape, p, start, stage, p.radius, limit - last, False)
+    ends = (before, 1 if tail > 0.0 else -1)
+    return last + curve_cost(costs, bits, shape, p, start, stage, p.radius, ends, limit - last, False)
 
 
 @plain_kernel
 def try_curves(costs, bits, shapes, p, node, yaw):
     """Try to reach the goals by curves from a node; keep the cheapest path."""
     shape, goals = shapes[0], shapes[2]
-    start = (node.x, node.y, yaw)
+    start, before = (node.x, node.y, yaw), np.int64(node.direction)
     # goal headings that are not multiples of `coarse` are tried if one of the multiples was reached
     for fine in range(2 if p.coarse > 1 else 1):
         reached = False
@@ -124,15 +128,15 @@ def try_curves(costs, bits, shapes, p, node, yaw):
             if p.holonomic != 0:
                 cost = line_cost(costs, bits, shape, p, start, goal, limit)
             else:
-                cost = curve_cost(costs, bits, shape, p, start, goal, p.radius, limit, False)
+                cost = curve_cost(costs, bits, shape, p, start, goal, p.radius, (before, 0), limit, False)
                 for column in range(4, goals.shape[1]):
                     if cost == np.inf and goals[i, column] != 0.0:
                         tail = goals[i, column]
-                        cost = curve_and_tail_cost(costs, bits, shape, p, start, goal, tail, limit)
+                        cost = curve_and_tail_cost(costs, bits, shape, p, start, goal, tail, before, limit)
             kind = CURVE
             near = math.hypot(goals[i, 0] - node.x, goals[i, 1] - node.y) <= p.expansion_length
             if near and p.turn_step > 0.0 and p.holonomic == 0:
-                pivot = pivot_cost(costs, bits, shape, p, start, goal, min(cost, limit))
+                pivot = pivot_cost(costs, bits, shape, p, start, goal, (before, 0), min(cost, limit))
                 if pivot < cost:
                     cost, kind, tail = pivot, PIVOT, 0.0
             if cost < limit:
@@ -154,7 +158,9 @@ def primitive_cost(p, primitives, node, row, weight):
         before = primitives[node.primitive]
         same = before.turn == primitive.turn and before.reverse == primitive.reverse
         cost *= p.non_straight if same else p.non_straight + p.change
-    return cost * p.reverse if primitive.reverse != 0 else cost
+    if primitive.reverse != 0:
+        return cost * p.reverse + (p.cusp if node.direction > 0 else 0.0)
+    return cost + (p.cusp if node.direction < 0 else 0.0)
 
 
 @plain_kernel
@@ -184,7 +190,12 @@ def expand(costs, bits, shapes, primitives, headings, nodes, lists, entries, fie
             if weight == np.inf:
                 continue
         g = np.float32(node.g + primitive_cost(p, primitives, node, row, weight))
+        direction = np.int64(node.direction)
+        if primitive.in_place == 0:
+            direction = -1 if primitive.reverse != 0 else 1
         key = (np.int64(y) * nx + np.int64(x)) * p.bins + end
+        if p.cusp > 0.0:
+            key = 2 * key + (direction < 0)
         slot = slot_of(slots, nodes, key)
         j = np.int64(slots[slot]) - 1
         if j >= 0 and (nodes[j].closed != 0 or g >= nodes[j].g):
@@ -200,7 +211,7 @@ def expand(costs, bits, shapes, primitives, headings, nodes, lists, entries, fie
             slots[slot] = j + 1
             nodes[j].key, nodes[j].closed, nodes[j].heading = key, 0, end
         nodes[j].x, nodes[j].y, nodes[j].g = x, y, g
-        nodes[j].parent, nodes[j].primitive = i, row
+        nodes[j].parent, nodes[j].primitive, nodes[j].direction = i, row, direction
         push(heads, entries, p, j, g + p.weight * h)
         distance = math.hypot(x - p.goal_x, y - p.goal_y)
         if distance < p.approach_distance:

@@ -154,7 +154,6 @@ class PoseSearch:
     ) -> Outcome:
         """Search from `start` to the cheapest of `goals` (n, 4): x, y, yaw, heading bin. The goal of the heuristic is set."""
         p = self.settings
-        nx = self.costs.shape[1]
         self._slots[:] = 0
         self._heads[: -heuristics.RING] = -1
         p["nodes"], p["entries"], p["free_entry"], p["queued"], p["bucket"] = 1, 0, -1, 0, BUCKETS - 1
@@ -167,10 +166,7 @@ class PoseSearch:
         p["goal_x"], p["goal_y"] = goals[0, 0], goals[0, 1]
         p["approach_node"], p["approach_since"] = 0, 0
         p["approach_distance"] = math.hypot(start[0] - goals[0, 0], start[1] - goals[0, 1])
-        root = self._nodes[0]
-        root["x"], root["y"], root["g"], root["parent"], root["primitive"] = start[0], start[1], 0.0, -1, -1
-        root["heading"], root["closed"] = start_bin, 0
-        root["key"] = (int(start[1]) * nx + int(start[0])) * len(table.headings) + start_bin
+        self._write_root(start, start_bin)
         all_shapes = (self.shape.rows, table.samples, goals)
         kernels.rehash(self._slots, self._nodes, 1)
         h = self.obstacle_cost(start[0], start[1])
@@ -202,6 +198,14 @@ class PoseSearch:
             else:
                 break
         return self._outcome(status, table, goals, shorten=shorten, timed_out=timed_out)
+
+    def _write_root(self, start: Pose, start_bin: int) -> None:
+        """Write the node of the start."""
+        root, cell = self._nodes[0], int(start[1]) * self.costs.shape[1] + int(start[0])
+        root["x"], root["y"], root["g"], root["parent"], root["primitive"] = start[0], start[1], 0.0, -1, -1
+        root["heading"], root["closed"], root["direction"] = start_bin, 0, 0
+        key = cell * int(self.settings["bins"][0]) + start_bin
+        root["key"] = 2 * key if self.settings["cusp"][0] > 0.0 else key
 
     def furthest(self, resolution: float, origin_x: float, origin_y: float) -> tuple[float, float, float]:
         """The state of the last search with the least way left over the cells to the goal: x, y (m), yaw."""
@@ -255,7 +259,7 @@ class PoseSearch:
             elif p["best_is_curve"] == kernels.PIVOT:
                 count = int(paths.write_pivot(segments, count, end, goal))
             else:
-                count = self._write_curve(segments, count, end, goal)
+                count = self._write_curve(segments, count, end, goal, int(node["direction"]))
         segments = segments[:count]
         if shorten and count > 1:
             segments, cost = self._shorten(segments, goal, goals)
@@ -279,15 +283,16 @@ class PoseSearch:
             for reach in REACHES:
                 count = int(paths.relax(*arguments, count, goal, reach))
             count = int(paths.shorten(*arguments, count, goal, 1))
-        return room[:count], float(values[:count].sum())
+        changes = int(paths.directions_around(room, 0, count, count)[2])
+        return room[:count], float(values[:count].sum()) + float(p["cusp"]) * changes
 
-    def _write_curve(self, segments: NDArray[np.void], count: int, start: Pose, goal: Pose) -> int:
-        """Write the curve that the search found, and the straight way after it."""
+    def _write_curve(self, segments: NDArray[np.void], count: int, start: Pose, goal: Pose, before: int) -> int:
+        """Write the curve that the search found, and the straight way after it; `before`: direction of travel at its start."""
         p = self.settings[0]
         tail = float(p["best_tail"])
         stage = (goal[0] - tail * math.cos(goal[2]), goal[1] - tail * math.sin(goal[2]), goal[2])
-        both, radius = bool(p["reeds_shepp"]), float(p["radius"])
-        count = int(paths.write_curve(segments, count, both, start, stage, radius, paths.PIECE))
+        ends = before, int(np.sign(tail))
+        count = int(paths.write_curve(segments, count, p, start, stage, float(p["radius"]), ends))
         pieces = math.ceil(abs(tail) / paths.PIECE)
         for k in range(pieces):
             x, y = (stage[i] + (goal[i] - stage[i]) * k / pieces for i in (0, 1))

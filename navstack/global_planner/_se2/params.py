@@ -66,6 +66,14 @@ class PosePlannerParams(ParamModel):
     retrospective_penalty: float = param(
         0.015, "reduction of the cost per cell, which favors states far from the start; 0 = admissible", ge=0.0, lt=1.0
     )
+    cusp_penalty: float = param(
+        0.0,
+        "cost of a change between driving forward and backward, as much as driving this far over free cells. Above 0, states of "
+        "the search have a direction of travel, and curves are chosen by their cost instead of their length",
+        unit="m",
+        ge=0.0,
+        ros_differs="Nav2 has no such cost; with 0, as there, cars may be sent to and fro by a few centimetres",
+    )
     use_quadratic_cost_penalty: bool = param(False, "whether costs count squared")
     analytic_expansion_ratio: float = param(
         3.5, "a curve to the goal is tried every (estimated cost / ratio) expansions", gt=0.0

@@ -162,6 +162,7 @@ class PosePlanner(GlobalPlanner):
             "non_straight": p.non_straight_penalty,
             "change": p.change_penalty,
             "reverse": p.reverse_penalty,
+            "cusp": p.cusp_penalty / resolution,
             "quadratic": p.use_quadratic_cost_penalty,
             "expansion_ratio": p.analytic_expansion_ratio,
             "expansion_length": p.analytic_expansion_max_length / resolution,

@@ -32,7 +32,8 @@ NODE: Final = np.dtype(
         ("parent", "i4"),
         ("heading", "i2"),
         ("primitive", "i2"),
-        ("closed", "i4"),
+        ("closed", "i2"),
+        ("direction", "i2"),  # of travel on the way there: 1 forward, -1 backward, 0 at the start
     ]
 )
 """A visited state: 40 bytes."""
@@ -75,6 +76,7 @@ SETTINGS: Final = np.dtype(
         ("change", "f8"),
         ("reverse", "f8"),
         ("rotation", "f8"),
+        ("cusp", "f8"),  # cost of a change between forward and backward; above 0, states have a direction of travel
         ("quadratic", "i8"),
         # --- curves to the goal
         ("radius", "f8"),

@@ -1,0 +1,74 @@
+# pyright: basic
+"""Curves of bounded curvature for robots to which a change of direction costs something. Units as in `curve_kernels`.
+
+Candidates are the words of Reeds and Shepp and those of Dubins, driven forward or backward. They compete by length, in which
+driving backward counts `backward` times (at least 1), plus `cusp` for each change of direction. `ends`: direction of travel
+before and after the curve, 1, -1, or 0 where it does not matter; a change there counts as well.
+"""
+
+from __future__ import annotations
+
+import math
+
+from navstack.core.jit import plain_kernel
+from navstack.curves.curve_kernels import (
+    DUBINS_WORDS,
+    EPSILON,
+    SEGMENTS,
+    dubins,
+    reeds_shepp_base,
+    reeds_shepp_goal,
+    reeds_shepp_segments,
+)
+
+
+@plain_kernel
+def changes_of_direction(lengths, ends):
+    """Return how often the sign changes among the lengths, and between them and the directions `ends`."""
+    changes, direction = 0, ends[0]
+    for i in range(SEGMENTS):
+        if abs(lengths[i]) >= EPSILON:
+            sign = 1 if lengths[i] > 0.0 else -1
+            changes += direction == -sign
+            direction = sign
+    return changes + (direction * ends[1] < 0)
+
+
+@plain_kernel
+def word_cost(lengths, cusp, backward, ends):
+    """Return the cost of a curve with these signed lengths."""
+    total = cusp * changes_of_direction(lengths, ends)
+    for i in range(SEGMENTS):
+        total += lengths[i] if lengths[i] > 0.0 else -backward * lengths[i]
+    return total
+
+
+@plain_kernel
+def cheapest_curve(x, y, phi, cusp, backward, ends, bound):
+    """Return (count, kinds, lengths, cost) of the cheapest curve to the goal (x, y, phi).
+
+    `kinds` and `lengths` as `curve` returns them. `bound`: a curve that does not cost less need not be found; then the cost is at
+    least that, and the rest has no meaning.
+    """
+    best, count = bound, 3
+    kinds, best_lengths = (0, 0, 0, 0, 0), (0.0, 0.0, 0.0, 0.0, 0.0)
+    for sign in (1, -1):
+        length, word, t, u, v = dubins(sign * x, y, sign * phi, best)
+        lengths = (sign * t, sign * u, sign * v, 0.0, 0.0)
+        cost = word_cost(lengths, cusp, backward, ends)
+        if length < best and cost < best:
+            row = DUBINS_WORDS[word]
+            best, kinds, best_lengths = cost, (row[0], row[1], row[2], 0, 0), lengths
+    c, s = math.cos(phi), math.sin(phi)
+    for variant in range(8):
+        gx, gy, gphi, gs = reeds_shepp_goal(x, y, phi, c, s, variant)
+        for family in range(8):
+            if variant >= 4 and family != 2 and family != 5 and family != 6:
+                continue
+            accepted, t, u, v = reeds_shepp_base(family, gx, gy, gphi, gs, c, best)
+            if accepted:
+                n, word_kinds, lengths = reeds_shepp_segments(family, variant, t, u, v)
+                cost = word_cost(lengths, cusp, backward, ends)
+                if cost < best:
+                    best, count, kinds, best_lengths = cost, n, word_kinds, lengths
+    return count, kinds, best_lengths, best
