@@ -31,6 +31,10 @@ CURVE, PIVOT = 1, 2
 """How a goal is reached: by a curve (or line), or by turns in place and a line."""
 BUCKET = 0.5
 """Cells: width of a bucket of the queue."""
+PATIENCE = 100_000
+"""Expansions after which the weight of the heuristic grows, and again after twice as many, and so on."""
+GROWTH, GREATEST = 1.5, 5.0
+"""Factor by which the weight grows, and how far."""
 MIX = np.uint64(0x9E3779B97F4A7C15)
 
 
@@ -220,6 +224,25 @@ def expand(costs, bits, shapes, primitives, headings, nodes, lists, entries, fie
 
 
 @plain_kernel
+def raise_weight(costs, headings, nodes, lists, entries, field, table, goals, p):
+    """Raise the weight of the heuristic, and queue all open nodes by it.
+
+    Where the heuristic leads into a dead end, the search fills it state by state; with a greater weight, only near its end.
+    """
+    heads = lists[1]
+    ring = heads[len(heads) - RING :]
+    p.weight, p.patience = max(p.weight, min(GREATEST, GROWTH * p.weight)), 2 * p.patience
+    for bucket in range(len(heads) - RING):
+        heads[bucket] = -1
+    p.entries, p.free_entry, p.queued, p.bucket = 0, -1, 0, len(heads) - RING - 1
+    for i in range(p.nodes):
+        node = nodes[i]
+        if node.closed == 0:
+            h = heuristic(costs, field, ring, table, goals, p, node.x, node.y, headings[node.heading].yaw)
+            push(heads, entries, p, i, node.g + p.weight * h)
+
+
+@plain_kernel
 def search(costs, bits, shapes, primitives, headings, nodes, lists, entries, field, table, settings):
     """Search until a goal is reached; returns FOUND, EXHAUSTED, LIMIT, APPROACHED, GROW or PAUSED.
 
@@ -237,6 +260,8 @@ def search(costs, bits, shapes, primitives, headings, nodes, lists, entries, fie
             return GROW
         if p.expanded >= p.pause_at:
             return PAUSED
+        if p.expanded >= p.patience:
+            raise_weight(costs, headings, nodes, lists, entries, field, table, goals, p)
         i = pop(heads, entries, p)
         node = nodes[i]
         if node.closed != 0:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
@@ -24,7 +25,8 @@ from navstack.global_planner._se2.records import ENTRY, FIELD, NODE, SEGMENT, SE
 
 UNLIMITED: Final = 1 << 62
 BUCKETS: Final = 1 << 14
-"""Buckets of the queue: of the width of half a cell, so estimates above 8,192 cells share the last one."""
+"""Buckets of the queue, at least; more where twice the first estimate, with the greatest weight, needs them."""
+MOST_BUCKETS: Final = 1 << 20
 FIRST_NODES: Final = 1 << 14
 ROUNDS: Final = 2
 REACHES: Final = (6, 4, 3, 2)
@@ -79,8 +81,9 @@ class PoseSearch:
         self._bits = np.zeros((0, 0), np.uint64)
         self._yaws = np.zeros(0)
         self._added = np.zeros(256, SEGMENT)
-        half, bins = int(self.settings["half"][0]), int(self.settings["bins"][0])
-        self._table = untouched_zeros((2 * half + 1) * (half + 1) * bins, np.dtype(np.float32))
+        p = self.settings[0]
+        self._weight = float(p["weight"])
+        self._table = _curve_table(int(p["half"]), int(p["bins"]), float(p["radius"]), bool(p["reeds_shepp"]))
 
     @property
     def bytes_per_state(self) -> float:
@@ -155,10 +158,14 @@ class PoseSearch:
         """Search from `start` to the cheapest of `goals` (n, 4): x, y, yaw, heading bin. The goal of the heuristic is set."""
         p = self.settings
         self._slots[:] = 0
-        self._heads[: -heuristics.RING] = -1
-        p["nodes"], p["entries"], p["free_entry"], p["queued"], p["bucket"] = 1, 0, -1, 0, BUCKETS - 1
+        h = min(self.obstacle_cost(start[0], start[1]), 1e6)
+        self._clear_queue(h)
+        p["nodes"], p["entries"], p["free_entry"], p["queued"] = 1, 0, -1, 0
+        p["bucket"] = len(self._heads) - heuristics.RING - 1
         p["expanded"], p["countdown"], p["nearest_h"] = 0, 0.0, np.inf
         p["best_node"], p["best_goal"], p["best_cost"], p["best_is_curve"] = -1, -1, np.inf, 0
+        p["weight"] = self._weight
+        p["patience"] = kernels.PATIENCE if self._weight > 1.0 else UNLIMITED
         p["pause_at"] = UNLIMITED if deadline is None else interval
         self._yaws = table.headings["yaw"]
         p["curves_tried"], p["yaw_offset"] = 0, table.headings["yaw"][0]
@@ -169,8 +176,7 @@ class PoseSearch:
         self._write_root(start, start_bin)
         all_shapes = (self.shape.rows, table.samples, goals)
         kernels.rehash(self._slots, self._nodes, 1)
-        h = self.obstacle_cost(start[0], start[1])
-        kernels.push(self._heads, self._entries, p[0], 0, float(p["weight"][0]) * min(h, 1e6))
+        kernels.push(self._heads, self._entries, p[0], 0, self._weight * h)
         timed_out = False
         while True:
             status = int(
@@ -218,6 +224,15 @@ class PoseSearch:
         yaw = float(self._yaws[int(best["heading"])])
         x, y = float(best["x"]) * resolution + origin_x, float(best["y"]) * resolution + origin_y
         return x, y, math.remainder(yaw, 2.0 * math.pi)
+
+    def _clear_queue(self, estimate: float) -> None:
+        """Empty the queue; lengthen it for costs of this order."""
+        needed, count = 2.0 * max(self._weight, kernels.GREATEST) * estimate, len(self._heads) - heuristics.RING
+        while count * kernels.BUCKET < needed and count < MOST_BUCKETS:
+            count *= 2
+        if count > len(self._heads) - heuristics.RING:
+            self._heads = np.concatenate([np.empty(count, np.int32), self._heads[-heuristics.RING :]])
+        self._heads[: -heuristics.RING] = -1
 
     def _grow(self) -> None:
         """Double the arrays of the nodes."""
@@ -298,6 +313,13 @@ class PoseSearch:
             x, y = (stage[i] + (goal[i] - stage[i]) * k / pieces for i in (0, 1))
             paths.write_segment(segments, count + k, STRAIGHT, x, y, goal[2], tail / pieces, 1.0)
         return count + pieces
+
+
+@lru_cache(maxsize=4)
+def _curve_table(half: int, bins: int, radius: float, reeds_shepp: bool) -> NDArray[np.float32]:
+    """The lengths of curves that are known so far, shared by all searches for the same curves: a length is always the same."""
+    del radius, reeds_shepp
+    return untouched_zeros((2 * half + 1) * (half + 1) * bins, np.dtype(np.float32))
 
 
 def poses_of(outcome: Outcome, spacing: float) -> NDArray[np.float64]:

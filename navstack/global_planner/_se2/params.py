@@ -119,7 +119,8 @@ class PosePlannerParams(ParamModel):
     )
     heuristic_weight: float = param(
         1.2,
-        "factor on the heuristic: 1 = the cheapest path that the states allow; above 1 faster, for a dearer path",
+        "factor on the heuristic: 1 = the cheapest path that the states allow; above 1 faster, for a dearer path. Above 1 it "
+        "grows in searches of more than 100,000 states, up to 5",
         ge=1.0,
         le=10.0,
     )

@@ -91,6 +91,7 @@ SETTINGS: Final = np.dtype(
         ("half", "i8"),  # half the side of the distance table
         ("yaw_offset", "f8"),  # of heading 0
         ("weight", "f8"),
+        ("patience", "i8"),  # expansions after which it grows
         ("slack", "f8"),  # a curve to the goal is accepted if it costs at most this factor times the least estimate
         # --- limits
         ("max_expansions", "i8"),
