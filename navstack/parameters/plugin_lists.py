@@ -77,7 +77,8 @@ class PluginLists:
             return None
 
     def _add_unknown(self, registry: Registry[Any], plugin: ListedPlugin) -> None:
-        known = ", ".join(entry.ros_name for entry in registry)
+        by_name = _is_bare(plugin.type)
+        known = ", ".join(entry.name if by_name else entry.ros_name for entry in registry)
         other = next((r.kind for r in REGISTRIES if plugin.type in r), None)
         # a planner that exists elsewhere is not a misspelt one
         foreign = short_type(plugin.type) in FOREIGN_PLANNERS
@@ -199,10 +200,19 @@ class PluginLists:
 
 
 def _closest(registry: Registry[Any], written: str) -> str | None:
-    """The ROS name closest to a misspelt one."""
-    names = {n: e.ros_name for e in registry for n in (e.name, *(short_type(a) for a in e.aliases))}
+    """The name closest to a misspelt one, written as that one: with or without a ROS package."""
+    names = {
+        n: e.name if _is_bare(written) else e.ros_name
+        for e in registry
+        for n in (e.name, *(short_type(a) for a in e.aliases))
+    }
     close = nearest(short_type(written), names, cutoff=0.75)
     return names[close] if close else None
+
+
+def _is_bare(type_: str) -> bool:
+    """True for a type without a ROS package, as Nav2 lists critics: CostCritic."""
+    return "/" not in type_ and "::" not in type_
 
 
 def _shown(node: Node) -> str:

@@ -335,7 +335,7 @@ def errors_of(**values: Any) -> list[str]:
 @pytest.mark.parametrize(
     ("values", "expected"),
     [
-        ({"critics": ["PathAlginCritic"]}, 'unknown critic "PathAlginCritic"; did you mean "mppi/critics/PathAlignCritic"'),
+        ({"critics": ["PathAlginCritic"]}, 'unknown critic "PathAlginCritic"; did you mean "PathAlignCritic"'),
         ({"critics": []}, "critics is empty, so that every sample is as good as any other"),
         ({"batch_size": 0}, "batch_size = 0 is out of range; it must be at least 1"),
         ({"temperature": 0.0}, "temperature = 0 is out of range; it must be greater than 0"),

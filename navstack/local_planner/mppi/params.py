@@ -233,7 +233,8 @@ class MPPIParams(PathFollowerParams):
             tightest = self.vx_max / motion.min_turning_r
             message = (
                 f"min_turning_r = {motion.min_turning_r:g} m allows turns of at most {tightest:.2g} rad/s at vx_max "
-                f"{self.vx_max:g} m/s, so most samples up to wz_max {self.wz_max:g} rad/s are wasted; lower wz_max and wz_std"
+                f"{self.vx_max:g} m/s, so most samples up to wz_max {self.wz_max:g} rad/s are wasted; lower wz_max to "
+                f"{tightest:.2g} and wz_std in proportion"
             )
             yield Issue("warning", "turning-radius", (f"{self.motion_model}/min_turning_r", "wz_max"), message)
         for name, kind in self.listed_critics:
