@@ -150,8 +150,11 @@ def test_rounding_does_not_turn_the_robot_round() -> None:
     )
 
 
+@pytest.mark.parametrize("name", ["pure pursuit", "graceful"])
 @pytest.mark.parametrize("corner", [(-0.16, 0.0), (-0.11, 0.11)])
-def test_it_leaves_an_obstacle_under_its_footprint_but_does_not_drive_into_it(corner: tuple[float, float]) -> None:
+def test_it_leaves_an_obstacle_under_its_footprint_but_does_not_drive_into_it(
+    corner: tuple[float, float], name: str
+) -> None:
     """A mark at the robot's back: forward is free, backward is not; a second mark ahead still stops it."""
     ahead = [(0.05 * i, 0.0, 0.0) for i in range(40)]
     for path, marks, goes in (
@@ -159,7 +162,10 @@ def test_it_leaves_an_obstacle_under_its_footprint_but_does_not_drive_into_it(co
         ([(-x, y, yaw) for x, y, yaw in ahead], [corner], False),
         (ahead, [corner, (0.3, 0.0)], False),
     ):
-        controller = pursuit(use_collision_detection=True, allow_reversing=True, use_rotate_to_heading=False)
+        if name == "graceful":
+            controller = graceful(initial_rotation=False, allow_backward=True, v_linear_min=0.05)
+        else:
+            controller = pursuit(use_collision_detection=True, allow_reversing=True, use_rotate_to_heading=False)
         plan = Path(np.array(path), "odom")
         controller.set_plan(plan, Pose2D(*plan.poses[-1].tolist()))
         inputs = control_input(Pose2D(0.0, 0.0), Twist2D(), marks)
@@ -167,7 +173,7 @@ def test_it_leaves_an_obstacle_under_its_footprint_but_does_not_drive_into_it(co
             found = controller.compute_command(inputs)
             assert found.command.vx > 0.0 and "leads away" in found.notes[-1]
         else:
-            with pytest.raises(NoValidControlError, match="would collide"):
+            with pytest.raises(NoValidControlError, match="would collide|free of collisions"):
                 controller.compute_command(inputs)
 
 

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Path, Pose2D, Twist2D, angle_between
-from navstack.core.collision import footprint_cost
+from navstack.core.collision import footprint_cost, overlaps_obstacle
 from navstack.core.costs import LETHAL, UNKNOWN
 from navstack.core.errors import NoValidControlError
 from navstack.core.parameters import ParamModel
@@ -23,6 +24,7 @@ from navstack.local_planner._carrot_kernels import point_ahead
 from navstack.local_planner.graceful import _law_kernels as kernels
 from navstack.local_planner.graceful._law_kernels import LAW
 from navstack.local_planner.graceful.params import GracefulParams
+from navstack.local_planner.overlap import leads_away, without_lethal
 from navstack.local_planner.path_follower import Following, PathFollower, check_speed
 from navstack.plugins import LOCAL_PLANNERS
 
@@ -140,17 +142,15 @@ class GracefulController(PathFollower):
                 w = float(kernels.turning_in_place(error, self._law[0]))
                 note = f"at the goal's position, {error:+.2f} rad to its heading: turning in place"
                 return LocalPlan(Twist2D(0.0, 0.0, w), "rotate_to_goal", local_plan=local, notes=(note,))
-        tried = 0
         self._prepare(now)
-        for target, along in self._targets(now, poses):
-            tried += 1
+        tried = 0
+        for tried, (target, along) in enumerate(self._targets(now, poses), 1):
             found = self._reach(now, target, along)
-            if found is None:
-                continue
-            self.carrot = _in_frame_of(now.state.pose, found.target)
-            trajectory = np.concatenate((self._start[np.newaxis], self._out[: found.points]))
-            notes = (self._reason(now, found, along, tried),)
-            return LocalPlan(found.command, trajectory=trajectory, local_plan=local, notes=notes)
+            if found is not None:
+                return self._plan(now, found, (self._reason(now, found, along, tried),))
+        leaving = self._leave(now, poses)
+        if leaving is not None:
+            return leaving
         self.carrot = None
         raise NoValidControlError(
             f"no trajectory to one of {tried} targets within max_lookahead {self.params.max_lookahead:g} m is free of "
@@ -158,6 +158,33 @@ class GracefulController(PathFollower):
             targets=tried,
             plan=LocalPlan(Twist2D(), local_plan=local),
         )
+
+    def _plan(self, now: Following, found: _Attempt, notes: tuple[str, ...]) -> LocalPlan:
+        """The result for the trajectory that was simulated last."""
+        self.carrot = _in_frame_of(now.state.pose, found.target)
+        trajectory = np.concatenate((self._start[np.newaxis], self._out[: found.points]))
+        local = Path(now.path.poses, now.costmap.frame)
+        return LocalPlan(found.command, trajectory=trajectory, local_plan=local, notes=notes)
+
+    def _leave(self, now: Following, poses: NDArray[np.float64]) -> LocalPlan | None:
+        """Drive away from obstacles that the footprint overlaps at rest; None if it overlaps none, or there is no way.
+
+        ROS differs: in Nav2 a robot that overlaps an obstacle never leaves it.
+        """
+        pose = now.state.pose
+        checked = self.params.use_collision_detection and not self.as_nav2
+        if not checked or not overlaps_obstacle(now.costmap, now.footprint, pose):
+            return None
+        free = replace(now, costmap=without_lethal(now.costmap))
+        for target, along in self._targets(now, poses):
+            found = self._reach(free, target, along)
+            if found is not None:
+                held = [_driven(pose, found.command, share * self.period) for share in (0.0, 0.5, 1.0)]
+                way = np.concatenate((np.array(held), self._out[: found.points]))
+                if leads_away(now.costmap, now.footprint, way):
+                    note = "the footprint overlaps an obstacle; the trajectory leads away from it"
+                    return replace(self._plan(now, found, (note,)), mode="escape")
+        return None
 
     def _reason(self, now: Following, found: _Attempt, along: float, tried: int) -> str:
         x, y, _ = found.target
@@ -342,6 +369,13 @@ class GracefulController(PathFollower):
                 now.track_unknown_space,
             )
         )
+
+
+def _driven(pose: Pose2D, command: Twist2D, seconds: float) -> Pose2D:
+    """The pose after a command has been driven for some time."""
+    turned, length = seconds * command.wz, seconds * command.vx
+    heading = pose.yaw + 0.5 * turned
+    return Pose2D(pose.x + length * math.cos(heading), pose.y + length * math.sin(heading), pose.yaw + turned)
 
 
 def _in_frame_of(pose: Pose2D, target: tuple[float, float, float]) -> tuple[float, float]:
