@@ -177,6 +177,8 @@ class GracefulController(PathFollower):
             return None
         free = replace(now, costmap=without_lethal(now.costmap))
         for target, along in self._targets(now, poses):
+            if math.hypot(target[0] - pose.x, target[1] - pose.y) <= now.costmap.geometry.resolution:
+                continue  # the robot is there: it would turn on the spot
             found = self._reach(free, target, along)
             if found is not None:
                 held = [_driven(pose, found.command, share * self.period) for share in (0.0, 0.5, 1.0)]
