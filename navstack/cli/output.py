@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from navstack.parameters.configuration import Configuration
+    from navstack.parameters.findings import Finding
     from navstack.scenario import GoalOutcome, RunResult
 
 
@@ -75,14 +76,16 @@ def print_note(message: str) -> None:
 
 
 def print_warnings(configuration: Configuration) -> None:
-    """Print the warnings about a parameter set to stderr, with the severity that `navstack check` uses.
+    """Print the warnings about a parameter set to stderr; see `print_findings`."""
+    print_findings(configuration.findings)
 
-    Nothing with --quiet, also the infos with --verbose.
-    """
+
+def print_findings(findings: Sequence[Finding]) -> None:
+    """Print warnings to stderr, with the severity that `navstack check` uses: none with --quiet, also infos with --verbose."""
     from rich.markup import escape
 
     shown = {Verbosity.QUIET: (), Verbosity.NORMAL: ("warning",), Verbosity.VERBOSE: ("warning", "info")}[_verbosity]
-    for finding in configuration.findings:
+    for finding in findings:
         if finding.severity in shown:
             color = "yellow" if finding.severity == "warning" else "cyan"
             stderr().print(f"[{color}]{finding.severity}:[/] {escape(f'{finding.location}: {finding.message}')}")

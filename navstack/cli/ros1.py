@@ -15,7 +15,7 @@ app = typer.Typer(
     name="ros1",
     no_args_is_help=True,
     rich_markup_mode="markdown",
-    help="Nodes for ROS 1 (Debian's packages): move_base, the simulated robot, map_server.",
+    help="Nodes for ROS 1 (Debian's packages): move_base, the simulated robot, map_server, amcl.",
 )
 
 
@@ -104,4 +104,36 @@ def map_server(
     grid = map_of(map_)[1] if resolution is None else None
     start_node(name, context)
     server.run(load_image(map_, str(resolution)) if grid is None else grid)
+    return 0
+
+
+@app.command("amcl", cls=NodeCommand, context_settings=NODE)
+def amcl(context: typer.Context, params: options.Params = [], set_: options.Set = [], name: Name = "amcl") -> int:
+    """Localize a robot in a map by its scans, as amcl: amcl_pose, particlecloud, map -> odom on /tf.
+
+    Parameters come from the node's namespace on the parameter server, with amcl's names and defaults; the section `amcl` of
+    `--params` overlays them (`--set amcl.max_particles=2000`). Exit codes: 0 shut down, 2 invalid input.
+    """
+    from navstack.cli.output import print_findings
+    from navstack.ros1 import amcl_parameters
+    from navstack.ros1.amcl_node import AmclNode
+
+    start_node(name, context)
+    configuration = amcl_parameters.load(params, set_)
+    print_findings(configuration.findings)
+    AmclNode(configuration).spin()
+    return 0
+
+
+@app.command("fake_localization", cls=NodeCommand, context_settings=NODE)
+def fake_localization(context: typer.Context, name: Name = "fake_localization") -> int:
+    """Localize a simulated robot by its true pose (base_pose_ground_truth), as fake_localization.
+
+    Parameters: ~odom_frame_id odom, ~base_frame_id base_link, ~global_frame_id map, ~delta_x, ~delta_y, ~delta_yaw 0,
+    ~transform_tolerance 0.1 s. Exit codes: 0 shut down, 2 invalid input.
+    """
+    from navstack.ros1.fake_localization import FakeLocalization
+
+    start_node(name, context)
+    FakeLocalization().spin()
     return 0

@@ -20,7 +20,7 @@ def install(
         bool,
         typer.Option(
             "--drop-in/--no-drop-in",
-            help="Also packages named move_base and map_server, so that existing launch files run unchanged.",
+            help="Also packages named move_base, map_server, amcl and fake_localization: existing launch files run unchanged.",
         ),
     ] = True,
     launch: Annotated[
@@ -28,7 +28,9 @@ def install(
         typer.Option("--launch", metavar="FILE", help="Launch file: print what its nodes must become (repeatable)."),
     ] = [],
 ) -> int:
-    """Write packages for roslaunch: navstack_ros1 (nodes, launch files), and move_base and map_server in place of the originals.
+    """Write packages for roslaunch: navstack_ros1 (nodes, launch files), and move_base, map_server, amcl and fake_localization.
+
+    The latter take the place of the originals.
 
     Afterwards: `export ROS_PACKAGE_PATH=DIR` and `roslaunch navstack_ros1 demo.launch`. With `--launch FILE`, arguments of the
     launch file follow as for roslaunch: `model:=burger`. Exit codes: 0 written, 2 invalid input or an existing folder.
@@ -86,7 +88,7 @@ def _print_advice(file: Path, lines: list[str], *, drop_in: bool) -> None:
         out.print(escape(f"{file}: no node of it has to change"), soft_wrap=True)
     elif drop_in and any(" -> pkg=" in line for line in lines):
         out.print(
-            "With the packages move_base and map_server on ROS_PACKAGE_PATH, the file can also stay as it is.",
+            "With the packages of these names on ROS_PACKAGE_PATH, the file can also stay as it is.",
             soft_wrap=True,
         )
     if lines:

@@ -83,14 +83,19 @@ class Diagnostics:
         return self._status("data", WARN if robot.problems else OK, text, values)
 
     def _status(self, part: str, level: int, text: str, values: Mapping[str, Any]) -> Any:
-        pair = ros.message("diagnostic_msgs/KeyValue")
-        return ros.message("diagnostic_msgs/DiagnosticStatus")(
-            level=level,
-            name=f"{self._name}: {part}",
-            message=text,
-            hardware_id="navstack",
-            values=[pair(key=key, value=str(value)) for key, value in values.items()],
-        )
+        return diagnostic_status(level, f"{self._name}: {part}", text, values)
+
+
+def diagnostic_status(level: int, name: str, text: str, values: Mapping[str, Any]) -> Any:
+    """Return a diagnostic_msgs/DiagnosticStatus."""
+    pair = ros.message("diagnostic_msgs/KeyValue")
+    return ros.message("diagnostic_msgs/DiagnosticStatus")(
+        level=level,
+        name=name,
+        message=text,
+        hardware_id="navstack",
+        values=[pair(key=key, value=str(value)) for key, value in values.items()],
+    )
 
 
 def _quantiles(numbers: Any) -> dict[str, float]:

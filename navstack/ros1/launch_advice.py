@@ -20,18 +20,18 @@ REPLACED: Final = {
     ("move_base", "move_base"): "move_base",
     ("pr2_move_base", "pr2_move_base_node"): "move_base",
     ("map_server", "map_server"): "map_server",
+    ("amcl", "amcl"): "amcl",
+    ("fake_localization", "fake_localization"): "fake_localization",
     ("teleop_twist_keyboard", "teleop_twist_keyboard.py"): "teleop",
 }
 """(pkg, type) of a node -> type of the node that takes its place."""
 
 _LOCALIZATION: Final = (
-    "navstack has no such node: keep it on a real robot; with navstack's simulated robot remove it, because that publishes "
-    "map -> odom and amcl_pose itself"
+    "navstack's simulated robot publishes map -> odom and amcl_pose itself: start it with _localization:=false, or remove "
+    "this node"
 )
 _SIMULATOR: Final = f'this simulator can give way to pkg="{PACKAGE}" type="sim" args="MAP.yaml --clock" (or keep it)'
 NOTES: Final = {
-    "amcl": _LOCALIZATION,
-    "fake_localization": _LOCALIZATION,
     "stage_ros": _SIMULATOR,
     "gazebo_ros": _SIMULATOR,
     "robot_pose_ekf": "navstack has no such node: keep it on a real robot; the simulated robot publishes odom -> base itself",
@@ -134,6 +134,8 @@ def _more(replaced: str, element: Element) -> str:
     given = element.attributes.get("args", "")
     if replaced == "map_server" and re.search(r"\s[0-9.]+\s*$", given):
         return "args of the old form IMAGE RESOLUTION are read too"
+    if replaced in ("amcl", "fake_localization"):
+        return _LOCALIZATION
     if element.attributes.get("launch-prefix"):
         return "remove its launch-prefix if it is for C++ programs (gdb, valgrind)"
     return ""

@@ -13,6 +13,8 @@ NODES: Final[Mapping[str, str]] = {
     "move_base": "move_base",
     "sim": "sim",
     "map_server": "map_server",
+    "amcl": "amcl",
+    "fake_localization": "fake_localization",
     "linear_move": "linear_move",
     "linear_move_server": "linear_move --service",
     "radian_turn": "radian_turn",

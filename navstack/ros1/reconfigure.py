@@ -45,10 +45,22 @@ class ReconfigureServers:
                 grouped.setdefault(namespace, []).append(parameter)
         wanted = _namespaces(configuration)
         self.servers = {
-            namespace: _Server(namespace, parameters, self, inbox)
+            namespace: self._server(namespace, parameters, inbox)
             for namespace, parameters in grouped.items()
             if namespace in wanted
         }
+
+    def _server(self, namespace: str, parameters: list[Parameter], inbox: Inbox) -> ReconfigureServer:
+        prefix = f"{namespace}/" if namespace else ""
+
+        def present() -> dict[str, Any]:
+            found = {p.name: p.value for p in parameters_of(self.configuration)}
+            return {name.removeprefix(prefix): value for name, value in found.items() if name.startswith(prefix)}
+
+        def apply(values: Mapping[str, Any]) -> None:
+            self.apply(namespace, values)
+
+        return ReconfigureServer(f"~{prefix}", parameters, present, apply, inbox)
 
     def apply(self, namespace: str, values: Mapping[str, Any]) -> None:
         """Change parameters of one namespace. Raises NavError, and nothing has changed."""
@@ -88,16 +100,26 @@ def _namespaces(configuration: Configuration) -> set[str]:
     return {"", *costmaps, *layers, *planners}
 
 
-class _Server:
+class ReconfigureServer:
     """The topics and the service of one namespace."""
 
-    def __init__(self, namespace: str, parameters: list[Parameter], servers: ReconfigureServers, inbox: Inbox) -> None:
+    def __init__(
+        self,
+        own: str,
+        parameters: list[Parameter],
+        present: Callable[[], Mapping[str, Any]],
+        apply: Callable[[Mapping[str, Any]], None],
+        inbox: Inbox,
+    ) -> None:
+        """`own` is the beginning of its names: `~` or `~namespace/`.
+
+        `present` returns the values by their short names, `apply` changes some of them, in the thread of the node, or raises
+        NavError.
+        """
         rospy = self._rospy = ros.rospy()
-        self._namespace, self._servers = namespace, servers
+        self._own, self._present, self._apply = own, present, apply
         self._parameters = {parameter.name.rpartition("/")[2]: parameter for parameter in parameters}
         self.names = tuple(self._parameters)
-        own = "~" if not namespace else f"~{namespace}/"
-        self._own = own
         description, config = (
             ros.message("dynamic_reconfigure/ConfigDescription"),
             ros.message("dynamic_reconfigure/Config"),
@@ -122,16 +144,15 @@ class _Server:
                 else:
                     values[item.name] = _clamped(parameter, item.value)
         try:
-            self._servers.apply(self._namespace, values)
+            self._apply(values)
         except NavError as exc:
             self._rospy.logerr("%s: %s", self._own, exc.message)
         return ros.message("dynamic_reconfigure/srv/ReconfigureResponse")(config=self.publish())
 
     def publish(self) -> Any:
         """Publish the configuration, write it to the parameter server, and return it."""
-        prefix = f"{self._namespace}/" if self._namespace else ""
-        now = {p.name: p.value for p in parameters_of(self._servers.configuration)}
-        values = {name: now.get(f"{prefix}{name}", parameter.value) for name, parameter in self._parameters.items()}
+        now = self._present()
+        values = {name: now.get(name, parameter.value) for name, parameter in self._parameters.items()}
         config = self._config(lambda name, parameter: values[name])
         self._updates.publish(config)
         for name, value in values.items():

@@ -13,7 +13,7 @@ from navstack.core import LaserScan, PointCloud, Pose2D, Transform2D, Twist2D
 from navstack.core.errors import NavError
 from navstack.logs import messages as msg
 from navstack.logs.builder import MessageBuilder
-from navstack.ros1 import ros
+from navstack.ros1 import private, ros
 from navstack.ros1.inbox import Inbox
 from navstack.ros1.map_server import MapTopics
 from navstack.ros1.master import MasterWatch
@@ -38,8 +38,9 @@ class SimNode:
     def __init__(self, scenario: Scenario, *, speed: float, clock: bool) -> None:
         """`speed`: simulated seconds per second. `clock`: publish `/clock`; otherwise ROS's time is kept, and `speed` is 1.
 
-        If /use_sim_time is set and `clock` is not, the node waits for the clock of another one. Raises InputError for wrong
-        parameters.
+        If /use_sim_time is set and `clock` is not, the node waits for the clock of another one. With `~localization` false
+        another node localizes the robot: no map -> odom, amcl_pose and particlecloud, and `initialpose` does not move it.
+        Raises InputError for wrong parameters.
         """
         rospy = self._rospy = ros.rospy()
         self.scenario = scenario
@@ -56,12 +57,14 @@ class SimNode:
         self._truth = self._publisher("base_pose_ground_truth", "nav_msgs/Odometry")
         self._static = rospy.Publisher("/tf_static", ros.message("tf2_msgs/TFMessage"), queue_size=1, latch=True)
         self._map = MapTopics(dataclasses.replace(scenario.map, frame=self.names.map), self.build)
-        self._localization = LocalizationTopics(self.robot, self.build, self.names.map)
+        self._is_localized = private.flag("localization", True)
+        self._localization = LocalizationTopics(self.robot, self.build, self.names.map) if self._is_localized else None
         twist, pose = ros.message("geometry_msgs/Twist"), ros.message("geometry_msgs/PoseWithCovarianceStamped")
         receive = self.inbox.poster
         for topic in self.names.velocity_topics:
             rospy.Subscriber(topic, twist, receive(self._on_command), queue_size=1, tcp_nodelay=True)
-        rospy.Subscriber("initialpose", pose, receive(self._on_pose), queue_size=1)
+        if self._is_localized:
+            rospy.Subscriber("initialpose", pose, receive(self._on_pose), queue_size=1)
         empty = ros.message("std_srvs/srv/Empty")
         self._reset = rospy.Service("reset_positions", empty, self.inbox.caller(self._on_reset))
         self._publish_static()
@@ -152,15 +155,15 @@ class SimNode:
             stamp = self._ns(at)
             pose, velocity = Pose2D(*row[3:6]), Twist2D(*row[6:9])
             offset = robot.frames.lookup(robot.map_frame, robot.odom_frame, at)
-            moving = [
-                (stamp, names.odom, names.base, Transform2D(*pose), 0.0),
-                (stamp, names.map, names.odom, offset, 0.0),
-            ]
+            moving = [(stamp, names.odom, names.base, Transform2D(*pose), 0.0)]
+            if self._is_localized:
+                moving.append((stamp, names.map, names.odom, offset, 0.0))
             self._tf.publish(build.transforms(moving))
             self._odom.publish(_with_covariances(build.odometry(stamp, names.odom, names.base, pose, velocity)))
             true = build.odometry(stamp, names.map, names.base, Pose2D(*row[:3]), velocity)
             self._truth.publish(true)
-            self._localization.publish(at, stamp, pose)
+            if self._localization is not None:
+                self._localization.publish(at, stamp, pose)
 
     def _publish_clock(self, time_s: float) -> None:
         assert self._clock is not None

@@ -16,7 +16,7 @@ from navstack.ros1.launch_advice import advise
 from tests.conftest import data_files
 from tests.ros1.conftest import PYTHON, WANTED, missing
 
-PACKAGES = ("handsfree_msgs", "map_server", "move_base", "navstack_ros1")
+PACKAGES = ("amcl", "costmap_2d", "fake_localization", "handsfree_msgs", "map_server", "move_base", "navstack_ros1")
 
 
 @pytest.fixture
@@ -46,15 +46,19 @@ def _ros(folder: Path, *command: str) -> str:
 CHECK = """
 import roslib, rospkg, roslib.packages, roslaunch, sys
 pack = rospkg.RosPack()
-for name in ("navstack_ros1", "move_base", "map_server", "handsfree_msgs"):
+for name in ("navstack_ros1", "move_base", "map_server", "amcl", "fake_localization", "handsfree_msgs", "costmap_2d"):
     pack.get_manifest(name)
-nodes = (("navstack_ros1", "sim"), ("navstack_ros1", "move_base"), ("move_base", "move_base"), ("map_server", "map_server"))
+nodes = (("navstack_ros1", "sim"), ("navstack_ros1", "move_base"), ("move_base", "move_base"), ("map_server", "map_server"),
+         ("navstack_ros1", "amcl"), ("amcl", "amcl"), ("fake_localization", "fake_localization"))
 for package, node in nodes:
     found, = roslib.packages.find_node(package, node)
     assert found.endswith("/scripts/" + node), found
 roslib.load_manifest("handsfree_msgs")
 from handsfree_msgs.srv import SpecialMove, SpecialTurn
 assert SpecialMove._md5sum == "66f2f4fdee219611a302e48371c65074" and SpecialTurn._md5sum == "73c6e8bc92a2aaf25662afbf9779642b"
+roslib.load_manifest("costmap_2d")
+from costmap_2d.msg import VoxelGrid
+assert VoxelGrid._md5sum == "48a040827e1322073d78ece5a497029c"
 import os
 launch = os.path.join(pack.get_path("navstack_ros1"), "launch")
 for name in sorted(os.listdir(launch)):
@@ -153,7 +157,10 @@ def test_advice(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert lines[2].startswith(
         f'{file}:8:5: map: pkg="map_server" type="map_server" -> pkg="navstack_ros1" type="map_server"'
     )
-    assert lines[3].startswith(f"{file}:9:3: amcl: note: ") and 'type="sim"' in lines[4]
+    assert (
+        lines[3].startswith(f'{file}:9:3: amcl: pkg="amcl" type="amcl" -> pkg="navstack_ros1" type="amcl"; ')
+        and 'type="sim"' in lines[4]
+    )
     assert lines[4].startswith(f"{file}:9:45: spawn: note: ")
     assert lines[5] == f'{tmp_path / "inner.launch"}:3:2: inner: pkg="move_base" type="move_base" -> {new}'
     assert lines[-1].startswith(f"navstack check {file}")

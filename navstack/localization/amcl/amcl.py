@@ -66,6 +66,11 @@ class Amcl(Localizer):
         return self._estimate
 
     @property
+    def updates(self) -> int:
+        """Number of scans that have weighed the particles since the start."""
+        return self._updates
+
+    @property
     def sensor_model(self) -> SensorModel | None:
         """The likelihood of scans on the present map."""
         return self._model
