@@ -20,6 +20,14 @@ from navstack.record import Record
 from navstack.scenario import run_scenario
 
 
+@pytest.fixture(autouse=True)
+def default_hangup() -> Generator[None]:
+    """A hangup is not ignored, as it is when the tests run under nohup."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.parametrize("command", ["simulate", "tour"])
 def test_a_signal_leaves_a_record(
