@@ -47,6 +47,7 @@ class SmacHybridPlanner(PosePlanner):
 
     Params = SmacHybridParams
     params: SmacHybridParams
+    finer_headings = (2, 4)
 
     def __init__(self, params: SmacHybridParams | None = None) -> None:
         super().__init__(params or SmacHybridParams())
@@ -68,10 +69,10 @@ class SmacHybridPlanner(PosePlanner):
             "reeds_shepp": self.params.motion_model_for_search == "REEDS_SHEPP",
         }
 
-    def table(self, resolution: float, shape: Shape, start_yaw: float) -> tuple[PrimitiveTable, int]:
-        """Return the arcs of the turning radius, at headings that contain the start's."""
+    def table(self, resolution: float, shape: Shape, start_yaw: float, finer: int) -> tuple[PrimitiveTable, int]:
+        """Return the arcs of the turning radius, at headings that contain the start's, `finer` times as many as usual."""
         p = self.params
-        bins = p.angle_quantization_bins
+        bins = finer * p.angle_quantization_bins
         width = 2.0 * math.pi / bins
         arcs = hybrid_arcs(
             self._radius(resolution),
@@ -85,7 +86,7 @@ class SmacHybridPlanner(PosePlanner):
 
     def heading_bin(self, table: PrimitiveTable, yaw: float) -> int:
         """Return the bin nearest to a heading (rad)."""
-        bins = self.params.angle_quantization_bins
+        bins = len(table.headings)
         return round((yaw - float(table.headings["yaw"][0])) * bins / (2.0 * math.pi)) % bins
 
     def goal_headings(self) -> int:

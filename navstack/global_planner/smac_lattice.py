@@ -99,8 +99,9 @@ class SmacLatticePlanner(PosePlanner):
             "rotation": self.params.rotation_penalty,
         }
 
-    def table(self, resolution: float, shape: Shape, start_yaw: float) -> tuple[PrimitiveTable, int]:
-        """Return the primitives of the file, and those from the start's heading."""
+    def table(self, resolution: float, shape: Shape, start_yaw: float, finer: int) -> tuple[PrimitiveTable, int]:
+        """Return the primitives of the file, and those from the start's heading; its headings are those of the file."""
+        del finer
         key = (resolution, shape.reach, shape.step)
         if key not in self._tables:
             lattice = self.lattice(resolution)
@@ -109,9 +110,7 @@ class SmacLatticePlanner(PosePlanner):
         return self._tables[key].table(start_yaw)
 
     def heading_bin(self, table: PrimitiveTable, yaw: float) -> int:
-        """Return the nearest heading if paths may end at the states of the lattice; -1, because curves reach the goal itself."""
-        if self.params.analytic_expansion_max_length > 0.0:
-            return -1
+        """Return the heading of the lattice nearest to one (rad)."""
         lattice = next(iter(self._lattices.values()))
         return lattice.nearest_heading(yaw)
 

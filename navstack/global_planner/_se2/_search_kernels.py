@@ -23,12 +23,14 @@ from navstack.global_planner._se2._curve_check_kernels import (
     segment_cost,
     sweep_free,
 )
-from navstack.global_planner._se2._heuristic_kernels import RING, curve_distance, obstacle_cost
+from navstack.global_planner._se2._heuristic_kernels import RING, angle, curve_distance, obstacle_cost
 from navstack.global_planner._se2._shape_kernels import cell_weight, centre_cost
 
 FOUND, EXHAUSTED, LIMIT, GROW, APPROACHED, PAUSED = 1, 2, 3, 4, 5, 6
 CURVE, PIVOT = 1, 2
 """How a goal is reached: by a curve (or line), or by turns in place and a line."""
+STATES_BACK, END_RADII = 16, 4
+"""A state in the goal's cell: how many states before it are joined with the goal, by how many radii each 1.5 times the last."""
 BUCKET = 0.5
 """Cells: width of a bucket of the queue."""
 PATIENCE = 100_000
@@ -146,9 +148,54 @@ def try_curves(costs, bits, shapes, p, node, yaw):
             if cost < limit:
                 reached = True
                 p.best_cost, p.best_goal, p.best_is_curve, p.best_tail = node.g + cost, i, kind, tail
-                p.best_node = -2
+                p.best_node, p.best_radius = -2, p.radius
         if not reached:
             return
+
+
+@plain_kernel
+def end_at_goals(costs, bits, shapes, p, headings, nodes, i):
+    """Try to end exactly at a goal from state `i` beside it, and from the states before: by curves of several radii."""
+    shape, goals = shapes[0], shapes[2]
+    for _ in range(STATES_BACK):
+        node = nodes[i]
+        start, before = (node.x, node.y, headings[node.heading].yaw), np.int64(node.direction)
+        for k in range(len(goals)):
+            goal, radius = (goals[k, 0], goals[k, 1], goals[k, 2]), p.radius
+            for _ in range(END_RADII):
+                limit = p.best_cost - node.g
+                cost = curve_cost(costs, bits, shape, p, start, goal, radius, (before, 0), limit, True)
+                if cost < limit:
+                    p.best_cost, p.best_goal, p.best_is_curve, p.best_tail = node.g + cost, k, CURVE, 0.0
+                    p.best_node, p.best_radius = i, radius
+                radius *= 1.5
+        if node.parent < 0:
+            return
+        i = np.int64(node.parent)
+
+
+@plain_kernel
+def is_at(node, goals, bins):
+    """Return the number of the goal in whose cell a state is, within a heading bin; -1 if there is none."""
+    for k in range(len(goals)):
+        if np.int64(node.x) == np.int64(goals[k, 0]) and np.int64(node.y) == np.int64(goals[k, 1]):
+            apart = abs(node.heading - np.int64(goals[k, 3]))
+            if min(apart, bins - apart) <= 1:
+                return k
+    return -1
+
+
+@plain_kernel
+def approach(p, goals, x, y, yaw, j):
+    """Remember node `j` if its pose is the nearest to a goal: distance plus turning radius times difference in heading."""
+    distance = math.hypot(x - p.goal_x, y - p.goal_y)
+    if distance < p.approach_distance:
+        least = np.inf
+        for k in range(len(goals)):
+            least = min(least, abs(angle(yaw - goals[k, 2])))
+        distance += p.radius * least
+        if distance < p.approach_distance:
+            p.approach_distance, p.approach_node, p.approach_since = distance, j, p.expanded
 
 
 @plain_kernel
@@ -217,10 +264,7 @@ def expand(costs, bits, shapes, primitives, headings, nodes, lists, entries, fie
         nodes[j].x, nodes[j].y, nodes[j].g = x, y, g
         nodes[j].parent, nodes[j].primitive, nodes[j].direction = i, row, direction
         push(heads, entries, p, j, g + p.weight * h)
-        distance = math.hypot(x - p.goal_x, y - p.goal_y)
-        if distance < p.approach_distance:
-            p.approach_distance, p.approach_node = distance, j
-            p.approach_since = p.expanded
+        approach(p, goals, x, y, headings[end].yaw, j)
 
 
 @plain_kernel
@@ -273,14 +317,11 @@ def search(costs, bits, shapes, primitives, headings, nodes, lists, entries, fie
         if p.expanded > p.max_expansions:
             return FOUND if p.best_cost < np.inf else LIMIT
         yaw = headings[node.heading].yaw
-        for k in range(len(goals)):
-            if (
-                np.int64(node.x) == np.int64(goals[k, 0])
-                and np.int64(node.y) == np.int64(goals[k, 1])
-                and node.heading == np.int64(goals[k, 3])
-                and node.g < p.best_cost
-                and i > 0
-            ):
+        k = is_at(node, goals, p.bins)
+        if k >= 0 and i > 0 and node.g < p.best_cost:
+            if p.expansion_length > 0.0 and p.holonomic == 0:
+                end_at_goals(costs, bits, shapes, p, headings, nodes, i)
+            elif node.heading == np.int64(goals[k, 3]):
                 p.best_cost, p.best_node, p.best_goal, p.best_is_curve = node.g, i, k, 0
         h = heuristic(costs, field, ring, table, goals, p, node.x, node.y, yaw)
         p.nearest_h = min(p.nearest_h, np.float64(np.int64(h)))

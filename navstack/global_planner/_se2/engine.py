@@ -55,6 +55,11 @@ class Outcome:
     timed_out: bool
 
     @property
+    def reached(self) -> bool:
+        """Whether the path ends at a goal itself."""
+        return self.status == kernels.FOUND
+
+    @property
     def found(self) -> bool:
         """Whether there is a path."""
         return self.status in (kernels.FOUND, kernels.APPROACHED)
@@ -82,8 +87,7 @@ class PoseSearch:
         self._yaws = np.zeros(0)
         self._added = np.zeros(256, SEGMENT)
         p = self.settings[0]
-        self._weight = float(p["weight"])
-        self._table = _curve_table(int(p["half"]), int(p["bins"]), float(p["radius"]), bool(p["reeds_shepp"]))
+        self._weight, self._table = float(p["weight"]), self._curve_table()
 
     @property
     def bytes_per_state(self) -> float:
@@ -171,9 +175,10 @@ class PoseSearch:
         p["curves_tried"], p["yaw_offset"] = 0, table.headings["yaw"][0]
         p["rotates"], p["bins"], p["turn_step"] = table.rotates, len(table.headings), table.turn_step
         p["goal_x"], p["goal_y"] = goals[0, 0], goals[0, 1]
-        p["approach_node"], p["approach_since"] = 0, 0
-        p["approach_distance"] = math.hypot(start[0] - goals[0, 0], start[1] - goals[0, 1])
+        p["approach_node"], p["approach_since"], p["approach_distance"] = 0, 0, np.inf
+        self._table = self._curve_table()
         self._write_root(start, start_bin)
+        kernels.approach(p[0], goals, *start, 0)
         all_shapes = (self.shape.rows, table.samples, goals)
         kernels.rehash(self._slots, self._nodes, 1)
         kernels.push(self._heads, self._entries, p[0], 0, self._weight * h)
@@ -224,6 +229,12 @@ class PoseSearch:
         yaw = float(self._yaws[int(best["heading"])])
         x, y = float(best["x"]) * resolution + origin_x, float(best["y"]) * resolution + origin_y
         return x, y, math.remainder(yaw, 2.0 * math.pi)
+
+    def _curve_table(self) -> NDArray[np.float32]:
+        """The table of the lengths of curves."""
+        p = self.settings[0]
+        radius, cusp = float(p["radius"]), float(p["cusp"])
+        return _curve_table(int(p["half"]), int(p["bins"]), radius, cusp if p["reeds_shepp"] else None)
 
     def _clear_queue(self, estimate: float) -> None:
         """Empty the queue; lengthen it for costs of this order."""
@@ -307,7 +318,7 @@ class PoseSearch:
         tail = float(p["best_tail"])
         stage = (goal[0] - tail * math.cos(goal[2]), goal[1] - tail * math.sin(goal[2]), goal[2])
         ends = before, int(np.sign(tail))
-        count = int(paths.write_curve(segments, count, p, start, stage, float(p["radius"]), ends))
+        count = int(paths.write_curve(segments, count, p, start, stage, float(p["best_radius"]), ends))
         pieces = math.ceil(abs(tail) / paths.PIECE)
         for k in range(pieces):
             x, y = (stage[i] + (goal[i] - stage[i]) * k / pieces for i in (0, 1))
@@ -315,10 +326,10 @@ class PoseSearch:
         return count + pieces
 
 
-@lru_cache(maxsize=4)
-def _curve_table(half: int, bins: int, radius: float, reeds_shepp: bool) -> NDArray[np.float32]:
+@lru_cache(maxsize=6)
+def _curve_table(half: int, bins: int, radius: float, cusp: float | None) -> NDArray[np.float32]:
     """The lengths of curves that are known so far, shared by all searches for the same curves: a length is always the same."""
-    del radius, reeds_shepp
+    del radius, cusp  # None: Dubins
     return untouched_zeros((2 * half + 1) * (half + 1) * bins, np.dtype(np.float32))
 
 

@@ -33,7 +33,8 @@ class PosePlannerParams(ParamModel):
 
     tolerance: float = param(
         0.25,
-        "largest distance between the goal and the end of the path, where the goal itself cannot be reached",
+        "largest distance between the goal and the end of the path, where the goal itself cannot be reached; the turning radius "
+        "times the difference in heading (rad) counts as distance",
         unit="m",
         ge=0.0,
         ros_differs="Nav2 compares it with the heuristic cost to the goal",

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import time
 from abc import abstractmethod
-from typing import Any, Final, NamedTuple
+from dataclasses import replace
+from typing import Any, ClassVar, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,15 +26,16 @@ from navstack.interfaces import GlobalPlanner, Plan
 SPACING: Final = 1.0
 """Cells: largest distance between poses of a path."""
 _MAX_CANDIDATES: Final = 2000
+_MORE: Final = 50_000
+"""States that a search with finer headings may expand beyond the number of the first one."""
 
 
 class _Ends(NamedTuple):
     """Start and goals of a search, in cells."""
 
     start: tuple[float, float, float]
-    start_bin: int
     goals: NDArray[np.float64]
-    """(n, 4 or more): x, y, yaw, heading bin, straight ways into the goal."""
+    """(n, 4 or more): x, y, yaw, room for the heading bin, straight ways into the goal."""
     notes: tuple[str, ...]
 
 
@@ -55,8 +57,8 @@ class PosePlanner(GlobalPlanner):
         """Return the settings of the search that depend on the subclass's parameters, for cells of `resolution` (m)."""
 
     @abstractmethod
-    def table(self, resolution: float, shape: Shape, start_yaw: float) -> tuple[PrimitiveTable, int]:
-        """Return the primitives, and the heading bin of the start."""
+    def table(self, resolution: float, shape: Shape, start_yaw: float, finer: int) -> tuple[PrimitiveTable, int]:
+        """Return the primitives, for `finer` times as many headings as usual, and the heading bin of the start."""
 
     @abstractmethod
     def heading_bin(self, table: PrimitiveTable, yaw: float) -> int:
@@ -75,6 +77,9 @@ class PosePlanner(GlobalPlanner):
     @abstractmethod
     def goal_headings(self) -> int:
         """Return how many headings ALL_DIRECTION stands for."""
+
+    finer_headings: ClassVar[tuple[int, ...]] = ()
+    """Where no path is found: how many times as many headings are tried, one after the other."""
 
     @property
     def downsampling(self) -> int:
@@ -119,9 +124,8 @@ class PosePlanner(GlobalPlanner):
         engine = self._engine(grid.geometry.resolution)
         shape = shape_of(footprint, grid.geometry.resolution)
         grid, start_note = cleared_start(engine, grid, start, footprint, shape, self.params)
-        table, start_bin = self.table(grid.geometry.resolution, shape, start.yaw)
-        ends = self._ends(engine, grid, start, start_bin, goal, footprint, table)
-        plan = self._search(engine, grid, table, ends, request)
+        ends = self._ends(engine, grid, start, goal, footprint)
+        plan = self._search(engine, grid, ends, request)
         notes = (*(() if start_note is None else (start_note,)), *ends.notes, *plan.notes)
         plan = Plan(
             path=plan.path,
@@ -173,20 +177,12 @@ class PosePlanner(GlobalPlanner):
             "half": max(1, int(p.lookup_table_size / resolution) // 2),
             "weight": p.heuristic_weight,
             "slack": p.heuristic_weight,
-            "max_expansions": p.max_iterations if p.max_iterations > 0 else UNLIMITED,
             "tolerance": p.tolerance / resolution,
             "approach_limit": max(0, p.max_on_approach_iterations),
         }
 
     def _ends(
-        self,
-        engine: PoseSearch,
-        grid: Costmap,
-        start: Pose2D,
-        start_bin: int,
-        goal: Pose2D,
-        footprint: Footprint | None,
-        table: PrimitiveTable,
+        self, engine: PoseSearch, grid: Costmap, start: Pose2D, goal: Pose2D, footprint: Footprint | None
     ) -> _Ends:
         g = grid.geometry
         sx, sy = (start.x - g.origin_x) / g.resolution, (start.y - g.origin_y) / g.resolution
@@ -210,10 +206,10 @@ class PosePlanner(GlobalPlanner):
             goals = self._goals_nearby(engine, grid, start, goal)
             if not goals:
                 raise reasons.goal_occupied(engine, grid, goal, footprint, self.params.tolerance)
-        rows = np.array([(x, y, yaw, self.heading_bin(table, yaw)) for x, y, yaw in goals], np.float64)
+        rows = np.array([(x, y, yaw, 0.0) for x, y, yaw in goals], np.float64)
         reverse = bool(engine.settings["reeds_shepp"][0])
         rows = with_tails(engine, rows, footprint, g.resolution, reverse=reverse)
-        return _Ends((sx, sy, start.yaw), start_bin, rows, tuple(notes))
+        return _Ends((sx, sy, start.yaw), rows, tuple(notes))
 
     def _free_goals(self, engine: PoseSearch, grid: Costmap, goal: Pose2D) -> list[tuple[float, float, float]]:
         g = grid.geometry
@@ -243,24 +239,54 @@ class PosePlanner(GlobalPlanner):
                     return [(x, y, yaw) for yaw in yaws]
         return []
 
-    def _search(self, engine: PoseSearch, grid: Costmap, table: PrimitiveTable, ends: _Ends, request: Request) -> Plan:
+    def _search(self, engine: PoseSearch, grid: Costmap, ends: _Ends, request: Request) -> Plan:
         start, goal = request.start, request.goal
-        g = grid.geometry
-        if start.distance_to(goal) <= 0.5 * g.resolution and abs(normalize_angle(goal.yaw - start.yaw)) < 1e-3:
-            poses = np.array([start, goal], np.float64)
-            return Plan(Path(poses, request.frame), start.distance_to(goal), goal)
-        outcome = engine.search(
-            table,
-            ends.start,
-            ends.start_bin,
-            ends.goals,
-            shorten=self.params.smooth_path,
-            deadline=self._deadline(),
-            interval=self.params.terminal_checking_interval,
-        )
+        moved = start.distance_to(goal)
+        near = moved <= min(0.5 * grid.geometry.resolution, self.params.tolerance)
+        if (near or moved == 0.0) and abs(normalize_angle(goal.yaw - start.yaw)) < 1e-3:
+            notes = (
+                () if moved == 0.0 else (f"the robot stands {moved:.3f} m from the goal; it need not move (tolerance)",)
+            )
+            poses = np.array([start, start], np.float64)
+            return Plan(Path(poses, request.frame), 0.0, goal if moved == 0.0 else start, moved, notes=notes)
+        outcome = self._outcome(engine, grid.geometry.resolution, ends)
         if not outcome.found:
             raise reasons.no_path(engine, grid, start, goal, outcome, self.params)
         return self._plan(outcome, grid, request)
+
+    def _outcome(self, engine: PoseSearch, resolution: float, ends: _Ends) -> Outcome:
+        """Search; where no state is left and the goal itself was not reached, again with finer headings.
+
+        Each of these searches expands little more than the first one, and all of them `max_iterations` at most.
+        """
+        budget = self.params.max_iterations if self.params.max_iterations > 0 else UNLIMITED
+        deadline, goals, used = self._deadline(), ends.goals.copy(), 0
+        first: Outcome | None = None
+        for finer in (1, *self.finer_headings):
+            allowed = budget if first is None else min(budget - used, first.expanded + _MORE)
+            if allowed <= 0:
+                break
+            table, start_bin = self.table(resolution, engine.shape, ends.start[2], finer)
+            goals[:, 3] = [self.heading_bin(table, float(yaw)) for yaw in goals[:, 2]]
+            engine.settings["max_expansions"] = allowed
+            outcome = engine.search(
+                table,
+                ends.start,
+                start_bin,
+                goals,
+                shorten=self.params.smooth_path,
+                deadline=deadline,
+                interval=self.params.terminal_checking_interval,
+            )
+            used += outcome.expanded
+            if outcome.reached:
+                first = outcome
+                break
+            first = first or outcome
+            if outcome.timed_out:
+                break
+        assert first is not None
+        return replace(first, expanded=used)
 
     def _deadline(self) -> float | None:
         limit = self.params.max_planning_time
