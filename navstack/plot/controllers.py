@@ -84,7 +84,7 @@ def _draw(axes: Any, panel: _Panel, rows: Sequence[Row | None]) -> None:
         axes.plot([k], [interval.value], marker, color=color, ms=5.0, clip_on=False)
         hollow = row.get(_HOLLOW.get(panel.key, ""))
         if hollow is not None and not math.isnan(hollow.value):
-            axes.plot([k], [hollow.value], marker, mfc="none", color=color, ms=5.0)
+            axes.plot([k], [hollow.value], marker, mfc="none", color=color, ms=5.0, clip_on=False)
     axes.set_xlim(-0.6, len(rows) - 0.4)
     axes.set_xticks([])
     axes.tick_params(labelsize=7.5)
