@@ -11,7 +11,7 @@ from navstack.interfaces import ControlInput, CostmapServer, Plan
 from navstack.move_base.navigation import Navigation
 from navstack.move_base.odometry_check import OdometryCheck, check_age
 from navstack.move_base.plugin_calls import call, lookup_transform, robot_pose, robot_state, transform_tolerance
-from navstack.move_base.schedule import EPSILON_S, Schedule
+from navstack.move_base.schedule import EPSILON_S, NEAR_S, Schedule
 from navstack.move_base.tick_result import TickResult
 
 DEFAULT_UPDATE_FREQUENCY: Final = 5.0
@@ -54,6 +54,8 @@ class CostmapUpdater:
         """Largest age of the plan's transform (s)."""
         self._global_frequency = global_update_frequency
         self._local_frequency = local_update_frequency
+        self._followed = -math.inf
+        """Time (s) of the last `approach`."""
         self._global_update = Schedule(_update_frequency(navigation.global_costmap, global_update_frequency))
         self._local_update = Schedule(_update_frequency(navigation.local_costmap, local_update_frequency))
 
@@ -162,9 +164,17 @@ class CostmapUpdater:
         unknown = bool(getattr(getattr(costmap, "params", None), "track_unknown_space", False))
         return ControlInput(state, costmap.master, costmap.footprint, transform, inflation, unknown)
 
-    def approach(self, time: float) -> None:
-        """Shift the updates of the local costmap towards `time` (s); see `Schedule.approach`."""
-        self._local_update.approach(time)
+    def approach(self, time: float, command: float) -> None:
+        """Shift the updates of the local costmap towards `time` (s), a little after a scan; see `Schedule.approach`.
+
+        A scan that comes too late for its update has another one at `command` (s), before the next command, unless scans come
+        more often than updates.
+        """
+        update = self._local_update
+        interval, self._followed = time - self._followed, time
+        update.approach(time)
+        if update.due - time > NEAR_S and interval > 0.75 * update.period:
+            update.hasten(max(time, command))
 
     def _update(
         self, costmap: CostmapServer, now: float, before: NavError | None

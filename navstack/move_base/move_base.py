@@ -133,8 +133,9 @@ class MoveBase:
 
     def follow_scans(self, now: float) -> None:
         """Let the cycles follow right after scans, one of which arrived at `now` (s); the control period hardly changes."""
-        self._costmaps.approach(now + SCAN_MARGIN_S)
-        self._control.schedule.approach(now + 2.0 * SCAN_MARGIN_S)
+        control = self._control.schedule
+        control.approach(now + 2.0 * SCAN_MARGIN_S)
+        self._costmaps.approach(now + SCAN_MARGIN_S, control.due - SCAN_MARGIN_S)
 
     def shutdown(self) -> None:
         """End every goal ("node has been killed") and stop the robot. Later goals end at once."""

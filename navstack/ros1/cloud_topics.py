@@ -13,6 +13,7 @@ from navstack.interfaces import ControlDiagnostics, LocalPlanner, Plan
 from navstack.logs.builder import MessageBuilder
 from navstack.move_base import MoveBase
 from navstack.move_base.thread_planning import ThreadPlanning
+from navstack.move_base.tick_result import TickResult
 from navstack.parameters.configuration import Configuration
 from navstack.ros1 import ros
 from navstack.ros1.clock import NodeClock
@@ -54,14 +55,14 @@ class CloudTopics:
             self._potential = rospy.Publisher(f"~{global_name}/potential", kind, queue_size=1)
         self._seen: Any = None
 
-    def publish(self, move_base: MoveBase, now: float) -> None:
-        """Publish what the planners compared in the last cycle."""
-        stamp = self._clock.ns(now)
-        self._publish_potential(move_base, stamp)
+    def publish(self, move_base: MoveBase, tick: TickResult) -> None:
+        """Publish what the planners compared in a cycle, the last one or the one before."""
+        stamp = self._clock.ns(tick.time)
+        self._publish_potential(move_base, tick, stamp)
         planner = move_base.local_planner
         trajectories = _wanted(self._trajectories, getattr(planner.params, "publish_traj_pc", False))
         costs = _wanted(self._costs, getattr(planner.params, "publish_cost_grid_pc", True))
-        if not (trajectories or costs) or move_base.last_tick.time != now:
+        if not (trajectories or costs):
             return
         found = _new_search(planner, self._seen)
         if found is None:
@@ -74,11 +75,11 @@ class CloudTopics:
         if table is not None:
             self._costs.publish(self._build.points(stamp, found.costmap.frame, COSTS, table))
 
-    def _publish_potential(self, move_base: MoveBase, stamp: int) -> None:
+    def _publish_potential(self, move_base: MoveBase, tick: TickResult, stamp: int) -> None:
         params = move_base.global_planner.params
         switch = getattr(params, "publish_potential", False) or getattr(params, "visualize_potential", False)
         self._planning.keep_potential = _wanted(self._potential, switch)
-        plan = move_base.last_tick.plan
+        plan = tick.plan
         if not self._planning.keep_potential or plan is None or plan.potential is None:
             return
         costmap = move_base.global_costmap.master

@@ -65,7 +65,7 @@ class Diagnostics:
         values: dict[str, Any] = {"cycles": times.cycles, "late cycles": late}
         values |= {f"late because of {cause}": count for cause, count in times.late.items()}
         if worst is not None:
-            values["latest"] = f"{worst.late_s:.4f} s at {worst.time:.3f} s: {worst.cause}"
+            values["latest"] = str(worst)
         for name, numbers in (("control period", times.periods), ("scan to command", times.delays)):
             values |= {f"{name} {share} (s)": f"{value:.4f}" for share, value in _quantiles(numbers).items()}
         text = f"{late} of {times.cycles} cycles were late" if is_late else "on time"

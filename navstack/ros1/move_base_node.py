@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import math
+import sys
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
@@ -19,6 +20,7 @@ from navstack.logs.log import topic_name
 from navstack.move_base import MoveBase
 from navstack.move_base.states import Mode
 from navstack.move_base.thread_planning import ThreadPlanning
+from navstack.move_base.tick_result import TickResult
 from navstack.parameters.configuration import Configuration
 from navstack.replay.topics import sensor_topics
 from navstack.ros1 import ros
@@ -41,6 +43,12 @@ from navstack.scenario import Scenario, warm_up
 
 POLL_S: Final = 0.1
 """Longest wait for messages (s, wall)."""
+QUIET_S: Final = 0.005
+"""What can wait is published if no cycle is due within this time (s)."""
+MOST_CYCLES: Final = 2
+"""Cycles whose publications wait: on a machine that is too slow, no time is quiet."""
+SWITCH_S: Final = 0.0005
+"""Longest time (s) for which another thread of Python keeps the loop waiting; 5 ms by default."""
 
 
 class MoveBaseNode:
@@ -67,6 +75,8 @@ class MoveBaseNode:
         self._still = StillClock(rospy)
         self.log = NodeLog(rospy, self._newest_data)
         self._jumps = 0
+        self._waiting: list[Callable[[], None]] = []
+        """Publications of the last cycles."""
         self._lead = ""
         """Topic of the scans that the cycles follow."""
         self._subscribe()
@@ -166,6 +176,7 @@ class MoveBaseNode:
         # what exists now lives as long as the node: the garbage collector need not visit it in a cycle
         gc.collect()
         gc.freeze()
+        sys.setswitchinterval(SWITCH_S)
         self._rospy.loginfo("navstack is ready")
         return True
 
@@ -240,10 +251,11 @@ class MoveBaseNode:
         if now >= due:
             self.times.cycle(now, due)
             self._cycle(move_base, now)
+            due = move_base.next_due(-math.inf)
         self.action.publish(now)
         self.log.flush(drives=move_base.last_tick.local_plan is not None)
-        if self.diagnostics is not None:
-            self.diagnostics.publish(move_base, now)
+        if due - self.clock.now() > QUIET_S or len(self._waiting) >= MOST_CYCLES:
+            self._publish_rest(move_base, now)
         self.times.mark("publishing")
         idle = self.inbox.run(min(due - self.clock.now(), POLL_S), self._report)
         self.times.mark("messages", idle_s=idle)
@@ -265,19 +277,30 @@ class MoveBaseNode:
     def _cycle(self, move_base: MoveBase, now: float) -> None:
         move_base.tick(max(now, move_base.now))
         self.times.mark("cycle")
-        if self.record is not None:
-            self.record.tick(move_base)
         tick = move_base.last_tick
         if move_base.state is not Mode.CONTROLLING:
             self.times.rest()
         else:
             self.times.command(tick, self.clock.now())
+        if self.record is not None:
+            self.record.tick(move_base)
+            self.times.mark("record")
+        self._waiting.append(lambda: self._publish_tick(move_base, tick))
+
+    def _publish_tick(self, move_base: MoveBase, tick: TickResult) -> None:
         for topics, window in zip(self.costmaps, (tick.global_window, tick.local_window), strict=False):
-            topics.publish(now, window)
+            topics.publish(tick.time, window)
         if self.plans is not None:
-            self.plans.publish(move_base, now)
-            self.clouds.publish(move_base, now)
-        self.times.mark("publishing")
+            self.plans.publish(move_base, tick)
+            self.clouds.publish(move_base, tick)
+
+    def _publish_rest(self, move_base: MoveBase, now: float) -> None:
+        """Publish the costmaps and plans of the last cycles, and the diagnostics."""
+        for publish in self._waiting:
+            publish()
+        self._waiting.clear()
+        if self.diagnostics is not None:
+            self.diagnostics.publish(move_base, now)
 
     def _report(self, error: NavError) -> None:
         self.log.problem(error.message)

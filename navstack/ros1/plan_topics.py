@@ -10,6 +10,7 @@ from navstack.core import Event, Pose2D
 from navstack.interfaces import RecoveryStatus
 from navstack.logs.builder import MessageBuilder
 from navstack.move_base import MoveBase
+from navstack.move_base.tick_result import TickResult
 from navstack.parameters.configuration import Configuration
 from navstack.ros1 import ros
 from navstack.ros1.clock import NodeClock
@@ -35,12 +36,12 @@ class PlanTopics:
             "move_base/recovery_status", ros.message("move_base_msgs/RecoveryStatus"), queue_size=1
         )
 
-    def publish(self, move_base: MoveBase, now: float) -> None:
-        """Publish the plans of the last cycle."""
-        tick, stamp = move_base.last_tick, self._clock.ns(now)
+    def publish(self, move_base: MoveBase, tick: TickResult) -> None:
+        """Publish the plans of a cycle."""
+        stamp = self._clock.ns(tick.time)
         if self._accepted:
             self._publish_goal(move_base, stamp)
-        if tick.plan is not None:
+        if tick.plan is not None and self._plan.get_num_connections():
             path = tick.plan.path
             self.publish_plan(self._build.path(stamp, path.frame, path.poses))
         local = tick.local_plan
