@@ -25,7 +25,7 @@ EITHER: Final = "other programs on the processor or other threads of the node"
 CLOCK: Final = "late clock messages"
 STEP: Final = "a step of the system clock"
 ENOUGH: Final = 0.5
-"""What took this share of the delay together explains it."""
+"""The loop explains a delay if its parts took this share of it together."""
 
 
 class ThreadTimes:
@@ -147,17 +147,10 @@ class LoopTimes:
         return dict(sorted(spent.items(), key=lambda item: -item[1]))
 
     def _cause(self, late: float, spent: dict[str, float]) -> str:
-        """Return what explains most of a delay (s): the longest parts, or the clock if the loop had nothing to do."""
-        names: list[str] = []
-        total = 0.0
-        for name, part in spent.items():
-            if total >= ENOUGH * late:
-                break
-            names.append(name)
-            total += part
-        if total < ENOUGH * late:
+        """Return what took longest before a cycle that is late (s), or the clock if the loop had little to do."""
+        if sum(spent.values()) < ENOUGH * late:
             return CLOCK if self._is_simulated else STEP
-        return " and ".join(names)
+        return max(spent, key=lambda name: spent[name])
 
     def command(self, tick: TickResult, now: float) -> None:
         """Note the command of a tick, at `now` (s, the node's clock) when it was sent; without one, the series ends."""

@@ -108,9 +108,9 @@ class MoveBaseNode:
         """Nothing to do: the message has woken the node."""
 
     def _on_data(self, message: Any, receive: Callable[[Any, str], None], topic: str) -> None:
-        """Receive sensor data. The cycles of real time follow the scans of the first lidar."""
+        """Receive sensor data. The cycles follow the scans of the first lidar."""
         receive(message, topic)
-        if self.move_base is None or self._is_simulated or not hasattr(message, "ranges"):
+        if self.move_base is None or not hasattr(message, "ranges"):
             return
         self._lead = self._lead or topic
         if topic == self._lead:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator
 from typing import Any, Final
 
 import numpy as np
@@ -109,16 +110,25 @@ class SimNode:
     def spin(self) -> None:
         """Simulate until the node is shut down."""
         MasterWatch(self._on_new_master)
+        half = 0.5 * STEP_S
         reached = 0.0
         while not ros.is_stopping():
+            if self._clock is not None:
+                # two steps of the clock for one of the robot: a cycle of 20 Hz has the same period each time
+                self._wait_until(reached + half)
+                self._publish_clock(max(reached + half, self.robot.time))
             reached += STEP_S
-            while True:
-                ahead = self._pace.wait_s(reached)
-                self.inbox.run(min(max(ahead, 0.0), 0.05), self._report)
-                if ahead <= 0.0 or ros.is_stopping():
-                    break
+            self._wait_until(reached)
             self._step(reached)
         ros.shut_down(lambda: None)
+
+    def _wait_until(self, reached: float) -> None:
+        """Receive messages until a simulated time (s) is due."""
+        while True:
+            ahead = self._pace.wait_s(reached)
+            self.inbox.run(min(max(ahead, 0.0), 0.05), self._report)
+            if ahead <= 0.0 or ros.is_stopping():
+                return
 
     def _on_new_master(self) -> None:
         if self._clock is not None:
@@ -132,9 +142,17 @@ class SimNode:
         samples = robot.advance_to(until)
         if self._clock is not None:
             self._publish_clock(robot.time)
+        # a scan after the transforms that it needs, before what can wait
+        self._publish_transforms(samples, first)
+        self._publish_scans()
         self._publish_states(samples, first)
+        for reading in robot.imu_readings():
+            message = self.names.rename(self.build.imu(self._ns(reading.stamp), reading))
+            self._publisher(reading.topic, "sensor_msgs/Imu").publish(message)
+
+    def _publish_scans(self) -> None:
         build, rename = self.build, self.names.rename
-        for data in robot.scans():
+        for data in self.robot.scans():
             stamp = self._ns(data.stamp)
             if isinstance(data, LaserScan):
                 self._publisher(data.topic, "sensor_msgs/LaserScan").publish(rename(build.scan(stamp, data)))
@@ -142,26 +160,31 @@ class SimNode:
                 self._publisher(data.topic, "sensor_msgs/PointCloud2").publish(rename(build.cloud(stamp, data)))
             else:
                 self._publisher(data.topic, "sensor_msgs/Range").publish(rename(build.range(stamp, data)))
-        for reading in robot.imu_readings():
-            message = rename(build.imu(self._ns(reading.stamp), reading))
-            self._publisher(reading.topic, "sensor_msgs/Imu").publish(message)
 
-    def _publish_states(self, samples: NDArray[np.float64], first: int) -> None:
-        """Publish tf, odometry and the true pose of each step of the physics."""
-        robot, build, names = self.robot, self.build, self.names
+    def _times(self, samples: NDArray[np.float64], first: int) -> Iterator[tuple[float, list[float]]]:
+        """Return time (s) and sample of each step of the physics after `first`."""
         frequency = self.scenario.configuration.navstack.sim.physics_frequency
-        for step, row in enumerate(samples.tolist(), first + 1):
-            at = step / frequency
+        return ((step / frequency, row) for step, row in enumerate(samples.tolist(), first + 1))
+
+    def _publish_transforms(self, samples: NDArray[np.float64], first: int) -> None:
+        """Publish tf of each step of the physics."""
+        robot, names = self.robot, self.names
+        for at, row in self._times(samples, first):
             stamp = self._ns(at)
-            pose, velocity = Pose2D(*row[3:6]), Twist2D(*row[6:9])
             offset = robot.frames.lookup(robot.map_frame, robot.odom_frame, at)
-            moving = [(stamp, names.odom, names.base, Transform2D(*pose), 0.0)]
+            moving = [(stamp, names.odom, names.base, Transform2D(*row[3:6]), 0.0)]
             if self._is_localized:
                 moving.append((stamp, names.map, names.odom, offset, 0.0))
-            self._tf.publish(build.transforms(moving))
+            self._tf.publish(self.build.transforms(moving))
+
+    def _publish_states(self, samples: NDArray[np.float64], first: int) -> None:
+        """Publish the odometry, the true pose and that of the localization of each step of the physics."""
+        build, names = self.build, self.names
+        for at, row in self._times(samples, first):
+            stamp = self._ns(at)
+            pose, velocity = Pose2D(*row[3:6]), Twist2D(*row[6:9])
             self._odom.publish(_with_covariances(build.odometry(stamp, names.odom, names.base, pose, velocity)))
-            true = build.odometry(stamp, names.map, names.base, Pose2D(*row[:3]), velocity)
-            self._truth.publish(true)
+            self._truth.publish(build.odometry(stamp, names.map, names.base, Pose2D(*row[:3]), velocity))
             if self._localization is not None:
                 self._localization.publish(at, stamp, pose)
 
