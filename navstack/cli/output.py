@@ -88,7 +88,8 @@ def print_findings(findings: Sequence[Finding]) -> None:
     for finding in findings:
         if finding.severity in shown:
             color = "yellow" if finding.severity == "warning" else "cyan"
-            stderr().print(f"[{color}]{finding.severity}:[/] {escape(f'{finding.location}: {finding.message}')}")
+            place = f"{finding.location}: " if str(finding.location) else ""
+            stderr().print(f"[{color}]{finding.severity}:[/] {escape(f'{place}{finding.message}')}")
 
 
 def print_files(files: Mapping[str, str]) -> None:

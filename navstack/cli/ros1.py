@@ -107,6 +107,26 @@ def map_server(
     return 0
 
 
+@app.command("map_saver", cls=NodeCommand, context_settings=NODE)
+def map_saver(
+    context: typer.Context,
+    occ: Annotated[int, typer.Option("--occ", help="Values from here on are occupied.")] = 65,
+    free: Annotated[int, typer.Option("--free", help="Values up to here are free.")] = 25,
+    file: Annotated[str, typer.Option("-f", metavar="NAME", help="Files to write: NAME.yaml and NAME.pgm.")] = "map",
+    name: Name = "map_saver",
+) -> int:
+    """Write the map of the topic `map` to files, as map_saver. Exit codes: 0 written, 1 shut down before, 2 invalid input."""
+    from navstack.cli.output import stdout
+    from navstack.ros1 import map_saver as node
+
+    node.check_thresholds(occ, free)
+    start_node(name, context)
+    written = node.save(file, occ, free)
+    for path in written:
+        stdout().print(str(path), markup=False, soft_wrap=True)
+    return 0 if written else 1
+
+
 @app.command("amcl", cls=NodeCommand, context_settings=NODE)
 def amcl(context: typer.Context, params: options.Params = [], set_: options.Set = [], name: Name = "amcl") -> int:
     """Localize a robot in a map by its scans, as amcl: amcl_pose, particlecloud, map -> odom on /tf.

@@ -28,8 +28,8 @@ class FakeLocalization(LocalizationNode):
             clean_frame(private.text(f"{name}_frame_id", default))
             for name, default in (("global", "map"), ("odom", "odom"), ("base", "base_link"))
         ]
-        super().__init__(frames[0], frames[1], frames[2], private.number("transform_tolerance", 0.1, low=0.0))
         dx, dy, dyaw = (private.number(f"delta_{axis}", 0.0) for axis in ("x", "y", "yaw"))
+        super().__init__(frames[0], frames[1], frames[2], private.number("transform_tolerance", 0.1, low=0.0))
         self._offset = Transform2D(-dx, -dy, -dyaw)
         """Pose of the frame of the true poses in the map."""
         self._truth: Pose2D | None = None

@@ -27,6 +27,8 @@ def load_image(image: str, resolution: str) -> OccupancyGrid:
         cell = math.nan
     if not (math.isfinite(cell) and cell > 0.0):
         raise InputError(f"the resolution {resolution} of {image} is not a positive number (m per cell)")
+    if not Path(image).is_file():
+        raise InputError(f"the image {image} does not exist", file=image)
     document = {
         "image": str(resolved(Path(image))),
         "resolution": cell,

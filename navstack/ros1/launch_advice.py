@@ -20,6 +20,7 @@ REPLACED: Final = {
     ("move_base", "move_base"): "move_base",
     ("pr2_move_base", "pr2_move_base_node"): "move_base",
     ("map_server", "map_server"): "map_server",
+    ("map_server", "map_saver"): "map_saver",
     ("amcl", "amcl"): "amcl",
     ("fake_localization", "fake_localization"): "fake_localization",
     ("teleop_twist_keyboard", "teleop_twist_keyboard.py"): "teleop",

@@ -13,6 +13,7 @@ NODES: Final[Mapping[str, str]] = {
     "move_base": "move_base",
     "sim": "sim",
     "map_server": "map_server",
+    "map_saver": "map_saver",
     "amcl": "amcl",
     "fake_localization": "fake_localization",
     "linear_move": "linear_move",

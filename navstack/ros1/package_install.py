@@ -15,7 +15,12 @@ from navstack.core.errors import InputError, OutputError
 from navstack.core.files import ensure_directory, resolved
 from navstack.ros1 import generated_messages, package_files
 
-DROP_IN: Final = {name: (name,) for name in ("move_base", "map_server", "amcl", "fake_localization")}
+DROP_IN: Final = {
+    "move_base": ("move_base",),
+    "map_server": ("map_server", "map_saver"),
+    "amcl": ("amcl",),
+    "fake_localization": ("fake_localization",),
+}
 """Packages with the names of the original ones, and their nodes."""
 EXECUTABLE: Final = 0o755
 

@@ -25,6 +25,9 @@ NOT_OURS: Final = (
 )
 """Parameters of the node's topics, not of the goal manager."""
 
+WRITTEN: Final = "navstack_written"
+"""Parameter `~` that tells a later start that the node has written its parameters to the server."""
+
 
 def load(sources: Sequence[str] = (), overrides: Sequence[str] = (), *, distro: str | None = None) -> Configuration:
     """Return the configuration of the node's private namespace, overlaid by the sources (`--params`).
@@ -39,6 +42,13 @@ def load(sources: Sequence[str] = (), overrides: Sequence[str] = (), *, distro: 
         found = rospy.search_param(name)
         if name not in values and found is not None and not str(found).startswith(private):
             values[name] = rospy.get_param(found)
+    if values.pop(WRITTEN, False):
+        rospy.logwarn(
+            "the parameters in %s are those that an earlier start has left, with its defaults and changes; as in ROS they count "
+            "as set: rosparam delete %s removes them",
+            private,
+            private.rstrip("/"),
+        )
     for name in NOT_OURS:
         values.pop(name, None)
     node = to_node(values, Location(f"the parameter server, {private}"))

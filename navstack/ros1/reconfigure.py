@@ -14,6 +14,7 @@ from navstack.parameters.configuration import Configuration, load_configuration
 from navstack.parameters.report import Parameter, parameters_of
 from navstack.ros1 import ros
 from navstack.ros1.inbox import Inbox
+from navstack.ros1.parameters import WRITTEN
 
 LARGEST: Final = 1e9
 """Range of a number without one: clients draw a slider."""
@@ -41,7 +42,7 @@ class ReconfigureServers:
         grouped: dict[str, list[Parameter]] = {}
         for parameter in parameters_of(configuration):
             namespace, _, name = parameter.name.rpartition("/")
-            if kind_of(parameter) and name not in FIXED and not namespace.startswith("navstack"):
+            if kind_of(parameter) and _is_live(name) and not namespace.startswith("navstack"):
                 grouped.setdefault(namespace, []).append(parameter)
         wanted = _namespaces(configuration)
         self.servers = {
@@ -49,6 +50,7 @@ class ReconfigureServers:
             for namespace, parameters in grouped.items()
             if namespace in wanted
         }
+        ros.rospy().set_param(f"~{WRITTEN}", True)
 
     def _server(self, namespace: str, parameters: list[Parameter], inbox: Inbox) -> ReconfigureServer:
         prefix = f"{namespace}/" if namespace else ""
@@ -86,10 +88,16 @@ class ReconfigureServers:
         """Publish every configuration and write it to the parameter server: it is that of a new master."""
         for server in self.servers.values():
             server.publish()
+        ros.rospy().set_param(f"~{WRITTEN}", True)
 
     def value(self, name: str) -> Any:
         """Return the present value of a parameter by its full name."""
         return next(p.value for p in parameters_of(self.configuration) if p.name == name)
+
+
+def _is_live(name: str) -> bool:
+    """Return False for parameters that a running node cannot change, and for topics, which it reads once."""
+    return name not in FIXED and not name.endswith("_topic")
 
 
 def _namespaces(configuration: Configuration) -> set[str]:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.ros1.conftest import WANTED, Graph, missing, wait_for
+from tests.ros1.conftest import TIMEOUT_S, WANTED, Graph, missing, wait_for
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -63,10 +63,10 @@ class ModuleGraph(Graph):
     def run_node(self, *arguments: str, code: int = 0, **environment: str) -> str:
         """Run a command of `navstack ros1` to its end; return its output, in one line."""
         program = self.node(*arguments, environment=environment)
-        assert program.wait(240.0) == code, self.output_of(program)
+        assert program.wait(TIMEOUT_S) == code, self.output_of(program)
         return " ".join(self.output_of(program).split())
 
-    def wait_for_text(self, program: subprocess.Popen[bytes], text: str, timeout_s: float = 240.0) -> None:
+    def wait_for_text(self, program: subprocess.Popen[bytes], text: str, timeout_s: float = TIMEOUT_S) -> None:
         """Wait until a program has printed a text."""
 
         def has_it() -> bool:

@@ -15,11 +15,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from tests.ros1.conftest import Graph, wait_for
+from tests.ros1.conftest import TIMEOUT_S, Graph, wait_for
 
 ROOT: Final = Path(__file__).resolve().parents[2]
-START_S: Final = 300.0
-"""Longest start of a node: kernels may be compiled first."""
 RELAYED: Final = ("scan:=raw/scan", "odom:=raw/odom", "/tf:=/raw/tf", "/clock:=/raw/clock", "map:=raw/map")
 """Remappings of the simulated robot: the probe passes these topics on."""
 WARNING: Final = 4
@@ -56,7 +54,7 @@ class Rig:
         self.sim = self.navstack("sim", *arguments, *(RELAYED if relayed else ()))
         master: Any
         with xmlrpc.client.ServerProxy(self.graph.environment["ROS_MASTER_URI"]) as master:
-            wait_for(lambda: master.lookupService("/rig", "/reset_positions")[0] == 1, "the simulated robot", START_S)
+            wait_for(lambda: master.lookupService("/rig", "/reset_positions")[0] == 1, "the simulated robot")
 
     def start_node(self, *arguments: str) -> subprocess.Popen[bytes]:
         """Start the move_base node, and wait until it is ready."""
@@ -65,7 +63,6 @@ class Rig:
         wait_for(
             lambda: self.output().count("navstack is ready") > before or node.poll() is not None,
             "the start of the node",
-            START_S,
         )
         return node
 
@@ -85,7 +82,7 @@ class Rig:
         log.close()
         self._reader = threading.Thread(target=self._read, args=(self._probe,), daemon=True)
         self._reader.start()
-        self.wait(lambda event: event["what"] == "ready", "the start of the probe", START_S)
+        self.wait(lambda event: event["what"] == "ready", "the start of the probe")
 
     def _read(self, probe: subprocess.Popen[str]) -> None:
         assert probe.stdout is not None
@@ -132,7 +129,7 @@ class Rig:
             self.events.append(self._arrived.get())
         return self.events
 
-    def wait(self, wanted: Callable[[Event], bool], what: str, timeout_s: float = 60.0, since: int = 0) -> Event:
+    def wait(self, wanted: Callable[[Event], bool], what: str, timeout_s: float = TIMEOUT_S, since: int = 0) -> Event:
         """Return the first event from index `since` that is wanted; AssertionError after the time-out (s)."""
         end = time.monotonic() + timeout_s
         at = since

@@ -15,7 +15,7 @@ from navstack.map_io import load_map, map_path
 from navstack.move_base import GoalStatus
 from navstack.move_base import status_messages as texts
 from tests.conftest import golden_files
-from tests.ros1.conftest import Graph, new_graph, wait_for
+from tests.ros1.conftest import Graph, new_graph, paced, wait_for
 from tests.ros1.rig import Event, Rig, rest_after
 
 PERIOD = 0.2
@@ -39,7 +39,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
     graph: Graph = new_graph(tmp_path_factory.mktemp("rig"))
     rig = Rig(graph)
     try:
-        rig.start_sim("office", "--clock", "--speed", "6")
+        rig.start_sim("office", "--clock", "--speed", paced(6))
         rig.start_probe()
         rate = "local_costmap/obstacle_layer/scan/expected_update_rate=1.0"
         recoveries = graph.folder / "recoveries.yaml"
@@ -76,7 +76,7 @@ def own(found: list[tuple[str, str, str]], names: Mapping[str, Any]) -> list[tup
 
 def result_of(rig: Rig, name: str) -> tuple[str, str]:
     """Wait for the result of a goal."""
-    found = rig.wait(lambda e: e["what"] == "result" and e["id"] == name, f"the end of {name}", 120.0)
+    found = rig.wait(lambda e: e["what"] == "result" and e["id"] == name, f"the end of {name}")
     return GoalStatus(found["status"]).name, found["text"]
 
 
@@ -120,7 +120,7 @@ def test_the_recorded_unreachable_goal(rig: Rig) -> None:
     mark = len(rig.take())
     rig.send_goal(*grid.geometry.cell_to_world(int(ix), int(iy)), id="wall")
     assert result_of(rig, "wall") == (theirs["final_state"], theirs["final_text"])
-    rig.run_for(0.3)
+    rig.do("nothing", at=rig.now() + 2.0)
     events = rig.take()[mark:]
     wall = [(status, text) for name, status, text in changes(events) if name == "wall"]
     assert [status for status, _ in wall] == [status for _, status in theirs["status"]]

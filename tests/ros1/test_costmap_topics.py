@@ -16,7 +16,7 @@ from navstack.map_io import load_map, map_path
 from navstack.parameters.configuration import load_configuration
 from navstack.places import load_places
 from navstack.scenario import Scenario
-from tests.ros1.conftest import PYTHON, Graph, wait_for
+from tests.ros1.conftest import PYTHON, TIMEOUT_S, Graph, paced, wait_for
 from tests.ros1.rig import Rig
 
 NAMES = ("global_costmap", "local_costmap")
@@ -94,7 +94,7 @@ def in_this_process() -> dict[str, Costmap]:
 def test_costmap_topics(graph: Graph, tmp_path: Path) -> None:
     rig = Rig(graph)
     try:
-        rig.start_sim("office", "--clock", "--speed", "8", relayed=False)
+        rig.start_sim("office", "--clock", "--speed", paced(8), relayed=False)
         rig.start_probe("--results")
         rig.start_node("--params", "turtlebot")
         rig.do("nothing", at=rig.now() + 3.0)
@@ -112,7 +112,7 @@ def test_costmap_topics(graph: Graph, tmp_path: Path) -> None:
         wait_for(ready.exists, "the first grid")
         mark = len(rig.take())
         rig.send_goal(4.0, 7.45)
-        found = rig.wait(lambda e: e["what"] == "result", "the end of the goal", 120.0, since=mark)
+        found = rig.wait(lambda e: e["what"] == "result", "the end of the goal", since=mark)
         assert found["status"] == 3
         status = rig.wait(lambda e: e["what"] == "diagnostics", "diagnostics", since=mark)["found"]
         assert set(status) == {"move_base: navigation", "move_base: control loop", "move_base: data"}
@@ -120,7 +120,7 @@ def test_costmap_topics(graph: Graph, tmp_path: Path) -> None:
         rig.do("nothing", at=rig.now() + 5.0)
         after = grab(graph, tmp_path)
         stop.touch()
-        assert watch.wait(30.0) == 0
+        assert watch.wait(TIMEOUT_S) == 0
         with np.load(seen) as data:
             assert data["updates"] >= 3
             assert np.array_equal(data["data"], after["global_costmap"][0])

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from navstack.replay.export import export_run
 from navstack.scenario import Run, read_scenario, shipped_scenarios
-from tests.ros1.conftest import PYTHON, Graph, wait_for
+from tests.ros1.conftest import PYTHON, TIMEOUT_S, Graph, wait_for
 
 RVIZ = Path(__file__).parent / "exported.rviz"
 LISTENER = """
@@ -61,7 +61,7 @@ def test_rosbag_reads_and_plays_it(graph: Graph, bag: Path, tmp_path: Path) -> N
     wait_for(ready.exists, "the start of the listener")
     # subscribers need a moment to connect, which rosbag's own delay gives them
     graph.run("/usr/bin/rosbag", "play", "-q", "-d", "2", "-r", "4", str(bag))
-    assert listener.wait(30.0) == 0
+    assert listener.wait(TIMEOUT_S) == 0
     found = json.loads(heard.read_text())
     assert found["counts"]["/scan"] == 97 and found["beams"] == 640
     assert found["counts"]["/tf"] > 400 and found["counts"]["/tf_static"] == 1

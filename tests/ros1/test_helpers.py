@@ -24,7 +24,7 @@ from navstack.ros1 import motion_nodes, private, ros
 from navstack.ros1.open_motion import Damping, Settings, shorter
 from navstack.ros1.tour import Score, cut
 from navstack.ros1.trajectories import without
-from tests.ros1.conftest import PYTHON, wait_for
+from tests.ros1.conftest import PYTHON, TIMEOUT_S, paced, wait_for
 from tests.ros1.module_graph import ModuleGraph, module_graph
 
 VELOCITY = "/mobile_base/mobile_base_controller/cmd_vel"
@@ -67,8 +67,8 @@ import sys
 from navstack.ros1 import generated_messages, ros
 rospy = ros.rospy()
 rospy.init_node("caller", disable_signals=True)
-rospy.wait_for_service("/move_distance", 60)
-rospy.wait_for_service("/turn_radian", 60)
+rospy.wait_for_service("/move_distance")
+rospy.wait_for_service("/turn_radian")
 move = rospy.ServiceProxy("/move_distance", generated_messages.message("handsfree_msgs/srv/SpecialMove"))
 turn = rospy.ServiceProxy("/turn_radian", generated_messages.message("handsfree_msgs/srv/SpecialTurn"))
 print([move(target_distance_move=-0.3).success, turn(target_radian_turn=-1.0).success, turn(6.28).success,
@@ -82,7 +82,7 @@ class Robot:
     def __init__(self, graph: ModuleGraph) -> None:
         self.graph = graph
         self._out = graph.folder / "observed.json"
-        graph.node("sim", "office", "--clock", "--speed", "4")
+        graph.node("sim", "office", "--clock", "--speed", paced(4))
         self._observer = graph.start(PYTHON, "-c", OBSERVER, VELOCITY, str(self._out))
         ready = self._out.with_name("observed.json.ready")
         for name in ("linear_move", "radian_turn"):
@@ -133,7 +133,7 @@ def test_services_and_initial_pose(robot: Robot) -> None:
     assert (frame, has_stamp, x, y) == ("map", True, 0.8, 7.45) and z == pytest.approx(math.sin(0.25))
     assert {k: v for k, v in enumerate(covariance) if v} == {0: 0.25, 7: 0.25, 35: 0.06853891945200942}
     caller = robot.graph.start(sys.executable, "-c", CALLER, **robot.graph.own)
-    assert caller.wait(120.0) == 0, robot.graph.output_of(caller)
+    assert caller.wait(TIMEOUT_S) == 0, robot.graph.output_of(caller)
     assert robot.graph.output_of(caller).strip().endswith("[True, True, True, False, True]")
     seen = robot.observed()
     after, commands = seen["truth"][-1], [t[1:] for t in seen["twists"][len(before["twists"]) :]]
@@ -164,10 +164,10 @@ def test_trajectories_and_teleop(robot: Robot) -> None:
         wait_for(lambda: len(robot.observed()["twists"]) >= count + number, "the velocity of a key")  # noqa: B023
     robot.graph.wait_for_text(keys, "turn 0.660")
     keys.send_signal(signal.SIGINT)
-    assert keys.wait(30.0) == 0
+    assert keys.wait(TIMEOUT_S) == 0
     os.close(ours)
     os.close(theirs)
-    assert publisher.wait(60.0) == 0 and poly.wait(60.0) == 0
+    assert publisher.wait(TIMEOUT_S) == 0 and poly.wait(TIMEOUT_S) == 0
     seen = robot.observed()
     stop = [0.0, 0.0, 0.0, 0.0]
     assert [t[1:] for t in seen["twists"][count:]] == [[0.3, 0, 0, 0], [0, 0, 0.3, 0], [0, 0.3, 0, 0], stop, stop]
@@ -201,7 +201,7 @@ def _check_poly(poly: NDArray[np.float64]) -> None:
 
 
 def test_a_node_without_its_transform(robot: Robot) -> None:
-    assert robot.lost.wait(60.0) == 2
+    assert robot.lost.wait(TIMEOUT_S) == 2
     text = " ".join(robot.graph.output_of(robot.lost).split())
     assert "no transform from odom to nowhere within 5 s; set ~odom_frame and ~base_frame" in text
 
@@ -315,12 +315,41 @@ COMMANDS = (
     "move_base",
     "sim",
     "map_server office",
+    "map_saver",
+    "amcl",
+    "fake_localization",
     "linear_move",
     "radian_turn",
     "initial_pose 0,0",
     "tour",
     "trajectory",
 )
+
+
+@pytest.mark.parametrize(
+    ("command", "message"),
+    [
+        (
+            "map_saver --occ 20",
+            "--occ 20 and --free 25 are no thresholds: --occ is from 1 to 100, --free from 0 to below --occ",
+        ),
+        ("amcl __name:=a/b", '"a/b" is no name of a node; use letters, digits and _, with a letter first'),
+        ("fake_localization more", "more is neither an option nor a ROS argument NAME:=VALUE"),
+        ("sim office --speed 3", "--speed 3 needs simulated time; add --clock"),
+        ("amcl", "no ROS master at http://127.0.0.1:9"),
+    ],
+)
+def test_wrong_uses(
+    command: str, message: str, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One sentence each, also without ROS."""
+    from navstack.cli.app import run
+
+    monkeypatch.setenv("ROS_MASTER_URI", "http://127.0.0.1:9")
+    assert run(["ros1", *command.split()]) == 2
+    text = " ".join(capfd.readouterr().err.split())
+    assert message in text or "ROS 1 is not installed" in text
+    assert "Traceback" not in text
 
 
 @pytest.mark.parametrize("command", COMMANDS)

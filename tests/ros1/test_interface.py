@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from tests.ros1.conftest import PYTHON, new_graph, wait_for
+from tests.ros1.conftest import PYTHON, TIMEOUT_S, new_graph, paced, wait_for
 from tests.ros1.rig import Rig
 
 CLIENT = """
@@ -30,7 +30,7 @@ def listen(topic, kind):
     return rospy.Subscriber(topic, kind, heard, callback_args=topic)
 
 def wait(condition, what):
-    end = rospy.Time.now() + rospy.Duration(120)
+    end = rospy.Time.now() + rospy.Duration(1200)
     while not condition():
         assert rospy.Time.now() < end, what
         rospy.rostime.wallsleep(0.02)
@@ -143,10 +143,10 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
     graph = new_graph(tmp_path_factory.mktemp("interface"))
     rig = Rig(graph)
     try:
-        rig.start_sim("office", "--clock", "--speed", "4", relayed=False)
+        rig.start_sim("office", "--clock", "--speed", paced(4), relayed=False)
         rig.start_node("--params", "turtlebot", *(part for text in SETTINGS for part in ("--set", text)))
         out = Path(graph.folder) / "found.json"
-        assert graph.start(PYTHON, "-c", CLIENT, str(out)).wait(300.0) == 0, rig.output()[-6000:]
+        assert graph.start(PYTHON, "-c", CLIENT, str(out)).wait(TIMEOUT_S) == 0, rig.output()[-6000:]
         wait_for(lambda: "an update of 5 x 1 cells" in rig.output(), "the refusal of an update")
         yield {**json.loads(out.read_text()), "log": rig.output()}
     finally:

@@ -8,9 +8,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from tests.ros1.conftest import PYTHON
+from navstack.map_io import load_map, map_path
+from tests.ros1.conftest import PYTHON, TIMEOUT_S, paced
 from tests.ros1.module_graph import module_graph
 
 COMMON = """
@@ -31,7 +33,7 @@ velocity = rospy.Publisher("cmd_vel", Twist, queue_size=1)
 listener = tf.TransformListener()
 
 def wait(condition, what):
-    end = rospy.Time.now() + rospy.Duration(200)
+    end = rospy.Time.now() + rospy.Duration(1200)
     while not condition():
         assert rospy.Time.now() < end, what
         rospy.rostime.wallsleep(0.02)
@@ -42,7 +44,7 @@ def flat(pose):
 
 def in_map(base):
     # the newest pose of the base in the map, as every client of tf asks for it, with slashes
-    listener.waitForTransform("/map", base, rospy.Time(0), rospy.Duration(60))
+    listener.waitForTransform("/map", base, rospy.Time(0), rospy.Duration(600))
     (x, y, _), q = listener.lookupTransform("/map", base, rospy.Time(0))
     return [x, y, euler_from_quaternion(q)[2]]
 
@@ -152,13 +154,20 @@ json.dump(found, open(sys.argv[1], "w"))
 """
 )
 
+WAIT_FOR_MAP = """
+import rospy
+from nav_msgs.msg import OccupancyGrid
+rospy.init_node("waits", disable_signals=True)
+rospy.wait_for_message("another", OccupancyGrid)
+"""
+
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, dict[str, Any]]]:
     """What the clients have found, by node."""
     folder: Path = tmp_path_factory.mktemp("localization")
     with module_graph(folder) as graph:
-        graph.node("sim", "office", "--clock", "--speed", "4", "_localization:=false")
+        graph.node("sim", "office", "--clock", "--speed", paced(4), "_localization:=false")
         graph.run("/usr/bin/rosparam", "set", "/use_sim_time", "true")
         answers: dict[str, dict[str, Any]] = {}
         fake = graph.node("fake_localization", "_transform_tolerance:=0.2")
@@ -167,10 +176,17 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, dict[s
             node = node or graph.node("amcl", *amcl_params, "_odom_model_type:=diff-corrected")
             out = folder / f"{name}.json"
             client = graph.start(PYTHON, "-c", script, str(out))
-            assert client.wait(300.0) == 0, graph.output_of(client) + graph.output_of(node)
+            assert client.wait(TIMEOUT_S) == 0, graph.output_of(client) + graph.output_of(node)
             node.terminate()
-            assert node.wait(60.0) == 0, graph.output_of(node)
+            assert node.wait(TIMEOUT_S) == 0, graph.output_of(node)
             answers[name] = {**json.loads(out.read_text()), "log": graph.output_of(node)}
+        saved = graph.run_node("map_saver", "-f", str(folder / "saved"))
+        first = graph.node("map_server", "maze", "map:=another", "static_map:=another_map")
+        graph.run("/usr/bin/python3", "-c", WAIT_FOR_MAP)
+        second = graph.node("map_server", "maze", "map:=another", "static_map:=another_map")
+        assert first.wait(TIMEOUT_S) == 0
+        graph.wait_for_text(second, "takes its place")
+        answers["map"] = {"saved": saved, "file": str(folder / "saved.yaml"), "log": graph.output_of(second)}
         yield answers
 
 
@@ -197,3 +213,10 @@ def test_amcl(found: dict[str, dict[str, Any]]) -> None:
     assert amcl["global"][0] == 900 and amcl["global"][1] > 10.0
     assert 'an initial pose is in "odom", not in "map"; it is ignored' in amcl["log"]
     assert "Traceback" not in amcl["log"]
+
+
+def test_map_saver_and_a_second_node_of_a_name(found: dict[str, dict[str, Any]]) -> None:
+    saved, office = load_map(found["map"]["file"]), load_map(map_path("office"))
+    assert np.array_equal(saved.data, office.data) and saved.geometry == office.geometry
+    assert "saved.yaml" in found["map"]["saved"] and "saved.pgm" in found["map"]["saved"]
+    assert "a node named /map_server was running" in " ".join(found["map"]["log"].split())

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from navstack.record import Record
-from tests.ros1.conftest import PYTHON, new_graph, wait_for
+from tests.ros1.conftest import PYTHON, TIMEOUT_S, new_graph, paced, wait_for
 from tests.ros1.rig import Rig
 
 CLIENT = """
@@ -52,9 +52,9 @@ client.send_goal(goal(2.4, 7.45))
 found["simple states"] = [client.simple_state]
 client.wait_for_result()
 found["simple states"].append(client.simple_state)
-listener.waitForTransform("/map", "/base_footprint", rospy.Time(0), rospy.Duration(20))
+listener.waitForTransform("/map", "/base_footprint", rospy.Time(0), rospy.Duration(600))
 found["tf"] = listener.lookupTransform("/map", "/base_footprint", rospy.Time(0))[0][:2]
-found["tf2"] = buffer.lookup_transform("map", "base_laser_link", rospy.Time(0), rospy.Duration(20)).transform.translation.z
+found["tf2"] = buffer.lookup_transform("map", "base_laser_link", rospy.Time(0), rospy.Duration(600)).transform.translation.z
 found["first"] = [client.get_state(), client.get_goal_status_text()]
 plan = rospy.ServiceProxy("/move_base/make_plan", GetPlan)
 start = goal(1.0, 7.45).target_pose
@@ -85,7 +85,7 @@ def nodes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
     graph = new_graph(tmp_path_factory.mktemp("graph"))
     rig = Rig(graph)
     try:
-        rig.start_sim("office", "--clock", "--speed", "2", relayed=False)
+        rig.start_sim("office", "--clock", "--speed", paced(2), relayed=False)
         graph.run("/usr/bin/rosparam", "set", "/move_base/controller_frequency", "10.0")
         record = str(graph.folder / "record")
         rig.start_node("--params", "turtlebot", "--set", "controller_frequency=10.0", "--record", record)
@@ -101,10 +101,10 @@ def test_clients_of_move_base(nodes: Rig, tmp_path: Path) -> None:
     wanted = ("/cmd_vel", "/tf", "/scan", "/move_base/status", "/move_base/feedback", "/move_base/result")
     record = nodes.graph.start("/usr/bin/rosbag", "record", "-O", str(bag), *wanted)
     client = nodes.graph.start(PYTHON, "-c", CLIENT, str(out))
-    assert client.wait(180.0) == 0, nodes.output()
+    assert client.wait(TIMEOUT_S) == 0, nodes.output()
     found = json.loads(out.read_text())
     record.send_signal(signal.SIGINT)
-    assert record.wait(30.0) == 0
+    assert record.wait(TIMEOUT_S) == 0
     info = nodes.graph.run("/usr/bin/rosbag", "info", str(bag))
     assert all(re.search(rf"{topic} +\d+ msgs", info) for topic in wanted), info
     assert found["simple states"] == [0, 2]  # SimpleGoalState.PENDING, DONE
@@ -131,7 +131,7 @@ def test_the_record_of_the_running_node(nodes: Rig, tmp_path: Path) -> None:
         pieces = sorted(file.parent for file in folder.glob("2*/run.npz"))
         return [piece for piece in map(Record.load, pieces) if len(piece.goals) > 0]
 
-    wait_for(lambda: len(recorded()) >= 1, "the record of a goal", 120.0)
+    wait_for(lambda: len(recorded()) >= 1, "the record of a goal")
     record = recorded()[-1]
     assert record.results[-1]["state"] in ("SUCCEEDED", "ABORTED", "PREEMPTED")
     assert len(record.samples) > 5 and len(record.plans) >= 1
@@ -187,7 +187,7 @@ with open(sys.argv[1], "w") as out:
 
 def test_dynamic_reconfigure(nodes: Rig, tmp_path: Path) -> None:
     out = tmp_path / "found.json"
-    assert nodes.graph.start(PYTHON, "-c", RECONFIGURE, str(out)).wait(90.0) == 0, nodes.output()
+    assert nodes.graph.start(PYTHON, "-c", RECONFIGURE, str(out)).wait(TIMEOUT_S) == 0, nodes.output()
     found = json.loads(out.read_text())
     assert found["after"] == found["server"] == 0.25 and found["before"] == found["restored"] != 0.25
     assert found["clamped"] == 0.0
@@ -226,6 +226,6 @@ def test_end_of_the_node_stops_the_robot_and_aborts_the_goal(nodes: Rig, tmp_pat
     wait_for(driving.exists, "the start of the robot")
     assert nodes.node is not None
     nodes.node.terminate()
-    assert nodes.node.wait(30.0) == 0
-    assert client.wait(30.0) == 0, nodes.output()
+    assert nodes.node.wait(TIMEOUT_S) == 0
+    assert client.wait(TIMEOUT_S) == 0, nodes.output()
     assert ended.read_text() == "4 Aborting on the goal because the node has been killed"

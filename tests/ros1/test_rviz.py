@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.ros1.conftest import Graph, wait_for
+from tests.ros1.conftest import Graph, paced, wait_for
 from tests.ros1.rig import Rig
 from tests.ros1.test_exported_bag import framebuffer
 
@@ -25,7 +25,7 @@ def has(picture: NDArray[np.uint8], name: str) -> NDArray[np.bool_]:
 def test_a_goal_that_is_dragged_in_rviz_is_reached(graph: Graph, tmp_path: Path) -> None:
     rig = Rig(graph)
     try:
-        rig.start_sim("office", "--clock", "--speed", "2", relayed=False)
+        rig.start_sim("office", "--clock", "--speed", paced(2), relayed=False)
         rig.start_probe("--results")
         display = f":{100 + graph.port % 500}"
         graph.start("Xvfb", display, "-screen", "0", "1000x700x24", "-fbdir", str(tmp_path))
@@ -48,7 +48,7 @@ def test_a_goal_that_is_dragged_in_rviz_is_reached(graph: Graph, tmp_path: Path)
         wait_for(shows_all, f"a picture with {', '.join(COLORS)}")
         if "NAVSTACK_PICTURES" in os.environ:
             np.save(Path(os.environ["NAVSTACK_PICTURES"]) / "rviz.npy", framebuffer(screen))
-        found = rig.wait(lambda e: e["what"] == "result", "the end of the goal", 120.0)
+        found = rig.wait(lambda e: e["what"] == "result", "the end of the goal")
         assert (found["status"], found["text"]) == (3, "Goal reached.")
     finally:
         rig.close()

@@ -14,14 +14,14 @@ from typing import Any
 import pytest
 
 from navstack.cli.app import run
-from tests.ros1.conftest import PYTHON
+from tests.ros1.conftest import PYTHON, TIMEOUT_S, paced
 from tests.ros1.module_graph import ROOT, module_graph
 
 LAUNCH = """\
 <launch>
   <arg name="folder"/>
   <include file="$(find navstack_ros1)/launch/sim.launch">
-    <arg name="speed" value="6"/>
+    <arg name="speed" value="SPEED"/>
   </include>
   <node pkg="move_base" type="move_base" respawn="false" name="move_base" output="screen">
     <param name="base_global_planner" value="navfn/NavfnROS"/>
@@ -79,17 +79,17 @@ other.send_goal(goal_of(13.4, 7.4, 0.0, "map"))
 # which of the two names has the base? both are tried, with a slash
 odom_frame, base_frame = "/odom", ""
 for name in ("/base_footprint", "/base_link"):
-    listener.waitForTransform(odom_frame, name, rospy.Time(), rospy.Duration(10.0))
+    listener.waitForTransform(odom_frame, name, rospy.Time(), rospy.Duration(600))
     base_frame = name
 found["frames"] = listener.frameExists("base_link") and listener.frameExists("base_footprint")
 
 # what is there before anything is driven
-scan = rospy.wait_for_message("/scan", LaserScan, timeout=30)
+scan = rospy.wait_for_message("/scan", LaserScan, timeout=600)
 found["scan"] = [len(scan.ranges), scan.header.frame_id]
-odom = rospy.wait_for_message("odom", Odometry, timeout=30)
+odom = rospy.wait_for_message("odom", Odometry, timeout=600)
 found["odom"] = [odom.header.frame_id, odom.child_frame_id, [odom.pose.covariance[k] > 0 for k in (0, 7, 35)]]
-found["map"] = rospy.wait_for_message("/map", OccupancyGrid, timeout=30).header.frame_id
-amcl = rospy.wait_for_message("/amcl_pose", PoseWithCovarianceStamped, timeout=30)
+found["map"] = rospy.wait_for_message("/map", OccupancyGrid, timeout=600).header.frame_id
+amcl = rospy.wait_for_message("/amcl_pose", PoseWithCovarianceStamped, timeout=600)
 found["amcl_pose"] = [amcl.header.frame_id, round(amcl.pose.pose.position.x, 2), round(amcl.pose.pose.position.y, 2)]
 
 # timed: a velocity for so many cycles, out and back
@@ -142,7 +142,7 @@ found["calibrated"] = error
 
 # a goal ahead of the robot, in its own frame
 client.send_goal(goal_of(0.4, 0.0, 0.0, "base_link"))
-found["ahead"] = [client.wait_for_result(rospy.Duration(60)), client.get_state()]
+found["ahead"] = [client.wait_for_result(rospy.Duration(600)), client.get_state()]
 
 # places: feedback, a time limit, names of the states
 names = ["PENDING", "ACTIVE", "PREEMPTED", "SUCCEEDED", "ABORTED", "REJECTED", "PREEMPTING", "RECALLING", "RECALLED", "LOST"]
@@ -150,14 +150,14 @@ fed = []
 states = []
 for x, y, yaw in ((1.8, 7.45, 0.0), (2.4, 7.45, math.pi / 2)):
     client.send_goal(goal_of(x, y, yaw, "map"), feedback_cb=lambda f: fed.append(f.base_position.header.frame_id))
-    states.append([client.wait_for_result(rospy.Duration(120)), names[client.get_state()]])
+    states.append([client.wait_for_result(rospy.Duration(600)), names[client.get_state()]])
 found["places"], found["feedback"] = states, sorted(set(fed))
 
 # too little time: cancelled
 client.send_goal(goal_of(20.6, 2.2, 0.0, "map"))
 finished = client.wait_for_result(rospy.Duration(2.0))
 client.cancel_goal()
-client.wait_for_result(rospy.Duration(10))
+client.wait_for_result(rospy.Duration(600))
 found["late"] = [finished, names[client.get_state()]]
 
 # waypoints that people set on initialpose (here on another topic), followed when they are complete; goals without a stamp
@@ -174,7 +174,7 @@ for x in (3.0, 3.4):
     while setter.get_num_connections() == 0:
         rospy.rostime.wallsleep(0.02)
     setter.publish(message)
-complete.wait(20)
+complete.wait(300)
 reached = []
 for pose in waypoints:
     goal = goal_of(0, 0, 0, "map", stamp=False)
@@ -195,7 +195,7 @@ initial.publish(message)
 rospy.sleep(1.0)
 (x, y, _), q = listener.lookupTransform("/map", "/base_link", rospy.Time(0))
 found["set"] = [round(x, 3), round(y, 3), round(euler_from_quaternion(q)[2], 3)]
-found["other"] = [other.wait_for_result(rospy.Duration(60)), other.get_state()]
+found["other"] = [other.wait_for_result(rospy.Duration(600)), other.get_state()]
 (x, y, _), q = listener.lookupTransform("map", "robot2/base_link", rospy.Time(0))
 found["other at"] = [x, y]
 with open(sys.argv[1], "w") as out:
@@ -210,7 +210,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
     folder = tmp_path_factory.mktemp("tutorials")
     with module_graph(folder) as graph:
         assert run(["ros1", "install", str(folder / "packages")]) == 0
-        (folder / "robot.launch").write_text(LAUNCH)
+        (folder / "robot.launch").write_text(LAUNCH.replace("SPEED", paced(6)))
         environment = {**graph.own, "ROS_PACKAGE_PATH": str(folder / "packages")}
         command = (
             "/usr/bin/roslaunch",
@@ -220,7 +220,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
         launch = graph.launch(command, environment)
         out = folder / "found.json"
         scripts = graph.start(PYTHON, "-c", SCRIPTS, str(out), "_test_distance:=0.3", "_speed:=0.2")
-        assert scripts.wait(240.0) == 0, graph.output_of(scripts) + graph.output_of(launch)
+        assert scripts.wait(TIMEOUT_S) == 0, graph.output_of(scripts) + graph.output_of(launch)
         (folder / "places.yaml").write_text("places:\n  near: [1.2, 7.45, 0]\n  far: [1.8, 7.45, 0]\n")
         tour = graph.run_node("tour", str(folder / "places.yaml"), "_rest_time:=0.5")
         yield {**json.loads(out.read_text()), "tour": tour}
