@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import bisect
+import math
 import time
 from typing import Any, Final
 
@@ -21,15 +23,21 @@ class NodeClock:
         self._rospy = rospy
         self._start_ns = int(rospy.Time.now().to_nsec())
         self._last_ns = self._start_ns
-        self.jumps = 0
+        self._parts: list[tuple[float, int]] = [(-math.inf, self._start_ns)]
+        """Times (s) of the jumps, and ROS's time (ns) of the node's time 0 from then on."""
+
+    @property
+    def jumps(self) -> int:
         """Number of jumps backwards."""
+        return len(self._parts) - 1
 
     def now(self) -> float:
         """Return the present time (s)."""
         now_ns = int(self._rospy.Time.now().to_nsec())
         if now_ns < self._last_ns - JUMP_NS:
-            self.jumps += 1
+            jumped_at = seconds(self._last_ns, self._start_ns)
             self._start_ns += now_ns - self._last_ns
+            self._parts.append((jumped_at, self._start_ns))
         self._last_ns = max(now_ns, self._last_ns) if self.jumps == 0 else now_ns
         return seconds(now_ns, self._start_ns)
 
@@ -38,8 +46,9 @@ class NodeClock:
         return seconds(int(stamp.to_nsec()), self._start_ns)
 
     def ns(self, time: float) -> int:
-        """Return ROS's time (ns) of a time (s) of the node."""
-        return self._start_ns + round(time * 1e9)
+        """Return ROS's time (ns) of a time (s) of the node; what was stamped before a jump keeps its stamp."""
+        part = bisect.bisect_right(self._parts, time, key=lambda part: part[0]) - 1
+        return max(0, self._parts[max(part, 0)][1] + round(time * 1e9))
 
 
 class StillClock:

@@ -21,6 +21,7 @@ from navstack.core.errors import InputError
 from navstack.interfaces import RecoveryStatus
 from navstack.motion import poly_path
 from navstack.ros1 import motion_nodes, private, ros
+from navstack.ros1.clock import NodeClock
 from navstack.ros1.open_motion import Damping, Settings, shorter
 from navstack.ros1.tour import Score, cut
 from navstack.ros1.trajectories import without
@@ -309,6 +310,24 @@ def test_corners_are_left_out() -> None:
     cut_down = without(whole, [1.0, 2.0])
     assert len(whole) == 21 and len(cut_down) == 19
     assert not np.isclose(cut_down.t, 1.0).any() and cut_down.duration == pytest.approx(1.9)
+
+
+def test_stamps_before_a_jump_of_the_clock() -> None:
+    """A bag restarts: the node's time goes on, and what was stamped before keeps its stamp, also where the start is before 0."""
+    now = SimpleNamespace(ns=6_000_000_000)
+    rospy = SimpleNamespace(Time=SimpleNamespace(now=lambda: SimpleNamespace(to_nsec=lambda: now.ns)))
+    clock = NodeClock(rospy)
+    assert clock.now() == 0.0
+    now.ns = 11_000_000_000
+    assert clock.now() == 5.0
+    now.ns = 1_000_000_000
+    assert clock.now() == 5.0 and clock.jumps == 1
+    now.ns = 3_000_000_000
+    assert clock.now() == 7.0 and clock.ns(7.0) == now.ns
+    assert clock.ns(2.0) == 8_000_000_000 and clock.ns(-100.0) == 0
+    assert clock.of(SimpleNamespace(to_nsec=lambda: 2_000_000_000)) == 6.0 and clock.ns(6.0) == 2_000_000_000
+    now.ns = 1_500_000_000
+    assert clock.now() == 7.0 and clock.jumps == 2 and clock.ns(6.5) == 2_500_000_000
 
 
 COMMANDS = (

@@ -123,6 +123,7 @@ for k in range(2):
     wait(lambda: counts["particlecloud"] > standing + k, "an update without motion")
 found["standing"] = counts["particlecloud"] - standing
 # a pose in another frame is ignored; one without a stamp counts
+rospy.sleep(1.0)
 known = latest["amcl_pose"]
 set_pose(0.0, 0.0, 0.0, frame="odom")
 rospy.sleep(1.0)
