@@ -17,6 +17,8 @@ from navstack.logs.rotations import Quaternion, Transform3D, multiply, quaternio
 
 LEVEL: Final = 0.02
 """Largest tilt (rad) of a sensor that counts as level."""
+SAME_HEIGHT_M: Final = 0.001
+"""Changes of the height of a frame on /tf below this are noise."""
 
 
 class Mounting(NamedTuple):
@@ -52,6 +54,8 @@ class LoggedFrames:
         self.parents: dict[str, str] = {}
         """Parent of each frame."""
         self._static: dict[str, tuple[str, Transform3D]] = {}
+        self._raised: dict[str, Transform3D] = {}
+        """Frames of /tf that are not level on their parents: static_transform_publisher of tf publishes sensors there."""
         self._mountings: dict[str, Mounting] = {}
 
     def add_static(self, transforms: list[StampedTransform]) -> None:
@@ -69,34 +73,62 @@ class LoggedFrames:
         for child in [child for child in self.parents if child not in self._static]:
             del self.parents[child]
             self.frames.remove(child)
+        self._raised.clear()
+        self._mountings.clear()
 
     def add(self, transforms: list[StampedTransform]) -> None:
         """Add transforms of /tf. Raises FrameError for a cycle."""
         for item in transforms:
             self.parents[item.child] = item.parent
-            planar = item.transform
-            self.frames.set(item.parent, item.child, Transform2D(planar.x, planar.y, planar.rotation.yaw), item.stamp)
+            at = item.transform
+            if at.z != 0.0 or at.rotation.x != 0.0 or at.rotation.y != 0.0 or item.child in self._raised:
+                self._raise(item.child, at)
+            self.frames.set(item.parent, item.child, Transform2D(at.x, at.y, at.rotation.yaw), item.stamp)
+
+    def _raise(self, child: str, at: Transform3D) -> None:
+        """Note the height and the tilt of a frame of /tf, if they are new."""
+        if at.tilt < LEVEL:
+            at = at._replace(rotation=quaternion_of_yaw(at.rotation.yaw))
+        old = self._raised.get(child)
+        if old is None or abs(old.z - at.z) > SAME_HEIGHT_M or abs(old.tilt - at.tilt) > LEVEL:
+            self._raised[child] = at
+            self._mountings.clear()
 
     def mounting(self, frame: str) -> Mounting:
-        """Return how a frame is mounted; level and on the ground if it is not static."""
+        """Return how a frame is mounted; level and on the ground if nothing else is known."""
         found = self._mountings.get(frame)
         if found is None:
             found = self._mountings[frame] = self._mounting(frame)
         return found
 
     def _mounting(self, frame: str) -> Mounting:
-        if frame not in self._static:
-            return _LEVEL_MOUNTING
-        parent, transform = self._static[frame]
+        parent, fixed = frame, Transform3D()
         seen = {frame}
-        while parent in self._static and parent not in seen:
+        while parent in self._static:
+            above, at = self._static[parent]
+            fixed = at @ fixed
+            parent = above
+            if parent in seen:
+                break
             seen.add(parent)
-            parent, above = self._static[parent]
-            transform = above @ transform
-        yaw = transform.rotation.yaw
-        planar = Transform2D(transform.x, transform.y, yaw)
-        tilt = transform.tilt
-        if tilt == 0.0:
-            return Mounting(parent, planar, transform.z, Quaternion(), 0.0)
-        heading = quaternion_of_yaw(-yaw)
-        return Mounting(parent, planar, transform.z, multiply(heading, transform.rotation), tilt)
+        whole = self._above(parent) @ fixed
+        if parent == frame and whole == Transform3D():
+            return _LEVEL_MOUNTING
+        planar = Transform2D(fixed.x, fixed.y, fixed.rotation.yaw)
+        if whole.tilt == 0.0:
+            return Mounting(parent, planar, whole.z, Quaternion(), 0.0)
+        heading = quaternion_of_yaw(-whole.rotation.yaw)
+        return Mounting(parent, planar, whole.z, multiply(heading, whole.rotation), whole.tilt)
+
+    def _above(self, frame: str) -> Transform3D:
+        """Return the height and the tilt of a frame that moves, above the ground; its place in the plane does not count."""
+        found, seen = Transform3D(), {frame}
+        while True:
+            if frame in self._raised:
+                found = self._raised[frame] @ found
+            elif frame in self._static:
+                found = self._static[frame][1] @ found
+            frame = self.parents.get(frame, "")
+            if not frame or frame in seen:
+                return found
+            seen.add(frame)

@@ -87,3 +87,33 @@ def test_static_chain_ends_at_the_frame_that_moves() -> None:
     assert frames.mounting("laser").parent == "base_link"
     assert frames.mounting("laser").height == pytest.approx(0.3)
     assert frames.frames.lookup("odom", "laser", 1.0) == pytest.approx(Transform2D(0.9, 0.0, math.pi))
+
+
+def test_a_sensor_on_tf_has_its_height_and_tilt() -> None:
+    """static_transform_publisher of tf publishes sensors on /tf; the base itself may be above the ground."""
+    frames = LoggedFrames(FrameTree())
+    upside_down = Quaternion(1.0, 0.0, 0.0, 0.0)
+    for time in (1.0, 2.0):
+        frames.add(
+            [
+                StampedTransform("odom", "base_footprint", time, Transform3D(time, 0.0, 0.0)),
+                StampedTransform("base_footprint", "base_link", time, Transform3D(0.0, 0.0, 0.05)),
+                StampedTransform("base_link", "laser", time, Transform3D(0.2, 0.0, 0.25)),
+                StampedTransform("base_link", "under", time, Transform3D(0.1, 0.0, 0.1, upside_down)),
+            ]
+        )
+    frames.add_static([StampedTransform("laser", "lens", 0.0, Transform3D(0.0, 0.0, 0.03))])
+    assert frames.mounting("laser").height == pytest.approx(0.3) and frames.mounting("laser").tilt == 0.0
+    assert frames.mounting("under").height == pytest.approx(0.15) and frames.mounting("under").tilt == pytest.approx(
+        math.pi
+    )
+    lens = frames.mounting("lens")
+    assert lens.parent == "laser" and lens.height == pytest.approx(0.33)
+    assert frames.mounting("base_footprint").height == 0.0 and frames.mounting("nowhere").height == 0.0
+    # another height counts, noise does not
+    frames.add([StampedTransform("base_link", "laser", 3.0, Transform3D(0.2, 0.0, 0.45))])
+    assert frames.mounting("laser").height == pytest.approx(0.5)
+    frames.add([StampedTransform("base_link", "laser", 4.0, Transform3D(0.2, 0.0, 0.4505))])
+    assert frames.mounting("laser").height == pytest.approx(0.5)
+    frames.forget_moving()
+    assert frames.mounting("laser").height == 0.0
