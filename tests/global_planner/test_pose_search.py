@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navstack.core import Costmap, GridGeometry, Pose2D
+from navstack.core import Costmap, Footprint, GridGeometry, Pose2D
 from navstack.global_planner import SmacHybridParams, SmacHybridPlanner
 from navstack.global_planner._se2 import _search_kernels as kernels
 
+BOX = Footprint(np.array([[0.3, 0.2], [0.3, -0.2], [-0.3, -0.2], [-0.3, 0.2]]))
 START, GOAL = Pose2D(1.0, 3.0, 0.0), Pose2D(15.2, 3.0, 0.0)
 
 
@@ -35,3 +36,27 @@ def test_a_long_search_raises_the_weight(monkeypatch: pytest.MonkeyPatch) -> Non
     assert plans[2000, 1.0].cells_expanded == plans[1_000_000, 1.0].cells_expanded
     assert 2000 < plans[2000, 1.2].cells_expanded < 0.5 * plans[1_000_000, 1.2].cells_expanded
     assert plans[1_000_000, 1.2].cost <= plans[2000, 1.2].cost <= kernels.GREATEST * plans[2000, 1.0].cost
+
+
+def test_a_plan_to_the_same_goal_keeps_the_rest_of_the_last_one() -> None:
+    """From poses on it and beside it, as long as the costs that it depends on and the footprint stay."""
+    costmap = Costmap(GridGeometry(2000, 120, 0.1), np.zeros((120, 2000), np.uint8))
+    costmap.data[0:70, 30:34] = costmap.data[50:120, 60:64] = 254
+    search = SmacHybridPlanner(SmacHybridParams(motion_model_for_search="REEDS_SHEPP", minimum_turning_radius=0.6))
+    goal = Pose2D(9.0, 2.0, 1.0)
+    first = search.make_plan(costmap, Pose2D(1.0, 2.0, 0.0), goal)
+    assert first.cells_expanded > 0
+    for k, aside, turn in ((5, 0.0, 0.0), (25, 0.04, 0.05), (40, -0.04, -0.05)):
+        pose = first.path[k]
+        start = Pose2D(pose.x - aside * np.sin(pose.yaw), pose.y + aside * np.cos(pose.yaw), pose.yaw + turn)
+        plan = search.make_plan(costmap, start, goal)
+        assert plan.cells_expanded == 0
+        assert plan.path[0] == start
+        assert plan.path[-1] == goal
+        fresh = SmacHybridPlanner(search.params).make_plan(costmap, start, goal)
+        assert plan.cost <= 1.05 * fresh.cost
+    costmap.data[60, 1990] = 254  # far away
+    assert search.make_plan(costmap, first.path[41], goal).cells_expanded == 0
+    costmap.data[90, 40] = 254
+    assert search.make_plan(costmap, first.path[42], goal).cells_expanded > 0
+    assert search.make_plan(costmap, first.path[43], goal, footprint=BOX).cells_expanded > 0

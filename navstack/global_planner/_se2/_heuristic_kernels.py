@@ -93,6 +93,8 @@ def expand_field(costs, field, heads, p, width, target):
         g = -field[cell].cost
         field[cell].cost = g
         cx, cy = cell % width, cell // width
+        p.low_x, p.high_x = min(p.low_x, cx), max(p.high_x, cx)
+        p.low_y, p.high_y = min(p.low_y, cy), max(p.high_y, cy)
         for dy in range(-1, 2):
             iy = cy + dy
             if iy < 0 or iy >= height:
@@ -149,6 +151,7 @@ def start_field(costs, field, heads, p, goal_x, goal_y, start_x, start_y):
     bucket = np.int64((focus(p, cx, cy) + np.float32(1e-5)) / WIDTH)
     link(field, heads, cell, bucket % RING)
     p.level, p.open_cells, p.closed_cells = bucket, 1, 0
+    p.low_x, p.high_x, p.low_y, p.high_y = cx, cx, cy, cy
 
 
 @plain_kernel

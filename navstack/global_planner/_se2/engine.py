@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from navstack.core import Window
 from navstack.curves.curve_kernels import STRAIGHT
 from navstack.global_planner._se2 import _curve_check_kernels as curves
 from navstack.global_planner._se2 import _heuristic_kernels as heuristics
@@ -18,8 +18,9 @@ from navstack.global_planner._se2 import _line_kernels as lines
 from navstack.global_planner._se2 import _path_kernels as paths
 from navstack.global_planner._se2 import _search_kernels as kernels
 from navstack.global_planner._se2 import _shape_kernels as shapes
+from navstack.global_planner._se2._rejoin_kernels import rejoin
 from navstack.global_planner._se2.footprint import Shape
-from navstack.global_planner._se2.memory import untouched_zeros
+from navstack.global_planner._se2.memory import curve_table, untouched_zeros
 from navstack.global_planner._se2.primitives import PrimitiveTable
 from navstack.global_planner._se2.records import ENTRY, FIELD, NODE, SEGMENT, SETTINGS
 
@@ -29,6 +30,8 @@ BUCKETS: Final = 1 << 14
 MOST_BUCKETS: Final = 1 << 20
 FIRST_NODES: Final = 1 << 14
 ROUNDS: Final = 2
+WIDEST: Final = 16.0
+"""Turning radii: no curve of the search or of the shortened path leads farther away from both of its ends."""
 REACHES: Final = (6, 4, 3, 2)
 """Pieces on either side of a pose that are replaced when it is moved, round by round."""
 
@@ -76,13 +79,15 @@ class PoseSearch:
         self.settings = np.zeros(1, SETTINGS)
         for name, value in settings.items():
             self.settings[name] = value
-        self._nodes = np.empty(FIRST_NODES, NODE)
-        self._entries = np.empty(2 * FIRST_NODES, ENTRY)
+        self._nodes, self._entries = np.empty(FIRST_NODES, NODE), np.empty(2 * FIRST_NODES, ENTRY)
         self._slots = np.zeros(4 * FIRST_NODES, np.int32)
         self._heads = np.empty(BUCKETS + heuristics.RING, np.int32)
         self._field = np.zeros(0, FIELD)
         self._field_of: tuple[Any, ...] | None = None
-        self._field_costs = np.zeros((0, 0), np.uint8)
+        self._read: tuple[Window, NDArray[np.uint8]] | None = None
+        self._unchanged = False
+        self._last: tuple[NDArray[np.void], Pose, NDArray[np.float64]] | None = None
+        self._margin = 0.0
         self._bits = np.zeros((0, 0), np.uint64)
         self._yaws = np.zeros(0)
         self._added = np.zeros(256, SEGMENT)
@@ -137,16 +142,19 @@ class PoseSearch:
         factor = int(p["factor"][0])
         ny, nx = self.costs.shape
         same = (int(x), int(y), self.costs.shape)
-        if self._field_of == same and (keep or np.array_equal(self._field_costs, self.costs)):
+        read, self._read = self._read, None  # until the end of this plan, which may read more
+        known = self._field_of == same
+        self._unchanged = known and read is not None and np.array_equal(self.costs[read[0].slices], read[1])
+        if self._unchanged or (known and keep):
             return
         self._field = untouched_zeros(((ny + factor - 1) // factor) * ((nx + factor - 1) // factor), FIELD)
-        self._field_of, self._field_costs = same, self.costs.copy()
+        self._field_of = same
         heuristics.start_field(self.costs, self._field, self._heads[-heuristics.RING :], p[0], x, y, *start)
 
     def obstacle_cost(self, x: float, y: float) -> float:
         """The obstacle heuristic at a point; infinite if no cells connect it with the goal."""
         ring = self._heads[-heuristics.RING :]
-        return float(heuristics.obstacle_cost(self._field_costs, self._field, ring, self.settings[0], int(x), int(y)))
+        return float(heuristics.obstacle_cost(self.costs, self._field, ring, self.settings[0], int(x), int(y)))
 
     def search(
         self,
@@ -161,7 +169,7 @@ class PoseSearch:
     ) -> Outcome:
         """Search from `start` to the cheapest of `goals` (n, 4): x, y, yaw, heading bin. The goal of the heuristic is set."""
         p = self.settings
-        self._slots[:] = 0
+        self._clear_nodes()
         h = min(self.obstacle_cost(start[0], start[1]), 1e6)
         self._clear_queue(h)
         p["nodes"], p["entries"], p["free_entry"], p["queued"] = 1, 0, -1, 0
@@ -177,6 +185,7 @@ class PoseSearch:
         p["goal_x"], p["goal_y"] = goals[0, 0], goals[0, 1]
         p["approach_node"], p["approach_since"], p["approach_distance"] = 0, 0, np.inf
         self._table = self._curve_table()
+        self._margin = WIDEST * float(p["radius"][0]) + float(np.abs(table.primitives["length"]).max())
         self._write_root(start, start_bin)
         kernels.approach(p[0], goals, *start, 0)
         all_shapes = (self.shape.rows, table.samples, goals)
@@ -234,7 +243,67 @@ class PoseSearch:
         """The table of the lengths of curves."""
         p = self.settings[0]
         radius, cusp = float(p["radius"]), float(p["cusp"])
-        return _curve_table(int(p["half"]), int(p["bins"]), radius, cusp if p["reeds_shepp"] else None)
+        return curve_table(int(p["half"]), int(p["bins"]), radius, cusp if p["reeds_shepp"] else None)
+
+    @property
+    def window(self) -> Window:
+        """Contains all cells that the heuristic and the search have read."""
+        p, (ny, nx) = self.settings[0], self.costs.shape
+        factor = int(p["factor"])
+        margin = math.ceil(self._margin + 4.0 * float(p["reach"]) + float(p["tolerance"])) + 2 * factor + 4
+        x0, y0 = factor * int(p["low_x"]) - margin, factor * int(p["low_y"]) - margin
+        x1, y1 = factor * (int(p["high_x"]) + 1) + margin, factor * (int(p["high_y"]) + 1) + margin
+        return Window(max(0, x0), max(0, y0), min(nx, x1), min(ny, y1))
+
+    def remember(self, outcome: Outcome) -> None:
+        """Keep the heuristic and the path as long as the costs that they depend on stay as they are now.
+
+        A path that took so long that the weight of the heuristic was raised is not kept: the next search may find a better one.
+        """
+        window = self.window
+        self._read = window, self.costs[window.slices].copy()
+        good = outcome.status == kernels.FOUND and self.settings["weight"][0] == self._weight
+        self._last = (outcome.segments, outcome.end, self._outline()) if good else None
+
+    def _outline(self) -> NDArray[np.float64]:
+        """What the footprint of a search consists of, without the scratch rows."""
+        return np.delete(self.shape.rows, (2, 3, 4, 5), axis=0)
+
+    def follow(self, start: Pose, goals: NDArray[np.float64]) -> Outcome | None:
+        """The rest of the last path, from a pose beside it: if its goal, footprint and costs are the same, None otherwise.
+
+        It is as far above the least cost as the whole path was, and by the way back onto it.
+        """
+        if self._last is None or not self._unchanged:
+            return None
+        segments, end, outline = self._last
+        at_goal = (goals[:, :3] == end).all(axis=1).any()
+        if not at_goal or not np.array_equal(outline, self._outline()):
+            return None
+        p, values = self.settings[0], np.zeros(len(segments))
+        paths.pieces_cost(self.costs, p, segments, values)
+        arguments = self.costs, self._bits, self.shape.rows, p, segments, values
+        fresh, rest = rejoin(*arguments, end, start, self._added)
+        if fresh == 0:
+            return None
+        path = np.concatenate([self._added[:fresh], segments[rest:]])
+        values = np.zeros(len(path))
+        paths.pieces_cost(self.costs, p, path, values)
+        return Outcome(kernels.FOUND, path, end, self._cost(path, values), 0, 0, start[:2], False)
+
+    def _cost(self, segments: NDArray[np.void], values: NDArray[np.float64]) -> float:
+        """The cost of a path from those of its pieces."""
+        count = len(segments)
+        changes = int(paths.directions_around(segments, 0, count, count)[2])
+        return float(values.sum()) + float(self.settings["cusp"][0]) * changes
+
+    def _clear_nodes(self) -> None:
+        """Empty the arrays of the nodes; return what a large search needed."""
+        if len(self._nodes) > FIRST_NODES:
+            self._nodes, self._entries = np.empty(FIRST_NODES, NODE), np.empty(2 * FIRST_NODES, ENTRY)
+            self._slots = np.zeros(4 * FIRST_NODES, np.int32)
+        else:
+            self._slots[:] = 0
 
     def _clear_queue(self, estimate: float) -> None:
         """Empty the queue; lengthen it for costs of this order."""
@@ -309,8 +378,7 @@ class PoseSearch:
             for reach in REACHES:
                 count = int(paths.relax(*arguments, count, goal, reach))
             count = int(paths.shorten(*arguments, count, goal, 1))
-        changes = int(paths.directions_around(room, 0, count, count)[2])
-        return room[:count], float(values[:count].sum()) + float(p["cusp"]) * changes
+        return room[:count], self._cost(room[:count], values[:count])
 
     def _write_curve(self, segments: NDArray[np.void], count: int, start: Pose, goal: Pose, before: int) -> int:
         """Write the curve that the search found, and the straight way after it; `before`: direction of travel at its start."""
@@ -324,13 +392,6 @@ class PoseSearch:
             x, y = (stage[i] + (goal[i] - stage[i]) * k / pieces for i in (0, 1))
             paths.write_segment(segments, count + k, STRAIGHT, x, y, goal[2], tail / pieces, 1.0)
         return count + pieces
-
-
-@lru_cache(maxsize=6)
-def _curve_table(half: int, bins: int, radius: float, cusp: float | None) -> NDArray[np.float32]:
-    """The lengths of curves that are known so far, shared by all searches for the same curves: a length is always the same."""
-    del radius, cusp  # None: Dubins
-    return untouched_zeros((2 * half + 1) * (half + 1) * bins, np.dtype(np.float32))
 
 
 def poses_of(outcome: Outcome, spacing: float) -> NDArray[np.float64]:

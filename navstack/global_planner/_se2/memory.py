@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import mmap
+from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
@@ -21,3 +22,10 @@ def untouched_zeros(count: int, dtype: np.dtype[Any]) -> NDArray[Any]:
     if size < _SMALL or not hasattr(mmap, "MAP_PRIVATE"):
         return np.zeros(count, dtype)
     return np.frombuffer(mmap.mmap(-1, size, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS), dtype)
+
+
+@lru_cache(maxsize=6)
+def curve_table(half: int, bins: int, radius: float, cusp: float | None) -> NDArray[np.float32]:
+    """The lengths of curves that are known so far, shared by all searches for the same curves: a length is always the same."""
+    del radius, cusp  # None: Dubins
+    return untouched_zeros((2 * half + 1) * (half + 1) * bins, np.dtype(np.float32))

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Costmap, Footprint, GridGeometry, Path, Pose2D, normalize_angle
+from navstack.core import Costmap, Footprint, GridGeometry, Path, Pose2D, Window, normalize_angle
 from navstack.global_planner._se2 import reasons
 from navstack.global_planner._se2.engine import UNLIMITED, Outcome, PoseSearch, poses_of
 from navstack.global_planner._se2.footprint import Shape, shape_of
@@ -137,8 +137,13 @@ class PosePlanner(GlobalPlanner):
             for_footprint=True,
             took_s=time.perf_counter() - began,
         )
-        self._cache.store(costmap, request, plan, costmap.geometry.window)
+        self._cache.store(costmap, request, plan, self._window(engine, costmap))
         return plan
+
+    def _window(self, engine: PoseSearch, costmap: Costmap) -> Window:
+        """All cells of the costmap that the last plan depends on."""
+        x0, y0, x1, y1 = (self.downsampling * side for side in engine.window)
+        return Window(x0, y0, min(x1, costmap.geometry.nx), min(y1, costmap.geometry.ny))
 
     def _grid(self, costmap: Costmap) -> Costmap:
         """The costmap that is searched: with `downsampling`, the maximum of each block."""
@@ -249,7 +254,10 @@ class PosePlanner(GlobalPlanner):
             )
             poses = np.array([start, start], np.float64)
             return Plan(Path(poses, request.frame), 0.0, goal if moved == 0.0 else start, moved, notes=notes)
-        outcome = self._outcome(engine, grid.geometry.resolution, ends)
+        outcome = engine.follow(ends.start, ends.goals)
+        if outcome is None:
+            outcome = self._outcome(engine, grid.geometry.resolution, ends)
+        engine.remember(outcome)
         if not outcome.found:
             raise reasons.no_path(engine, grid, start, goal, outcome, self.params)
         return self._plan(outcome, grid, request)

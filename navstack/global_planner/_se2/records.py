@@ -106,6 +106,10 @@ SETTINGS: Final = np.dtype(
         ("level", "i8"),
         ("open_cells", "i8"),
         ("closed_cells", "i8"),
+        ("low_x", "i8"),  # the box around them
+        ("high_x", "i8"),
+        ("low_y", "i8"),
+        ("high_y", "i8"),
         # --- state of the search
         ("nodes", "i8"),
         ("entries", "i8"),
