@@ -100,11 +100,6 @@ class PoseSearch:
         visited = max(1, int(self.settings["nodes"][0]))
         return (self._nodes.nbytes + self._entries.nbytes + self._slots.nbytes) / visited
 
-    @property
-    def expanded_cells(self) -> int:
-        """Cells of the obstacle heuristic that are closed."""
-        return int(self.settings["closed_cells"][0])
-
     def place(self, costs: NDArray[np.uint8], shape: Shape) -> None:
         """Prepare for searches over these costs with this footprint."""
         self.costs = costs
@@ -262,7 +257,7 @@ class PoseSearch:
         """
         window = self.window
         self._read = window, self.costs[window.slices].copy()
-        good = outcome.status == kernels.FOUND and self.settings["weight"][0] == self._weight
+        good = outcome.reached and self.settings["weight"][0] == self._weight
         self._last = (outcome.segments, outcome.end, self._outline()) if good else None
 
     def _outline(self) -> NDArray[np.float64]:
@@ -277,13 +272,11 @@ class PoseSearch:
         if self._last is None or not self._unchanged:
             return None
         segments, end, outline = self._last
-        at_goal = (goals[:, :3] == end).all(axis=1).any()
-        if not at_goal or not np.array_equal(outline, self._outline()):
+        if not (goals[:, :3] == end).all(axis=1).any() or not np.array_equal(outline, self._outline()):
             return None
         p, values = self.settings[0], np.zeros(len(segments))
         paths.pieces_cost(self.costs, p, segments, values)
-        arguments = self.costs, self._bits, self.shape.rows, p, segments, values
-        fresh, rest = rejoin(*arguments, end, start, self._added)
+        fresh, rest = rejoin(self.costs, self._bits, self.shape.rows, p, segments, values, end, start, self._added)
         if fresh == 0:
             return None
         path = np.concatenate([self._added[:fresh], segments[rest:]])
