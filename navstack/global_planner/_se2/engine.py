@@ -174,8 +174,7 @@ class PoseSearch:
         p["weight"] = self._weight
         p["patience"] = kernels.PATIENCE if self._weight > 1.0 else UNLIMITED
         p["pause_at"] = UNLIMITED if deadline is None else interval
-        self._yaws = table.headings["yaw"]
-        p["curves_tried"], p["yaw_offset"] = 0, table.headings["yaw"][0]
+        self._yaws, p["curves_tried"], p["yaw_offset"] = table.headings["yaw"], 0, table.headings["yaw"][0]
         p["rotates"], p["bins"], p["turn_step"] = table.rotates, len(table.headings), table.turn_step
         p["goal_x"], p["goal_y"] = goals[0, 0], goals[0, 1]
         p["approach_node"], p["approach_since"], p["approach_distance"] = 0, 0, np.inf
