@@ -165,9 +165,31 @@ def trajectory(
     return 0
 
 
+def static_transform_publisher(
+    context: typer.Context,
+    words: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="X Y Z YAW PITCH ROLL FRAME CHILD PERIOD_MS", help="Or a quaternion: X Y Z QX QY QZ QW .."
+        ),
+    ],
+    name: Name = "static_transform_publisher",
+) -> int:
+    """Publish a fixed transform (m, rad), as tf's static_transform_publisher; without PERIOD_MS once, on /tf_static.
+
+    Exit codes: 0 shut down, 2 invalid input.
+    """
+    from navstack.ros1 import static_transform as node
+
+    given = node.parse(words)
+    start_node(name, context)
+    node.spin(given)
+    return 0
+
+
 def add_to(app: typer.Typer) -> None:
     """Add the commands to `navstack ros1`."""
-    for command in (linear_move, radian_turn, teleop, initial_pose, tour, trajectory):
+    for command in (linear_move, radian_turn, teleop, initial_pose, tour, trajectory, static_transform_publisher):
         app.command(command.__name__, cls=NodeCommand, context_settings=NODE)(command)
 
 

@@ -23,6 +23,7 @@ REPLACED: Final = {
     ("map_server", "map_saver"): "map_saver",
     ("amcl", "amcl"): "amcl",
     ("fake_localization", "fake_localization"): "fake_localization",
+    ("tf", "static_transform_publisher"): "static_transform_publisher",
     ("teleop_twist_keyboard", "teleop_twist_keyboard.py"): "teleop",
 }
 """(pkg, type) of a node -> type of the node that takes its place."""
@@ -35,6 +36,7 @@ _SIMULATOR: Final = f'this simulator can give way to pkg="{PACKAGE}" type="sim" 
 NOTES: Final = {
     "stage_ros": _SIMULATOR,
     "gazebo_ros": _SIMULATOR,
+    "arbotix_python": _SIMULATOR,
     "robot_pose_ekf": "navstack has no such node: keep it on a real robot; the simulated robot publishes odom -> base itself",
     "robot_localization": "navstack has no such node: keep it on a real robot; the simulated robot publishes odom -> base itself",
     "costmap_2d": "navstack has no stand-alone costmap node; the costmaps of move_base are published by move_base",

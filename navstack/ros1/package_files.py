@@ -24,6 +24,7 @@ NODES: Final[Mapping[str, str]] = {
     "initial_pose": "initial_pose",
     "tour": "tour",
     "trajectory": "trajectory",
+    "static_transform_publisher": "static_transform_publisher",
 }
 """Name of a node script -> command of `navstack ros1`."""
 MARKER: Final = "written by navstack ros1 install"

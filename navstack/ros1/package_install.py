@@ -20,6 +20,7 @@ DROP_IN: Final = {
     "map_server": ("map_server", "map_saver"),
     "amcl": ("amcl",),
     "fake_localization": ("fake_localization",),
+    "tf": ("static_transform_publisher",),
 }
 """Packages with the names of the original ones, and their nodes."""
 EXECUTABLE: Final = 0o755

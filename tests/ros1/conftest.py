@@ -25,11 +25,11 @@ TIMEOUT_S = 300.0
 
 
 def paced(fastest: float) -> str:
-    """Return how fast to simulate: `fastest` on a quiet machine, less with more load than cores, at least real time.
+    """Return how fast to simulate: `fastest`, less with a load of more than two programs per core, at least real time.
 
     The limits of the stack are in simulated time: a program that waits for a core would exceed them.
     """
-    return f"{max(1.0, fastest / max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))):.1f}"
+    return f"{max(1.0, fastest / max(1.0, os.getloadavg()[0] / (2 * (os.cpu_count() or 1)))):.1f}"
 
 
 def wait_for(condition: Callable[[], Any], what: str, timeout_s: float = TIMEOUT_S) -> Any:

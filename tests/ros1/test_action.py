@@ -39,9 +39,11 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
     graph: Graph = new_graph(tmp_path_factory.mktemp("rig"))
     rig = Rig(graph)
     try:
-        rig.start_sim("office", "--clock", "--speed", paced(6))
+        pace = paced(6)
+        rig.start_sim("office", "--clock", "--speed", pace)
         rig.start_probe()
-        rate = "local_costmap/obstacle_layer/scan/expected_update_rate=1.0"
+        # a stop is told with its cause if it follows within 0.6 s of wall time: at any pace it comes after less than 0.3 s
+        rate = f"local_costmap/obstacle_layer/scan/expected_update_rate={max(0.3, float(pace) / 6.0):.2f}"
         recoveries = graph.folder / "recoveries.yaml"
         recoveries.write_text(RECOVERIES)
         rig.start_node("--params", "turtlebot", "--params", str(recoveries), "--set", rate)

@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from navstack.core import Pose2D, RobotState
 from navstack.core.errors import InputError
 from navstack.interfaces import RecoveryStatus
+from navstack.logs.rotations import Transform3D
 from navstack.motion import poly_path
-from navstack.ros1 import motion_nodes, private, ros
+from navstack.ros1 import motion_nodes, private, ros, static_transform
 from navstack.ros1.clock import NodeClock
 from navstack.ros1.open_motion import Damping, Settings, shorter
 from navstack.ros1.tour import Score, cut
@@ -117,14 +118,15 @@ def _yaw(row: list[float]) -> float:
 
 def test_linear_move(robot: Robot) -> None:
     """Defaults of the page: topic, frames with a slash, speeds, tolerances; constant speed, zero at the end."""
+    before = robot.observed()
     assert "LinearMove drove 0.3" in robot.run("linear_move", "_t_dis:=0.4", "__name:=mover")
     seen = robot.observed()
-    moved, first = seen["twists"], seen["truth"][-1]
+    moved, first = seen["twists"][len(before["twists"]) :], seen["truth"][-1]
     assert {tuple(t[2:]) for t in moved} == {(0.0, 0.0, 0.0)}
     speeds = [t[1] for t in moved]
     assert set(speeds) == {0.1, 0.0} and speeds[-1] == 0.0 and speeds[0] == 0.1
     # within the tolerance and one cycle (0.01 m), and what a command that is late by 0.2 s of simulated time adds
-    assert 0.4 - 0.08 - 1e-6 <= first[1] - seen["truth"][0][1] <= 0.4
+    assert 0.4 - 0.08 - 1e-6 <= math.dist(first[1:3], before["truth"][-1][1:3]) <= 0.4
 
 
 def test_services_and_initial_pose(robot: Robot) -> None:
@@ -387,3 +389,22 @@ def test_without_ros(command: str, capfd: pytest.CaptureFixture[str], monkeypatc
     assert run(["ros1", *command.split()]) == 2
     message = " ".join(capfd.readouterr().err.split())
     assert "ROS 1 is not installed" in message and "sudo apt-get install python3-rospy" in message
+
+
+def test_arguments_of_static_transform_publisher() -> None:
+    """Both forms of tf's program; without a period the transform is static, as by tf2_ros's."""
+    angles = static_transform.parse(["0.1", "-0.2", "0.3", "0.5", "0", "0", "/base_link", "/laser", "100"])
+    assert angles.translation == (0.1, -0.2, 0.3) and (angles.frame, angles.child) == ("base_link", "laser")
+    assert angles.period_s == 0.1 and angles.rotation.yaw == 0.5
+    upside_down = static_transform.parse(["0", "0", "0", "0.7", "0", "3.141592653589793", "a", "b"])
+    assert Transform3D(rotation=upside_down.rotation).tilt == pytest.approx(math.pi) and upside_down.period_s == 0.0
+    assert upside_down.rotation.yaw == pytest.approx(0.7)
+    assert static_transform.parse(["1", "2", "3", "0", "0", "0", "2", "a", "b", "10"]).rotation == (0.0, 0.0, 0.0, 1.0)
+    for words, message in (
+        ("1 2 3 a b 100", "is no transform; give x y z yaw pitch roll FRAME CHILD PERIOD_MS"),
+        ("0 0 0 0 0 0 a b -5", 'the period "-5" is not a time'),
+        ("0 0 0 0 0 0 0 a b 5", "is not a rotation"),
+        ("0 0 0 0 0 0 /a a 5", '"a" cannot be its own child'),
+    ):
+        with pytest.raises(InputError, match=message):
+            static_transform.parse(words.split())

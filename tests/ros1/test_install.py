@@ -16,7 +16,16 @@ from navstack.ros1.launch_advice import advise
 from tests.conftest import data_files
 from tests.ros1.conftest import PYTHON, WANTED, missing
 
-PACKAGES = ("amcl", "costmap_2d", "fake_localization", "handsfree_msgs", "map_server", "move_base", "navstack_ros1")
+PACKAGES = (
+    "amcl",
+    "costmap_2d",
+    "fake_localization",
+    "handsfree_msgs",
+    "map_server",
+    "move_base",
+    "navstack_ros1",
+    "tf",
+)
 
 
 @pytest.fixture
