@@ -13,6 +13,7 @@ from navstack.core.errors import GoalOccupiedError, NoValidPathError, PlanningTi
 from navstack.curves import dubins_curve, reeds_shepp_curve
 from navstack.global_planner import SmacHybridParams, SmacHybridPlanner
 from navstack.global_planner._se2.planner import cusps
+from tests.global_planner.fuzz_poses import run
 from tests.global_planner.pose_referee import Referee, inflated, random_queries
 
 BOX = Footprint(np.array([[0.45, 0.3], [0.45, -0.3], [-0.25, -0.3], [-0.25, 0.3]]))
@@ -233,3 +234,10 @@ def test_bytes_per_visited_state() -> None:
     search = planner()
     search.make_plan(inflated(rooms(), RESOLUTION, 0.22), Pose2D(1.0, 5.5, 0.0), Pose2D(6.5, 1.0, 2.0))
     assert search.memory
+
+
+def test_random_input() -> None:
+    """`python -m tests.global_planner.fuzz_poses hybrid 2000` runs more cases."""
+    ends, faults = run("hybrid", 12, 5)
+    assert faults == []
+    assert ends["plan"] >= 3

@@ -14,7 +14,7 @@ from navstack.core.errors import InputError, NoValidPathError
 from navstack.global_planner import SmacLatticeParams, SmacLatticePlanner
 from navstack.lattice import generate_lattice, write_lattice
 from navstack.parameters.configuration import load_configuration
-from tests.global_planner.fuzz_lattice import run
+from tests.global_planner.fuzz_poses import run
 from tests.global_planner.pose_referee import Referee, inflated, random_queries
 from tests.global_planner.test_smac_hybrid import BOX, RESOLUTION, ROUND, empty, rooms
 
@@ -128,7 +128,7 @@ def test_nav2_names_and_files_in_yaml(tmp_path: Path) -> None:
 
 
 def test_random_input() -> None:
-    """`python -m tests.global_planner.fuzz_lattice 2000` runs more cases."""
-    ends, faults = run(12, 5)
+    """`python -m tests.global_planner.fuzz_poses lattice 2000` runs more cases."""
+    ends, faults = run("lattice", 12, 5)
     assert faults == []
     assert ends["plan"] >= 3

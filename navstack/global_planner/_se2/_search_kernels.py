@@ -312,10 +312,10 @@ def search(costs, bits, shapes, primitives, headings, nodes, lists, entries, fie
             continue
         if p.best_cost <= p.slack * p.bucket * BUCKET:
             return FOUND
+        if p.expanded >= p.max_expansions:
+            return FOUND if p.best_cost < np.inf else LIMIT
         node.closed = 1
         p.expanded += 1
-        if p.expanded > p.max_expansions:
-            return FOUND if p.best_cost < np.inf else LIMIT
         yaw = headings[node.heading].yaw
         k = is_at(node, goals, p.bins)
         if k >= 0 and i > 0 and node.g < p.best_cost:

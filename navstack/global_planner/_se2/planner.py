@@ -182,7 +182,6 @@ class PosePlanner(GlobalPlanner):
             "half": max(1, int(p.lookup_table_size / resolution) // 2),
             "weight": p.heuristic_weight,
             "slack": p.heuristic_weight,
-            "tolerance": p.tolerance / resolution,
             "approach_limit": max(0, p.max_on_approach_iterations),
         }
 
@@ -212,6 +211,10 @@ class PosePlanner(GlobalPlanner):
             if not goals:
                 raise reasons.goal_occupied(engine, grid, goal, footprint, self.params.tolerance)
         rows = np.array([(x, y, yaw, 0.0) for x, y, yaw in goals], np.float64)
+        moved = math.hypot(
+            goals[0][0] - (goal.x - g.origin_x) / g.resolution, goals[0][1] - (goal.y - g.origin_y) / g.resolution
+        )
+        engine.settings["tolerance"] = max(0.0, self.params.tolerance / g.resolution - moved)
         reverse = bool(engine.settings["reeds_shepp"][0])
         rows = with_tails(engine, rows, footprint, g.resolution, reverse=reverse)
         return _Ends((sx, sy, start.yaw), rows, tuple(notes))
