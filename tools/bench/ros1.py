@@ -35,6 +35,8 @@ PARAMS: Final = (
 )
 GOALS: Final = ((11.0, 7.4), (1.2, 7.45))
 """The two ends of the corridor."""
+GOAL_S: Final = 600.0
+"""Longest wait for the end of a goal (s, wall): the machine may be stopped meanwhile."""
 MEMORY_S: Final = 60.0
 """Time (s, wall) between two looks at the memory."""
 NODE: Final = "/move_base"
@@ -95,7 +97,7 @@ def drive(rig: Rig, until: float, memory: Memory | None = None) -> list[str]:
         name = f"bench at {at:.3f}"
         mark = len(rig.take())
         rig.send_goal(*GOALS[len(ends) % 2], id=name)
-        found = rig.wait(lambda e: e["what"] == "result", f"the end of {name}", 120.0, since=mark)
+        found = rig.wait(lambda e: e["what"] == "result", f"the end of {name}", GOAL_S, since=mark)
         ends.append(f"{found['status']}")
         at = rig.now()
         del rig.events[:-100]
