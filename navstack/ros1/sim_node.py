@@ -47,6 +47,9 @@ class SimNode:
         rospy = self._rospy = ros.rospy()
         self.scenario = scenario
         self.robot = simulated_robot(scenario.configuration, scenario.world(), scenario.start, seed=scenario.seed)
+        # what exists now lives as long as the node: a search for garbage in it would stop the clock
+        gc.collect()
+        gc.freeze()
         self.inbox = Inbox()
         self.build = MessageBuilder(ros.MessageTypes(), ros1=True)
         self.names = SimNames(self.robot.map_frame, self.robot.odom_frame, self.robot.base_frame)
@@ -111,9 +114,6 @@ class SimNode:
     def spin(self) -> None:
         """Simulate until the node is shut down."""
         MasterWatch(self._on_new_master)
-        # what exists now lives as long as the node: a search for garbage in it would stop the clock
-        gc.collect()
-        gc.freeze()
         half = 0.5 * STEP_S
         reached = 0.0
         while not ros.is_stopping():

@@ -93,6 +93,7 @@ class Robot:
         wait_for(
             lambda: ready.exists() and "/navstack_sim" in graph.run("/usr/bin/rosnode", "list"), "the start", 240.0
         )
+        wait_for(lambda: self.observed()["truth"], "the first pose", 240.0)
 
     def run(self, *arguments: str, code: int = 0) -> str:
         """Run a command of `navstack ros1` to its end; return its output."""
