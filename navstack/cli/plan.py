@@ -11,9 +11,8 @@ from navstack.cli import options
 
 if TYPE_CHECKING:
     from navstack.bringup import PlannedPath
+    from navstack.cli.plan_candidates import Candidate
     from navstack.core import OccupancyGrid, Pose2D
-    from navstack.interfaces import GlobalPlanner
-    from navstack.parameters.configuration import Configuration, PluginChoice
 
 
 class PlanOptions(NamedTuple):
@@ -43,8 +42,9 @@ class PlanOptions(NamedTuple):
         str | None,
         typer.Option(
             "--compare",
-            metavar="NAME,NAME..",
-            help="Compare planners in one table and one picture; --json prints a list.",
+            metavar="NAME[:PARAMS][:KEY=VALUE],..",
+            help="Compare planners, each with parameters of its own: a file over those of --params, a packaged set or folder "
+            "in their place, values of the planner. One table, one picture; --json prints a list.",
         ),
     ] = None
     set_: options.Set = []
@@ -52,9 +52,8 @@ class PlanOptions(NamedTuple):
 
 
 class _Query(NamedTuple):
-    """A planning request on a map with a configuration."""
+    """A planning request on a map."""
 
-    configuration: Configuration
     grid: OccupancyGrid
     start: Pose2D
     goal: Pose2D
@@ -74,37 +73,40 @@ def plan(
     from navstack.cli.out_path import chosen_files
     from navstack.cli.output import print_note
 
-    query, planners = _load(chosen)
+    query, candidates = _load(chosen)
     files = chosen_files(out, {"picture": "plan.png", "plan": "plan.json"}) if out is not None else {}
     if chosen.compare is not None:
-        _compare(query, planners, files, json_)
+        _compare(query, candidates, files, json_)
     else:
-        _plan(query, planners[0] if planners else None, files, json_)
+        _plan(query, candidates[0], files, json_)
     if out is None and not json_:
         print_note("--out DIR writes the path and a picture of it")
 
 
-def _load(chosen: PlanOptions) -> tuple[_Query, list[PluginChoice[GlobalPlanner]]]:
-    """The query, and the planners named on the command line. Raises InputError, MapError or ParameterError."""
-    from dataclasses import replace
-
+def _load(chosen: PlanOptions) -> tuple[_Query, list[Candidate]]:
+    """The query, and what plans. Raises InputError, MapError or ParameterError."""
     from navstack.cli.arguments import map_of, note_off_the_map, parse_pose
     from navstack.cli.output import print_warnings
-    from navstack.parameters.configuration import choose_global_planner, choose_smoother, load_configuration
+    from navstack.cli.plan_candidates import Parameters, compared, single
+    from navstack.core.errors import InputError
 
     start, goal = parse_pose(chosen.start, "--start"), parse_pose(chosen.goal, "--goal")
     path, grid = map_of(chosen.map_)
-    names = _planner_names(chosen.compare, chosen.planner)
-    configuration = load_configuration(
-        chosen.params, overrides=[*chosen.set_, *_footprint(chosen.footprint)], allow_missing=chosen.allow_missing
-    )
-    if chosen.smoother is not None:
-        configuration = replace(configuration, smoother=choose_smoother(configuration, chosen.smoother))
-    planners = [choose_global_planner(configuration, name) for name in names]
-    print_warnings(configuration)
+    if chosen.compare is not None and chosen.planner is not None:
+        raise InputError(
+            f'--compare "{chosen.compare}" and --planner "{chosen.planner}" exclude each other; give one of them',
+            argument="--compare",
+        )
+    overrides = [*chosen.set_, *_footprint(chosen.footprint)]
+    parameters = Parameters(chosen.params, overrides, chosen.smoother, chosen.allow_missing)
+    if chosen.compare is None:
+        candidates = [single(parameters, chosen.planner)]
+    else:
+        candidates = compared(parameters, chosen.compare)
+    for configuration in {id(c.configuration): c.configuration for c in candidates}.values():
+        print_warnings(configuration)
     note_off_the_map(grid, start, [goal])
-    unique = list({planner.name: planner for planner in planners}.values())
-    return _Query(configuration, grid, start, goal, path), unique
+    return _Query(grid, start, goal, path), candidates
 
 
 def _footprint(text: str | None) -> list[str]:
@@ -130,37 +132,15 @@ def _footprint(text: str | None) -> list[str]:
     return [f"{name}.footprint={text}" for name in ("global_costmap", "local_costmap")]
 
 
-def _planner_names(compare: str | None, planner: str | None) -> list[str]:
-    from navstack.core.errors import InputError
-
-    if compare is None:
-        return [] if planner is None else [planner]
-    if planner is not None:
-        raise InputError(
-            f'--compare "{compare}" and --planner "{planner}" exclude each other; give one of them',
-            argument="--compare",
-        )
-    names = [name.strip() for name in compare.split(",") if name.strip()]
-    if not names:
-        raise InputError(
-            f'--compare "{compare}" contains no planner; give names such as navfn,astar,theta_star',
-            argument="--compare",
-        )
-    return names
-
-
-def _plan(query: _Query, choice: PluginChoice[GlobalPlanner] | None, chosen: dict[str, Path], json_: bool) -> None:
-    from navstack.bringup import plan_on_map
+def _plan(query: _Query, candidate: Candidate, chosen: dict[str, Path], json_: bool) -> None:
     from navstack.cli.output import loading_kernels, print_files, print_json, print_note
     from navstack.core.files import write_json
 
     with loading_kernels(quiet=json_):
-        found = plan_on_map(
-            query.configuration, query.grid, query.start, query.goal, planner=choice, keep_potential=bool(chosen)
-        )
-    document = _document(found, _planning_ms(query, found, choice or query.configuration.global_planner))
+        found = _planned(query, candidate, keep_potential=bool(chosen))
+    document = _document(query, candidate, found)
     if chosen:
-        document["files"] = _write(query, [found], chosen)
+        document["files"] = _write(query, {candidate.label: found}, [document], chosen)
         if "plan" in chosen:
             write_json(chosen["plan"], document)
     if json_:
@@ -172,18 +152,18 @@ def _plan(query: _Query, choice: PluginChoice[GlobalPlanner] | None, chosen: dic
     print_files(document.get("files", {}))
 
 
-def _compare(query: _Query, choices: list[PluginChoice[GlobalPlanner]], chosen: dict[str, Path], json_: bool) -> None:
-    """Runs several planners on the same costmap. Raises the first error if every planner fails."""
+def _compare(query: _Query, candidates: list[Candidate], chosen: dict[str, Path], json_: bool) -> None:
+    """Plans with every candidate. Raises the first error if all of them fail."""
     import json
 
     from navstack.cli.output import print_files, print_note
     from navstack.core.errors import jsonable
     from navstack.core.files import write_json
 
-    found, documents = _plans(query, choices, keep_potential=bool(chosen), quiet=json_)
+    found, documents = _plans(query, candidates, keep_potential=bool(chosen), quiet=json_)
     files: dict[str, str] = {}
     if chosen:
-        files = _write(query, found, chosen)
+        files = _write(query, found, documents, chosen)
         if "plan" in chosen:
             write_json(chosen["plan"], documents)
     if json_:
@@ -192,102 +172,136 @@ def _compare(query: _Query, choices: list[PluginChoice[GlobalPlanner]], chosen: 
     _print_table(documents, f"plans on {query.map.name}")
     for d in documents:
         for note in [d["error"]["message"]] if "error" in d else d["notes"]:
-            print_note(f"{d['planner']}: {note}")
+            print_note(f"{d['candidate']}: {note}")
     print_files(files)
 
 
 def _plans(
-    query: _Query, choices: list[PluginChoice[GlobalPlanner]], *, keep_potential: bool, quiet: bool
-) -> tuple[list[PlannedPath], list[dict[str, Any]]]:
-    """The plans that were found, and a document for every planner, also for those that failed."""
-    from navstack.bringup import plan_on_map
+    query: _Query, candidates: list[Candidate], *, keep_potential: bool, quiet: bool
+) -> tuple[dict[str, PlannedPath], list[dict[str, Any]]]:
+    """The plans that were found, by label, and a document for every candidate, also for those that failed."""
     from navstack.cli.output import loading_kernels
     from navstack.core.errors import PlanningError
 
-    found: list[PlannedPath] = []
+    found: dict[str, PlannedPath] = {}
     errors: list[PlanningError] = []
     documents: list[dict[str, Any]] = []
-    for choice in choices:
-        keep = keep_potential and not found
+    for candidate in candidates:
         try:
             with loading_kernels(quiet=quiet or bool(found)):
-                one = plan_on_map(
-                    query.configuration, query.grid, query.start, query.goal, planner=choice, keep_potential=keep
-                )
+                one = _planned(query, candidate, keep_potential=keep_potential and not found)
         except PlanningError as error:
             errors.append(error)
-            documents.append({"planner": choice.name, "error": error.as_dict()})
+            name = {"planner": candidate.planner.name, "candidate": candidate.label}
+            documents.append({**name, "error": error.as_dict()})
             continue
-        documents.append(_document(one, _planning_ms(query, one, choice)))
-        found.append(one)
+        documents.append(_document(query, candidate, one))
+        found[candidate.label] = one
     if not found:
         raise errors[0]
     return found, documents
 
 
-def _planning_ms(query: _Query, found: PlannedPath, choice: PluginChoice[GlobalPlanner]) -> float:
+def _planned(query: _Query, candidate: Candidate, *, keep_potential: bool) -> PlannedPath:
+    from navstack.bringup import plan_on_map
+
+    return plan_on_map(
+        candidate.configuration,
+        query.grid,
+        query.start,
+        query.goal,
+        planner=candidate.planner,
+        keep_potential=keep_potential,
+    )
+
+
+def _planning_ms(query: _Query, candidate: Candidate, found: PlannedPath) -> float:
     """Planning time of a new planner without caches, with the kernels loaded (ms)."""
     import time
 
-    fresh = choice.cls(choice.params)
+    fresh = candidate.planner.cls(candidate.planner.params)
     began = time.perf_counter()
     fresh.make_plan(found.costmap.master, query.start, query.goal, footprint=found.costmap.footprint)
     return (time.perf_counter() - began) * 1e3
 
 
-def _write(query: _Query, found: list[PlannedPath], chosen: dict[str, Path]) -> dict[str, str]:
+def _write(
+    query: _Query, found: dict[str, PlannedPath], documents: list[dict[str, Any]], chosen: dict[str, Path]
+) -> dict[str, str]:
     """Writes the picture if it is among the chosen files; returns the names of these."""
     if "picture" in chosen:
-        _draw(query, found, chosen["picture"])
+        _draw(query, found, documents, chosen["picture"])
     return {what: str(file) for what, file in chosen.items()}
 
 
-def _draw(query: _Query, found: list[PlannedPath], picture: Path) -> None:
+def _draw(query: _Query, found: dict[str, PlannedPath], documents: list[dict[str, Any]], picture: Path) -> None:
     from navstack.plot import plot_plan
 
+    first = next(iter(found.values()))
+    # the footprint drawn is that of the plan whose sweep is drawn
+    swept = next((one for one in found.values() if one.plan.for_footprint), first)
+    several = f"{len(found)} plans" if any(":" in label for label in found) else ", ".join(found)
     plot_plan(
-        found[0].costmap.master,
-        {one.planner: one.plan for one in found},
+        first.costmap.master,
+        {label: one.plan for label, one in found.items()},
         picture,
         start=query.start,
         goal=query.goal,
-        footprint=found[0].costmap.footprint,
-        title=f"{query.map.stem}: {', '.join(one.planner for one in found)}",
+        footprint=swept.costmap.footprint,
+        title=f"{query.map.stem}: {several if len(found) > 1 else next(iter(found))}",
+        texts={d["candidate"]: _legend_text(d) for d in documents if "error" not in d},
     )
+
+
+def _legend_text(document: dict[str, Any]) -> str:
+    """What the picture of several plans says of one."""
+    parts = [f"{document['length_m']:.2f} m", f"{document['time_ms']:.1f} ms"]
+    if document["clearance_m"] is not None:
+        parts.append(f"clearance {document['clearance_m']:.2f} m")
+    if document["cusps"] is not None:
+        parts.append(f"{document['cusps']} cusp{'' if document['cusps'] == 1 else 's'}")
+    return f"{_lines(document['candidate'])}\n{', '.join(parts)}"
 
 
 def _print_table(documents: list[dict[str, Any]], title: str) -> None:
     from navstack.cli.output import stdout, titled_table
 
-    columns = ("length", "clearance", "cost", "cells expanded", "time", "poses")
-    table = titled_table(title, left=("planner",), right=columns)
+    table = titled_table(title, left=("planner",), right=("length", "clearance", "cusps", "cost", "expanded", "time"))
+    table.columns[0].no_wrap, table.columns[0].overflow = False, "fold"
     for d in documents:
         if "error" in d:
-            table.add_row(d["planner"], "no plan")
+            table.add_row(_lines(d["candidate"]), "no plan")
             continue
         table.add_row(
-            d["planner"],
+            _lines(d["candidate"]),
             f"{d['length_m']:.2f} m",
             "-" if d["clearance_m"] is None else f"{d['clearance_m']:.2f} m",
+            "-" if d["cusps"] is None else str(d["cusps"]),
             f"{d['cost']:.0f}",
             f"{d['cells_expanded']:,}",
             f"{d['time_ms']:.1f} ms",
-            str(len(d["poses"])),
         )
     stdout().print(table)
 
 
-def _document(found: PlannedPath, planning_ms: float) -> dict[str, Any]:
+def _lines(label: str) -> str:
+    """The label of a candidate with a line for the planner and for each of its parameters."""
+    return label.replace(":", "\n:")
+
+
+def _document(query: _Query, candidate: Candidate, found: PlannedPath) -> dict[str, Any]:
     import math
 
     plan = found.plan
     clearance = plan.clearance_m(found.costmap.master)
     return {
         "planner": found.planner,
+        "candidate": candidate.label,
         "length_m": plan.length_m,
         "clearance_m": clearance if math.isfinite(clearance) else None,
+        "cusps": plan.path.cusps if plan.for_footprint else None,
         "cost": plan.cost,
-        "time_ms": planning_ms,
+        "time_ms": _planning_ms(query, candidate, found),
         "cells_expanded": plan.cells_expanded,
         "goal_moved_m": plan.goal_moved_m,
         "notes": list(plan.notes),

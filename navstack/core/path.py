@@ -52,6 +52,13 @@ class Path:
         signs = np.where(np.hypot(steps[:, 0], steps[:, 1]) < 1e-9, 0, np.sign(along)).astype(np.int8)
         return np.append(signs, signs[-1])
 
+    @property
+    def cusps(self) -> int:
+        """Number of changes between driving forward and backward, by `directions`."""
+        signs = self.directions
+        signs = signs[signs != 0]
+        return int((signs[1:] != signs[:-1]).sum())
+
     def transformed(self, transform: Transform2D, frame: str) -> Path:
         """Return the path in `frame`; `transform` is the pose of this path's frame in it."""
         return Path(transform.apply_poses(self.poses), frame)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -32,12 +32,14 @@ def plot_plan(
     title: str | None = None,
     subtitle: str | None = None,
     potential: bool = True,
+    texts: Mapping[str, str] | None = None,
     dpi: float = 130.0,
 ) -> Any:
     """Draws one plan, or several by name, to a .png, .svg or .pdf. All poses are in the frame of the costmap.
 
-    Contours show the potential of the first plan that has one, unless `potential` is False. Draws into the axes
-    `ax`, or a new figure. Raises OutputError. Returns the file; without a path the axes.
+    Contours show the potential of the first plan that has one, unless `potential` is False. `texts` are the legend's texts
+    of several plans, by name, in place of name, length and cost. Draws into the axes `ax`, or a new figure. Raises OutputError.
+    Returns the file; without a path the axes.
     """
     canvas.check_target(path, ax)
     named = {"plan": plans} if isinstance(plans, Plan) else dict(plans)
@@ -52,7 +54,7 @@ def plot_plan(
         )
         axes = picture.axes
         drawing.draw_grid(axes, costmap.data, colors.COSTS, g, area=picture.area)
-        entries = _draw_plans(axes, named) + _draw_sweep(axes, named, footprint)
+        entries = _draw_plans(axes, named, texts or {}) + _draw_sweep(axes, named, footprint)
         if potential:
             entries += _draw_potential(axes, named, costmap, picture.area)
         entries += _draw_ends(picture, start, goal, footprint)
@@ -71,7 +73,7 @@ def _area(costmap: Costmap, plans: Mapping[str, Plan], start: Pose2D, goal: Pose
     return areas.shaped(area.grown(margin))
 
 
-def _draw_plans(axes: Any, plans: Mapping[str, Plan]) -> Entries:
+def _draw_plans(axes: Any, plans: Mapping[str, Plan], texts: Mapping[str, str]) -> Entries:
     entries: Entries = []
     for i, (name, plan) in enumerate(plans.items()):
         line = drawing.draw_line(
@@ -82,13 +84,13 @@ def _draw_plans(axes: Any, plans: Mapping[str, Plan]) -> Entries:
             casing=i == 0,
             zorder=4 + 0.1 * i,
         )
-        label = name if len(plans) == 1 else f"{name}\n{plan.path.length:.2f} m, cost {_cost(plan)}"
-        entries.append((line, label))
+        text = texts.get(name, f"{name}\n{plan.path.length:.2f} m, cost {_cost(plan)}")
+        entries.append((line, name if len(plans) == 1 else text))
     return entries
 
 
 def _draw_sweep(axes: Any, plans: Mapping[str, Plan], footprint: Footprint | None) -> Entries:
-    """Draws the footprint along the first plan for which it was checked, and the poses where the direction changes."""
+    """Draws the footprint along the first plan for which it was checked, and where plans change their direction."""
     plan = next((p for p in plans.values() if p.for_footprint), None)
     if plan is None or footprint is None or len(plan.path) < 2:
         return []
@@ -106,11 +108,20 @@ def _draw_sweep(axes: Any, plans: Mapping[str, Plan], footprint: Footprint | Non
                 PolyCollection(outlines, facecolors=color, edgecolors=color, alpha=0.12, linewidths=0.6, zorder=3)
             )
             entries.append((legend.disc(color), label))
-    changes = np.flatnonzero(signs[1:] * signs[:-1] < 0) + 1
-    if len(changes):
-        (mark,) = axes.plot(poses[changes, 0], poses[changes, 1], "D", ms=6, color="black", mec="white", zorder=8)
-        entries.append((mark, "change of direction"))
-    return entries
+    return entries + _draw_changes(axes, [p for p in plans.values() if p.for_footprint])
+
+
+def _draw_changes(axes: Any, plans: Sequence[Plan]) -> Entries:
+    """Marks the poses at which plans change between forward and backward."""
+    found: list[NDArray[np.float64]] = []
+    for plan in plans:
+        signs = plan.path.directions
+        found.append(plan.path.poses[np.flatnonzero(signs[1:] * signs[:-1] < 0) + 1])
+    at = np.concatenate(found)
+    if not len(at):
+        return []
+    (mark,) = axes.plot(at[:, 0], at[:, 1], "D", ms=6, color="black", mec="white", zorder=8)
+    return [(mark, "change of direction")]
 
 
 def _draw_ends(picture: Picture, start: Pose2D, goal: Pose2D, footprint: Footprint | None) -> Entries:

@@ -31,8 +31,35 @@ def test_table_with_a_planner_that_finds_no_plan(capfd: pytest.CaptureFixture[st
     assert "astar: the goal (15.000, 12.000) is in a cell of cost lethal" in captured.err
 
 
+def test_parameter_sets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+    """A file over --params, a value of the planner, and a packaged set in the place of --params."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scale.yaml").write_text("NavfnROS: {default_tolerance: 0.1}\nglobal_costmap: {robot_radius: 0.3}\n")
+    entries = ["navfn", "navfn:scale.yaml", "astar:cost_factor=3.0", "navfn:omni_dwa", ":omni_dwa"]
+    assert run([*QUERY, "--compare", ",".join(entries), "--json", "--out", "out"]) == 0
+    documents = json.loads(capfd.readouterr().out)
+    # the planner of omni_dwa is navfn: the last two are one
+    assert [d["candidate"] for d in documents] == entries[:4]
+    plain, scaled, _, omni = documents
+    assert scaled["clearance_m"] > plain["clearance_m"]
+    assert omni["length_m"] != plain["length_m"]
+    assert [d["cusps"] for d in documents] == [None] * 4
+    assert run([*QUERY, "--compare", ",".join(entries)]) == 0
+    assert "\n :scale.yaml " in capfd.readouterr().out
+
+
 @pytest.mark.parametrize(
-    "arguments", [["--compare", "navfn,astr"], ["--compare", ","], ["--compare", "astar", "--planner", "navfn"]]
+    "arguments",
+    [
+        ["--compare", "navfn,astr"],
+        ["--compare", ","],
+        ["--compare", "astar", "--planner", "navfn"],
+        ["--compare", "navfn:"],
+        ["--compare", ":"],
+        ["--compare", "navfn:turtlebot:omni_dwa"],
+        ["--compare", "navfn:none.yaml"],
+        ["--compare", "navfn:default_tolerance=far"],
+    ],
 )
 def test_invalid_input_gives_one_message(arguments: list[str], capfd: pytest.CaptureFixture[str]) -> None:
     assert run([*QUERY, *arguments]) == 2

@@ -12,7 +12,6 @@ from navstack.core import Costmap, Footprint, GridGeometry, Pose2D
 from navstack.core.errors import GoalOccupiedError, NoValidPathError, PlanningTimeoutError, StartOccupiedError
 from navstack.curves import dubins_curve, reeds_shepp_curve
 from navstack.global_planner import SmacHybridParams, SmacHybridPlanner
-from navstack.global_planner._se2.planner import cusps
 from tests.global_planner.fuzz_poses import run
 from tests.global_planner.pose_referee import Referee, inflated, random_queries
 
@@ -94,7 +93,7 @@ def test_a_cost_of_cusps_decides_between_words() -> None:
         for cost in (0.1, 2.0)
     ]
     assert [p.length_m for p in plans] == pytest.approx([0.4 * math.pi, 0.4 * 7.0 * math.pi / 3.0], rel=0.03)
-    assert [cusps(p.path.poses) for p in plans] == [2, 0]
+    assert [p.path.cusps for p in plans] == [2, 0]
     assert plans[0].cost == pytest.approx(plans[0].length_m + 0.2, rel=0.03)
 
 

@@ -319,21 +319,13 @@ class PosePlanner(GlobalPlanner):
         notes: list[str] = []
         if moved > 0.0:
             notes.append(f"the goal itself cannot be reached; the plan ends {moved:.2f} m from it (tolerance)")
-        changes = cusps(poses)
+        path = Path(poses, request.frame)
+        changes = path.cusps
         if changes:
             notes.append(f"{changes} change{'s' if changes > 1 else ''} between driving forward and backward")
-        return Plan(
-            Path(poses, request.frame), outcome.cost * g.resolution, end, moved, outcome.expanded, notes=tuple(notes)
-        )
+        return Plan(path, outcome.cost * g.resolution, end, moved, outcome.expanded, notes=tuple(notes))
 
 
 def _in_range(yaws: NDArray[np.float64]) -> NDArray[np.float64]:
     wrapped = np.remainder(yaws + np.pi, 2.0 * np.pi) - np.pi
     return np.where(wrapped <= -np.pi, np.pi, wrapped)
-
-
-def cusps(poses: NDArray[np.float64]) -> int:
-    """Number of changes between driving forward and backward along poses (n, 3)."""
-    signs = Path(poses).directions
-    signs = signs[signs != 0]
-    return int((signs[1:] != signs[:-1]).sum())

@@ -1,0 +1,102 @@
+"""What `navstack plan` plans with: a planner with its parameters, or several to compare."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from navstack.interfaces import GlobalPlanner
+    from navstack.parameters.configuration import Configuration, PluginChoice
+
+
+class Candidate(NamedTuple):
+    """A planner and the parameters that it plans with."""
+
+    label: str
+    """What tables and pictures call it: `smac_hybrid`, `smac_hybrid:car.yaml`."""
+    planner: PluginChoice[GlobalPlanner]
+    configuration: Configuration
+
+
+class Parameters(NamedTuple):
+    """The parameters of the command line: what `--params`, `--set`, `--smoother` and `--allow-missing` say."""
+
+    sources: Sequence[str]
+    overrides: Sequence[str]
+    smoother: str | None
+    allow_missing: bool
+
+    def load(self, sources: Sequence[str], values: Sequence[str] = ()) -> Configuration:
+        """Load sources with the overrides and `values` (`NAME=VALUE`). Raises ParameterError."""
+        from dataclasses import replace
+
+        from navstack.parameters.configuration import choose_smoother, load_configuration
+
+        overrides = [*self.overrides, *values]
+        configuration = load_configuration(sources, overrides=overrides, allow_missing=self.allow_missing)
+        if self.smoother is None:
+            return configuration
+        return replace(configuration, smoother=choose_smoother(configuration, self.smoother))
+
+
+def single(parameters: Parameters, planner: str | None) -> Candidate:
+    """The planner of the parameters, or the named one. Raises InputError or ParameterError."""
+    return _candidate(parameters.load(parameters.sources), planner, "")
+
+
+def compared(parameters: Parameters, compare: str) -> list[Candidate]:
+    """The candidates of `--compare`, each once: `PLANNER[:PARAMS][:KEY=VALUE]..` with commas between them.
+
+    PARAMS is a file over those of `--params`, or a packaged set or folder in their place; `:PARAMS` stands for the planner of
+    these parameters. KEY is a parameter of the planner. Raises InputError or ParameterError.
+    """
+    from navstack.core.errors import InputError
+
+    entries = [entry.strip() for entry in compare.split(",") if entry.strip()]
+    if not entries:
+        raise InputError(
+            f'--compare "{compare}" contains no planner; give names such as navfn,astar,theta_star',
+            argument="--compare",
+        )
+    loaded = parameters.load(parameters.sources)
+    found = [_entry(parameters, loaded, entry) for entry in entries]
+    return list({candidate.label: candidate for candidate in found}.values())
+
+
+def _entry(parameters: Parameters, loaded: Configuration, entry: str) -> Candidate:
+    """The candidate of one entry; `loaded` are the parameters of the command line."""
+    from navstack.core.errors import InputError
+
+    name, *parts = (part.strip() for part in entry.replace("::", "/").split(":"))
+    values = [part for part in parts if "=" in part]
+    sets = [part for part in parts if "=" not in part]
+    if len(sets) > 1 or not all(parts) or not (name or sets):
+        raise InputError(
+            f'--compare "{entry}" is not PLANNER[:PARAMS][:KEY=VALUE]..; '
+            "give for example smac_hybrid:car_mppi or smac_hybrid:minimum_turning_radius=0.8",
+            argument="--compare",
+        )
+    sources = _sources(parameters.sources, sets[0]) if sets else parameters.sources
+    configuration = parameters.load(sources) if sets else loaded
+    if values:
+        namespace = _candidate(configuration, name or None, "").planner.namespace
+        configuration = parameters.load(sources, [f"{namespace}/{value}" for value in values])
+    return _candidate(configuration, name or None, "".join(f":{part}" for part in parts))
+
+
+def _sources(sources: Sequence[str], named: str) -> list[str]:
+    """A file is read over the sources, a packaged set or folder stands in their place."""
+    from navstack.parameters import packaged_sets
+
+    whole = named in packaged_sets() or Path(named).is_dir()
+    return [named] if whole else [*sources, named]
+
+
+def _candidate(configuration: Configuration, name: str | None, suffix: str) -> Candidate:
+    from navstack.parameters.configuration import choose_global_planner
+
+    planner = configuration.global_planner if name is None else choose_global_planner(configuration, name)
+    return Candidate(planner.name + suffix, planner, configuration)
