@@ -175,3 +175,26 @@ def parse_costmap_name(text: str) -> str:
     if name not in ("global", "local"):
         raise InputError(f'--costmap "{text}" is unknown; give global or local', argument="--costmap", value=text)
     return name
+
+
+def footprint_overrides(text: str | None) -> list[str]:
+    """Overrides that set the footprint of both costmaps. Raises InputError."""
+    import re
+
+    from navstack.core.errors import InputError
+
+    if text is None:
+        return []
+    box = re.fullmatch(r"\s*([\d.]+)\s*x\s*([\d.]+)\s*", text)
+    if box is None and not text.lstrip().startswith("[["):
+        raise InputError(
+            f'--footprint "{text}" is neither a box such as 1.2x0.7 (length x width, m) nor a list of points [[x,y],[x,y],..]',
+            argument="--footprint",
+        )
+    if box is not None:
+        try:
+            x, y = 0.5 * float(box[1]), 0.5 * float(box[2])
+        except ValueError:
+            raise InputError(f'--footprint "{text}" has no two numbers; give 1.2x0.7', argument="--footprint") from None
+        text = f"[[{x},{y}],[{-x},{y}],[{-x},{-y}],[{x},{-y}]]"
+    return [f"{name}.footprint={text}" for name in ("global_costmap", "local_costmap")]

@@ -75,6 +75,14 @@ Map = Annotated[
 Start = Annotated[
     str | None, typer.Option("--start", metavar="X,Y[,YAW]", help="Start pose in the map frame (m, rad).")
 ]
+Footprint = Annotated[
+    str | None,
+    typer.Option(
+        "--footprint",
+        metavar="LENGTHxWIDTH|POINTS",
+        help="Footprint (m): a box such as 1.2x0.7 around the centre, or points [[x,y],..]. [default: of the parameters]",
+    ),
+]
 Obstacles = Annotated[
     list[str],
     typer.Option(

@@ -30,14 +30,7 @@ class PlanOptions(NamedTuple):
         str | None,
         typer.Option("--smoother", metavar="NAME", help="Smoother of the path. [default: the one of the parameters]"),
     ] = None
-    footprint: Annotated[
-        str | None,
-        typer.Option(
-            "--footprint",
-            metavar="LENGTHxWIDTH|POINTS",
-            help="Footprint (m): a box such as 1.2x0.7 around the centre, or points [[x,y],..]. [default: of the parameters]",
-        ),
-    ] = None
+    footprint: options.Footprint = None
     compare: Annotated[
         str | None,
         typer.Option(
@@ -85,7 +78,7 @@ def plan(
 
 def _load(chosen: PlanOptions) -> tuple[_Query, list[Candidate]]:
     """The query, and what plans. Raises InputError, MapError or ParameterError."""
-    from navstack.cli.arguments import map_of, note_off_the_map, parse_pose
+    from navstack.cli.arguments import footprint_overrides, map_of, note_off_the_map, parse_pose
     from navstack.cli.output import print_warnings
     from navstack.cli.plan_candidates import Parameters, compared, single
     from navstack.core.errors import InputError
@@ -97,7 +90,7 @@ def _load(chosen: PlanOptions) -> tuple[_Query, list[Candidate]]:
             f'--compare "{chosen.compare}" and --planner "{chosen.planner}" exclude each other; give one of them',
             argument="--compare",
         )
-    overrides = [*chosen.set_, *_footprint(chosen.footprint)]
+    overrides = [*chosen.set_, *footprint_overrides(chosen.footprint)]
     parameters = Parameters(chosen.params, overrides, chosen.smoother, chosen.allow_missing)
     if chosen.compare is None:
         candidates = [single(parameters, chosen.planner)]
@@ -107,29 +100,6 @@ def _load(chosen: PlanOptions) -> tuple[_Query, list[Candidate]]:
         print_warnings(configuration)
     note_off_the_map(grid, start, [goal])
     return _Query(grid, start, goal, path), candidates
-
-
-def _footprint(text: str | None) -> list[str]:
-    """Overrides that set the footprint of both costmaps. Raises InputError."""
-    import re
-
-    from navstack.core.errors import InputError
-
-    if text is None:
-        return []
-    box = re.fullmatch(r"\s*([\d.]+)\s*x\s*([\d.]+)\s*", text)
-    if box is None and not text.lstrip().startswith("[["):
-        raise InputError(
-            f'--footprint "{text}" is neither a box such as 1.2x0.7 (length x width, m) nor a list of points [[x,y],[x,y],..]',
-            argument="--footprint",
-        )
-    if box is not None:
-        try:
-            x, y = 0.5 * float(box[1]), 0.5 * float(box[2])
-        except ValueError:
-            raise InputError(f'--footprint "{text}" has no two numbers; give 1.2x0.7', argument="--footprint") from None
-        text = f"[[{x},{y}],[{-x},{y}],[{-x},{-y}],[{x},{-y}]]"
-    return [f"{name}.footprint={text}" for name in ("global_costmap", "local_costmap")]
 
 
 def _plan(query: _Query, candidate: Candidate, chosen: dict[str, Path], json_: bool) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
@@ -12,7 +14,7 @@ from navstack.explain.command import CommandReport
 from navstack.explain.command_chain import chain_sentence
 from navstack.explain.command_summary import velocity_text
 from navstack.explain.goal import GoalReport
-from navstack.explain.passages import LABELS, RATINGS, PassageReport
+from navstack.explain.passages import LABELS, RATINGS, VERDICT_TEXTS, PassageReport, ShapePassage
 from navstack.explain.samples import SampleReport
 from navstack.explain.steering import steering_sentence
 
@@ -31,6 +33,7 @@ _GOAL_STYLE = {
 }
 
 _PASSAGE_STYLE = {"free": "blue", "costly": "yellow", "blocked": "bold red"}
+_SHAPE_STYLE = {"free": "blue", "turns": "blue", "stuck": "yellow", "blocked": "bold red"}
 
 
 def print_cell(out: Console, report: CellReport) -> None:
@@ -192,6 +195,8 @@ def print_passages(out: Console, report: PassageReport, name: str, *, only: int 
             escape(passage.reason + length),
         )
     out.print(table)
+    if report.shapes is not None:
+        _print_shapes(out, report, only)
     narrower = f"; {report.narrower} narrower (--narrowest 0 lists them)" if report.narrower else ""
     smaller = f" beside obstacles of {report.smallest_obstacle:g} m or more" if report.smallest_obstacle else ""
     out.print(
@@ -202,4 +207,34 @@ def print_passages(out: Console, report: PassageReport, name: str, *, only: int 
     out.print(
         f"this robot: minimum width {w.minimum:.2f} m, low-cost width {w.low_cost:.2f} m, turning width {w.turning:.2f} m, "
         f"own width {w.robot:.2f} m"
+    )
+
+
+def _print_shapes(out: Console, report: PassageReport, only: int | None) -> None:
+    """Prints what the passages mean for the footprint."""
+    assert report.shapes is not None
+    radius = f" and a turning radius of {report.turning_radius:g} m" if report.turning_radius else ""
+    title = f"with this footprint{radius}"
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
+    table.add_column("no.", justify="right", no_wrap=True)
+    table.add_column("rating", no_wrap=True)
+    table.add_column("headings at the opening (degrees)")
+    for number, shape in enumerate(report.shapes, 1):
+        if only is not None and number != only:
+            continue
+        changes = f" ({shape.changes})" if shape.changes else ""
+        style = _SHAPE_STYLE[shape.verdict]
+        table.add_row(str(number), f"[{style}]{VERDICT_TEXTS[shape.verdict]}{changes}[/]", heading_text(shape))
+    out.print(table)
+
+
+def heading_text(shape: ShapePassage) -> str:
+    """The ranges of headings in degrees."""
+    if not shape.headings:
+        return "none"
+    if shape.headings[0].high - shape.headings[0].low >= 2.0 * math.pi:
+        return "any"
+    return ", ".join(
+        f"{math.degrees(r.low):.0f} to {math.degrees(math.remainder(r.high, 2.0 * math.pi)):.0f}"
+        for r in shape.headings
     )

@@ -10,8 +10,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Bounds, Costmap
+from navstack.core import Bounds, Costmap, Footprint
 from navstack.plot import areas, canvas, colors, drawing, legend
+from navstack.plot.openings import Opening, draw_openings
 from navstack.plot.picture import Picture
 
 
@@ -23,7 +24,7 @@ class Bar:
     ends: tuple[tuple[float, float], tuple[float, float]]
     """End points (m), in the frame of the costmap."""
     kind: str
-    """A key of `KINDS`."""
+    """A key of `KINDS`, or of `SHAPE_KINDS`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +41,13 @@ KINDS: Final = {
     "blocked": _Kind("not passable", colors.VERMILLION, "X", 6.5),
 }
 """Style of each rating: ratings differ by colour and by marker."""
+SHAPE_KINDS: Final = {
+    "free": _Kind("passable", colors.BLUE, "o", 5.0),
+    "turns": _Kind("with changes of direction", colors.PURPLE, "s", 5.0),
+    "stuck": _Kind("fits, no way found", colors.ORANGE, "D", 5.0),
+    "blocked": _Kind("not passable", colors.VERMILLION, "X", 6.5),
+}
+"""The same for what passages mean for a footprint."""
 
 _LABEL_PT = 6.5
 _ROOMY = 28.0
@@ -55,10 +63,13 @@ def plot_passages(
     title: str,
     subtitle: str = "",
     area: Bounds | None = None,
+    openings: Sequence[Opening] = (),
+    footprint: Footprint | None = None,
     dpi: float = 170.0,
 ) -> Any:
     """Draws the costmap to a .png, .svg or .pdf with a bar across every passage, cut to the known part or to `area` (m).
 
+    With a `footprint`, the bars are of `SHAPE_KINDS`, and `openings` show how it passes.
     Draws into the axes `ax`, or a new figure. Raises OutputError.
     Returns the file; without a path the axes.
     """
@@ -71,11 +82,15 @@ def plot_passages(
         handles: list[Any] = []
         labels: list[str] = []
         scale = min(1.0, max(0.8, picture.points_per_m / _ROOMY))
-        for name, kind in KINDS.items():
+        for name, kind in (KINDS if footprint is None else SHAPE_KINDS).items():
             mine = [bar for bar in bars if bar.kind == name]
             if mine:
                 handles.append(_draw(axes, mine, kind, scale))
                 labels.append(f"{kind.label} ({len(mine)})")
+        if footprint is not None:
+            for handle, text in draw_openings(axes, openings, footprint):
+                handles.append(handle)
+                labels.append(text)
         _number(axes, bars, picture.points_per_m, scale)
         bands, texts = legend.cost_legend(costmap.data[costmap.geometry.window_of(picture.area).slices])
         picture.legend(handles + bands, labels + texts)

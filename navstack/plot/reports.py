@@ -17,7 +17,8 @@ from navstack.plot.goal import plot_goals
 from navstack.plot.goal_tracks import Bar as Span
 from navstack.plot.goal_tracks import GoalTrack
 from navstack.plot.inflation import Curve, plot_inflation
-from navstack.plot.passages import KINDS, Bar, plot_passages
+from navstack.plot.openings import Opening
+from navstack.plot.passages import KINDS, SHAPE_KINDS, Bar, plot_passages
 from navstack.plot.run import circumstances
 from navstack.record import Record
 
@@ -126,6 +127,8 @@ def plot_passage_report(
     Draws to a .png, .svg or .pdf, into the axes `ax`, or a new figure. Raises OutputError. Returns the file; without a path
     the axes.
     """
+    if report.shapes is not None:
+        return _plot_openings(report, path, ax=ax, name=name, dpi=dpi)
     counts = ", ".join(f"{report.count(rating)} {kind.label}" for rating, kind in KINDS.items())
     return plot_passages(
         report.costmap,
@@ -136,6 +139,38 @@ def plot_passage_report(
         subtitle=f"{report.costmap_name} costmap: inscribed radius {report.inscribed_radius:.3f} m, inflation radius "
         f"{report.inflation_radius:g} m   minimum width {report.widths.minimum:.2f} m, low-cost width "
         f"{report.widths.low_cost:.2f} m",
+        dpi=dpi,
+    )
+
+
+def _plot_openings(report: Any, path: str | os.PathLike[str] | None, *, ax: Any, name: str, dpi: float) -> Any:
+    """Draws what the passages of a report mean for its footprint."""
+    verdicts = [shape.verdict for shape in report.shapes]
+    counts = ", ".join(
+        f"{verdicts.count(verdict)} {kind.label}" for verdict, kind in SHAPE_KINDS.items() if verdict in verdicts
+    )
+    radius = f"   turning radius {report.turning_radius:g} m" if report.turning_radius else ""
+    return plot_passages(
+        report.costmap,
+        [
+            Bar(i, passage.ends, verdict)
+            for i, (passage, verdict) in enumerate(zip(report.passages, verdicts, strict=True), 1)
+        ],
+        path,
+        ax=ax,
+        title=f"passages of {name}: {counts}",
+        subtitle=f"{report.costmap_name} costmap: footprint with inscribed radius {report.inscribed_radius:.3f} m, "
+        f"circumscribed radius {report.circumscribed_radius:.3f} m{radius}",
+        openings=[
+            Opening(
+                shape.headings[0].pose,
+                tuple((r.low, r.high) for r in shape.headings),
+                None if shape.path is None else shape.path.poses,
+            )
+            for shape in report.shapes
+            if shape.headings
+        ],
+        footprint=report.footprint,
         dpi=dpi,
     )
 

@@ -67,6 +67,13 @@ def main() -> None:
         shutil.copy(folder / "follow" / "tracking.png", images / "tracking.png")
         navstack("simulate", "car_park", "--out", folder / "car")
         navstack("plot", folder / "car", "--out", images / "car_park.png", "--steering", images / "car_steering.png")
+        for name in ("long_robot", "long_robot_navfn"):
+            navstack("simulate", name, "--out", folder / f"{name}_run")
+            navstack("plot", folder / f"{name}_run", "--out", images / f"{name}.png")
+        navstack(
+            *("explain", "passages", "office", "--footprint", "1.2x0.7", "--turning-radius", "0.6"),
+            *("--narrowest", "0.6", "--out", images / "passages_footprint.png"),
+        )
         navstack("info", "--states", images / "states.png")
         _localization(images, folder)
         # the files of the tutorial on safety

@@ -31,6 +31,16 @@ class PassageOptions(NamedTuple):
     ]
     params: options.Params = []
     set_: options.Set = []
+    footprint: options.Footprint = None
+    turning_radius: Annotated[
+        float | None,
+        typer.Option(
+            "--turning-radius",
+            metavar="M",
+            help="Search ways through for a robot with this turning radius (m). [default: that of base and controller]",
+            min=0.0,
+        ),
+    ] = None
     costmap: options.CostmapName = "global"
     narrowest: Annotated[
         float | None,
@@ -67,7 +77,10 @@ def passages(
     out: Annotated[Path | None, options.both_files("passages.png", "passages.json")] = None,
     json_: options.Json = False,
 ) -> None:
-    """List the doors, corridors and gaps between obstacles of a map: passable, passable at high cost, or not passable."""
+    """List the doors, corridors and gaps between obstacles of a map: passable, passable at high cost, or not passable.
+
+    For a robot that is not round: at which headings it passes, and, with a turning radius, with how many changes of direction.
+    """
     from navstack.cli.arguments import parse_costmap_name
     from navstack.cli.output import print_files, print_json, stdout
     from navstack.explain import find_passages
@@ -83,6 +96,7 @@ def passages(
         widest=chosen.widest,
         smallest_obstacle=chosen.smallest_obstacle,
         unknown_is_wall=chosen.unknown,
+        turning_radius=chosen.turning_radius,
     )
     document = _document(report, path.name)
     if out is not None:
@@ -98,21 +112,22 @@ def passages(
 
 def _opened(chosen: PassageOptions) -> tuple[Path, OccupancyGrid, Configuration]:
     """Return file, map and parameters, for a run those of its record."""
-    from navstack.cli.arguments import map_of
+    from navstack.cli.arguments import footprint_overrides, map_of
     from navstack.parameters.configuration import load_configuration
     from navstack.record import Record
     from navstack.record.format import RUN_FILE
     from navstack.scenario import Scenario
 
+    overrides = [*chosen.set_, *footprint_overrides(chosen.footprint)]
     path = Path(chosen.map_)
     if path.suffix != ".npz" and not path.joinpath(RUN_FILE).is_file():
         path, grid = map_of(chosen.map_)
-        return path, grid, load_configuration(chosen.params or ["turtlebot"], overrides=chosen.set_)
+        return path, grid, load_configuration(chosen.params or ["turtlebot"], overrides=overrides)
     scenario = Scenario.from_record(Record.load(path))
     recorded = scenario.configuration
-    if chosen.params or chosen.set_:
+    if chosen.params or overrides:
         sources = chosen.params or [recorded.tree.as_dict()]
-        return path, scenario.map, load_configuration(sources, overrides=chosen.set_)
+        return path, scenario.map, load_configuration(sources, overrides=overrides)
     return path, scenario.map, recorded
 
 

@@ -3,15 +3,18 @@
 from navstack.explain.passages.find import find_passages
 from navstack.explain.passages.narrow_places import NarrowPlace, narrow_places
 from navstack.explain.passages.report import LABELS, RATINGS, Passage, PassageReport, Rating, RequiredWidths
+from navstack.explain.passages.shape import VERDICT_TEXTS, ShapePassage
 
 __all__ = [
     "LABELS",
     "RATINGS",
+    "VERDICT_TEXTS",
     "NarrowPlace",
     "Passage",
     "PassageReport",
     "Rating",
     "RequiredWidths",
+    "ShapePassage",
     "find_passages",
     "narrow_places",
 ]

@@ -11,10 +11,12 @@ from navstack.core import LETHAL, OccupancyGrid
 from navstack.core.errors import InputError
 from navstack.costmap import LayeredCostmap
 from navstack.costmap.inflation_layer import InflationLayer
+from navstack.explain.passages.headings import is_round
 from navstack.explain.passages.inflated_map import inflated_map, known_cells
 from navstack.explain.passages.narrow_places import NarrowPlace, narrow_places
 from navstack.explain.passages.rating import PassageRater
 from navstack.explain.passages.report import PassageReport
+from navstack.explain.passages.shape import Shape
 from navstack.parameters.configuration import Configuration
 
 WIDENING_M = 0.15
@@ -35,13 +37,16 @@ def find_passages(
     widest: float | None = None,
     smallest_obstacle: float = 0.0,
     unknown_is_wall: bool = False,
+    turning_radius: float | None = None,
 ) -> PassageReport:
     """Doors, corridors and gaps between obstacles of a map, rated by the `global` or `local` costmap.
 
     `narrowest` and `widest` limit the widths (m); the defaults are the inscribed radius (half the width of the robot) and
     the width at which inflation ends. The report counts the narrower ones. `smallest_obstacle` (m) leaves out the gaps beside
     smaller free-standing obstacles, which the robot can drive around. `unknown_is_wall` treats unknown space as walls, for
-    maps whose walls are unknown cells. Raises InputError for limits without a width between them.
+    maps whose walls are unknown cells. For a robot that is not round, `PassageReport.shapes` has the headings at which it passes
+    and, with a `turning_radius` (m; default: that of base and controller), a way through.
+    Raises InputError for limits without a width between them.
     """
     chosen = configuration.local_costmap if costmap == "local" else configuration.global_costmap
     live = inflated_map(chosen, static_map, costmap)
@@ -65,8 +70,10 @@ def find_passages(
     needed = max(widths.minimum, widths.low_cost, widths.robot)
     everywhere = _search(wall, known & ~wall, high, needed, smallest_obstacle, resolution)
     places = [place for place in everywhere if place.distance >= low / resolution + 1.0 - 1e-6]
+    passages = tuple(rater.passage(place) for place in places)
+    radius_m = configuration.turning_radius if turning_radius is None else turning_radius
     return PassageReport(
-        passages=tuple(rater.passage(place) for place in places),
+        passages=passages,
         widths=widths,
         costmap=live.master,
         costmap_name=costmap,
@@ -78,6 +85,11 @@ def find_passages(
         narrower=len(everywhere) - len(places),
         smallest_obstacle=smallest_obstacle,
         unknown_border=_unknown_border(known, lethal),
+        footprint=chosen.footprint,
+        turning_radius=radius_m,
+        shapes=None
+        if is_round(chosen.true_footprint)
+        else Shape(chosen.footprint, radius_m, unknown_is_wall).passages(live.master, passages),
     )
 
 

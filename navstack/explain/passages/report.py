@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-from navstack.core import Costmap
+from navstack.core import Costmap, Footprint
+
+if TYPE_CHECKING:
+    from navstack.explain.passages.shape import ShapePassage
 
 Rating = Literal["free", "costly", "blocked"]
 RATINGS: tuple[Rating, ...] = ("free", "costly", "blocked")
@@ -108,6 +111,12 @@ class PassageReport:
     """Lower limit of `Passage.obstacle`."""
     unknown_border: float
     """Share of unknown cells among the cells that border free space."""
+    footprint: Footprint
+    """With padding."""
+    turning_radius: float = 0.0
+    """m; 0 without one."""
+    shapes: tuple[ShapePassage, ...] | None = None
+    """For each passage what it means for the footprint; None for a round robot."""
 
     def count(self, rating: Rating) -> int:
         """Number of passages with this rating."""
@@ -127,5 +136,9 @@ class PassageReport:
             "unknown_border": self.unknown_border,
             "required_widths": self.widths.as_dict(),
             "counts": {rating: self.count(rating) for rating in RATINGS},
-            "passages": [passage.as_dict() for passage in self.passages],
+            "turning_radius_m": self.turning_radius,
+            "passages": [
+                passage.as_dict() if shape is None else {**passage.as_dict(), "footprint": shape.as_dict()}
+                for passage, shape in zip(self.passages, self.shapes or [None] * len(self.passages), strict=True)
+            ],
         }

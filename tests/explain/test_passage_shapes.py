@@ -1,0 +1,127 @@
+"""Passages for a robot with a shape, against closed forms and against what the planner finds."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+
+from navstack.bringup import plan_on_map
+from navstack.core import GridGeometry, OccupancyGrid, Pose2D
+from navstack.core.errors import PlanningError
+from navstack.explain import PassageReport, find_passages
+from navstack.explain.passages.crossing import crossings
+from navstack.parameters.configuration import Configuration, load_configuration
+from tests.explain.rooms import RESOLUTION, two_rooms
+
+RADIUS = 0.6
+SCENES, QUERIES = [1, 4], 8
+
+
+def robot(length: float, width: float) -> Configuration:
+    x, y = 0.5 * length, 0.5 * width
+    footprint = f"[[{x},{y}],[{-x},{y}],[{-x},{-y}],[{x},{-y}]]"
+    costmaps = ("global_costmap", "local_costmap")
+    shape = [f"{name}/{key}" for name in costmaps for key in (f"footprint={footprint}", "footprint_padding=0.0")]
+    planner = ["base_global_planner=smac_hybrid", "smac_hybrid/motion_model_for_search=REEDS_SHEPP"]
+    planner += ["smac_hybrid/start_policy=refuse", f"smac_hybrid/minimum_turning_radius={RADIUS}"]
+    return load_configuration(["turtlebot"], overrides=[*shape, *planner])
+
+
+@pytest.fixture(scope="module")
+def long_robot() -> Configuration:
+    return robot(1.2, 0.7)
+
+
+def shapes(configuration: Configuration, grid: OccupancyGrid, radius: float) -> PassageReport:
+    return find_passages(configuration, grid, narrowest=0.3, widest=1.6, turning_radius=radius)
+
+
+@pytest.mark.parametrize("thickness", [0.2, 2.4])
+def test_the_headings_of_a_straight_wall_have_a_closed_form(long_robot: Configuration, thickness: float) -> None:
+    """A box of half sizes a, b turned by t fits in a slot of width w if its chord through the slot does.
+
+    In a slot longer than the robot the whole box counts: a sin t + b cos t <= w / 2. In a thin wall (half thickness h), it is
+    the chord at the edges of the wall: b / cos t + h tan t <= w / 2.
+    """
+    width = 0.9
+    (door,) = shapes(long_robot, two_rooms({0.0: width}, thickness=thickness), 0.0).shapes or ()
+    # walls are of whole cells: 0.2 m is 4 cells
+    a, b, h = 0.6, 0.35, 0.5 * thickness
+    t = np.linspace(0.0, math.pi / 4.0, 100_000)
+    need = a * np.sin(t) + b * np.cos(t) if h > 1.0 else b / np.cos(t) + h * np.tan(t)
+    # the room of 0.01 cells around the footprint is less than 1 mm of width
+    least, most = (float(t[np.flatnonzero(need <= limit)[-1]]) for limit in (0.5 * width - 0.001, 0.5 * width))
+    assert door.changes is None and not door.searched
+    assert len(door.headings) == 2
+    step = math.radians(2.0)
+    for found in door.headings:
+        assert 2.0 * least - 2.0 * step <= found.high - found.low <= 2.0 * most + 1e-9
+        middle = 0.5 * (found.low + found.high)
+        assert abs(math.sin(middle)) == pytest.approx(1.0, abs=1e-3)  # across the wall
+
+
+def test_a_door_is_as_narrow_as_the_robot_or_not(long_robot: Configuration) -> None:
+    for width, fits in ((0.65, False), (0.7, False), (0.75, True)):
+        (door,) = shapes(long_robot, two_rooms({0.025: width}), RADIUS).shapes or ()
+        assert bool(door.headings) is fits
+        assert door.verdict == ("free" if fits else "blocked")
+
+
+def test_a_round_robot_has_no_headings() -> None:
+    assert find_passages(load_configuration(["turtlebot"]), two_rooms({0.0: 0.9})).shapes is None
+
+
+def scene(seed: int) -> OccupancyGrid:
+    """A wall with two narrow doors in a room with boxes."""
+    rng = np.random.default_rng(seed)
+    doors = {-1.8: float(rng.uniform(0.6, 1.1)), 1.8: float(rng.uniform(0.6, 1.1))}
+    grid = two_rooms(doors, angle=float(rng.uniform(0.0, math.pi)), thickness=float(rng.uniform(0.1, 0.8)))
+    data = grid.data.copy()
+    for x, y, half in zip(rng.uniform(-3.5, 3.5, 8), rng.uniform(-3.5, 3.5, 8), rng.uniform(0.05, 0.3, 8), strict=True):
+        ix, iy, k = round((x + 4.0) / RESOLUTION), round((y + 4.0) / RESOLUTION), max(1, round(half / RESOLUTION))
+        data[max(0, iy - k) : iy + k, max(0, ix - k) : ix + k] = 100
+    return OccupancyGrid(data, GridGeometry(*data.shape[::-1], RESOLUTION, -4.0, -4.0))
+
+
+@pytest.mark.parametrize("seed", SCENES)
+def test_answers_agree_with_the_planner(long_robot: Configuration, seed: int) -> None:
+    """No plan crosses an opening said impassable, or at another heading; and ways through are free, and plans follow them."""
+    grid = scene(seed)
+    report = shapes(long_robot, grid, RADIUS)
+    assert report.shapes
+    rows, columns = np.nonzero(report.costmap.data == 254)
+    x, y = report.costmap.geometry.cell_to_world(0, 0)
+    cells = shapely.box(
+        *(np.array([columns, rows]) * RESOLUTION + [[x], [y]] - 0.5 * RESOLUTION + 1e-9),
+        *(np.array([columns, rows]) * RESOLUTION + [[x], [y]] + 0.5 * RESOLUTION - 1e-9),
+    )
+    tree = shapely.STRtree(cells)
+    ways = [shape.path for shape in report.shapes if shape.path is not None]
+    for path in ways:
+        outlines = shapely.polygons([report.footprint.at(Pose2D(*pose)) for pose in path.poses])
+        assert not tree.query(outlines, predicate="intersects").size
+        assert plan_on_map(long_robot, grid, path[0], path[len(path) - 1]).plan.path.length > 0.0
+    rng = np.random.default_rng(seed)
+    crossed = missed = 0
+    for _ in range(QUERIES):
+        start, goal = (Pose2D(*rng.uniform([-3.5, -3.5, -3.1], [3.5, 3.5, 3.1])) for _ in range(2))
+        try:
+            poses = plan_on_map(long_robot, grid, start, goal).plan.path.poses
+        except PlanningError:
+            continue
+        for passage, shape in zip(report.passages, report.shapes, strict=True):
+            through = crossings(poses, passage)
+            crossed += len(through) % 2
+            for i in through:
+                assert shape.headings
+                missed += len(through) % 2 and shape.verdict == "stuck"
+                assert any(
+                    r.low - 0.1 <= r.low + (poses[i, 2] - r.low) % (2.0 * math.pi) <= r.high + 0.1
+                    or (r.low - poses[i, 2]) % (2.0 * math.pi) < 0.1
+                    for r in shape.headings
+                )
+    assert missed == 0
+    assert crossed > 0 or seed != 1
