@@ -9,9 +9,10 @@ import pytest
 import shapely
 
 from navstack.bringup import plan_on_map
-from navstack.core import GridGeometry, OccupancyGrid, Pose2D
+from navstack.core import OccupancyGrid, Pose2D
 from navstack.core.errors import PlanningError
 from navstack.explain import PassageReport, find_passages
+from navstack.explain.passages import ShapePassage
 from navstack.explain.passages.crossing import crossings
 from navstack.parameters.configuration import Configuration, load_configuration
 from tests.explain.rooms import RESOLUTION, two_rooms
@@ -35,6 +36,11 @@ def long_robot() -> Configuration:
     return robot(1.2, 0.7)
 
 
+def only(report: PassageReport) -> ShapePassage:
+    assert report.shapes is not None and len(report.shapes) == 1
+    return report.shapes[0]
+
+
 def shapes(configuration: Configuration, grid: OccupancyGrid, radius: float) -> PassageReport:
     return find_passages(configuration, grid, narrowest=0.3, widest=1.6, turning_radius=radius)
 
@@ -47,7 +53,7 @@ def test_the_headings_of_a_straight_wall_have_a_closed_form(long_robot: Configur
     the chord at the edges of the wall: b / cos t + h tan t <= w / 2.
     """
     width = 0.9
-    (door,) = shapes(long_robot, two_rooms({0.0: width}, thickness=thickness), 0.0).shapes or ()
+    door = only(shapes(long_robot, two_rooms({0.0: width}, thickness=thickness), 0.0))
     # walls are of whole cells: 0.2 m is 4 cells
     a, b, h = 0.6, 0.35, 0.5 * thickness
     t = np.linspace(0.0, math.pi / 4.0, 100_000)
@@ -65,7 +71,7 @@ def test_the_headings_of_a_straight_wall_have_a_closed_form(long_robot: Configur
 
 def test_a_door_is_as_narrow_as_the_robot_or_not(long_robot: Configuration) -> None:
     for width, fits in ((0.65, False), (0.7, False), (0.75, True)):
-        (door,) = shapes(long_robot, two_rooms({0.025: width}), RADIUS).shapes or ()
+        door = only(shapes(long_robot, two_rooms({0.025: width}), RADIUS))
         assert bool(door.headings) is fits
         assert door.verdict == ("free" if fits else "blocked")
 
@@ -83,7 +89,7 @@ def scene(seed: int) -> OccupancyGrid:
     for x, y, half in zip(rng.uniform(-3.5, 3.5, 8), rng.uniform(-3.5, 3.5, 8), rng.uniform(0.05, 0.3, 8), strict=True):
         ix, iy, k = round((x + 4.0) / RESOLUTION), round((y + 4.0) / RESOLUTION), max(1, round(half / RESOLUTION))
         data[max(0, iy - k) : iy + k, max(0, ix - k) : ix + k] = 100
-    return OccupancyGrid(data, GridGeometry(*data.shape[::-1], RESOLUTION, -4.0, -4.0))
+    return OccupancyGrid(data, grid.geometry)
 
 
 @pytest.mark.parametrize("seed", SCENES)
