@@ -240,3 +240,12 @@ def test_random_input() -> None:
     ends, faults = run("hybrid", 12, 5)
     assert faults == []
     assert ends["plan"] >= 3
+
+
+def test_unknown_cells_hide_no_obstacles_in_downsampled_blocks() -> None:
+    """A wall of lethal cells with unknown ones beside them, in the same blocks."""
+    costmap = empty(4.0)
+    costmap.data[:, 40], costmap.data[:, 41] = 254, 255
+    search = planner(downsample_costmap=True, downsampling_factor=2, allow_unknown=True)
+    with pytest.raises(NoValidPathError):
+        search.make_plan(costmap, Pose2D(1.0, 2.0, 0.0), Pose2D(3.0, 2.0, 0.0), footprint=BOX)

@@ -11,7 +11,19 @@ from typing import Any, ClassVar, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Costmap, Footprint, GridGeometry, Path, Pose2D, Window, normalize_angle
+from navstack.core import (
+    FREE,
+    INSCRIBED,
+    LETHAL,
+    UNKNOWN,
+    Costmap,
+    Footprint,
+    GridGeometry,
+    Path,
+    Pose2D,
+    Window,
+    normalize_angle,
+)
 from navstack.global_planner._se2 import reasons
 from navstack.global_planner._se2.engine import UNLIMITED, Outcome, PoseSearch, poses_of
 from navstack.global_planner._se2.footprint import Shape, shape_of
@@ -153,7 +165,13 @@ class PosePlanner(GlobalPlanner):
             return costmap if data is costmap.data else Costmap(costmap.geometry, data, costmap.frame)
         g = costmap.geometry
         rows, columns = np.arange(0, g.ny, factor), np.arange(0, g.nx, factor)
-        small = np.maximum.reduceat(np.maximum.reduceat(data, rows, axis=0), columns, axis=1)
+
+        def largest(values: NDArray[np.uint8]) -> NDArray[np.uint8]:
+            return np.maximum.reduceat(np.maximum.reduceat(values, rows, axis=0), columns, axis=1)
+
+        small, known = largest(data), largest(np.where(data == UNKNOWN, FREE, data))
+        # an unknown cell in a block must not hide what is in the others
+        small = np.where(known >= (INSCRIBED if self.params.allow_unknown else LETHAL), known, small)
         geometry = GridGeometry(len(columns), len(rows), g.resolution * factor, g.origin_x, g.origin_y)
         return Costmap(geometry, small, costmap.frame)
 
