@@ -68,7 +68,7 @@ def what_happened(record: Record, number: int, goal_id: str | None = None) -> st
 
 def passages_of(configuration: Configuration, grid: OccupancyGrid) -> PassageReport:
     """Returns the passages of a map for these parameters."""
-    return find_passages(configuration, grid)
+    return find_passages(configuration, grid, turning_radius=0.0)  # no search for ways: a page waits
 
 
 def why_passage(report: PassageReport, name: str, x: float, y: float) -> str:
