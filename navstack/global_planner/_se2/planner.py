@@ -38,8 +38,8 @@ from navstack.interfaces import GlobalPlanner, Plan
 SPACING: Final = 1.0
 """Cells: largest distance between poses of a path."""
 _MAX_CANDIDATES: Final = 2000
-_MORE: Final = 50_000
-"""States that a search with finer headings may expand beyond the number of the first one."""
+_FINER: Final = 50_000
+"""States, those of the searches before included, up to which searches with finer headings go on: narrow places have few."""
 
 
 class _Ends(NamedTuple):
@@ -286,13 +286,13 @@ class PosePlanner(GlobalPlanner):
     def _outcome(self, engine: PoseSearch, resolution: float, ends: _Ends) -> Outcome:
         """Search; where no state is left and the goal itself was not reached, again with finer headings.
 
-        Each of these searches expands little more than the first one, and all of them `max_iterations` at most.
+        All searches together expand `max_iterations` at most; those with finer headings end at 50,000.
         """
         budget = self.params.max_iterations if self.params.max_iterations > 0 else UNLIMITED
         deadline, goals, used = self._deadline(), ends.goals.copy(), 0
         first: Outcome | None = None
         for finer in (1, *self.finer_headings):
-            allowed = budget if first is None else min(budget - used, first.expanded + _MORE)
+            allowed = budget if first is None else min(budget, _FINER) - used
             if allowed <= 0:
                 break
             table, start_bin = self.table(resolution, engine.shape, ends.start[2], finer)
