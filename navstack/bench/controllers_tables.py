@@ -142,9 +142,10 @@ def causes_table(runs: Sequence[MeasuredRun]) -> Table | None:
             rows.append({"suite": suite, "controller": name, **{cause: found[cause] for cause in get_args(Cause)}})
     if not rows:
         return None
+    causes: tuple[str, ...] = get_args(Cause)
     headings: dict[str, str] = {UNEXPLAINED: "avoidable"}
     columns = [Column("suite", "suite"), Column("controller", "controller")]
-    columns += [Column(cause, headings.get(cause, cause)) for cause in get_args(Cause)]
+    columns += [Column(cause, headings.get(cause, cause)) for cause in causes]
     return Table("contacts by cause", columns, rows)
 
 

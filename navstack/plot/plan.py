@@ -59,8 +59,8 @@ def plot_plan(
             entries += _draw_potential(axes, named, costmap, picture.area)
         entries += _draw_ends(picture, start, goal, footprint)
         entries += _draw_moved_goal(axes, named)
-        bands, texts = legend.cost_legend(costmap.data[g.window_of(picture.area).slices])
-        picture.legend([h for h, _ in entries] + bands, [text for _, text in entries] + texts)
+        bands, costs = legend.cost_legend(costmap.data[g.window_of(picture.area).slices])
+        picture.legend([h for h, _ in entries] + bands, [text for _, text in entries] + costs)
         return picture.finish(path, dpi)
 
 
