@@ -26,18 +26,23 @@ def pytest_configure() -> None:
 CI_PARTS = {
     "browser": "NAVSTACK_BROWSER_TESTS",
     "ros1": "NAVSTACK_ROS1_TESTS",
-    "test_docs.py": "NAVSTACK_DOCS_TESTS",
-    "test_examples.py": "NAVSTACK_DOCS_TESTS",
-    "test_packaging.py": "NAVSTACK_DOCS_TESTS",
+    "explain/test_passage_shapes.py": "NAVSTACK_LONG_TESTS",
+    "tune/test_localization.py": "NAVSTACK_LONG_TESTS",
+    "test_docs.py": "NAVSTACK_LONG_TESTS",
+    "test_examples.py": "NAVSTACK_LONG_TESTS",
+    "test_packaging.py": "NAVSTACK_LONG_TESTS",
 }
-"""Tests that take minutes: real programs, and the code of the documentation in processes of its own; by variable."""
+"""Folders and files that take minutes: real programs, code of the documentation, long searches; by variable."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Skip the tests that take minutes unless they are wanted, as in CI."""
     tests = Path(__file__).parent
     for item in items:
-        variable = CI_PARTS.get(item.path.relative_to(tests).parts[0]) if item.path.is_relative_to(tests) else None
+        if not item.path.is_relative_to(tests):
+            continue
+        name = item.path.relative_to(tests)
+        variable = CI_PARTS.get(name.as_posix(), CI_PARTS.get(name.parts[0]))
         if variable is not None and os.environ.get(variable) != "1":
             item.add_marker(pytest.mark.skip(reason=f"takes minutes: set {variable}=1, as CI does"))
 

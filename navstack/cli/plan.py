@@ -35,7 +35,7 @@ class PlanOptions(NamedTuple):
         str | None,
         typer.Option(
             "--compare",
-            metavar="NAME[:PARAMS][:KEY=VALUE],..",
+            metavar="NAME[:PARAMS|:KEY=VALUE..],..",
             help="Compare planners, each with parameters of its own: a file over those of --params, a packaged set or folder "
             "in their place, values of the planner. One table, one picture; --json prints a list.",
         ),
