@@ -48,8 +48,17 @@ _WHERE = {
     "navstack.map_io": ("load_map", "map_names", "map_path", "save_map"),
     "navstack.places": ("load_places",),
     "navstack.move_base": ("GoalHandle", "GoalStatus", "MoveBase"),
-    "navstack.bringup": ("build_costmap", "build_move_base", "plan", "plan_on_map", "simulated_robot"),
-    "navstack.plugins": ("CRITICS", "GLOBAL_PLANNERS", "LAYERS", "LOCAL_PLANNERS", "RECOVERY_BEHAVIORS"),
+    "navstack.bringup": ("build_costmap", "build_move_base", "simulated_robot"),
+    "navstack.plan_once": ("plan", "plan_on_map"),
+    "navstack.plugins": (
+        "CRITICS",
+        "GLOBAL_PLANNERS",
+        "LAYERS",
+        "LOCALIZERS",
+        "LOCAL_PLANNERS",
+        "RECOVERY_BEHAVIORS",
+        "SMOOTHERS",
+    ),
     "navstack.record": ("Record",),
     "navstack.scenario": ("RunResult", "Scenario", "run_scenario"),
     "navstack.sim": ("Shape", "SimulatedRobot", "World"),
@@ -58,7 +67,7 @@ _MODULE_OF = {name: module for module, names in _WHERE.items() for name in names
 
 if TYPE_CHECKING:
     from navstack import logs as logs
-    from navstack.bringup import build_costmap, build_move_base, plan, plan_on_map, simulated_robot
+    from navstack.bringup import build_costmap, build_move_base, simulated_robot
     from navstack.core import (
         Costmap,
         Event,
@@ -81,7 +90,16 @@ if TYPE_CHECKING:
     from navstack.move_base import GoalHandle, GoalStatus, MoveBase
     from navstack.parameters.configuration import Configuration, check_parameters, load_configuration
     from navstack.places import load_places
-    from navstack.plugins import CRITICS, GLOBAL_PLANNERS, LAYERS, LOCAL_PLANNERS, RECOVERY_BEHAVIORS
+    from navstack.plan_once import plan, plan_on_map
+    from navstack.plugins import (
+        CRITICS,
+        GLOBAL_PLANNERS,
+        LAYERS,
+        LOCAL_PLANNERS,
+        LOCALIZERS,
+        RECOVERY_BEHAVIORS,
+        SMOOTHERS,
+    )
     from navstack.record import Record
     from navstack.scenario import RunResult, Scenario, run_scenario
     from navstack.sim import Shape, SimulatedRobot, World
@@ -90,8 +108,10 @@ __all__ = [
     "CRITICS",
     "GLOBAL_PLANNERS",
     "LAYERS",
+    "LOCALIZERS",
     "LOCAL_PLANNERS",
     "RECOVERY_BEHAVIORS",
+    "SMOOTHERS",
     "Configuration",
     "Costmap",
     "Event",

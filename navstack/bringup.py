@@ -1,40 +1,31 @@
-"""Builds a running MoveBase, a simulated robot or a single plan from a configuration: the only file that assembles the parts."""
+"""Builds a running MoveBase or a simulated robot from a configuration: the only file that assembles the parts."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Final, Literal
-
-from numpy.typing import ArrayLike
+from dataclasses import replace
+from typing import Final
 
 from navstack.core import (
-    Costmap,
     Event,
     Footprint,
     FrameTree,
     Listener,
     OccupancyGrid,
     Pose2D,
-    Transform2D,
 )
-from navstack.core.errors import FrameError, InputError, PlanningError, StartOccupiedError, StartOutsideMapError
+from navstack.core.errors import FrameError, InputError, StartOccupiedError
 from navstack.core.frames import clean_frame
-from navstack.core.occupancy import Values, is_number
-from navstack.core.path_turns import turn_note
-from navstack.core.poses import require_pose
+from navstack.core.poses import require_finite_pose, start_outside_map
 from navstack.costmap import LayeredCostmap
-from navstack.costmap.occupied_costs import costs_of_occupied
 from navstack.costmap.reconfigure import apply_reconfigure, check_reconfigure
-from navstack.interfaces import GlobalPlanner, LocalPlanner, Plan, RecoveryBehavior, Robot
+from navstack.interfaces import GlobalPlanner, LocalPlanner, RecoveryBehavior, Robot
 from navstack.localization.assembly import believed_start, make_filter, make_localizer
 from navstack.map_io import load_mask
 from navstack.move_base import MoveBase, plugin_calls
-from navstack.move_base.occupied_cell import add_layer
 from navstack.move_base.planning import Planning
 from navstack.parameters.configuration import Configuration, CostmapConfiguration, PluginChoice
-from navstack.plugins import GLOBAL_PLANNERS
 from navstack.safety import CollisionDetector, CollisionMonitor, CommandChain, CommandMultiplexer, VelocitySmoother
 from navstack.sim import Estimation, Shape, SimulatedRobot, World
 from navstack.smoother import is_smoothed_by, smoothed, unsmoothed
@@ -118,7 +109,7 @@ def build_move_base(
         robot=robot,
         global_costmap=build_costmap("global_costmap", configuration.global_costmap, robot.frames, static_map),
         local_costmap=build_costmap("local_costmap", configuration.local_costmap, robot.frames, static_map),
-        global_planner=smoothed(_global_planner(configuration.global_planner), configuration.smoother),
+        global_planner=smoothed(make_global_planner(configuration.global_planner), configuration.smoother),
         local_planner=_local_planner(configuration.local_planner),
         recoveries=[_recovery(choice) for choice in configuration.recoveries],
         listeners=listeners,
@@ -153,7 +144,8 @@ def _warn_of_frame(unknown: str, frame: str, listeners: Sequence[Listener]) -> N
         listener.on_event(Event(0.0, "warning", error.message, error.as_dict()))
 
 
-def _global_planner(choice: PluginChoice[GlobalPlanner]) -> GlobalPlanner:
+def make_global_planner(choice: PluginChoice[GlobalPlanner]) -> GlobalPlanner:
+    """Make the global planner of a configuration, without its smoother. Raises NavError if its constructor fails."""
     return plugin_calls.call(choice.cls, choice.cls, choice.params)
 
 
@@ -188,7 +180,7 @@ def reconfigure(move_base: MoveBase, configuration: Configuration) -> None:
     replaced = not is_smoothed_by(planner, smoother) or _differs(unsmoothed(planner), new_global)
     move_base.reconfigure(
         configuration.move_base,
-        global_planner=smoothed(_global_planner(new_global), smoother) if replaced else None,
+        global_planner=smoothed(make_global_planner(new_global), smoother) if replaced else None,
         local_planner=_local_planner(new_local) if _differs(move_base.local_planner, new_local) else None,
     )
     move_base.goal_time_limit_s = configuration.navstack.goal_time_limit or math.inf
@@ -266,9 +258,9 @@ def true_frame(configuration: Configuration) -> str:
 
 
 def _check_start(world: World, footprint: Footprint, start: Pose2D) -> None:
-    _require_finite("start", start)
+    require_finite_pose(start, "start")
     if not world.contains(start):
-        raise _start_outside(world.map, start)
+        raise start_outside_map(world.map, start)
     if not world.is_free(footprint, start):
         raise StartOccupiedError(
             f"the robot collides with an obstacle at the start ({start.x:g}, {start.y:g}, {start.yaw:g}): its footprint has "
@@ -287,112 +279,3 @@ def _nearest_free(world: World, footprint: Footprint, pose: Pose2D) -> str:
             if world.contains(near) and world.is_free(footprint, near):
                 return f"it fits at ({near.x:.2f}, {near.y:.2f})"
     return "it fits nowhere within 2 m"
-
-
-def _require_finite(name: str, pose: Pose2D) -> None:
-    if not require_pose(pose, name).is_finite():
-        raise InputError(f"the {name} {tuple(pose)} is not finite; give x,y,yaw in metres and radians", pose=pose)
-
-
-def _start_outside(grid: OccupancyGrid, start: Pose2D) -> StartOutsideMapError:
-    left, right, bottom, top = grid.geometry.extent
-    return StartOutsideMapError(
-        f"the start ({start.x:g}, {start.y:g}) is outside the map, which covers x {left:g} .. {right:g}, "
-        f"y {bottom:g} .. {top:g} m",
-        pose=start,
-    )
-
-
-@dataclass(frozen=True, slots=True)
-class PlannedPath:
-    """A plan, and the costmap and the planner that made it."""
-
-    plan: Plan
-    costmap: LayeredCostmap
-    planner: str
-
-
-def plan_on_map(
-    configuration: Configuration,
-    static_map: OccupancyGrid,
-    start: Pose2D,
-    goal: Pose2D,
-    *,
-    planner: PluginChoice[GlobalPlanner] | None = None,
-    keep_potential: bool = False,
-) -> PlannedPath:
-    """Plan once on the global costmap of a robot at `start` that knows only the map.
-
-    The poses are in the map frame. Raises InputError, and a PlanningError with code and data if there is no plan.
-    """
-    _require_finite("start", start)
-    _require_finite("goal", goal)
-    if static_map.geometry.world_to_cell(start.x, start.y) is None and static_map.origin_yaw == 0.0:
-        raise _start_outside(static_map, start)
-    frames = FrameTree()
-    params = configuration.global_costmap.params
-    static_map = replace(static_map, frame=clean_frame(params.global_frame))
-    frames.set_static(params.global_frame, params.robot_base_frame, Transform2D(start.x, start.y, start.yaw))
-    costmap = build_costmap("global_costmap", configuration.global_costmap, frames, static_map)
-    costmap.update(0.0)
-    choice = planner or configuration.global_planner
-    chosen = smoothed(_global_planner(choice), configuration.smoother)
-    try:
-        plan = plugin_calls.make_plan(
-            chosen, costmap.master, start, goal, costmap.footprint, keep_potential=keep_potential
-        )
-    except PlanningError as error:
-        raise add_layer(costmap, error) from None
-    note = turn_note(plan.path, configuration.turning_radius)
-    if note is not None:
-        plan = replace(plan, notes=(*plan.notes, note))
-    return PlannedPath(plan, costmap, choice.name)
-
-
-def plan(
-    array: ArrayLike,
-    resolution: float,
-    start: Pose2D | tuple[float, ...],
-    goal: Pose2D | tuple[float, ...],
-    *,
-    planner: str = "navfn",
-    values: Values | None = None,
-    unknown: Literal["occupied", "free"] = "occupied",
-    robot_radius: float = 0.0,
-    origin: tuple[float, float] = (0.0, 0.0),
-) -> Plan:
-    """Plan once on an array (ny, nx), without files and parameters. Row 0 has the smallest y.
-
-    `resolution` is the size of a cell (m), `origin` the lower left corner of the array (x, y; m). A bool array is True where
-    occupied; `values` names the meaning of other arrays, see `OccupancyGrid.from_array`. Unknown cells count as occupied unless
-    `unknown` is "free". `start` and `goal` are (x, y) or (x, y, yaw) in metres and radians. No centre of a cell on the path is
-    within `robot_radius` (m) of an occupied cell's centre; with 0, the robot is a point. `planner` is any registered name;
-    its parameters are the defaults. The exception is `carrot_planner`: its path is a straight line, which may cross walls,
-    because only the cell of the goal is checked, as in ROS. Use `plan_on_map` for the costs of a robot's own parameters.
-
-    Raises InputError, UnknownPluginError, and a PlanningError with code and data if there is no plan.
-    """
-    ends = _pose("start", start), _pose("goal", goal)
-    if unknown not in ("occupied", "free"):
-        raise InputError(f'unknown={unknown!r} is neither "occupied" nor "free"', argument="unknown")
-    if not (is_number(robot_radius) and math.isfinite(robot_radius) and robot_radius >= 0.0):
-        raise InputError(f"robot_radius must be a length of 0 m or more, not {robot_radius!r}", argument="robot_radius")
-    entry = GLOBAL_PLANNERS.get(planner)
-    grid = OccupancyGrid.from_array(array, resolution, origin=origin, values=values)
-    if grid.geometry.world_to_cell(ends[0].x, ends[0].y) is None:
-        raise _start_outside(grid, ends[0])
-    lethal = (grid.data == 100) | ((grid.data == -1) & (unknown == "occupied"))
-    costmap = Costmap(grid.geometry, costs_of_occupied(lethal, robot_radius / grid.geometry.resolution))
-    return plugin_calls.make_plan(entry.cls(entry.cls.Params()), costmap, *ends, None)
-
-
-def _pose(name: str, value: Any) -> Pose2D:
-    """Return a finite pose; a tuple is (x, y) or (x, y, yaw)."""
-    try:
-        if not isinstance(value, Pose2D):
-            x, y, *yaw = (float(v) for v in value)
-            value = Pose2D(x, y, *yaw)
-    except (TypeError, ValueError):
-        raise InputError(f"the {name} {value!r} is not (x, y) or (x, y, yaw) in metres and radians") from None
-    _require_finite(name, value)
-    return value

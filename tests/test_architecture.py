@@ -41,6 +41,7 @@ LEVELS: tuple[tuple[str, ...], ...] = (
     ("testing",),
     ("move_base",),
     ("bringup",),
+    ("plan_once",),
     ("places", "basic_navigator"),
     ("record", "jobs", "statistics"),
     ("scenario",),

@@ -10,9 +10,9 @@ import typer
 from navstack.cli import options
 
 if TYPE_CHECKING:
-    from navstack.bringup import PlannedPath
     from navstack.cli.plan_candidates import Candidate
     from navstack.core import OccupancyGrid, Pose2D
+    from navstack.plan_once import PlannedPath
 
 
 class PlanOptions(NamedTuple):
@@ -173,7 +173,7 @@ def _plans(
 
 
 def _planned(query: _Query, candidate: Candidate, *, keep_potential: bool) -> PlannedPath:
-    from navstack.bringup import plan_on_map
+    from navstack.plan_once import plan_on_map
 
     return plan_on_map(
         candidate.configuration,

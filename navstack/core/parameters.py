@@ -58,7 +58,7 @@ class ParamModel(BaseModel):
         """Yield the combinations of parameters, these and the robot's others, that do not work together.
 
         Called for every plugin in use when parameters are loaded or checked. A rule belongs to the model of the plugin
-        that it concerns; each has a section in docs/RULES.md.
+        that it concerns; each has a section in docs/reference/rules.md.
         """
         del context
         return iter(())

@@ -86,9 +86,9 @@ def test_a_signal_leaves_no_part_of_a_film(
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_a_plan(number: signal.Signals, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from navstack import bringup
+    from navstack import plan_once
 
-    monkeypatch.setattr(bringup, "plan_on_map", lambda *_, **__: os.kill(os.getpid(), number))
+    monkeypatch.setattr(plan_once, "plan_on_map", lambda *_, **__: os.kill(os.getpid(), number))
     assert run(["plan", "office", "--start", "1,7.45", "--goal", "3,7.45", "--out", str(tmp_path)]) == 128 + number
     assert list(tmp_path.iterdir()) == []
 

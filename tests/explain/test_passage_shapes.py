@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import shapely
 
-from navstack.bringup import plan_on_map
 from navstack.core import OccupancyGrid, Pose2D
 from navstack.core.errors import PlanningError
 from navstack.explain import PassageReport, find_passages
 from navstack.explain.passages import ShapePassage
 from navstack.explain.passages.crossing import crossings
 from navstack.parameters.configuration import Configuration, load_configuration
+from navstack.plan_once import plan_on_map
 from tests.explain.rooms import RESOLUTION, two_rooms
 
 RADIUS = 0.6
