@@ -176,8 +176,19 @@ def _usage_error(exc: typer.TyperException, as_json: bool) -> int:
     if not exc.format_message():  # `navstack` without arguments: typer has printed the help
         return EXIT_WRONG_INPUT
     context = getattr(exc, "ctx", None)
-    hint = f'Try "{context.command_path} --help".' if context is not None else ""
+    hint = _without_option(exc) or (f'Try "{context.command_path} --help".' if context is not None else "")
     return _report(as_json, exc.format_message(), hint=hint)
+
+
+def _without_option(exc: typer.TyperException) -> str:
+    """What to write instead of `--params FILE` for a command whose argument is PARAMS; empty for other errors."""
+    context: Any = getattr(exc, "ctx", None)
+    name = str(getattr(exc, "option_name", ""))
+    if context is None or not name.startswith("--"):
+        return ""
+    metavars = [str(p.metavar) for p in context.command.params if p.param_type_name == "argument"]
+    takes = any(metavar.lower().startswith(name[2:]) for metavar in metavars)
+    return f"Give it without {name}: {context.command_path} {' '.join(metavars)}" if takes else ""
 
 
 def _file_error(exc: OSError, as_json: bool) -> int:

@@ -13,11 +13,13 @@ from navstack.core.errors import InputError, MapError
 
 if TYPE_CHECKING:
     from navstack.core import OccupancyGrid, Pose2D
+    from navstack.parameters.sources import Override
     from navstack.sim.shapes import Shape
 
 _MAP_KEY: Final = re.compile(
     rb"""^\W*(image|resolution|origin|negate|occupied_thresh|free_thresh)["']?[ \t]*:""", re.MULTILINE
 )
+_LENGTH: Final = re.compile(r"\s*(\d+\.?\d*|\.\d+)(e[-+]?\d+)?\s*", re.IGNORECASE)
 _SEARCHED_BYTES: Final = 1_000_000
 """Length of the part of a YAML file that is searched for keys of a map."""
 
@@ -177,24 +179,32 @@ def parse_costmap_name(text: str) -> str:
     return name
 
 
-def footprint_overrides(text: str | None) -> list[str]:
+def footprint_overrides(text: str | None) -> list[Override]:
     """Overrides that set the footprint of both costmaps. Raises InputError."""
-    import re
+    import numpy as np
 
+    from navstack.core import Footprint
     from navstack.core.errors import InputError
+    from navstack.parameters.footprint import parse_footprint
+    from navstack.parameters.sources import Override
 
     if text is None:
         return []
-    box = re.fullmatch(r"\s*([\d.]+)\s*x\s*([\d.]+)\s*", text)
-    if box is None and not text.lstrip().startswith("[["):
-        raise InputError(
-            f'--footprint "{text}" is neither a box such as 1.2x0.7 (length x width, m) nor a list of points [[x,y],[x,y],..]',
-            argument="--footprint",
-        )
-    if box is not None:
-        try:
-            x, y = 0.5 * float(box[1]), 0.5 * float(box[2])
-        except ValueError:
-            raise InputError(f'--footprint "{text}" has no two numbers; give 1.2x0.7', argument="--footprint") from None
-        text = f"[[{x},{y}],[{-x},{y}],[{-x},{-y}],[{x},{-y}]]"
-    return [f"{name}.footprint={text}" for name in ("global_costmap", "local_costmap")]
+    try:
+        points = _box(text) or parse_footprint(text)
+        Footprint(np.array(points))
+    except (ValueError, InputError) as exc:
+        why = "it is neither a box such as 1.2x0.7 (length x width, m) nor a list of points [[x,y],[x,y],..]"
+        if text.lstrip().startswith("[["):
+            why = str(exc)
+        raise InputError(f'--footprint "{text}" cannot be used: {why}', argument="--footprint") from None
+    return [Override(f"{name}.footprint={points}", "--footprint") for name in ("global_costmap", "local_costmap")]
+
+
+def _box(text: str) -> list[list[float]]:
+    """The corners of `LENGTHxWIDTH` (m), none for other texts."""
+    sides = [float(part) if _LENGTH.fullmatch(part) else 0.0 for part in text.split("x")]
+    if len(sides) != 2 or min(sides) <= 0.0:
+        return []
+    x, y = 0.5 * sides[0], 0.5 * sides[1]
+    return [[x, y], [-x, y], [-x, -y], [x, -y]]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable, Generator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from enum import IntEnum
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -136,23 +136,23 @@ def print_json(document: Mapping[str, Any]) -> None:
 
 @contextmanager
 def loading_kernels(*, quiet: bool = False) -> Generator[None]:
-    """Shows a status on stderr while the kernels are loaded or, on the first run, compiled.
+    """Shows a status on stderr while kernels are loaded, and says if they are compiled.
 
     Compilation is long, so it is also announced, by a note, with `quiet` or without a terminal.
     """
-    from navstack.core.jit import kernels_are_cached
-    from navstack.global_planner.navfn import MAIN_KERNEL
-    from navstack.sim.lidar import sweep
+    from navstack.core.jit import compilation_reported
 
-    cached = kernels_are_cached(sweep, MAIN_KERNEL)
-    what = "loading the kernels" if cached else "compiling the kernels (first run only, about 30 s)"
-    if not cached and (quiet or not stderr().is_terminal):
-        print_note(what)
-    if quiet or _verbosity < Verbosity.NORMAL:
+    status = None if quiet or _verbosity < Verbosity.NORMAL else stderr().status("loading the kernels")
+
+    def announce() -> None:
+        what = "compiling kernels (first use only, up to 30 s)"
+        if status is not None and stderr().is_terminal:
+            status.update(what)
+        else:
+            print_note(what)
+
+    with status or nullcontext(), compilation_reported(announce):
         yield
-    else:
-        with stderr().status(what):
-            yield
 
 
 def shows_progress(*, quiet: bool = False) -> bool:

@@ -186,10 +186,12 @@ def _planned(query: _Query, candidate: Candidate, *, keep_potential: bool) -> Pl
 
 
 def _planning_ms(query: _Query, candidate: Candidate, found: PlannedPath) -> float:
-    """Planning time of a new planner without caches, with the kernels loaded (ms)."""
+    """Time of a new planner without caches, and of its smoother, with the kernels loaded (ms)."""
     import time
 
-    fresh = candidate.planner.cls(candidate.planner.params)
+    from navstack.smoother import smoothed
+
+    fresh = smoothed(candidate.planner.cls(candidate.planner.params), candidate.configuration.smoother)
     began = time.perf_counter()
     fresh.make_plan(found.costmap.master, query.start, query.goal, footprint=found.costmap.footprint)
     return (time.perf_counter() - began) * 1e3
@@ -210,7 +212,7 @@ def _draw(query: _Query, found: dict[str, PlannedPath], documents: list[dict[str
     first = next(iter(found.values()))
     # the footprint drawn is that of the plan whose sweep is drawn
     swept = next((one for one in found.values() if one.plan.for_footprint), first)
-    several = f"{len(found)} plans" if any(":" in label for label in found) else ", ".join(found)
+    several = f"{len(found)} plans" if any(":" in label or "+" in label for label in found) else ", ".join(found)
     plot_plan(
         first.costmap.master,
         {label: one.plan for label, one in found.items()},
@@ -255,8 +257,8 @@ def _print_table(documents: list[dict[str, Any]], title: str) -> None:
 
 
 def _lines(label: str) -> str:
-    """The label of a candidate with a line for the planner and for each of its parameters."""
-    return label.replace(":", "\n:")
+    """The label of a candidate with a line for the planner, each of its parameters and the smoother."""
+    return label.replace(":", "\n:").replace(" + ", "\n+ ")
 
 
 def _document(query: _Query, candidate: Candidate, found: PlannedPath) -> dict[str, Any]:
@@ -266,6 +268,7 @@ def _document(query: _Query, candidate: Candidate, found: PlannedPath) -> dict[s
     clearance = plan.clearance_m(found.costmap.master)
     return {
         "planner": found.planner,
+        "smoother": None if candidate.configuration.smoother is None else candidate.configuration.smoother.name,
         "candidate": candidate.label,
         "length_m": plan.length_m,
         "clearance_m": clearance if math.isfinite(clearance) else None,

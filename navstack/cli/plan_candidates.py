@@ -10,13 +10,14 @@ if TYPE_CHECKING:
 
     from navstack.interfaces import GlobalPlanner
     from navstack.parameters.configuration import Configuration, PluginChoice
+    from navstack.parameters.sources import Override
 
 
 class Candidate(NamedTuple):
     """A planner and the parameters that it plans with."""
 
     label: str
-    """What tables and pictures call it: `smac_hybrid`, `smac_hybrid:car.yaml`."""
+    """What tables and pictures call it: `smac_hybrid`, `smac_hybrid:car.yaml`, `navfn + simple` with a smoother."""
     planner: PluginChoice[GlobalPlanner]
     configuration: Configuration
 
@@ -25,12 +26,12 @@ class Parameters(NamedTuple):
     """The parameters of the command line: what `--params`, `--set`, `--smoother` and `--allow-missing` say."""
 
     sources: Sequence[str]
-    overrides: Sequence[str]
+    overrides: Sequence[str | Override]
     smoother: str | None
     allow_missing: bool
 
-    def load(self, sources: Sequence[str], values: Sequence[str] = ()) -> Configuration:
-        """Load sources with the overrides and `values` (`NAME=VALUE`). Raises ParameterError."""
+    def load(self, sources: Sequence[str], values: Sequence[Override] = ()) -> Configuration:
+        """Load sources with the overrides and `values`. Raises ParameterError."""
         from dataclasses import replace
 
         from navstack.parameters.configuration import choose_smoother, load_configuration
@@ -69,11 +70,12 @@ def compared(parameters: Parameters, compare: str) -> list[Candidate]:
 def _entry(parameters: Parameters, loaded: Configuration, entry: str) -> Candidate:
     """The candidate of one entry; `loaded` are the parameters of the command line."""
     from navstack.core.errors import InputError
+    from navstack.parameters.sources import Override
 
     name, *parts = (part.strip() for part in entry.replace("::", "/").split(":"))
     values = [part for part in parts if "=" in part]
     sets = [part for part in parts if "=" not in part]
-    if len(sets) > 1 or not all(parts) or not (name or sets):
+    if len(sets) > 1 or not all(part.partition("=")[0] for part in parts) or not (name or sets):
         raise InputError(
             f'--compare "{entry}" is not PLANNER[:PARAMS][:KEY=VALUE]..; '
             "give for example smac_hybrid:car_mppi or smac_hybrid:minimum_turning_radius=0.8",
@@ -83,7 +85,8 @@ def _entry(parameters: Parameters, loaded: Configuration, entry: str) -> Candida
     configuration = parameters.load(sources) if sets else loaded
     if values:
         namespace = _candidate(configuration, name or None, "").planner.namespace
-        configuration = parameters.load(sources, [f"{namespace}/{value}" for value in values])
+        overrides = [Override(f"{namespace}/{value}", f"--compare {entry}") for value in values]
+        configuration = parameters.load(sources, overrides)
     return _candidate(configuration, name or None, "".join(f":{part}" for part in parts))
 
 
@@ -99,4 +102,5 @@ def _candidate(configuration: Configuration, name: str | None, suffix: str) -> C
     from navstack.parameters.configuration import choose_global_planner
 
     planner = configuration.global_planner if name is None else choose_global_planner(configuration, name)
-    return Candidate(planner.name + suffix, planner, configuration)
+    smoother = f" + {configuration.smoother.name}" if configuration.smoother is not None else ""
+    return Candidate(planner.name + suffix + smoother, planner, configuration)

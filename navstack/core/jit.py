@@ -16,7 +16,8 @@ import os
 import shutil
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from functools import cache, update_wrapper
 from pathlib import Path
 from typing import Any, Generic, ParamSpec, TypeVar, cast
@@ -125,13 +126,24 @@ def _lock_cache_writes(dispatcher: Any, folder: Path) -> None:
     dispatcher._cache.save_overload = save_overload
 
 
-def kernels_are_cached(*kernels: Kernel[..., Any]) -> bool:
-    """Return False if one of these kernels is not in the cache: its first call compiles it."""
-    return all(_is_cached(_cache_folder(_files_behind(kernel.function))) for kernel in kernels)
+@contextmanager
+def compilation_reported(report: Callable[[], None]) -> Generator[None]:
+    """Call `report` in the block before the first kernel that is compiled because the cache does not contain it."""
+    from numba.core import event
 
+    class FirstCompilation(event.Listener):
+        reported = False
 
-def _is_cached(folder: str | None) -> bool:
-    return folder is not None and next(Path(folder).rglob("*.nbi"), None) is not None
+        def on_start(self, event: Any) -> None:
+            if not self.reported:
+                self.reported = True
+                report()
+
+        def on_end(self, event: Any) -> None:
+            pass
+
+    with event.install_listener("numba:compile", FirstCompilation()):
+        yield
 
 
 def _files_behind(function: Callable[..., Any]) -> tuple[str, ...]:

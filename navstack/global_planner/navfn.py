@@ -10,7 +10,6 @@ from typing import ClassVar
 
 from navstack.core.parameter_checks import CheckContext, Issue
 from navstack.core.parameters import param
-from navstack.global_planner._search._wavefront_kernels import propagate
 from navstack.global_planner._search.base import SearchParams, SearchPlanner
 from navstack.global_planner._search.cost_interpreter import navfn_costs
 from navstack.global_planner._search.parameter_checks import unknown_not_tracked
@@ -18,9 +17,6 @@ from navstack.global_planner._search.propagation import NavfnPropagation
 from navstack.global_planner._search.traceback import NavfnTraceback
 from navstack.global_planner._search.wave_search import WaveSearch
 from navstack.plugins import GLOBAL_PLANNERS
-
-MAIN_KERNEL = propagate
-"""The kernel that takes longest to compile."""
 
 
 class NavfnParams(SearchParams):

@@ -104,6 +104,7 @@ class Smac2DPlanner(SearchPlanner):
     """
 
     Params = Smac2DParams
+    NAMESPACES: ClassVar[tuple[str, ...]] = ("GridBased",)
     params: Smac2DParams
     limit_name = "max_iterations"
     tolerance_name = "tolerance"

@@ -21,7 +21,7 @@ class SmacHybridParams(PosePlannerParams):
     )
     angle_quantization_bins: int = param(72, "number of headings of the search", ge=4, le=360)
     minimum_turning_radius: float = param(
-        0.4, "turning radius of the robot; at least one cell of the search", unit="m", gt=0.0
+        0.4, "turning radius of the robot; at least one cell of the search", unit="m", gt=0.0, le=1000.0
     )
     allow_primitive_interpolation: bool = param(
         True,

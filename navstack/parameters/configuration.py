@@ -12,14 +12,14 @@ from navstack.parameters.configuration_types import Configuration, CostmapConfig
 from navstack.parameters.findings import Finding, in_order
 from navstack.parameters.loader import Loader
 from navstack.parameters.namespaces import planner_space
-from navstack.parameters.sources import Source
+from navstack.parameters.sources import Override, Source
 from navstack.plugins import GLOBAL_PLANNERS, SMOOTHERS, PluginChoice, PluginEntry
 
 
 def load_configuration(
     sources: Sequence[Source],
     *,
-    overrides: Sequence[str] = (),
+    overrides: Sequence[str | Override] = (),
     distro: str | None = None,
     allow_missing: bool = False,
 ) -> Configuration:

@@ -17,7 +17,8 @@ FOREIGN_PLANNERS = {
     "GlobalPlanner": "global_planner",
     "NavfnROS": "navfn",
     "DWAPlannerROS": "dwa_local_planner",
-    "GridBased": "nav2",
+    "GridBased": "Nav2",
+    "FollowPath": "Nav2",
 }
 """Namespaces of move_base's planners -> their packages."""
 
@@ -27,10 +28,18 @@ FOREIGN_LOCAL_PLANNERS = frozenset(FOREIGN_PLANNERS) - {
     "GlobalPlanner",
     "NavfnROS",
     "GridBased",
+    "FollowPath",
     "DWAPlannerROS",
     "TrajectoryPlannerROS",
 }
 """Namespaces of local planners that navstack lacks."""
+
+NAV2_NODES = {
+    "planner_server": "base_global_planner names the planner, whose section (GridBased) belongs at the root",
+    "controller_server": "base_local_planner names the controller, whose section (FollowPath) belongs at the root",
+    "smoother_server": "base_smoother names the smoother, whose section (simple_smoother) belongs at the root",
+}
+"""Namespaces of Nav2's nodes -> what move_base has instead."""
 
 FOREIGN_PARAMETERS = {
     "teb_local_planner": frozenset(

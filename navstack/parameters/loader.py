@@ -21,7 +21,7 @@ from navstack.parameters.plugin_lists import ListedPlugin, PluginLists, fixed_li
 from navstack.parameters.pre_hydro import convert_pre_hydro
 from navstack.parameters.rules import check_rules, simulated
 from navstack.parameters.safety_sections import load_safety
-from navstack.parameters.sources import Source, read_sources
+from navstack.parameters.sources import Override, Source, read_sources
 from navstack.parameters.tree import COSTMAPS, Space
 from navstack.parameters.unused import unused_parameters
 from navstack.parameters.value_messages import show
@@ -42,7 +42,7 @@ class Loader:
     """Loads one set of sources."""
 
     def __init__(
-        self, sources: Sequence[Source], overrides: Sequence[str], distro: str | None, allow_missing: bool
+        self, sources: Sequence[Source], overrides: Sequence[str | Override], distro: str | None, allow_missing: bool
     ) -> None:
         read = read_sources([sources] if isinstance(sources, str) else sources, overrides)
         self.root = read.root
@@ -220,8 +220,8 @@ class Loader:
             for entry in registry:
                 for name in planner_namespaces(entry):
                     space = self.root.space(name)
-                    if space is None or space.used:
-                        continue
+                    if space is None or space.used or name in getattr(entry.cls, "NAMESPACES", ()):
+                        continue  # the names of Nav2's files do not say which planner is meant
                     before = len(self.findings)
                     self.binder.bind(entry.cls.Params, space, strictness="warning")
                     # notes on how a value is used would be wrong

@@ -11,10 +11,11 @@ from navstack.plugins import PluginEntry, normalize
 
 
 def planner_namespaces(entry: PluginEntry[Any], written: str = "") -> list[str]:
-    """Return the possible namespaces of a planner: of its type as written, of its ROS names, its registered name."""
+    """Return the possible namespaces of a planner: of its type as written, of its ROS names, its registered names."""
     names = [short_type(written)] if "/" in normalize(written) else []
     names += [short_type(alias) for alias in entry.aliases if "/" in alias]
-    return list(dict.fromkeys([*names, entry.name, *getattr(entry.cls, "NAMESPACES", ())]))
+    others = [alias for alias in entry.aliases if "/" not in alias]
+    return list(dict.fromkeys([*names, entry.name, *others, *getattr(entry.cls, "NAMESPACES", ())]))
 
 
 def planner_space(root: Space, entry: PluginEntry[Any], written: str) -> Space:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from navstack.core.data_files import data_folder
 from navstack.core.files import exists, resolved
@@ -19,7 +19,18 @@ from navstack.parameters.yaml_reader import DictNode, ListNode, Node, ScalarNode
 Source = str | Path | Mapping[str, Any] | DictNode
 """A name, folder or file; values from Python; or a mapping with locations that was read elsewhere."""
 
+
+class Override(NamedTuple):
+    """A value of the command line that another option than `--set` gives."""
+
+    text: str
+    """`NAME=VALUE`"""
+    option: str
+    """The option as it is written: `--footprint 2x1`. Findings name it as their location."""
+
+
 __all__ = [
+    "Override",
     "Source",
     "Sources",
     "packaged_folder",
@@ -42,7 +53,7 @@ def packaged_folder(name: str) -> Path:
     return data_folder("params") / name
 
 
-def read_sources(sources: Iterable[Source], overrides: Sequence[str] = ()) -> Sources:
+def read_sources(sources: Iterable[Source], overrides: Sequence[str | Override] = ()) -> Sources:
     """Read everything into one tree; later sources override earlier ones, overrides come last. Never raises for content."""
     out = Sources()
     named: list[Source] = []
@@ -65,8 +76,9 @@ def read_sources(sources: Iterable[Source], overrides: Sequence[str] = ()) -> So
             load_root(out, source)
         else:
             _read_named(out, str(source))
-    for number, text in enumerate(overrides, 1):
-        _override(out, text, number)
+    for number, given in enumerate(overrides, 1):
+        text, option = (given, f"--set argument {number}") if isinstance(given, str) else given
+        _override(out, text, Location(option))
     return out
 
 
@@ -150,9 +162,8 @@ def _read_through_launch(out: Sources, folder: Path, shown: str, namespace: str)
     return True
 
 
-def _override(out: Sources, text: str, number: int) -> None:
+def _override(out: Sources, text: str, at: Location) -> None:
     """Apply `DWAPlannerROS/max_vel_x=0.4`; dots separate names as well."""
-    at = Location(f"--set argument {number}")
     key, equals, value = text.partition("=")
     names = parts_of(key.strip().replace(".", "/"))
     if not equals or not names:

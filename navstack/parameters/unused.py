@@ -8,7 +8,7 @@ from navstack.core.parameters import ParamModel
 from navstack.parameters.binding import Binder
 from navstack.parameters.catalogue import Catalogue
 from navstack.parameters.findings import Finding, Location, Severity, finding
-from navstack.parameters.foreign import FOREIGN_PARAMETERS, FOREIGN_PLANNERS, REMOVED_PARAMETERS
+from navstack.parameters.foreign import FOREIGN_PARAMETERS, FOREIGN_PLANNERS, NAV2_NODES, REMOVED_PARAMETERS
 from navstack.parameters.model_fields import iter_names
 from navstack.parameters.spelling import is_certain, nearest
 from navstack.parameters.tree import COSTMAPS, Leaf, Space
@@ -277,7 +277,11 @@ class _UnusedCheck:
             self._add("warning", "recovery-not-listed", space, message)
             return
         content = f"its parameter {leaves[0].name} has" if len(leaves) == 1 else f"its {len(leaves)} parameters have"
-        message = f"{name} is not a namespace of {parent.name or 'move_base'}, so {content} no effect; remove it"
+        instead = NAV2_NODES.get(name) if not parent.path else None
+        if instead is not None:
+            message = f"{name} is a node of Nav2, so {content} no effect; in move_base, {instead}"
+        else:
+            message = f"{name} is not a namespace of {parent.name or 'move_base'}, so {content} no effect; remove it"
         self._add("warning", "unknown-namespace", space, message)
 
     def _misspelt_in(self, space: Space, models: Sequence[type[ParamModel]]) -> None:

@@ -28,6 +28,13 @@ def swatch(rgb: tuple[int, int, int]) -> Any:
     return Patch(facecolor=colors.hex_of(rgb), edgecolor=colors.FAINT, linewidth=0.5)
 
 
+def translucent(color: str) -> Any:
+    """Handle: a box of a translucent colour."""
+    from matplotlib.patches import Patch
+
+    return Patch(facecolor=color, edgecolor=color, alpha=0.5, linewidth=0.6)
+
+
 def cost_legend(costs: NDArray[np.uint8] | None) -> tuple[list[Any], list[str]]:
     """Returns handles and labels of the cost bands: those that occur in `costs`, or all."""
     bands = (

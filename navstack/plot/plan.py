@@ -107,7 +107,7 @@ def _draw_sweep(axes: Any, plans: Mapping[str, Plan], footprint: Footprint | Non
             axes.add_collection(
                 PolyCollection(outlines, facecolors=color, edgecolors=color, alpha=0.12, linewidths=0.6, zorder=3)
             )
-            entries.append((legend.disc(color), label))
+            entries.append((legend.translucent(color), label))
     return entries + _draw_changes(axes, [p for p in plans.values() if p.for_footprint])
 
 
@@ -120,7 +120,7 @@ def _draw_changes(axes: Any, plans: Sequence[Plan]) -> Entries:
     at = np.concatenate(found)
     if not len(at):
         return []
-    (mark,) = axes.plot(at[:, 0], at[:, 1], "D", ms=6, color="black", mec="white", zorder=8)
+    (mark,) = axes.plot(at[:, 0], at[:, 1], "D", ms=6, color="black", mec="white", zorder=9)  # above start and goal
     return [(mark, "change of direction")]
 
 
@@ -147,11 +147,12 @@ def _title(plans: Mapping[str, Plan]) -> str:
 
 
 def _single_plan_text(plans: Mapping[str, Plan]) -> str:
-    """Length, cost and cells expanded of a single plan; empty for several plans, whose legend has the numbers."""
+    """Length, cost and expansions of a single plan; empty for several plans, whose legend has the numbers."""
     if len(plans) != 1:
         return ""
     (plan,) = plans.values()
-    expanded = f"   {plan.cells_expanded:,} cells expanded" if plan.cells_expanded else ""
+    what = "states" if plan.for_footprint else "cells"
+    expanded = f"   {plan.cells_expanded:,} {what} expanded" if plan.cells_expanded else ""
     return f"{plan.path.length:.2f} m   cost {_cost(plan)}{expanded}"
 
 

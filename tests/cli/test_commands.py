@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -138,10 +140,15 @@ def test_info_lists_maps_scenarios_and_suites(capfd: pytest.CaptureFixture[str])
 def test_compilation_is_announced_without_a_terminal(
     in_folder: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("navstack.core.jit.kernels_are_cached", lambda *kernels: False)
+    @contextmanager
+    def compiled(report: Callable[[], None]) -> Generator[None]:
+        report()
+        yield
+
+    monkeypatch.setattr("navstack.core.jit.compilation_reported", compiled)
     assert run(["plan", "office", "--start", "0.8,7.45", "--goal", "3,7.45", "--json"]) == 0
     captured = capfd.readouterr()
-    assert "compiling the kernels (first run only" in captured.err
+    assert "note: compiling kernels (first use only" in captured.err
     assert json.loads(captured.out)["planner"] == "navfn"
 
 

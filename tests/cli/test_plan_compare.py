@@ -44,6 +44,7 @@ def test_parameter_sets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: 
     assert scaled["clearance_m"] > plain["clearance_m"]
     assert omni["length_m"] != plain["length_m"]
     assert [d["cusps"] for d in documents] == [None] * 4
+    assert [d["smoother"] for d in documents] == [None] * 4
     assert run([*QUERY, "--compare", ",".join(entries)]) == 0
     assert "\n :scale.yaml " in capfd.readouterr().out
 
@@ -58,7 +59,7 @@ def test_parameter_sets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: 
         ["--compare", ":"],
         ["--compare", "navfn:turtlebot:omni_dwa"],
         ["--compare", "navfn:none.yaml"],
-        ["--compare", "navfn:default_tolerance=far"],
+        ["--compare", "navfn:=1"],
     ],
 )
 def test_invalid_input_gives_one_message(arguments: list[str], capfd: pytest.CaptureFixture[str]) -> None:
@@ -66,3 +67,55 @@ def test_invalid_input_gives_one_message(arguments: list[str], capfd: pytest.Cap
     err = capfd.readouterr().err
     assert err.count("error:") == 1
     assert "Traceback" not in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (
+            ["--compare", "astar,navfn:default_tolerance=-1"],
+            2,
+            "--compare navfn:default_tolerance=-1: default_tolerance = -1",
+        ),
+        (
+            ["--compare", "navfn:default_tolerance=far"],
+            2,
+            '--compare navfn:default_tolerance=far: default_tolerance = "far"',
+        ),
+        (
+            ["--compare", "navfn:default_tolerence=1"],
+            0,
+            "warning: --compare navfn:default_tolerence=1: default_tolerence",
+        ),
+        (["--footprint", "0x1"], 2, '--footprint "0x1" cannot be used: it is neither a box'),
+        (["--footprint", "[[0,0],[1,1]]"], 2, "cannot be used: a footprint needs at least three points"),
+        (
+            ["--footprint", "[[0,0],[1,1],[2"],
+            2,
+            'cannot be used: footprint = "[[0,0],[1,1],[2" is not a list of points',
+        ),
+        (["--footprint", "[[1,1],[1,2],[2,2],[2,1]]"], 0, "warning: --footprint: the footprint does not contain"),
+        (["--smoother", "simpel"], 2, 'unknown smoother "simpel"; did you mean "simple"?'),
+    ],
+)
+def test_messages_name_the_option(
+    arguments: list[str], code: int, message: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert run([*QUERY, *arguments]) == code
+    err = capfd.readouterr().err
+    assert " ".join(err.split()).count(message) == 1
+    assert "--set" not in err
+
+
+def test_the_smoother_is_named_and_timed(capfd: pytest.CaptureFixture[str]) -> None:
+    assert run([*QUERY, "--compare", "navfn,astar", "--smoother", "nav2_smoother::SimpleSmoother", "--json"]) == 0
+    documents = json.loads(capfd.readouterr().out)
+    assert [(d["candidate"], d["smoother"]) for d in documents] == [
+        ("navfn + simple", "simple"),
+        ("astar + simple", "simple"),
+    ]
+
+
+def test_parameters_are_an_argument_of_check(capfd: pytest.CaptureFixture[str]) -> None:
+    assert run(["check", "--params", "turtlebot"]) == 2
+    assert "Give it without --params: navstack check PARAMS..|SCENARIO.yaml" in capfd.readouterr().err

@@ -54,6 +54,8 @@ class _Ends(NamedTuple):
 class PosePlanner(GlobalPlanner):
     """A planner that searches over poses: subclasses supply the primitives."""
 
+    NAMESPACES: ClassVar[tuple[str, ...]] = ("GridBased",)
+    """Further namespaces of the parameters: the name of the planner in Nav2's files."""
     params: Any
     """PosePlannerParams of the subclass."""
 
