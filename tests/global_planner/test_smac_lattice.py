@@ -61,6 +61,13 @@ def test_robots_that_turn_in_place(model: str) -> None:
             assert (np.abs(turn[moving]) <= step[moving] / 0.5 + 1e-3).all()
 
 
+def test_an_omnidirectional_robot_ends_exactly_at_the_goal() -> None:
+    """Also where a state in the goal's cell is reached before a line to the goal is tried."""
+    search = planner("omni", tolerance=0.0, analytic_expansion_ratio=1000.0)
+    goal = Pose2D(7.02, 3.03, 0.0)
+    assert search.make_plan(empty(), Pose2D(3.0, 3.0, 0.0), goal).path[-1] == goal
+
+
 def test_an_omnidirectional_robot_slides() -> None:
     """Sideways for 2 m, and a turn on the way."""
     for yaw, length in ((0.0, 2.0), (1.0, 2.0)):

@@ -155,16 +155,19 @@ def try_curves(costs, bits, shapes, p, node, yaw):
 
 @plain_kernel
 def end_at_goals(costs, bits, shapes, p, headings, nodes, i):
-    """Try to end exactly at a goal from state `i` beside it, and from the states before: by curves of several radii."""
+    """Try to end exactly at a goal from state `i` beside it, and from the states before: by lines, or curves of several radii."""
     shape, goals = shapes[0], shapes[2]
     for _ in range(STATES_BACK):
         node = nodes[i]
         start, before = (node.x, node.y, headings[node.heading].yaw), np.int64(node.direction)
         for k in range(len(goals)):
             goal, radius = (goals[k, 0], goals[k, 1], goals[k, 2]), p.radius
-            for _ in range(END_RADII):
+            for _ in range(1 if p.holonomic != 0 else END_RADII):
                 limit = p.best_cost - node.g
-                cost = curve_cost(costs, bits, shape, p, start, goal, radius, (before, 0), limit, True)
+                if p.holonomic != 0:
+                    cost = line_cost(costs, bits, shape, p, start, goal, limit)
+                else:
+                    cost = curve_cost(costs, bits, shape, p, start, goal, radius, (before, 0), limit, True)
                 if cost < limit:
                     p.best_cost, p.best_goal, p.best_is_curve, p.best_tail = node.g + cost, k, CURVE, 0.0
                     p.best_node, p.best_radius = i, radius
@@ -319,7 +322,7 @@ def search(costs, bits, shapes, primitives, headings, nodes, lists, entries, fie
         yaw = headings[node.heading].yaw
         k = is_at(node, goals, p.bins)
         if k >= 0 and i > 0 and node.g < p.best_cost:
-            if p.expansion_length > 0.0 and p.holonomic == 0:
+            if p.expansion_length > 0.0:
                 end_at_goals(costs, bits, shapes, p, headings, nodes, i)
             elif node.heading == np.int64(goals[k, 3]):
                 p.best_cost, p.best_node, p.best_goal, p.best_is_curve = node.g, i, k, 0
