@@ -10,6 +10,7 @@ import pytest
 from navstack.core import Costmap, Footprint, GridGeometry, Pose2D
 from navstack.global_planner import SmacHybridParams, SmacHybridPlanner
 from navstack.global_planner._se2 import _search_kernels as kernels
+from navstack.global_planner._se2 import both_ends
 
 BOX = Footprint(np.array([[0.3, 0.2], [0.3, -0.2], [-0.3, -0.2], [-0.3, 0.2]]))
 START, GOAL = Pose2D(1.0, 3.0, 0.0), Pose2D(15.2, 3.0, 0.0)
@@ -28,6 +29,7 @@ def planner(**values: Any) -> SmacHybridPlanner:
 
 def test_a_long_search_raises_the_weight(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fewer states, at a cost within the greatest weight; a weight of 1 stays."""
+    monkeypatch.setattr(both_ends, "FIRST", 1 << 40)
     plans = {}
     for patience in (1_000_000, 2000):
         monkeypatch.setattr(kernels, "PATIENCE", patience)

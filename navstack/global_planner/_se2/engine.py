@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +20,10 @@ from navstack.global_planner._se2 import _shape_kernels as shapes
 from navstack.global_planner._se2._rejoin_kernels import rejoin
 from navstack.global_planner._se2.footprint import Shape
 from navstack.global_planner._se2.memory import curve_table, untouched_zeros
+from navstack.global_planner._se2.outcome import Outcome, Pose
 from navstack.global_planner._se2.primitives import PrimitiveTable
 from navstack.global_planner._se2.records import ENTRY, FIELD, NODE, SEGMENT, SETTINGS
+from navstack.global_planner._search.cells import union
 
 UNLIMITED: Final = 1 << 62
 BUCKETS: Final = 1 << 14
@@ -36,36 +37,13 @@ REACHES: Final = (6, 4, 3, 2)
 """Pieces on either side of a pose that are replaced when it is moved, round by round."""
 
 
-Pose = tuple[float, float, float]
-"""x, y (cells) and yaw."""
+class TimeLimit(NamedTuple):
+    """When a search ends."""
 
-
-@dataclass(frozen=True)
-class Outcome:
-    """What a search found: a path, or why there is none."""
-
-    status: int
-    """Of the kernels: FOUND, EXHAUSTED, LIMIT, APPROACHED."""
-    segments: NDArray[np.void]
-    """Pieces of the path (SEGMENT), empty without one."""
-    end: Pose
-    """Where the path ends (cells, rad)."""
-    cost: float
-    expanded: int
-    visited: int
-    nearest: tuple[float, float]
-    """The visited position nearest to the goal (cells)."""
-    timed_out: bool
-
-    @property
-    def reached(self) -> bool:
-        """Whether the path ends at a goal itself."""
-        return self.status == kernels.FOUND
-
-    @property
-    def found(self) -> bool:
-        """Whether there is a path."""
-        return self.status in (kernels.FOUND, kernels.APPROACHED)
+    deadline: float
+    """Of time.monotonic (s)."""
+    interval: int
+    """Expansions between looks at the clock."""
 
 
 class PoseSearch:
@@ -86,6 +64,10 @@ class PoseSearch:
         self._field_of: tuple[Any, ...] | None = None
         self._read: tuple[Window, NDArray[np.uint8]] | None = None
         self._unchanged = False
+        self._timed_out = False
+        self.time_limit: TimeLimit | None = None
+        self.read_beside: Window | None = None
+        """Cells that the last search depends on although it has not read them itself."""
         self._last: tuple[NDArray[np.void], Pose, NDArray[np.float64]] | None = None
         self._margin = 0.0
         self._bits = np.zeros((0, 0), np.uint64)
@@ -119,6 +101,16 @@ class PoseSearch:
         p["corners"], p["convex"] = shape.corners, shape.convex
         p["reach"], p["sample_step"], p["fine_step"] = shape.reach, shape.step, shape.fine_step
 
+    def turned_around(self) -> PoseSearch:
+        """A search over the same costs, for a robot whose front is this one's back."""
+        values = {name: self.settings[name][0] for name in SETTINGS.names or ()}
+        other = PoseSearch({**values, "weight": self._weight})
+        other.costs, other._bits, other.time_limit = self.costs, self._bits, self.time_limit
+        rows = self.shape.rows.copy()
+        rows[6:] *= -1.0
+        other.use(self.shape._replace(rows=rows))
+        return other
+
     def pose_is_free(self, x: float, y: float, yaw: float) -> bool:
         """Whether the robot may be at a pose."""
         return bool(shapes.pose_free(self.costs, self._bits, self.shape.rows, self.settings[0], x, y, yaw))
@@ -151,18 +143,15 @@ class PoseSearch:
         ring = self._heads[-heuristics.RING :]
         return float(heuristics.obstacle_cost(self.costs, self._field, ring, self.settings[0], int(x), int(y)))
 
-    def search(
-        self,
-        table: PrimitiveTable,
-        start: tuple[float, float, float],
-        start_bin: int,
-        goals: NDArray[np.float64],
-        *,
-        shorten: bool,
-        deadline: float | None = None,
-        interval: int = 5000,
-    ) -> Outcome:
-        """Search from `start` to the cheapest of `goals` (n, 4): x, y, yaw, heading bin. The goal of the heuristic is set."""
+    def search(self, *, shorten: bool) -> Outcome:
+        """Finish the search that `begin` has begun."""
+        return self.outcome(self.advance(), shorten=shorten)
+
+    def begin(self, table: PrimitiveTable, start: Pose, start_bin: int, goals: NDArray[np.float64]) -> None:
+        """Begin to search from `start` to the cheapest of `goals` (n, 4): x, y, yaw, heading bin.
+
+        The goal of the heuristic is set.
+        """
         p = self.settings
         self._clear_nodes()
         h = min(self.obstacle_cost(start[0], start[1]), 1e6)
@@ -173,7 +162,6 @@ class PoseSearch:
         p["best_node"], p["best_goal"], p["best_cost"], p["best_is_curve"] = -1, -1, np.inf, 0
         p["weight"] = self._weight
         p["patience"] = kernels.PATIENCE if self._weight > 1.0 else UNLIMITED
-        p["pause_at"] = UNLIMITED if deadline is None else interval
         self._yaws, p["curves_tried"], p["yaw_offset"] = table.headings["yaw"], 0, table.headings["yaw"][0]
         p["rotates"], p["bins"], p["turn_step"] = table.rotates, len(table.headings), table.turn_step
         p["goal_x"], p["goal_y"] = goals[0, 0], goals[0, 1]
@@ -182,10 +170,15 @@ class PoseSearch:
         self._margin = WIDEST * float(p["radius"][0]) + float(np.abs(table.primitives["length"]).max())
         self._write_root(start, start_bin)
         kernels.approach(p[0], goals, *start, 0)
-        all_shapes = (self.shape.rows, table.samples, goals)
         kernels.rehash(self._slots, self._nodes, 1)
         kernels.push(self._heads, self._entries, p[0], 0, self._weight * h)
-        timed_out = False
+        self._run, self._timed_out, self.read_beside = (table, goals), False, None
+
+    def advance(self, upto: int = UNLIMITED) -> int:
+        """Search on until something is found, nothing is left, or `upto` states are expanded: then return PAUSED."""
+        p, (table, goals), limit = self.settings, self._run, self.time_limit
+        all_shapes = (self.shape.rows, table.samples, goals)
+        p["pause_at"] = upto if limit is None else min(upto, int(p["expanded"][0]) + limit.interval)
         while True:
             status = int(
                 kernels.search(
@@ -204,14 +197,13 @@ class PoseSearch:
             )
             if status == kernels.GROW:
                 self._grow()
-            elif status == kernels.PAUSED and deadline is not None:
-                p["pause_at"] += interval
-                if time.monotonic() >= deadline:
-                    status, timed_out = kernels.FOUND if p["best_cost"][0] < np.inf else kernels.LIMIT, True
-                    break
+            elif status != kernels.PAUSED or p["expanded"][0] >= upto:
+                return status
+            elif limit is not None and time.monotonic() >= limit.deadline:
+                self._timed_out = True
+                return kernels.FOUND if p["best_cost"][0] < np.inf else kernels.LIMIT
             else:
-                break
-        return self._outcome(status, table, goals, shorten=shorten, timed_out=timed_out)
+                p["pause_at"] = min(upto, int(p["expanded"][0]) + (upto if limit is None else limit.interval))
 
     def _write_root(self, start: Pose, start_bin: int) -> None:
         """Write the node of the start."""
@@ -233,6 +225,11 @@ class PoseSearch:
         x, y = float(best["x"]) * resolution + origin_x, float(best["y"]) * resolution + origin_y
         return x, y, math.remainder(yaw, 2.0 * math.pi)
 
+    def farthest_from(self, x: float, y: float) -> float:
+        """The largest distance of a state of the last search from a point."""
+        nodes = self._nodes[: int(self.settings["nodes"][0])]
+        return float(np.hypot(nodes["x"] - x, nodes["y"] - y).max())
+
     def _curve_table(self) -> NDArray[np.float32]:
         """The table of the lengths of curves."""
         p = self.settings[0]
@@ -247,7 +244,8 @@ class PoseSearch:
         margin = math.ceil(self._margin + 4.0 * float(p["reach"]) + float(p["tolerance"])) + 2 * factor + 4
         x0, y0 = factor * int(p["low_x"]) - margin, factor * int(p["low_y"]) - margin
         x1, y1 = factor * (int(p["high_x"]) + 1) + margin, factor * (int(p["high_y"]) + 1) + margin
-        return Window(max(0, x0), max(0, y0), min(nx, x1), min(ny, y1))
+        read = Window(max(0, x0), max(0, y0), min(nx, x1), min(ny, y1))
+        return read if self.read_beside is None else union(read, self.read_beside)
 
     def remember(self, outcome: Outcome) -> None:
         """Keep the heuristic and the path as long as the costs that they depend on stay as they are now.
@@ -279,9 +277,16 @@ class PoseSearch:
         if fresh == 0:
             return None
         path = np.concatenate([self._added[:fresh], segments[rest:]])
-        values = np.zeros(len(path))
-        paths.pieces_cost(self.costs, p, path, values)
-        return Outcome(kernels.FOUND, path, end, self._cost(path, values), 0, 0, start[:2], False)
+        path, cost = self.improved(path, end, shorten=False)
+        return Outcome(kernels.FOUND, path, end, cost, 0, 0, start[:2], False)
+
+    def improved(self, segments: NDArray[np.void], end: Pose, *, shorten: bool) -> tuple[NDArray[np.void], float]:
+        """Return a path to `end`, with `shorten` after replacing stretches of it by cheaper ones, and its cost."""
+        if shorten and len(segments) > 1:
+            return self._shorten(segments, end)
+        values = np.zeros(len(segments))
+        paths.pieces_cost(self.costs, self.settings[0], segments, values)
+        return segments, self._cost(segments, values)
 
     def _cost(self, segments: NDArray[np.void], values: NDArray[np.float64]) -> float:
         """The cost of a path from those of its pieces."""
@@ -314,9 +319,9 @@ class PoseSearch:
             self._slots = np.zeros(4 * len(self._nodes), np.int32)
             kernels.rehash(self._slots, self._nodes, int(self.settings["nodes"][0]))
 
-    def _outcome(
-        self, status: int, table: PrimitiveTable, goals: NDArray[np.float64], *, shorten: bool, timed_out: bool
-    ) -> Outcome:
+    def outcome(self, status: int, *, shorten: bool) -> Outcome:
+        """What the search found, which ended with `status`."""
+        table, goals = self._run
         p = self.settings[0]
         near = self._nodes[int(p["approach_node"])]
         nearest = (float(near["x"]), float(near["y"]))
@@ -328,7 +333,7 @@ class PoseSearch:
             last, cost = int(p["approach_node"]), float(near["g"])
         else:
             return Outcome(
-                status, np.zeros(0, SEGMENT), (0.0, 0.0, 0.0), math.inf, expanded, visited, nearest, timed_out
+                status, np.zeros(0, SEGMENT), (0.0, 0.0, 0.0), math.inf, expanded, visited, nearest, self._timed_out
             )
         node = self._nodes[last]
         heading = table.headings[int(node["heading"])]
@@ -349,18 +354,16 @@ class PoseSearch:
                 count = self._write_curve(segments, count, end, goal, int(node["direction"]))
         segments = segments[:count]
         if shorten and count > 1:
-            segments, cost = self._shorten(segments, goal, goals)
-        return Outcome(status, segments, goal, cost, expanded, visited, nearest, timed_out)
+            segments, cost = self._shorten(segments, goal)
+        return Outcome(status, segments, goal, cost, expanded, visited, nearest, self._timed_out)
 
-    def _shorten(
-        self, segments: NDArray[np.void], goal: Pose, goals: NDArray[np.float64]
-    ) -> tuple[NDArray[np.void], float]:
+    def _shorten(self, segments: NDArray[np.void], goal: Pose) -> tuple[NDArray[np.void], float]:
         """Replace stretches of a path by cheaper ones; return the path and its cost."""
         p, count = self.settings[0], len(segments)
         room = np.zeros(count + 768, SEGMENT)
         room[:count] = segments
         values = np.zeros(len(room))
-        arguments = self.costs, self._bits, (self.shape.rows, goals), p, room, self._added, values
+        arguments = self.costs, self._bits, (self.shape.rows, self._run[1]), p, room, self._added, values
         if p["holonomic"]:
             count = int(lines.straighten(*arguments, count, goal))
             for reach in REACHES:
@@ -384,13 +387,3 @@ class PoseSearch:
             x, y = (stage[i] + (goal[i] - stage[i]) * k / pieces for i in (0, 1))
             paths.write_segment(segments, count + k, STRAIGHT, x, y, goal[2], tail / pieces, 1.0)
         return count + pieces
-
-
-def poses_of(outcome: Outcome, spacing: float) -> NDArray[np.float64]:
-    """Poses (n, 3) of a path, at most `spacing` cells apart (cells, rad)."""
-    goal = outcome.end
-    none = np.zeros((0, 3))
-    turn = math.radians(10.0)
-    out = np.zeros((int(paths.poses_of(outcome.segments, goal, spacing, turn, none)), 3))
-    paths.poses_of(outcome.segments, goal, spacing, turn, out)
-    return out

@@ -6,6 +6,7 @@ import math
 import time
 from abc import abstractmethod
 from dataclasses import replace
+from functools import partial
 from typing import Any, ClassVar, Final, NamedTuple
 
 import numpy as np
@@ -25,8 +26,10 @@ from navstack.core import (
     normalize_angle,
 )
 from navstack.global_planner._se2 import reasons
-from navstack.global_planner._se2.engine import UNLIMITED, Outcome, PoseSearch, poses_of
+from navstack.global_planner._se2.both_ends import Motions, search_both_ends
+from navstack.global_planner._se2.engine import UNLIMITED, PoseSearch, TimeLimit
 from navstack.global_planner._se2.footprint import Shape, shape_of
+from navstack.global_planner._se2.outcome import Outcome, poses_of
 from navstack.global_planner._se2.params import PosePlannerParams
 from navstack.global_planner._se2.primitives import PrimitiveTable
 from navstack.global_planner._se2.start import cleared_start, fits
@@ -288,10 +291,14 @@ class PosePlanner(GlobalPlanner):
     def _outcome(self, engine: PoseSearch, resolution: float, ends: _Ends) -> Outcome:
         """Search; where no state is left and the goal itself was not reached, again with finer headings.
 
+        With a weight above 1, which allows dearer paths, long searches go on from both ends.
+
         All searches together expand `max_iterations` at most; those with finer headings end at 50,000.
         """
         budget = self.params.max_iterations if self.params.max_iterations > 0 else UNLIMITED
-        deadline, goals, used = self._deadline(), ends.goals.copy(), 0
+        engine.time_limit, goals, used = self._time_limit(), ends.goals.copy(), 0
+        shorten = self.params.smooth_path
+        motions = Motions(partial(self.table, resolution), self.heading_bin, self.finer_headings)
         first: Outcome | None = None
         for finer in (1, *self.finer_headings):
             allowed = budget if first is None else min(budget, _FINER) - used
@@ -300,15 +307,12 @@ class PosePlanner(GlobalPlanner):
             table, start_bin = self.table(resolution, engine.shape, ends.start[2], finer)
             goals[:, 3] = [self.heading_bin(table, float(yaw)) for yaw in goals[:, 2]]
             engine.settings["max_expansions"] = allowed
-            outcome = engine.search(
-                table,
-                ends.start,
-                start_bin,
-                goals,
-                shorten=self.params.smooth_path,
-                deadline=deadline,
-                interval=self.params.terminal_checking_interval,
-            )
+            engine.begin(table, ends.start, start_bin, goals)
+            if first is None and len(goals) == 1 and self.params.heuristic_weight > 1.0:
+                goal = float(goals[0, 0]), float(goals[0, 1]), float(goals[0, 2])
+                outcome = search_both_ends(engine, ends.start, goal, motions, shorten=shorten)
+            else:
+                outcome = engine.search(shorten=shorten)
             used += outcome.expanded
             if outcome.reached:
                 first = outcome
@@ -319,9 +323,9 @@ class PosePlanner(GlobalPlanner):
         assert first is not None
         return replace(first, expanded=used)
 
-    def _deadline(self) -> float | None:
+    def _time_limit(self) -> TimeLimit | None:
         limit = self.params.max_planning_time
-        return None if limit <= 0.0 else time.monotonic() + limit
+        return None if limit <= 0.0 else TimeLimit(time.monotonic() + limit, self.params.terminal_checking_interval)
 
     def _plan(self, outcome: Outcome, grid: Costmap, request: Request) -> Plan:
         g = grid.geometry

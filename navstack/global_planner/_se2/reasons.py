@@ -10,7 +10,8 @@ import numpy as np
 from navstack.core import Costmap, Footprint, Pose2D, describe_cost
 from navstack.core.errors import GoalOccupiedError, NoValidPathError, PlanningError, PlanningTimeoutError
 from navstack.global_planner._se2 import _search_kernels as kernels
-from navstack.global_planner._se2.engine import Outcome, PoseSearch
+from navstack.global_planner._se2.engine import PoseSearch
+from navstack.global_planner._se2.outcome import Outcome
 from navstack.global_planner._se2.params import PosePlannerParams
 from navstack.global_planner._search import planning_errors
 from navstack.global_planner._search.best_first import BestFirst
@@ -140,7 +141,14 @@ def no_path(
             **data,
         )
     text = _narrow_text(narrow)
-    if not text:
+    if outcome.enclosed is not None:
+        data["enclosed_within_m"] = outcome.enclosed * g.resolution
+        text += (
+            f"; no way leads to the goal: backward from it, at heading {goal.yaw:.2f} rad, the robot gets at most "
+            f"{outcome.enclosed * g.resolution:.2f} m away; choose another heading, a goal farther from obstacles, or a "
+            "larger tolerance"
+        )
+    elif not text:
         x, y, yaw = engine.furthest(g.resolution, g.origin_x, g.origin_y)
         data["furthest"] = [x, y, yaw]
         text = (

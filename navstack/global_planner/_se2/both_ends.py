@@ -1,0 +1,163 @@
+"""Searches that take long go on from the goal as well.
+
+A search from the start may expand hundreds of thousands of states where the heuristic leads into a dead end, or where no path
+enters the goal at all. From the goal, the same query often takes some hundred: either side of a narrow place may be the easy one,
+and from a goal that cannot be entered the robot cannot leave, either.
+
+The search from the goal is that from the start with both ends swapped and all headings turned around: along its path, driven the
+other way round, the robot looks to where it came from.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from navstack.global_planner._se2 import _search_kernels as kernels
+from navstack.global_planner._se2.engine import UNLIMITED, PoseSearch
+from navstack.global_planner._se2.footprint import Shape
+from navstack.global_planner._se2.outcome import Outcome, Pose, turned_around
+from navstack.global_planner._se2.primitives import PrimitiveTable
+
+FIRST: Final = 8192
+"""States that the search from the start expands before that from the goal begins; both go on in turns twice as long."""
+SHARE: Final = 4
+"""Part of these states that the search from the goal may expand: 1 / SHARE."""
+ENCLOSED: Final = 50_000
+"""States after which the search from the start ends if no pose around is known from which the goal can be reached."""
+PARTS: Final = 3
+"""Poses within the tolerance that are tried: so many steps from the goal, in position and heading."""
+
+
+@dataclass(frozen=True)
+class Motions:
+    """What a planner supplies for a search from the goal."""
+
+    table: Callable[[Shape, float, int], tuple[PrimitiveTable, int]]
+    """Primitives and heading bin, for a footprint, a heading at the start, and a multiple of the usual number of headings."""
+    heading_bin: Callable[[PrimitiveTable, float], int]
+    finer: tuple[int, ...]
+    """Multiples of the usual number of headings."""
+
+
+class FromGoal:
+    """The search from the goal, or, where the goal cannot be entered, from the poses within the tolerance, nearest first."""
+
+    def __init__(self, forward: PoseSearch, start: Pose, goal: Pose, motions: Motions) -> None:
+        self._engine, self._start, self._goal, self._motions = forward.turned_around(), start, goal, motions
+        p = self._engine.settings
+        self._tolerance, self._radius = float(p["tolerance"][0]), float(p["radius"][0])
+        p["tolerance"], p["max_expansions"] = 0.0, UNLIMITED
+        self._engine.set_goal(start[0], start[1], goal[:2], keep=False)
+        self._ends = self._all_ends()
+        self._end: Pose | None = None
+        self.expanded = 0
+        self.visited = 0
+        self.goal_is_enclosed = False
+        """Whether the goal itself cannot be reached from afar."""
+        self.enclosed = 0.0
+        """How far from the goal the poses are from which it can be reached (cells), if there are no others."""
+
+    def _all_ends(self) -> Iterator[tuple[Pose, int]]:
+        """Ends of the path, with multiples of the usual number of headings."""
+        for finer in (1, *self._motions.finer):
+            yield self._goal, finer
+        if self._tolerance <= 0.0:
+            return
+        step, radius = self._tolerance / PARTS, self._radius
+        apart = [
+            (step * (math.hypot(i, j) + abs(k)), step * i, step * j, step / radius * k)
+            for i in range(-PARTS, PARTS + 1)
+            for j in range(-PARTS, PARTS + 1)
+            for k in range(-PARTS, PARTS + 1)
+        ]
+        for distance, dx, dy, turn in sorted(apart)[1:]:
+            end = self._goal[0] + dx, self._goal[1] + dy, self._goal[2] + turn
+            if distance <= self._tolerance and self._engine.pose_is_free(*_about(end)):
+                yield end, 1
+
+    def _begin(self) -> bool:
+        """Begin at the next end; return False if there is none left."""
+        end, finer = next(self._ends, (None, 1))
+        self.goal_is_enclosed = end != self._goal
+        if end is None:
+            return False
+        self._end = end
+        first, last = _about(end), _about(self._start)
+        table, start_bin = self._motions.table(self._engine.shape, first[2], finer)
+        goals = np.array([[*last, self._motions.heading_bin(table, last[2])]])
+        self._engine.begin(table, first, start_bin, goals)
+        return True
+
+    def advance(self, states: int) -> int:
+        """Expand at most so many states; return FOUND, PAUSED, EXHAUSTED (no end can be reached), or LIMIT (time)."""
+        upto = self.expanded + states
+        while self.expanded < upto:
+            if self._end is None and not self._begin():
+                return kernels.EXHAUSTED
+            p = self._engine.settings
+            before = int(p["expanded"][0])
+            status = self._engine.advance(before + upto - self.expanded)
+            self.expanded += int(p["expanded"][0]) - before
+            if status != kernels.EXHAUSTED:
+                return status
+            if self._end == self._goal:
+                self.enclosed = max(self.enclosed, self._engine.farthest_from(*self._goal[:2]))
+            self._end, self.visited = None, self.visited + int(p["nodes"][0])
+        return kernels.PAUSED
+
+    def outcome(self, forward: PoseSearch, *, shorten: bool) -> Outcome:
+        """The path that was found, from the start to the goal."""
+        assert self._end is not None
+        found = self._engine.outcome(kernels.FOUND, shorten=shorten)
+        end = self._end
+        forward.read_beside = self._engine.window
+        segments, cost = forward.improved(turned_around(found.segments, found.end), end, shorten=shorten)
+        status = kernels.FOUND if end == self._goal else kernels.APPROACHED
+        return replace(found, status=status, segments=segments, end=end, cost=cost)
+
+
+def _about(pose: Pose) -> Pose:
+    """The pose with the opposite heading."""
+    return pose[0], pose[1], pose[2] + math.pi
+
+
+def search_both_ends(
+    engine: PoseSearch,
+    start: Pose,
+    goal: Pose,
+    motions: Motions,
+    *,
+    shorten: bool,
+) -> Outcome:
+    """Go on with the search that `engine` has begun; where it takes long, search from the goal in turns with it."""
+    p = engine.settings
+    most, turn = int(p["max_expansions"][0]), FIRST
+    status = engine.advance(turn)
+    if status != kernels.PAUSED:
+        return engine.outcome(status, shorten=shorten)
+    other, enclosed = FromGoal(engine, start, goal, motions), False
+    while status == kernels.PAUSED:
+        expanded = int(p["expanded"][0])
+        if p["best_cost"][0] == np.inf and not enclosed:
+            share = 1 if other.goal_is_enclosed else SHARE
+            states = min(turn // share, most - expanded) - other.expanded
+            result = other.advance(states)
+            if result == kernels.FOUND:
+                found = other.outcome(engine, shorten=shorten)
+                return replace(found, expanded=expanded + other.expanded, visited=int(p["nodes"][0]) + other.visited)
+            enclosed = result == kernels.EXHAUSTED
+            p["max_expansions"] = min(most - other.expanded, ENCLOSED) if enclosed else most - other.expanded
+        turn *= 2
+        status = engine.advance(turn)
+    outcome = engine.outcome(status, shorten=shorten)
+    if enclosed:
+        out_of_budget = outcome.timed_out or int(p["expanded"][0]) + other.expanded >= most
+        if outcome.status == kernels.LIMIT and not out_of_budget:
+            outcome = replace(outcome, status=kernels.EXHAUSTED)
+        outcome = replace(outcome, enclosed=other.enclosed)
+    return replace(outcome, expanded=outcome.expanded + other.expanded, visited=outcome.visited + other.visited)
