@@ -77,12 +77,12 @@ def broken_topic(topic: str, mode: str, limit_s: float) -> Callable[[Rig], Outco
 
     def fault(rig: Rig) -> Outcome:
         driving(rig)
-        at = rig.tell("mode", topic=topic, mode=mode)
+        at = rig.request("mode", topic=topic, mode=mode)
         rig.run_for(2.0)
         stopped = rest_after(rig, at)
         lines = rig.warnings(at)
-        end = recovers(rig, rig.tell("mode", topic=topic, mode="pass"))
-        rig.tell("cancel")
+        end = recovers(rig, rig.request("mode", topic=topic, mode="pass"))
+        rig.request("cancel")
         rig.run_for(1.5)
         return Outcome(stopped, limit_s, lines, end, stopped <= limit_s and len(lines) == 1)
 
@@ -94,11 +94,11 @@ def broken_for_good(topic: str, mode: str, limit_s: float) -> Callable[[Rig], Ou
 
     def fault(rig: Rig) -> Outcome:
         driving(rig)
-        at = rig.tell("mode", topic=topic, mode=mode)
+        at = rig.request("mode", topic=topic, mode=mode)
         mark = len(rig.take())
         rig.wait(lambda e: e["what"] == "result", "the end of the goal", 30.0, since=mark)
         stopped, end = rest_after(rig, at), last_result(rig, at)
-        rig.tell("mode", topic=topic, mode="pass")
+        rig.request("mode", topic=topic, mode="pass")
         rig.run_for(1.0)
         return Outcome(stopped, limit_s, rig.warnings(at), end, stopped <= limit_s and end.startswith("4"))
 
@@ -108,12 +108,12 @@ def broken_for_good(topic: str, mode: str, limit_s: float) -> Callable[[Rig], Ou
 def partly_nan(rig: Rig) -> Outcome:
     """Every third beam is NaN: the robot goes on."""
     driving(rig)
-    at = rig.tell("mode", topic="scan", mode="some nan")
+    at = rig.request("mode", topic="scan", mode="some nan")
     rig.run_for(2.0)
     moving = rig.after(at, "truth")[-1]["v"] > 0.2
     lines = rig.warnings(at)
-    rig.tell("mode", topic="scan", mode="pass")
-    rig.tell("cancel")
+    rig.request("mode", topic="scan", mode="pass")
+    rig.request("cancel")
     rig.run_for(1.5)
     return Outcome(0.0, 0.0, lines, "drives on" if moving else "stands", moving and not lines)
 
@@ -121,12 +121,12 @@ def partly_nan(rig: Rig) -> Outcome:
 def jump(rig: Rig) -> Outcome:
     """The odometry and its transform jump by 1.5 m."""
     driving(rig)
-    at = rig.tell("jump", by=1.5)
+    at = rig.request("jump", by=1.5)
     rig.run_for(0.9)
     stopped, lines = rest_after(rig, at), rig.warnings(at)
-    rig.tell("jump", by=-1.5)
+    rig.request("jump", by=-1.5)
     end = recovers(rig, at + stopped)
-    rig.tell("cancel")
+    rig.request("cancel")
     rig.run_for(1.5)
     return Outcome(stopped, 1.0, lines, end, stopped <= 1.0 and len(lines) == 1)
 
@@ -134,11 +134,11 @@ def jump(rig: Rig) -> Outcome:
 def other_map(rig: Rig) -> Outcome:
     """A map of another size and origin arrives; the robot drives on, on it."""
     driving(rig)
-    at = rig.tell("map", pad=37)
+    at = rig.request("map", pad=37)
     rig.run_for(2.5)
     moving = rig.after(at, "truth")[-1]["v"] > 0.2
     said = [e["text"] for e in rig.after(at, "log") if "map of" in e["text"]]
-    rig.tell("cancel")
+    rig.request("cancel")
     rig.run_for(1.5)
     return Outcome(0.0, 0.0, said, "drives on" if moving else "stands", moving and len(said) == 1)
 
@@ -160,7 +160,7 @@ def dead_client(rig: Rig) -> Outcome:
     rig.run_for(1.0)
     moving = rig.after(at, "truth")[-1]["v"] > 0.2
     lines = rig.warnings(at)
-    rig.tell("cancel")
+    rig.request("cancel")
     rig.run_for(1.5)
     end = f"drives on; longest gap between commands {longest:.2f} s" if moving else "stands"
     return Outcome(0.0, 0.0, lines, end, moving and longest < 0.5 and not lines)
@@ -183,7 +183,7 @@ def master_killed(rig: Rig) -> Outcome:
     topics = rig.graph.run("/usr/bin/rostopic", "list").split()
     found = "/move_base/goal" in topics and "/odom" in topics and "/raw/scan" in topics
     answer = rig.graph.run("/usr/bin/rosservice", "call", "/move_base/clear_costmaps")
-    rig.tell("cancel")
+    rig.request("cancel")
     rig.run_for(1.5)
     end = "drives on; topics and services are found again" if found else "the node is not found"
     return Outcome(0.0, 0.0, lines, end, moving and found and len(lines) == 2 and not answer.strip())
@@ -214,7 +214,7 @@ def node_killed(rig: Rig) -> Outcome:
     rig.run_for(1.0)
     lines = rig.warnings(at)
     driving(rig)
-    rig.tell("cancel")
+    rig.request("cancel")
     rig.run_for(1.5)
     return Outcome(stopped, 1.2, lines, f"next goal: {last_result(rig, at)}", stopped <= 1.2)
 
@@ -235,7 +235,7 @@ def same_name(rig: Rig) -> Outcome:
     rig.wait(lambda e: e["what"] == "log" and e["t"] > at and "is ready" in e["text"], "the second node", 120.0)
     rig.run_for(1.0)
     driving(rig)
-    rig.tell("cancel")
+    rig.request("cancel")
     rig.run_for(1.5)
     rig.node = second
     right = stopped <= 1.2 and end.startswith("4") and second.poll() is None and len(lines) == 1
@@ -246,11 +246,11 @@ def clock_back(rig: Rig) -> Outcome:
     """The clock jumps back by 8 s, and everything with it."""
     rig.do("nothing", at=12.0)
     driving(rig)
-    at = rig.tell("clock back", by=8.0)
+    at = rig.request("clock back", by=8.0)
     rig.run_for(3.0)
     end, lines = recovers(rig, at + 0.5), rig.warnings(at)
     counts = len(rig.after(at + 1.0, "status"))
-    rig.tell("cancel")
+    rig.request("cancel")
     rig.run_for(1.5)
     return Outcome(0.0, 0.0, lines, f"{end}; {counts} statuses in 2 s", len(lines) <= 2 and counts >= 8)
 
@@ -259,12 +259,12 @@ def clock_stopped(rig: Rig) -> Outcome:
     """The clock stands still: a paused simulator."""
     driving(rig)
     topics = ("scan", "odom", "tf", "clock")
-    at = max(rig.tell("mode", topic=topic, mode="stop") for topic in topics)
+    at = max(rig.request("mode", topic=topic, mode="stop") for topic in topics)
     rig.run_for(3.0)
     stopped = rest_after(rig, at, "cmd")
-    end = recovers(rig, max(rig.tell("mode", topic=topic, mode="pass") for topic in topics))
+    end = recovers(rig, max(rig.request("mode", topic=topic, mode="pass") for topic in topics))
     lines = rig.warnings(at)
-    rig.tell("cancel")
+    rig.request("cancel")
     rig.run_for(1.5)
     return Outcome(stopped, 1.5, lines, end, stopped <= 1.5 and 2 <= len(lines) <= 3)
 

@@ -32,7 +32,7 @@ class Interrupt:
 def raised_terminations() -> Generator[Interrupt]:
     """SIGTERM and SIGHUP end a command as Ctrl-C does, so that it removes files that it has begun: by KeyboardInterrupt.
 
-    Yields what tells which signal it was. A second signal of the kind ends the process at once. Handlers of others and
+    Yields an object that holds the signal. A second signal of the kind ends the process at once. Handlers of others and
     ignored signals (nohup) stay.
     """
     flag = Interrupt()

@@ -38,7 +38,7 @@ def open_regular(path: Path) -> io.BufferedReader:
 
     Raises NotRegularFileError for a pipe, device or socket, and the OSErrors of `open` (IsADirectoryError for a folder).
     """
-    # without O_NONBLOCK, opening a pipe that nobody writes to waits without end
+    # without O_NONBLOCK, opening a pipe without a writer never returns
     flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0) | getattr(os, "O_CLOEXEC", 0)
     try:
         number = os.open(path, flags)
@@ -82,7 +82,7 @@ def size_text(size: int) -> str:
 class CappedFile(io.BufferedReader):
     """A regular file, open for reading (`open_regular`), that refuses single reads of more than 8 MB.
 
-    For parsers (zipfile) that read as much as a length in the file tells them to.
+    For parsers (zipfile) that read as many bytes as a length in the file says.
     """
 
     def __init__(self, path: Path) -> None:

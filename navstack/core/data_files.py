@@ -22,7 +22,7 @@ def data_folder(kind: Literal["params", "maps"]) -> Path:
     """
     top = _PACKAGE.parent
     in_package, at_top = _PACKAGE / kind, top / kind
-    # pyproject.toml tells a checkout from a folder of that name next to an installed package
+    # pyproject.toml distinguishes a checkout from a folder of that name next to an installed package
     folder = at_top if (top / "pyproject.toml").is_file() and at_top.is_dir() else in_package
     if folder.is_dir():
         return folder

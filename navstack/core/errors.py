@@ -1,4 +1,4 @@
-"""Exceptions. Each one has a numeric code, a message that tells the user how to fix the problem, and data for programs.
+"""Exceptions. Each one has a numeric code, a message that says how to fix the problem, and data for programs.
 
 The codes are those of Nav2's action results (ComputePathToPose 2xx, FollowPath 1xx, Spin 7xx); errors without a counterpart in
 Nav2 start at 9000.

@@ -109,7 +109,7 @@ def run_starts(
     path = np.array([(math.nan,) * 3 if f.reference is None else tuple(f.reference) for f in frames()]).reshape(-1, 3)
     if not np.isfinite(path).any():
         raise LogError(
-            "the log has no reference poses, so it cannot be told which starts find the true pose; see --reference"
+            "the log has no reference poses, with which the poses that were found could be compared; see --reference"
         )
     usable = len(path) - LEAST_SCANS
     if not 1 <= count <= max(usable, 0):

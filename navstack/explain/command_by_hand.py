@@ -23,7 +23,7 @@ class HandCommand:
 
 
 def driven_by_hand(record: Record, time: float) -> HandCommand | None:
-    """Return the last command of a person until `time` (s); None if nobody has driven until then."""
+    """Return the last command of a person until `time` (s); None before the first."""
     given = [
         item
         for item in record.scenario.get("interactions", ())

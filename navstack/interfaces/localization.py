@@ -34,7 +34,7 @@ class LocalizationStatus(NamedTuple):
 
     lost: bool = False
     since: float | None = None
-    """Stamp (s) of the first scan that speaks against the believed pose, if the robot is lost."""
+    """Stamp (s) of the first scan that contradicts the believed pose, if the robot is lost."""
     explained: float | None = None
     """Share of the last scan's beams that the map explains from the believed pose; None if it is not known."""
     text: str = ""

@@ -203,7 +203,7 @@ def _is_constant(obj: Any) -> bool:
 
 
 def _is_frozen(array: Any) -> bool:
-    """True for an array that nobody can write to."""
+    """True for an array that cannot be written to."""
     while isinstance(array, np.ndarray):
         if array.flags.writeable:
             return False

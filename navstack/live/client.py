@@ -74,8 +74,8 @@ class Client:
             with contextlib.suppress(asyncio.CancelledError, ConnectionError):
                 await sender
 
-    async def tell(self, notice: messages.Notice) -> None:
-        """Shows something to the person."""
+    async def notify(self, notice: messages.Notice) -> None:
+        """Show a notice on the page."""
         await self._send(notice)
 
     async def _handle(self, text: str, slow: set[asyncio.Task[None]]) -> None:
@@ -155,7 +155,7 @@ class Client:
                 encoded = self._next_frame()
             except Exception as error:  # frames are differences: without this one, the page needs all of it again
                 text = f"the page could not be sent ({type(error).__name__}: {error}); please report it"
-                await self.tell(messages.Notice(text=text[:500], severity="error"))
+                await self.notify(messages.Notice(text=text[:500], severity="error"))
                 await self._socket.close(code=1011, message=b"a frame failed")
                 return
             try:

@@ -107,7 +107,7 @@ class LiveServer:
             session.pause(True)
         notice = messages.Notice(text=f"the simulation stopped: {error.message}", severity="error")
         for client in list(self._clients):
-            await client.tell(notice)
+            await client.notify(notice)
 
     # --- requests of browsers ---------------------------------------------------------------------------------------
 

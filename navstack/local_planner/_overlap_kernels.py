@@ -103,7 +103,7 @@ def comes_nearer(corners, scale, pose, start, grid, cells, placed):
 def leave_cells(corners, scale, grid, cells, poses, counts, alive, first_nearer, ends_free):
     """Examine the rollouts that are alive: do they keep their distance from the `cells` (m, 2) under the footprint?
 
-    Per row: `first_nearer` (K,) is the first point that comes nearer to a cell, -1 without; `ends_free` (K,) tells whether
+    Per row: `first_nearer` (K,) is the first point that comes nearer to a cell, -1 without; `ends_free` (K,) says whether
     the footprint overlaps none of the cells at the last point. `scale`: see `comes_nearer`.
     """
     placed = np.empty(corners.shape)

@@ -1,6 +1,6 @@
 """scan_matching: localization by matching scans with the map, from a pose or without one.
 
-Without a pose, a search over the whole map gives hypotheses; the robot's motion and further scans tell them apart, until one
+Without a pose, a search over the whole map gives hypotheses; the robot's motion and further scans distinguish them, until one
 explains what was seen and no other does.
 """
 

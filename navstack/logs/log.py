@@ -134,7 +134,7 @@ class Log:
         """`ROS 1 bag`, `ROS 2 bag (sqlite3)`, `ROS 2 bag (mcap)` or `MCAP`."""
         self.is_ros1 = is_ros1
         self._source = source
-        # a replay that is explained keeps its log open; nobody closes it there
+        # a replay that is explained keeps its log open; the replay does not close it
         self._finalizer = weakref.finalize(self, source.close)
 
     def __enter__(self) -> Log:

@@ -148,7 +148,7 @@ def command_gaps(context: SafetyContext) -> Iterator[Issue]:
 
 
 def mux_inputs(context: SafetyContext) -> Iterator[Issue]:
-    """An input that is missing, and inputs of equal priority, of which only the first one is heard."""
+    """An input that is missing, and inputs of equal priority, of which only the first one is used."""
     mux = context.safety.twist_mux
     if mux is None:
         return
@@ -164,7 +164,7 @@ def mux_inputs(context: SafetyContext) -> Iterator[Issue]:
         first = by_priority.setdefault(entry.priority, entry.name)
         if first != entry.name:
             message = (
-                f"the inputs {first} and {entry.name} have the same priority {entry.priority}, so {entry.name} is not heard "
+                f"the inputs {first} and {entry.name} have the same priority {entry.priority}, so {entry.name} is ignored "
                 f"while {first} sends commands; give each input a priority of its own"
             )
             yield Issue("warning", "equal-priority", ("/twist_mux/topics",), message)
@@ -174,7 +174,7 @@ def mux_inputs(context: SafetyContext) -> Iterator[Issue]:
 
 
 def monitor_frames(context: SafetyContext, name: str, monitor: Monitor) -> Iterator[Issue]:
-    """A frame that nobody publishes makes every source invalid: the robot stands."""
+    """A frame that is not published makes every source invalid: the robot stops."""
     for parameter in ("base_frame_id", "odom_frame_id"):
         frame: str | None = getattr(monitor, parameter)
         if not frame or frame in context.frames or (parameter == "odom_frame_id" and not monitor.base_shift_correction):

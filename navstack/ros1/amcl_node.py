@@ -168,7 +168,7 @@ class AmclNode(LocalizationNode):
             self.tf.publish(item.stamp_ns, last.map_to_odom)
         return True
 
-    # --- what is told regularly ---------------------------------------------------------------------------------------
+    # --- periodic messages --------------------------------------------------------------------------------------------
 
     def _save_pose(self, now: float, *, is_last: bool = False) -> None:
         """Write the pose to the parameters of the start, so that a new node begins there."""

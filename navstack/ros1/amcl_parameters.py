@@ -88,6 +88,6 @@ def bind(
     if params is None or errors:
         raise ParameterError("the parameters of amcl cannot be used:\n" + "\n".join(errors))
     own = {f"{SECTION}/{name}" for name in _TOPICS}
-    told = tuple(item for item in whole.findings if item.key.startswith(f"{SECTION}/") and item.key not in own)
+    reported = tuple(item for item in whole.findings if item.key.startswith(f"{SECTION}/") and item.key not in own)
     assert isinstance(params, AmclNodeParams)
-    return AmclConfiguration(params, space.as_dict(), told)
+    return AmclConfiguration(params, space.as_dict(), reported)

@@ -30,7 +30,7 @@ _SEARCHES: Final = ("follow", "escape")
 class CloudTopics:
     """Publishes the clouds under the names of DWAPlannerROS, TrajectoryPlannerROS, NavfnROS and GlobalPlanner.
 
-    They are computed only while somebody subscribes.
+    They are computed only while a node subscribes.
     """
 
     def __init__(

@@ -31,7 +31,7 @@ def message(build: MessageBuilder, stamp_ns: int, frame: str, pose: Pose2D) -> A
 
 
 def publish(pose: Pose2D, frame: str, wait_s: float) -> bool:
-    """Publish a pose on `initialpose`, latched, once somebody has connected; return False if nobody did within `wait_s` (wall).
+    """Publish a pose on `initialpose`, latched, once a node has subscribed; return False if none did within `wait_s` (wall).
 
     Raises InputError without a time.
     """
@@ -45,7 +45,7 @@ def publish(pose: Pose2D, frame: str, wait_s: float) -> bool:
             break
         ros.STOP.wait(0.05)
     if rospy.Time.now().is_zero():
-        raise InputError("/use_sim_time is set, but nobody publishes /clock; start the simulation first")
+        raise InputError("/use_sim_time is set, but no node publishes /clock; start the simulation first")
     build = MessageBuilder(ros.MessageTypes(), ros1=True)
     out.publish(message(build, int(rospy.Time.now().to_nsec()), frame, pose))
     ros.STOP.wait(LINGER_S)
@@ -54,6 +54,6 @@ def publish(pose: Pose2D, frame: str, wait_s: float) -> bool:
     if found:
         rospy.loginfo("published x %.3f, y %.3f, yaw %.3f in %s on %s", pose.x, pose.y, pose.yaw, frame, topic)
     else:
-        rospy.logwarn("nobody subscribes to %s; start the localization first", topic)
+        rospy.logwarn("no node subscribes to %s; start the localization first", topic)
     ros.shut_down(lambda: None)
     return found

@@ -108,7 +108,7 @@ class LocalizationNode(ABC):
             now = self.clock.now()
             if self.clock.jumps != self._jumps:
                 self._jumps = self.clock.jumps
-                self._rospy.logwarn("the clock jumped back; transforms and sensor data before it are forgotten")
+                self._rospy.logwarn("the clock jumped back; transforms and sensor data before it are discarded")
                 self.robot.forget()
             self.process(now)
             self.log.flush(drives=True)

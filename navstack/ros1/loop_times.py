@@ -21,7 +21,7 @@ PHASES: Final = ("messages", "cycle", "publishing", "record")
 PROGRAMS: Final = "other programs on the processor"
 THREADS: Final = "other threads of the node"
 EITHER: Final = "other programs on the processor or other threads of the node"
-"""Where the system does not tell them apart."""
+"""Where the system does not distinguish them."""
 CLOCK: Final = "late clock messages"
 STEP: Final = "a step of the system clock"
 ENOUGH: Final = 0.5

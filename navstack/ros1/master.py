@@ -1,6 +1,6 @@
 """Watches the ROS master: a node that outlives its master registers again at the next one.
 
-rospy registers once. After a restart of roscore the connections between nodes still work, but nobody finds the node any more.
+rospy registers once. After a restart of roscore the connections between nodes still work, but no other node finds it any more.
 """
 
 from __future__ import annotations

@@ -242,7 +242,7 @@ class MoveBaseNode:
         self.times.clock(now)
         if self.clock.jumps != self._jumps:
             self._jumps = self.clock.jumps
-            self._rospy.logwarn("the clock jumped back; transforms and sensor data before it are forgotten")
+            self._rospy.logwarn("the clock jumped back; transforms and sensor data before it are discarded")
             self.robot.forget()
         if self._is_simulated and self._still.is_new(now):
             # the base may go on with its last velocity while the simulator stands still

@@ -20,7 +20,7 @@ MOST: Final = 200
 """Problems that are remembered."""
 _NUMBERS: Final = re.compile(r"-?\b(\d+\.?\d*(e[+-]?\d+)?|nan|inf)\b")
 STOPPED: Final = ("[", "the robot is stopped")
-"""Beginnings of the texts that tell of a stop: move_base's "[local_costmap]:Sensor data is out of date", and navstack's."""
+"""Beginnings of the texts that report a stop: move_base's "[local_costmap]:Sensor data is out of date", and navstack's."""
 
 _ENDS: Final = ("finished.", " ends")
 
@@ -90,8 +90,8 @@ class NodeLog:
             self._waiting.append(_Problem(cause, line, time.monotonic(), is_message))
 
     def _stop(self, text: str, cause: str) -> None:
-        told = [problem.cause for problem in self._waiting if problem.is_message or not cause]
-        reason = told[0] if told else cause or self._newest_data()
+        causes = [problem.cause for problem in self._waiting if problem.is_message or not cause]
+        reason = causes[0] if causes else cause or self._newest_data()
         is_new = bool(self._waiting) or self._is_new(cause or text)
         self._waiting.clear()
         if not self._is_stopped and is_new:

@@ -186,7 +186,7 @@ class MotionRunner:
     def _too_slow(self, motion: Move | Turn, allowance_s: float) -> MotionTimeoutError:
         text = f"{motion.summary()} within {allowance_s:.1f} s"
         if self._out.get_num_connections() == 0:
-            text += f"; nobody subscribes to {self.settings.topic}: set ~vel_topic to the robot's topic"
+            text += f"; no node subscribes to {self.settings.topic}: set ~vel_topic to the robot's topic"
         return MotionTimeoutError(text)
 
     def _pose(self) -> tuple[Pose2D, float] | None:

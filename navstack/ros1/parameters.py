@@ -26,7 +26,7 @@ NOT_OURS: Final = (
 """Parameters of the node's topics, not of the goal manager."""
 
 WRITTEN: Final = "navstack_written"
-"""Parameter `~` that tells a later start that the node has written its parameters to the server."""
+"""Parameter `~` that shows a later start that the node has written its parameters to the server."""
 
 
 def load(sources: Sequence[str] = (), overrides: Sequence[str] = (), *, distro: str | None = None) -> Configuration:

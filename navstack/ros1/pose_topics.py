@@ -1,4 +1,4 @@
-"""What a localization tells: `amcl_pose` and `particlecloud`, latched, and map -> odom on /tf."""
+"""What a localization publishes: `amcl_pose` and `particlecloud`, latched, and map -> odom on /tf."""
 
 from __future__ import annotations
 

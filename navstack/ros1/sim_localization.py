@@ -1,4 +1,4 @@
-"""What the localization of the simulated robot tells: amcl_pose and particlecloud."""
+"""What the localization of the simulated robot publishes: amcl_pose and particlecloud."""
 
 from __future__ import annotations
 

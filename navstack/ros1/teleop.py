@@ -54,7 +54,7 @@ class Teleop:
         self._publish(twist.vx, twist.vy, UP_DOWN.get(key, 0.0) * self.keyboard.speed, twist.wz)
         if not self._is_warned and self._out.get_num_connections() == 0:
             self._is_warned = True
-            self._say(f"nobody subscribes to {self._topic}; set _vel_topic:=TOPIC to the robot's topic")
+            self._say(f"no node subscribes to {self._topic}; set _vel_topic:=TOPIC to the robot's topic")
         if key in SPEED_KEYS:
             self._changes += 1
             self._say(str(self.keyboard))

@@ -13,7 +13,7 @@ from navstack.ros1 import generated_messages, ros
 class VoxelTopics:
     """Publishes `<layer>/voxel_grid` (with publish_voxel_map) and `<layer>/clearing_endpoints` of one costmap.
 
-    They are computed only while somebody subscribes.
+    They are computed only while a node subscribes.
     """
 
     def __init__(self, costmap: LayeredCostmap, build: MessageBuilder) -> None:

@@ -22,7 +22,7 @@ from navstack.safety.velocity_smoother import VelocitySmoother
 NAVIGATION: Final = "navigation"
 """Source of the commands of `CommandChain.command`, which MoveBase calls."""
 MOST_STEPS: Final = 4096
-"""Number of steps that a chain keeps until somebody takes them."""
+"""Number of steps that a chain keeps until they are taken."""
 _ZERO: Final = Twist2D()
 
 

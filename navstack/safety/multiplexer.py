@@ -44,7 +44,7 @@ class _Lock:
     value: bool = False
 
     def is_active(self, now: float) -> bool:
-        """True if it was set last, or if it must be heard regularly and was not."""
+        """True if it was set last, or if it must be received regularly and was not."""
         timeout = self.params.timeout
         return self.value or (timeout > 0.0 and now - self.received_at > timeout + _ROUNDING_S)
 

@@ -201,8 +201,8 @@ class Source(ABC):
 class ScanSource(Source):
     """Beams of a laser scan within its ranges.
 
-    A scan with hardly a valid beam looks as if nothing was there. Beams that hit something nearer than `range_min` tell where the
-    obstacle is: the monitor holds the robot in those directions. NaN tell nothing: the scan is no data.
+    A scan with hardly a valid beam looks as if nothing was there. Beams that hit something nearer than `range_min` show the
+    direction of an obstacle: the monitor holds the robot in those directions. A scan of NaN contains no data.
     """
 
     def __init__(self, *args: Any) -> None:

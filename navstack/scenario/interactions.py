@@ -74,14 +74,14 @@ class RemoveShape(_Interaction):
 
 
 class PlaceRobot(_Interaction):
-    """Puts the robot somewhere and tells its localization, as RViz's 2D Pose Estimate; both costmaps are cleared."""
+    """Puts the robot somewhere and gives its localization the pose, as RViz's 2D Pose Estimate; both costmaps are cleared."""
 
     kind: Literal["place"] = param("place", "put the robot somewhere")
     pose: PoseList = param(..., "[x, y, yaw] or [x, y] in the map", unit="m, rad")
 
 
 class Kidnap(_Interaction):
-    """Puts the robot somewhere without telling its localization, which must find out."""
+    """Puts the robot somewhere and leaves its localization at the former pose."""
 
     kind: Literal["kidnap"] = param("kidnap", "carry the robot away")
     pose: PoseList = param(..., "[x, y, yaw] or [x, y] in the map", unit="m, rad")

@@ -12,7 +12,7 @@ from navstack.core.errors import FrameError
 from navstack.interfaces import LocalizationStatus, Localizer, OdometryFilter, PoseEstimate
 from navstack.parameters.models.sim import SimParams
 
-TOLD_COVARIANCE = np.diag([0.01, 0.01, 0.003])
+GIVEN_COVARIANCE = np.diag([0.01, 0.01, 0.003])
 """Of a pose that a person gives (m², rad²)."""
 
 
@@ -56,10 +56,10 @@ class Estimation:
         """Whether the robot is localized; None without a localizer that watches it."""
         return None if self.localizer is None else self.localizer.status
 
-    def tell(self, pose: Transform2D, odometry: Transform2D) -> None:
-        """Give the pose of the base in the map, as a person does."""
+    def set_pose(self, pose: Transform2D, odometry: Transform2D) -> None:
+        """Set the pose of the base in the map, as a person does."""
         if self.localizer is not None:
-            self.localizer.set_pose(Pose2D(*pose), TOLD_COVARIANCE, math.inf)
+            self.localizer.set_pose(Pose2D(*pose), GIVEN_COVARIANCE, math.inf)
             self._correction = pose @ odometry.inverse()
 
     def process(self, data: Sequence[SensorData], frames: FrameTree) -> bool:

@@ -329,7 +329,7 @@ class SimulatedRobot:
         if not inform_localization and self.estimation.localizer is not None:
             return
         self._localization.correct(truth, self._odometry_pose)
-        self.estimation.tell(truth, self._odometry_pose)
+        self.estimation.set_pose(truth, self._odometry_pose)
         localizes = self.estimation.localizer is not None
         current = self.estimation.correction if localizes else self._localization.current
         if self._localization.is_static:

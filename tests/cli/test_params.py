@@ -120,8 +120,8 @@ def test_allow_missing(robot: Path, capfd: pytest.CaptureFixture[str]) -> None:
     plan = ["plan", "office", "--start", "0.8,7.45", "--goal", "2.0,7.45", "--params", "robot"]
     for command in (["check", "robot"], ["params", "show", "robot"], plan):
         assert run(command) == 2
-        told = capfd.readouterr()
-        assert "or leave depth out with --allow-missing" in told.out + told.err
+        output = capfd.readouterr()
+        assert "or leave depth out with --allow-missing" in output.out + output.err
     assert run(["check", "robot", "--allow-missing"]) == 0
     assert run(["params", "show", "robot", "--allow-missing"]) == 0
     assert "depth" not in capfd.readouterr().out.partition("robot_radius")[2]

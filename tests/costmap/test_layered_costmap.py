@@ -312,8 +312,8 @@ def test_explaining_changes_nothing() -> None:
     costmap.update(0.0)
     layer = costmap.layer("obstacle_layer")
     before = (costmap.master.data.copy(), layer.costs.copy(), costmap.window)  # type: ignore[attr-defined]
-    told = [costmap.explain_cell(x, y).text for x in np.arange(-1.5, 1.6, 0.5) for y in np.arange(-1.5, 1.6, 0.5)]
-    assert len(told) == 49
+    explained = [costmap.explain_cell(x, y).text for x in np.arange(-1.5, 1.6, 0.5) for y in np.arange(-1.5, 1.6, 0.5)]
+    assert len(explained) == 49
     np.testing.assert_array_equal(costmap.master.data, before[0])
     np.testing.assert_array_equal(layer.costs, before[1])  # type: ignore[attr-defined]
     assert costmap.window == before[2]
@@ -333,7 +333,7 @@ def test_old_marks_never_show_a_new_time() -> None:
     for _ in range(9000):
         layer.buffers[0].receive(nothing)
         layer._assign_serials(layer.buffers[0])
-    told = costmap.explain_cell(1.0, 0.0)
-    assert (told.cost, told.source, told.stamp) == (254, None, None)
-    assert told.layers[0].explanation is not None
-    assert "no longer stored" in told.layers[0].explanation.text
+    explained = costmap.explain_cell(1.0, 0.0)
+    assert (explained.cost, explained.source, explained.stamp) == (254, None, None)
+    assert explained.layers[0].explanation is not None
+    assert "no longer stored" in explained.layers[0].explanation.text

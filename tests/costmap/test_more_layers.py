@@ -51,10 +51,10 @@ def test_cone_marks_its_arc_and_clears_the_space_before_it() -> None:
     assert costmap.master.cost_at(0.5, 0.0) == 0
     assert costmap.master.cost_at(1.5, 0.0) == 255
     assert costmap.master.cost_at(0.0, 1.0) == 255
-    told = costmap.explain_cell(1.0, 0.0)
-    assert told.set_by == "sonar_layer"
-    assert told.layers[0].explanation is not None
-    assert told.layers[0].explanation.data["probability"] > 0.8
+    explained = costmap.explain_cell(1.0, 0.0)
+    assert explained.set_by == "sonar_layer"
+    assert explained.layers[0].explanation is not None
+    assert explained.layers[0].explanation.data["probability"] > 0.8
 
 
 def test_range_layer_resets_and_becomes_stale() -> None:
@@ -113,8 +113,8 @@ def test_keepout() -> None:
     costmap, mask = masked(layer, "....\n.##.\n?...")
     costmap.update_at(HERE, 0.0)
     assert costmap.master.data[::-1].tolist() == [[0, 0, 0, 0], [0, 254, 254, 0], [254, 0, 0, 0]]
-    told = costmap.explain_cell(1.5, 1.5)
-    assert (told.set_by, told.source) == ("keepout", "mask")
+    explained = costmap.explain_cell(1.5, 1.5)
+    assert (explained.set_by, explained.source) == ("keepout", "mask")
     # 50 of 100 is half the cost
     half = grid_of("....\n....\n....")
     half.data[0, 1] = 50

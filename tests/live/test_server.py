@@ -21,6 +21,8 @@ from navstack.live.server import LiveServer, serve
 from navstack.live.session import Session
 from navstack.live.stage import Options, Stage
 
+LIMIT_S = 240.0
+"""A test that waits longer (s) for the server fails."""
 Body = Callable[[aiohttp.ClientSession, str, LiveServer], Awaitable[None]]
 
 
@@ -35,7 +37,8 @@ def served(
         stop, address = asyncio.Event(), asyncio.get_running_loop().create_future()
         task = asyncio.create_task(serve(server, "127.0.0.1", 0, ready=address.set_result, stop=stop))
         try:
-            async with aiohttp.ClientSession() as client:
+            # the server's pings keep a `receive` with a timeout of its own waiting
+            async with asyncio.timeout(LIMIT_S), aiohttp.ClientSession() as client:
                 await body(client, str(await address).split("?")[0], server)
         finally:
             stop.set()
@@ -167,7 +170,7 @@ def test_frames_are_differences(session: Session) -> None:
         assert sum("shapes" in side for side in sides) == 1
         await socket.close()
 
-    session.set_speed(50.0)
+    session.set_speed(2.0)  # the run lasts for more than six frames, also on a slow machine
     served(session, body)
 
 

@@ -252,7 +252,7 @@ def test_from_rest_the_command_keeps_the_acceleration() -> None:
 
 
 def inputs_at(pose: Pose2D, velocity: Twist2D, lethal: Any = (), footprint: Footprint = FOOTPRINT) -> ControlInput:
-    """With inflation, so that the centre's cost tells the distance."""
+    """With inflation, so that the distance follows from the centre's cost."""
     costmap = local_costmap(pose, lethal)
     if lethal:
         from scipy import ndimage

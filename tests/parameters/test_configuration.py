@@ -749,8 +749,8 @@ def test_the_simulated_lidars_follow_the_observation_sources() -> None:
         ("rear_scan", "rear_scan_link", pytest.approx(0.6)),
     ]
     assert not [f for f in loaded.findings if f.severity == "warning"]
-    [told, _] = [f.message for f in loaded.findings if f.rule == "assumed-lidar"]
-    assert "1 rad" in told and "0.45 to 6 m" in told and "navstack: {sim: {laser: {fov" in told
+    [assumed, _] = [f.message for f in loaded.findings if f.rule == "assumed-lidar"]
+    assert "1 rad" in assumed and "0.45 to 6 m" in assumed and "navstack: {sim: {laser: {fov" in assumed
     # what the user says is kept, and not assumed
     own = sources(front=front) | {"navstack": {"sim": {"laser": {"fov": 4.7, "frame": "mine", "x": 0.3}}}}
     kept = load_configuration([own])

@@ -88,11 +88,11 @@ def test_animations_are_reproducible(short, film, tmp_path):
 
 
 def test_progress_is_reported_for_every_frame(short, tmp_path):
-    told = []
+    reported = []
     animate_run(
-        short, tmp_path / "run.gif", fps=2, speed=4, dpi=50, progress=lambda done, total: told.append((done, total))
+        short, tmp_path / "run.gif", fps=2, speed=4, dpi=50, progress=lambda done, total: reported.append((done, total))
     )
-    assert told == [(i, 5) for i in range(1, 6)]
+    assert reported == [(i, 5) for i in range(1, 6)]
 
 
 def test_runs_with_few_data(tmp_path):

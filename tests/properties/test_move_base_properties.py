@@ -91,7 +91,7 @@ def test_any_calls_leave_every_goal_in_a_legal_state(calls: list[tuple[str, floa
         assert all(h is server.current or h is server.next for h in alive)
         assert sum(h.is_active for h in alive) <= 1
         assert server.next is None or server.next.status in (GoalStatus.PENDING, GoalStatus.RECALLING)
-    # whoever ends what is left ends every goal
+    # ending the current and the next goal ends every goal
     if world.server.is_active:
         world.server.set_aborted(now, "")
     if world.server.is_new_goal_available:
@@ -125,16 +125,16 @@ def test_whatever_fails_when_the_goal_ends_and_the_robot_stands(
             occupied(n)
 
     def drive(n: int) -> Any:
-        told = commands[n] if n < len(commands) else 0
-        if told == 1:
+        outcome = commands[n] if n < len(commands) else 0
+        if outcome == 1:
             no_control(n)
-        return LocalPlan(Twist2D()) if told == 2 else LocalPlan(Twist2D(0.1, 0.0, 0.4)) if told == 3 else None
+        return LocalPlan(Twist2D()) if outcome == 2 else LocalPlan(Twist2D(0.1, 0.0, 0.4)) if outcome == 3 else None
 
     def recover(n: int) -> RecoveryStep | None:
-        told = steps[n] if n < len(steps) else 0
-        if told == 0:
+        outcome = steps[n] if n < len(steps) else 0
+        if outcome == 0:
             return RecoveryStep(RecoveryStatus.DONE, text="done")
-        return RecoveryStep(RecoveryStatus.RUNNING if told == 1 else RecoveryStatus.FAILED, Twist2D(0.0, 0.0, 0.3))
+        return RecoveryStep(RecoveryStatus.RUNNING if outcome == 1 else RecoveryStatus.FAILED, Twist2D(0.0, 0.0, 0.3))
 
     def run() -> tuple[Any, list[Any]]:
         bench = Bench(

@@ -111,7 +111,7 @@ def test_a_range_ends_at_a_solid_and_meets_none_before(seed: int) -> None:
         along = np.array([math.cos(angle), math.sin(angle)])
         before = max(min(measured, 9.0) - 2e-5, 0.0)
         way = shapely.LineString([[pose.x, pose.y], [pose.x, pose.y] + before * along])
-        # a ray that grazes a corner is cut by less than shapely can tell
+        # a ray that grazes a corner is cut by less than the precision of shapely
         assert shapely.length(shapely.intersection(obstacles, way)).sum() < 1e-6
         if math.isfinite(measured):
             end = shapely.Point([pose.x, pose.y] + measured * along)

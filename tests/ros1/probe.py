@@ -46,7 +46,7 @@ class Probe:
         listen("/diagnostics", ros.message("diagnostic_msgs/DiagnosticArray"), self._diagnostics, queue_size=5)
         if relays:
             self._listen_to_all()
-        self.tell("ready")
+        self.report("ready")
 
     def _listen_to_all(self) -> None:
         listen = self.rospy.Subscriber
@@ -65,7 +65,7 @@ class Probe:
         listen("move_base/current_goal", stamped, self._current_goal, queue_size=50)
         listen("move_base/NavfnROS/plan", ros.message("nav_msgs/Path"), self._plan, queue_size=50)
 
-    def tell(self, what: str, **data: Any) -> None:
+    def report(self, what: str, **data: Any) -> None:
         """Write an event: what was heard or done, and when."""
         line = json.dumps({"t": time.monotonic(), "what": what, **data})
         with self._lock:
@@ -121,19 +121,19 @@ class Probe:
     # --- reports ------------------------------------------------------------------------------------------------------
 
     def _command(self, message: Any) -> None:
-        self.tell("cmd", v=message.linear.x, w=message.angular.z, now=self.rospy.Time.now().to_sec())
+        self.report("cmd", v=message.linear.x, w=message.angular.z, now=self.rospy.Time.now().to_sec())
 
     def _truth(self, message: Any) -> None:
         twist, pose = message.twist.twist, message.pose.pose.position
-        self.tell("truth", v=twist.linear.x, w=twist.angular.z, x=pose.x, y=pose.y)
+        self.report("truth", v=twist.linear.x, w=twist.angular.z, x=pose.x, y=pose.y)
 
     def _status(self, message: Any) -> None:
         goals = [(item.goal_id.id, item.status, item.text) for item in message.status_list]
-        self.tell("status", goals=goals, stamp=message.header.stamp.to_sec())
+        self.report("status", goals=goals, stamp=message.header.stamp.to_sec())
 
     def _result(self, message: Any) -> None:
         status = message.status
-        self.tell(
+        self.report(
             "result", id=status.goal_id.id, status=status.status, text=status.text, stamp=message.header.stamp.to_sec()
         )
 
@@ -141,7 +141,7 @@ class Probe:
         position = message.feedback.base_position
         goal = message.status.goal_id.id
         at = position.pose.position
-        self.tell(
+        self.report(
             "feedback",
             id=goal,
             frame=position.header.frame_id,
@@ -153,17 +153,17 @@ class Probe:
     def _recovery(self, message: Any) -> None:
         index, total = message.current_recovery_number, message.total_number_of_recoveries
         stamp = message.pose_stamped.header.stamp.to_sec()
-        self.tell("recovery", name=message.recovery_behavior_name, index=index, total=total, stamp=stamp)
+        self.report("recovery", name=message.recovery_behavior_name, index=index, total=total, stamp=stamp)
 
     def _current_goal(self, message: Any) -> None:
         at = message.pose.position
-        self.tell("current_goal", frame=message.header.frame_id, x=at.x, y=at.y)
+        self.report("current_goal", frame=message.header.frame_id, x=at.x, y=at.y)
 
     def _plan(self, message: Any) -> None:
-        self.tell("plan", poses=len(message.poses), frame=message.header.frame_id)
+        self.report("plan", poses=len(message.poses), frame=message.header.frame_id)
 
     def _log(self, message: Any) -> None:
-        self.tell("log", level=int(message.level), name=message.name, text=message.msg)
+        self.report("log", level=int(message.level), name=message.name, text=message.msg)
 
     def _diagnostics(self, message: Any) -> None:
         found = {
@@ -171,7 +171,7 @@ class Probe:
             for s in message.status
         }
         if any(name.startswith("move_base") for name in found):
-            self.tell("diagnostics", found=found)
+            self.report("diagnostics", found=found)
 
     # --- commands -----------------------------------------------------------------------------------------------------
 
@@ -194,8 +194,8 @@ class Probe:
         elif what == "map":
             self.out["map"].publish(self._padded(int(command["pad"])))
         elif what == "listeners":
-            self.tell("listeners", **{name: out.get_num_connections() for name, out in self.out.items()})
-        self.tell("done", do=what, now=self.rospy.Time.now().to_sec())
+            self.report("listeners", **{name: out.get_num_connections() for name, out in self.out.items()})
+        self.report("done", do=what, now=self.rospy.Time.now().to_sec())
 
     def _goal(self, command: dict[str, Any]) -> Any:
         goal = ros.message("move_base_msgs/MoveBaseActionGoal")()

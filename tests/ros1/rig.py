@@ -110,7 +110,7 @@ class Rig:
         """Return ROS's time (s)."""
         return float(self.do("nothing")["now"])
 
-    def tell(self, do: str, **data: Any) -> float:
+    def request(self, do: str, **data: Any) -> float:
         """Give the probe a command; return the time (s, monotonic) at which it was done."""
         return float(self.do(do, **data)["t"])
 
@@ -161,7 +161,7 @@ class Rig:
 
     def send_goal(self, x: float, y: float, **data: Any) -> float:
         """Send a goal; return the time."""
-        return self.tell("goal", x=x, y=y, **data)
+        return self.request("goal", x=x, y=y, **data)
 
     def wait_for_motion(self, speed: float = 0.2, since: int | None = None) -> float:
         """Wait until the robot moves at a speed (m/s); return the time."""

@@ -42,7 +42,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
         pace = paced(6)
         rig.start_sim("office", "--clock", "--speed", pace)
         rig.start_probe()
-        # a stop is told with its cause if it follows within 0.6 s of wall time: at any pace it comes after less than 0.3 s
+        # a stop is reported with its cause if it follows within 0.6 s of wall time: at any pace it comes after less than 0.3 s
         rate = f"local_costmap/obstacle_layer/scan/expected_update_rate={max(0.3, float(pace) / 6.0):.2f}"
         recoveries = graph.folder / "recoveries.yaml"
         recoveries.write_text(RECOVERIES)
@@ -187,7 +187,7 @@ def test_faults_stop_the_robot_with_one_line(rig: Rig) -> None:
         at_x = next((e["x"] for e in reversed(rig.take()) if e["what"] == "truth"), 0.8)
         rig.send_goal(*(BACK if at_x > 6.0 else FAR), id=f"{topic} {mode}")
         rig.wait_for_motion(0.3, since=mark)
-        begin = rig.tell("mode", topic=topic, mode=mode)
+        begin = rig.request("mode", topic=topic, mode=mode)
         heard = len(rig.take())
         rig.wait(lambda e: e["what"] == "log" and e["level"] >= 4, f"a line about {topic}", since=heard)
         rig.do("nothing", at=rig.now() + 2.0)
@@ -196,7 +196,7 @@ def test_faults_stop_the_robot_with_one_line(rig: Rig) -> None:
         lines = [line for line in rig.warnings(begin) if not line.startswith(usual)]
         assert len(lines) == 1, lines
         assert said in lines[0]
-        rig.tell("mode", topic=topic, mode="pass")
+        rig.request("mode", topic=topic, mode="pass")
         mark = len(rig.take())
         rig.send_goal(*(BACK if at_x > 6.0 else FAR), id=f"{topic} {mode}, after")  # the goal may have been aborted
         rig.wait_for_motion(0.2, since=mark)

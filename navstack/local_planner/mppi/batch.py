@@ -17,7 +17,7 @@ from navstack.local_planner.mppi._sine_kernels import LANES
 Floats = NDArray[np.float32]
 
 PLACE = np.dtype([("origin_x", "f8"), ("origin_y", "f8"), ("resolution", "f8"), ("mppi", "f8")])
-"""Geometry of a grid relative to the anchor of a batch (m). The last field only tells it from other records."""
+"""Geometry of a grid relative to the anchor of a batch (m). The last field only distinguishes it from other records."""
 
 
 class Motion(NamedTuple):

@@ -43,7 +43,7 @@ class Clusters(NamedTuple):
 
 
 class ParticleSet:
-    """Weighted poses (n, 3) and the averages that tell when random poses are needed."""
+    """Weighted poses (n, 3) and the averages that decide when random poses are added."""
 
     def __init__(self, params: AmclParams, seed: int) -> None:
         defects = frozenset(params.ros_defects)

@@ -11,7 +11,7 @@ class LostParams(ParamModel):
     """When a robot counts as lost. The defaults were calibrated; see the page about localization."""
 
     lost_explained: float = param(
-        0.65, "share of explained beams below which a scan speaks against the believed pose", gt=0.0, lt=1.0
+        0.65, "share of explained beams below which a scan contradicts the believed pose", gt=0.0, lt=1.0
     )
     lost_evidence: float = param(
         2.5, "sum of the missing shares, scan by scan, from which the robot counts as lost", gt=0.0
