@@ -17,6 +17,7 @@ from typing import Final
 
 import numpy as np
 
+from navstack.core import Window
 from navstack.global_planner._se2 import _search_kernels as kernels
 from navstack.global_planner._se2.engine import UNLIMITED, PoseSearch
 from navstack.global_planner._se2.footprint import Shape
@@ -28,7 +29,7 @@ FIRST: Final = 8192
 SHARE: Final = 4
 """Part of these states that the search from the goal may expand: 1 / SHARE."""
 ENCLOSED: Final = 50_000
-"""States after which the search from the start ends if no pose around is known from which the goal can be reached."""
+"""States after which the search from the start ends where the goal cannot be entered, and after which no other ends are tried."""
 PARTS: Final = 3
 """Poses within the tolerance that are tried: so many steps from the goal, in position and heading."""
 
@@ -58,7 +59,9 @@ class FromGoal:
         self.expanded = 0
         self.visited = 0
         self.goal_is_enclosed = False
-        """Whether the goal itself cannot be reached from afar."""
+        """Whether the goal itself cannot be reached from afar, at least not with the usual headings."""
+        self.is_exhausted = False
+        """Whether no end can be reached from afar."""
         self.enclosed = 0.0
         """How far from the goal the poses are from which it can be reached (cells), if there are no others."""
 
@@ -75,7 +78,10 @@ class FromGoal:
             for j in range(-PARTS, PARTS + 1)
             for k in range(-PARTS, PARTS + 1)
         ]
+        tried = self.expanded
         for distance, dx, dy, turn in sorted(apart)[1:]:
+            if self.expanded - tried > ENCLOSED:
+                return
             end = self._goal[0] + dx, self._goal[1] + dy, self._goal[2] + turn
             if distance <= self._tolerance and self._engine.pose_is_free(*_about(end)):
                 yield end, 1
@@ -83,8 +89,8 @@ class FromGoal:
     def _begin(self) -> bool:
         """Begin at the next end; return False if there is none left."""
         end, finer = next(self._ends, (None, 1))
-        self.goal_is_enclosed = end != self._goal
         if end is None:
+            self.is_exhausted = True
             return False
         self._end = end
         first, last = _about(end), _about(self._start)
@@ -93,8 +99,18 @@ class FromGoal:
         self._engine.begin(table, first, start_bin, goals)
         return True
 
+    @property
+    def window(self) -> Window:
+        """Contains all cells that the search from the goal has read."""
+        return self._engine.window
+
+    @property
+    def timed_out(self) -> bool:
+        """Whether the time limit ended it."""
+        return self._engine.timed_out
+
     def advance(self, states: int) -> int:
-        """Expand at most so many states; return FOUND, PAUSED, EXHAUSTED (no end can be reached), or LIMIT (time)."""
+        """Expand at most so many states; return FOUND, PAUSED, EXHAUSTED, or LIMIT (time)."""
         upto = self.expanded + states
         while self.expanded < upto:
             if self._end is None and not self._begin():
@@ -105,6 +121,7 @@ class FromGoal:
             self.expanded += int(p["expanded"][0]) - before
             if status != kernels.EXHAUSTED:
                 return status
+            self.goal_is_enclosed = True
             if self._end == self._goal:
                 self.enclosed = max(self.enclosed, self._engine.farthest_from(*self._goal[:2]))
             self._end, self.visited = None, self.visited + int(p["nodes"][0])
@@ -115,7 +132,7 @@ class FromGoal:
         assert self._end is not None
         found = self._engine.outcome(kernels.FOUND, shorten=shorten)
         end = self._end
-        forward.read_beside = self._engine.window
+        forward.read_beside = self.window
         segments, cost = forward.improved(turned_around(found.segments, found.end), end, shorten=shorten)
         status = kernels.FOUND if end == self._goal else kernels.APPROACHED
         return replace(found, status=status, segments=segments, end=end, cost=cost)
@@ -126,38 +143,37 @@ def _about(pose: Pose) -> Pose:
     return pose[0], pose[1], pose[2] + math.pi
 
 
-def search_both_ends(
-    engine: PoseSearch,
-    start: Pose,
-    goal: Pose,
-    motions: Motions,
-    *,
-    shorten: bool,
-) -> Outcome:
+def search_both_ends(engine: PoseSearch, start: Pose, goal: Pose, motions: Motions, *, shorten: bool) -> Outcome:
     """Go on with the search that `engine` has begun; where it takes long, search from the goal in turns with it."""
-    p = engine.settings
-    most, turn = int(p["max_expansions"][0]), FIRST
+    p, turn = engine.settings, FIRST
+    most = int(p["max_expansions"][0])
     status = engine.advance(turn)
     if status != kernels.PAUSED:
         return engine.outcome(status, shorten=shorten)
-    other, enclosed = FromGoal(engine, start, goal, motions), False
-    while status == kernels.PAUSED:
-        expanded = int(p["expanded"][0])
-        if p["best_cost"][0] == np.inf and not enclosed:
+    other = FromGoal(engine, start, goal, motions)
+    left = most
+    while status in (kernels.PAUSED, kernels.LIMIT):
+        expanded, is_over = int(p["expanded"][0]), status == kernels.LIMIT
+        left = most - expanded - other.expanded
+        if p["best_cost"][0] == np.inf and not other.is_exhausted and not engine.timed_out:
             share = 1 if other.goal_is_enclosed else SHARE
-            states = min(turn // share, most - expanded) - other.expanded
-            result = other.advance(states)
-            if result == kernels.FOUND:
+            states = left if is_over else min(left, turn // share - other.expanded)
+            if other.advance(states) == kernels.FOUND:
                 found = other.outcome(engine, shorten=shorten)
                 return replace(found, expanded=expanded + other.expanded, visited=int(p["nodes"][0]) + other.visited)
-            enclosed = result == kernels.EXHAUSTED
-            p["max_expansions"] = min(most - other.expanded, ENCLOSED) if enclosed else most - other.expanded
+        if is_over:
+            break
+        p["max_expansions"] = min(most - other.expanded, ENCLOSED if other.goal_is_enclosed else UNLIMITED)
         turn *= 2
         status = engine.advance(turn)
+    engine.read_beside = other.window
+    engine.timed_out |= other.timed_out
     outcome = engine.outcome(status, shorten=shorten)
-    if enclosed:
-        out_of_budget = outcome.timed_out or int(p["expanded"][0]) + other.expanded >= most
-        if outcome.status == kernels.LIMIT and not out_of_budget:
-            outcome = replace(outcome, status=kernels.EXHAUSTED)
-        outcome = replace(outcome, enclosed=other.enclosed)
+    if other.is_exhausted:
+        final = (
+            kernels.EXHAUSTED
+            if outcome.status == kernels.LIMIT and left > 0 and not engine.timed_out
+            else outcome.status
+        )
+        outcome = replace(outcome, status=final, enclosed=other.enclosed)
     return replace(outcome, expanded=outcome.expanded + other.expanded, visited=outcome.visited + other.visited)

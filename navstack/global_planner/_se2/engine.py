@@ -64,7 +64,7 @@ class PoseSearch:
         self._field_of: tuple[Any, ...] | None = None
         self._read: tuple[Window, NDArray[np.uint8]] | None = None
         self._unchanged = False
-        self._timed_out = False
+        self.timed_out = False
         self.time_limit: TimeLimit | None = None
         self.read_beside: Window | None = None
         """Cells that the last search depends on although it has not read them itself."""
@@ -172,7 +172,7 @@ class PoseSearch:
         kernels.approach(p[0], goals, *start, 0)
         kernels.rehash(self._slots, self._nodes, 1)
         kernels.push(self._heads, self._entries, p[0], 0, self._weight * h)
-        self._run, self._timed_out, self.read_beside = (table, goals), False, None
+        self._run, self.timed_out, self.read_beside = (table, goals), False, None
 
     def advance(self, upto: int = UNLIMITED) -> int:
         """Search on until something is found, nothing is left, or `upto` states are expanded: then return PAUSED."""
@@ -200,7 +200,7 @@ class PoseSearch:
             elif status != kernels.PAUSED or p["expanded"][0] >= upto:
                 return status
             elif limit is not None and time.monotonic() >= limit.deadline:
-                self._timed_out = True
+                self.timed_out = True
                 return kernels.FOUND if p["best_cost"][0] < np.inf else kernels.LIMIT
             else:
                 p["pause_at"] = min(upto, int(p["expanded"][0]) + (upto if limit is None else limit.interval))
@@ -333,7 +333,7 @@ class PoseSearch:
             last, cost = int(p["approach_node"]), float(near["g"])
         else:
             return Outcome(
-                status, np.zeros(0, SEGMENT), (0.0, 0.0, 0.0), math.inf, expanded, visited, nearest, self._timed_out
+                status, np.zeros(0, SEGMENT), (0.0, 0.0, 0.0), math.inf, expanded, visited, nearest, self.timed_out
             )
         node = self._nodes[last]
         heading = table.headings[int(node["heading"])]
@@ -355,7 +355,7 @@ class PoseSearch:
         segments = segments[:count]
         if shorten and count > 1:
             segments, cost = self._shorten(segments, goal)
-        return Outcome(status, segments, goal, cost, expanded, visited, nearest, self._timed_out)
+        return Outcome(status, segments, goal, cost, expanded, visited, nearest, self.timed_out)
 
     def _shorten(self, segments: NDArray[np.void], goal: Pose) -> tuple[NDArray[np.void], float]:
         """Replace stretches of a path by cheaper ones; return the path and its cost."""
