@@ -10,7 +10,6 @@ from navstack.bench.contact_causes import UNEXPLAINED, Braking, Cause, Moment, c
 from navstack.core import LaserScan, Pose2D, Transform2D, Twist2D
 from navstack.local_planner.sampling_planner import control_period
 from navstack.scenario import Run
-from navstack.sim.body import is_round
 
 _REMEMBERED_S: Final = 3.0
 """Longer than any robot here takes to stop."""
@@ -60,7 +59,7 @@ def _braking(run: Run) -> Braking:
     period = control_period(run.scenario.configuration.move_base.controller_frequency)
     return Braking(
         robot.footprint,
-        not is_round(robot.footprint),
+        not robot.footprint.is_round,
         robot.params.kinematics == "holonomic",
         (x, y, w),
         robot.params.command_delay,

@@ -36,8 +36,7 @@ class Footprint:
             )
         if not np.isfinite(points).all() or not math.isfinite(padding):
             raise InputError("a footprint's points and padding must be finite numbers", points=points.tolist())
-        # as sign0 in ROS: a coordinate of exactly zero is not moved
-        points = points + np.sign(points) * padding
+        points = _padded(points, padding)
         polygon = shapely.Polygon(points)
         if not polygon.is_valid or polygon.area <= 0.0:
             raise InputError(
@@ -58,13 +57,20 @@ class Footprint:
         """Return the footprint of a circle of `radius` (m): a regular 16-gon, as in costmap_2d."""
         if not (math.isfinite(radius) and radius > 0.0):
             raise InputError(f"robot_radius must be a positive number of metres, not {radius}", radius=radius)
-        angles = np.arange(CIRCLE_VERTICES) * (2.0 * np.pi / CIRCLE_VERTICES)
-        return cls(np.column_stack((radius * np.cos(angles), radius * np.sin(angles))), padding)
+        return cls(_circle(radius), padding)
 
     @cached_property
     def polygon(self) -> shapely.Polygon:
         """The footprint as a shapely polygon, in the robot's frame."""
         return shapely.Polygon(self.vertices)
+
+    @cached_property
+    def is_round(self) -> bool:
+        """Whether this is the polygon that stands for a `robot_radius`: that of `from_radius`, with any padding."""
+        if len(self.vertices) != CIRCLE_VERTICES:
+            return False
+        circle = _padded(_circle(float(self.vertices[0, 0]) - self.padding), self.padding)
+        return bool(np.allclose(self.vertices, circle, rtol=0.0, atol=1e-9))
 
     def at(self, pose: Pose2D) -> NDArray[np.float64]:
         """Return the vertices (n, 2) at `pose`, in the frame of the pose (m)."""
@@ -85,3 +91,14 @@ class Footprint:
             f"Footprint({len(self.vertices)} vertices, inscribed {self.inscribed_radius:.4f} m, "
             f"circumscribed {self.circumscribed_radius:.4f} m)"
         )
+
+
+def _circle(radius: float) -> NDArray[np.float64]:
+    """Vertices (n, 2) of the polygon in a circle of `radius` (m)."""
+    angles = np.arange(CIRCLE_VERTICES) * (2.0 * np.pi / CIRCLE_VERTICES)
+    return np.column_stack((radius * np.cos(angles), radius * np.sin(angles)))
+
+
+def _padded(points: NDArray[np.float64], padding: float) -> NDArray[np.float64]:
+    """Points moved away from zero along each axis by `padding` (m); as sign0 in ROS, a coordinate of exactly zero stays."""
+    return points + np.sign(points) * padding

@@ -33,7 +33,7 @@ _GOAL_STYLE = {
 }
 
 _PASSAGE_STYLE = {"free": "blue", "costly": "yellow", "blocked": "bold red"}
-_SHAPE_STYLE = {"free": "blue", "turns": "blue", "stuck": "yellow", "blocked": "bold red"}
+_SHAPE_STYLE = {"free": "blue", "turns": "blue", "fits": "blue", "stuck": "yellow", "blocked": "bold red"}
 
 
 def print_cell(out: Console, report: CellReport) -> None:
@@ -226,6 +226,10 @@ def _print_shapes(out: Console, report: PassageReport, only: int | None) -> None
         style = _SHAPE_STYLE[shape.verdict]
         table.add_row(str(number), f"[{style}]{VERDICT_TEXTS[shape.verdict]}{changes}[/]", heading_text(shape))
     out.print(table)
+    counts = ", ".join(
+        f"{number} {VERDICT_TEXTS[verdict]}" for verdict, number in report.shape_counts.items() if number
+    )
+    out.print(f"{counts or 'no openings'} {title}\n")
 
 
 def heading_text(shape: ShapePassage) -> str:
@@ -234,7 +238,4 @@ def heading_text(shape: ShapePassage) -> str:
         return "none"
     if shape.headings[0].high - shape.headings[0].low >= 2.0 * math.pi:
         return "any"
-    return ", ".join(
-        f"{math.degrees(r.low):.0f} to {math.degrees(math.remainder(r.high, 2.0 * math.pi)):.0f}"
-        for r in shape.headings
-    )
+    return ", ".join(f"{math.degrees(r.low):.0f} to {math.degrees(r.high):.0f}" for r in shape.headings)

@@ -54,7 +54,7 @@ def draw_openings(axes: Any, openings: Sequence[Opening], footprint: Footprint) 
             turns.append(opening.path[np.flatnonzero(signs[1:] * signs[:-1] < 0) + 1])
     entries: list[tuple[Any, str]] = [
         (Patch(facecolor=colors.FOOTPRINT + "40", edgecolor=colors.BLUE), "footprint in the opening"),
-        (Patch(facecolor=colors.GREEN, alpha=0.35), "headings at which it passes"),
+        (Patch(facecolor=colors.GREEN, alpha=0.35), "headings at which it fits"),
     ]
     if turns:
         entries.append((Line2D([], [], color=colors.BLACK, lw=0.9), "way through"))

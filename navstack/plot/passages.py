@@ -44,6 +44,7 @@ KINDS: Final = {
 SHAPE_KINDS: Final = {
     "free": _Kind("passable", colors.BLUE, "o", 5.0),
     "turns": _Kind("with changes of direction", colors.PURPLE, "s", 5.0),
+    "fits": _Kind("the robot fits", colors.BLUE, "o", 5.0),
     "stuck": _Kind("fits, no way found", colors.ORANGE, "D", 5.0),
     "blocked": _Kind("not passable", colors.VERMILLION, "X", 6.5),
 }

@@ -146,9 +146,7 @@ def plot_passage_report(
 def _plot_openings(report: Any, path: str | os.PathLike[str] | None, *, ax: Any, name: str, dpi: float) -> Any:
     """Draws what the passages of a report mean for its footprint."""
     verdicts = [shape.verdict for shape in report.shapes]
-    counts = ", ".join(
-        f"{verdicts.count(verdict)} {kind.label}" for verdict, kind in SHAPE_KINDS.items() if verdict in verdicts
-    )
+    counts = ", ".join(f"{n} {SHAPE_KINDS[verdict].label}" for verdict, n in report.shape_counts.items() if n)
     radius = f"   turning radius {report.turning_radius:g} m" if report.turning_radius else ""
     return plot_passages(
         report.costmap,

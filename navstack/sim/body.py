@@ -68,7 +68,7 @@ def body_settings(
         "front_drive": params.kinematics == "tricycle",
         "radius": footprint.circumscribed_radius,
         # the corners of a polygon that approximates a circle must not collide: it does not rotate with the robot
-        "fixed_yaw": start_yaw if is_round(footprint) else math.nan,
+        "fixed_yaw": start_yaw if footprint.is_round else math.nan,
         "odometry_scale": params.odometry_scale,
         "odometry_turn": params.odometry_turn,
         "moving_obstacles": moving_obstacles,
@@ -143,11 +143,3 @@ def steered_command(params: SimParams, twist: Twist2D, last: float) -> tuple[flo
     if tricycle and params.steering_command == "yaw_rate":
         v /= math.cos(angle)
     return v, angle
-
-
-def is_round(footprint: Footprint) -> bool:
-    """True for the polygon of `Footprint.from_radius`."""
-    circle = Footprint.from_radius(footprint.circumscribed_radius).vertices
-    return footprint.vertices.shape == circle.shape and bool(
-        np.allclose(footprint.vertices, circle, rtol=0.0, atol=1e-9)
-    )

@@ -15,6 +15,8 @@ from navstack.explain.passages import ShapePassage
 from navstack.explain.passages.crossing import crossings
 from navstack.parameters.configuration import Configuration, load_configuration
 from navstack.plan_once import plan_on_map
+from tests.explain.passage_scenes import disagreements
+from tests.explain.passage_scenes import scene as random_scene
 from tests.explain.rooms import RESOLUTION, two_rooms
 
 RADIUS = 0.6
@@ -76,8 +78,35 @@ def test_a_door_is_as_narrow_as_the_robot_or_not(long_robot: Configuration) -> N
         assert door.verdict == ("free" if fits else "blocked")
 
 
-def test_a_round_robot_has_no_headings() -> None:
-    assert find_passages(load_configuration(["turtlebot"]), two_rooms({0.0: 0.9})).shapes is None
+@pytest.mark.parametrize("padding", [0.0, 0.05])
+def test_a_round_robot_has_no_headings(padding: float) -> None:
+    padded = load_configuration(["turtlebot"], overrides=[f"footprint_padding={padding}"])
+    assert find_passages(padded, two_rooms({0.0: 0.9})).shapes is None
+
+
+def test_unknown_walls_are_walls_for_a_shape(long_robot: Configuration) -> None:
+    """In a costmap without unknown space (`track_unknown_space: false`), too."""
+    grid = two_rooms({0.0: 0.65})
+    unknown = OccupancyGrid(np.where(grid.data == 100, -1, 0).astype(np.int8), grid.geometry)
+    assert not long_robot.global_costmap.params.track_unknown_space
+    found = find_passages(long_robot, unknown, narrowest=0.3, widest=1.6, unknown_is_wall=True, turning_radius=RADIUS)
+    assert only(found).verdict == "blocked"
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_random_openings_agree_with_the_brute_force(seed: int) -> None:
+    assert disagreements(random_scene(seed)) == []
+
+
+def test_progress_and_counts(long_robot: Configuration) -> None:
+    grid = two_rooms({-1.8: 0.65, 1.8: 0.9})
+    told: list[tuple[int, int]] = []
+    found = find_passages(
+        long_robot, grid, narrowest=0.3, widest=1.6, turning_radius=0.0, progress=lambda *x: told.append(x)
+    )
+    assert told == [(1, 2), (2, 2)]
+    assert found.shape_counts == {"free": 0, "turns": 0, "fits": 1, "stuck": 0, "blocked": 1}
+    assert found.as_dict()["footprint_counts"] == found.shape_counts
 
 
 def scene(seed: int) -> OccupancyGrid:

@@ -16,7 +16,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from navstack.core import Costmap, Footprint, GridGeometry, Pose2D
+from navstack.core import Costmap, Footprint, GridGeometry, Path, Pose2D
 from navstack.core.errors import PlanningError
 from navstack.interfaces import GlobalPlanner, Plan
 
@@ -56,18 +56,21 @@ class Referee:
     def faults(self, plan: Plan, start: Pose2D, goal: Pose2D) -> list[str]:
         """What is wrong with a plan, in sentences; empty if nothing is."""
         poses = plan.path.poses
-        found: list[str] = []
         if not np.isfinite(poses).all():
             return ["a pose is not finite"]
+        found: list[str] = []
         if np.abs(poses[0] - np.array(start)).max() > TOLERANCE:
             found.append(f"it begins at {poses[0]}, not at the start {tuple(start)}")
         if plan.goal_moved_m == 0.0 and np.abs(poses[-1] - np.array(goal)).max() > TOLERANCE:
             found.append(f"it ends at {poses[-1]}, not at the goal {tuple(goal)}")
-        found += self._motion(plan)
-        return found + self._collisions(plan)
+        return found + self.faults_of_path(plan.path)
 
-    def _motion(self, plan: Plan) -> list[str]:
-        poses = plan.path.poses
+    def faults_of_path(self, path: Path) -> list[str]:
+        """What is wrong with a path, wherever it begins and ends."""
+        return self._motion(path) + self._collisions(path)
+
+    def _motion(self, path: Path) -> list[str]:
+        poses = path.poses
         step = np.diff(poses[:, :2], axis=0)
         chord = np.hypot(step[:, 0], step[:, 1])
         turn = np.remainder(np.diff(poses[:, 2]) + np.pi, 2.0 * np.pi) - np.pi
@@ -84,13 +87,13 @@ class Referee:
         signs = np.sign(step[:, 0] * np.cos(mean) + step[:, 1] * np.sin(mean))
         if not self.may_reverse and (signs[moving] < 0).any():
             found.append("it drives backward")
-        stated = plan.path.directions[:-1]
+        stated = path.directions[:-1]
         if (stated[moving] != signs[moving]).any():
             found.append("the directions stated are not those of the steps")
         return found
 
-    def _collisions(self, plan: Plan) -> list[str]:
-        dense = self.dense(plan.path.poses)
+    def _collisions(self, path: Path) -> list[str]:
+        dense = self.dense(path.poses)
         g = self.costmap.geometry
         if self.is_round:
             ix = np.floor((dense[:, 0] - g.origin_x) / g.resolution).astype(int)

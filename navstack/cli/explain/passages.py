@@ -82,22 +82,24 @@ def passages(
     For a robot that is not round: at which headings it passes, and, with a turning radius, with how many changes of direction.
     """
     from navstack.cli.arguments import parse_costmap_name
-    from navstack.cli.output import print_files, print_json, stdout
+    from navstack.cli.output import counting_bar, print_files, print_json, stdout
     from navstack.explain import find_passages
     from navstack.explain.printing import print_passages
 
     name = parse_costmap_name(chosen.costmap)
     path, grid, configuration = _opened(chosen)
-    report = find_passages(
-        configuration,
-        grid,
-        costmap=name,
-        narrowest=chosen.narrowest,
-        widest=chosen.widest,
-        smallest_obstacle=chosen.smallest_obstacle,
-        unknown_is_wall=chosen.unknown,
-        turning_radius=chosen.turning_radius,
-    )
+    with counting_bar("openings", quiet=json_) as progress:
+        report = find_passages(
+            configuration,
+            grid,
+            costmap=name,
+            narrowest=chosen.narrowest,
+            widest=chosen.widest,
+            smallest_obstacle=chosen.smallest_obstacle,
+            unknown_is_wall=chosen.unknown,
+            turning_radius=chosen.turning_radius,
+            progress=progress,
+        )
     document = _document(report, path.name)
     if out is not None:
         document["files"] = _write(report, document, path.stem, out)

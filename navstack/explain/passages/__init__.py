@@ -2,8 +2,16 @@
 
 from navstack.explain.passages.find import find_passages
 from navstack.explain.passages.narrow_places import NarrowPlace, narrow_places
-from navstack.explain.passages.report import LABELS, RATINGS, Passage, PassageReport, Rating, RequiredWidths
-from navstack.explain.passages.shape import VERDICT_TEXTS, ShapePassage
+from navstack.explain.passages.report import (
+    LABELS,
+    RATINGS,
+    VERDICT_TEXTS,
+    Passage,
+    PassageReport,
+    Rating,
+    RequiredWidths,
+)
+from navstack.explain.passages.shape import ShapePassage
 
 __all__ = [
     "LABELS",

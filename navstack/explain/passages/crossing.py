@@ -19,9 +19,10 @@ from navstack.global_planner.smac_hybrid import SmacHybridParams, SmacHybridPlan
 
 _CUSP_M: Final = 5.0
 """m: a change of direction is avoided if a detour of this length does."""
-_STATES: Final = 50_000
+_STATES: Final = 20_000
 _RANGES: Final = 4
 _STARTS: Final = 4
+"""Headings at which a way may begin beside the opening, one turn apart in all."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,15 +38,17 @@ class Crossing:
 class CrossingSearch:
     """Searches motions through openings of one costmap, for one footprint and turning radius (m)."""
 
-    def __init__(self, costmap: Costmap, footprint: Footprint, radius: float, *, unknown_blocked: bool) -> None:
+    def __init__(self, costmap: Costmap, footprint: Footprint, radius: float) -> None:
         self.costmap, self.footprint = costmap, footprint
         self.reach = 2.0 * footprint.circumscribed_radius + 3.0 * radius
+        turned = Footprint(-footprint.vertices).polygon
+        self.symmetric = footprint.polygon.symmetric_difference(turned).area < 1e-9 * turned.area
+        """Forward and backward are the same: a way is also one for the opposite headings."""
         self.planner = SmacHybridPlanner(
             SmacHybridParams(
                 motion_model_for_search="REEDS_SHEPP",
                 minimum_turning_radius=radius,
                 goal_heading_mode="ALL_DIRECTION",
-                allow_unknown=not unknown_blocked,
                 max_iterations=_STATES,
                 start_policy="refuse",
                 cost_penalty=0.0,
@@ -54,8 +57,7 @@ class CrossingSearch:
                 cusp_penalty=_CUSP_M,
             )
         )
-        free = (costmap.data < INSCRIBED) | (~np.bool_(unknown_blocked) & (costmap.data == UNKNOWN))
-        self.free: NDArray[np.bool_] = free
+        self.free: NDArray[np.bool_] = (costmap.data < INSCRIBED) | (costmap.data == UNKNOWN)
 
     def through(self, passage: Passage, headings: tuple[HeadingRange, ...]) -> Crossing | None:
         """The way with the fewest changes of direction among those found; None if none is found."""
@@ -74,16 +76,24 @@ class CrossingSearch:
             before, beyond = (self._target(window, passage, side, reach) for side in (-1.0, 1.0))
             if before is None or beyond is None:
                 continue
-            for chosen in headings[:_RANGES]:
+            for chosen in self._distinct(headings)[:_RANGES]:
                 first = self._leg(window, chosen.pose, before)
                 second = self._leg(window, chosen.pose, beyond) if len(first) else first
                 if _ends_beyond(first, passage, before) and _ends_beyond(second, passage, beyond):
                     # Reeds-Shepp motions can be reversed: in by the first leg, out by the second
                     yield Path(np.concatenate((first[::-1], second[1:])), window.frame)
-            for k in range(_STARTS):
+            for k in range(_STARTS // 2 if self.symmetric else _STARTS):
                 poses = self._leg(window, Pose2D(*before, 2.0 * math.pi * k / _STARTS), beyond)
                 if len(crossings(poses, passage)) % 2:
                     yield Path(poses, window.frame)
+
+    def _distinct(self, headings: tuple[HeadingRange, ...]) -> list[HeadingRange]:
+        """The ranges without those that are, for a symmetric footprint, the opposite of an earlier one."""
+        found: list[HeadingRange] = []
+        for r in headings:
+            if not (self.symmetric and any(abs(math.cos(r.pose.yaw - f.pose.yaw)) > 1.0 - 1e-9 for f in found)):
+                found.append(r)
+        return found
 
     def _window(self, passage: Passage) -> Costmap:
         """The costmap around a passage; the world ends at its border."""

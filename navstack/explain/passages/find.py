@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import LETHAL, OccupancyGrid
+from navstack.core import LETHAL, Costmap, OccupancyGrid
 from navstack.core.errors import InputError
 from navstack.costmap import LayeredCostmap
 from navstack.costmap.inflation_layer import InflationLayer
-from navstack.explain.passages.headings import is_round
 from navstack.explain.passages.inflated_map import inflated_map, known_cells
 from navstack.explain.passages.narrow_places import NarrowPlace, narrow_places
 from navstack.explain.passages.rating import PassageRater
@@ -38,6 +38,7 @@ def find_passages(
     smallest_obstacle: float = 0.0,
     unknown_is_wall: bool = False,
     turning_radius: float | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> PassageReport:
     """Doors, corridors and gaps between obstacles of a map, rated by the `global` or `local` costmap.
 
@@ -45,7 +46,8 @@ def find_passages(
     the width at which inflation ends. The report counts the narrower ones. `smallest_obstacle` (m) leaves out the gaps beside
     smaller free-standing obstacles, which the robot can drive around. `unknown_is_wall` treats unknown space as walls, for
     maps whose walls are unknown cells. For a robot that is not round, `PassageReport.shapes` has the headings at which it passes
-    and, with a `turning_radius` (m; default: that of base and controller), a way through.
+    and, with a `turning_radius` (m; default: that of base and controller), a way through. `progress(done, total)` is called
+    after each of these.
     Raises InputError for limits without a width between them.
     """
     chosen = configuration.local_costmap if costmap == "local" else configuration.global_costmap
@@ -88,9 +90,14 @@ def find_passages(
         footprint=chosen.footprint,
         turning_radius=radius_m,
         shapes=None
-        if is_round(chosen.true_footprint)
-        else Shape(chosen.footprint, radius_m, unknown_is_wall).passages(live.master, passages),
+        if chosen.footprint.is_round
+        else Shape(chosen.footprint, radius_m).passages(_walled(live.master, wall), passages, progress),
     )
+
+
+def _walled(costmap: Costmap, wall: NDArray[np.bool_]) -> Costmap:
+    """The costmap with lethal cells wherever `wall` (ny, nx) is True."""
+    return Costmap(costmap.geometry, np.where(wall, LETHAL, costmap.data).astype(np.uint8), costmap.frame)
 
 
 def _upper_limit(live: LayeredCostmap, inflation_radius: float) -> float:

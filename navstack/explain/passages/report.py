@@ -14,6 +14,15 @@ Rating = Literal["free", "costly", "blocked"]
 RATINGS: tuple[Rating, ...] = ("free", "costly", "blocked")
 LABELS: dict[Rating, str] = {"free": "passable", "costly": "at high cost", "blocked": "not passable"}
 
+Verdict = Literal["free", "turns", "fits", "stuck", "blocked"]
+VERDICT_TEXTS: dict[Verdict, str] = {
+    "free": "passable",
+    "turns": "passable with changes of direction",
+    "fits": "the robot fits",
+    "stuck": "fits, no way found",
+    "blocked": "not passable",
+}
+
 HIGH_COST = 126
 """Cells from this cost on are of high cost: half of the largest inflated cost (252)."""
 
@@ -122,6 +131,12 @@ class PassageReport:
         """Number of passages with this rating."""
         return sum(passage.rating == rating for passage in self.passages)
 
+    @property
+    def shape_counts(self) -> dict[Verdict, int]:
+        """Number of passages by what they mean for the footprint; empty for a round robot."""
+        verdicts = [shape.verdict for shape in self.shapes or ()]
+        return {verdict: verdicts.count(verdict) for verdict in VERDICT_TEXTS} if self.shapes is not None else {}
+
     def as_dict(self) -> dict[str, Any]:
         """Returns the report for JSON, without the costmap."""
         return {
@@ -137,6 +152,7 @@ class PassageReport:
             "required_widths": self.widths.as_dict(),
             "counts": {rating: self.count(rating) for rating in RATINGS},
             "turning_radius_m": self.turning_radius,
+            "footprint_counts": self.shape_counts,
             "passages": [
                 passage.as_dict() if shape is None else {**passage.as_dict(), "footprint": shape.as_dict()}
                 for passage, shape in zip(self.passages, self.shapes or [None] * len(self.passages), strict=True)

@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 from navstack.core import Costmap, Footprint, Path
 from navstack.explain.passages.crossing import CrossingSearch
-from navstack.explain.passages.headings import HeadingRange, blocked_costs, free_headings
-from navstack.explain.passages.report import Passage
-
-Verdict = Literal["free", "turns", "stuck", "blocked"]
-VERDICT_TEXTS: dict[Verdict, str] = {
-    "free": "passable",
-    "turns": "passable with changes of direction",
-    "stuck": "fits, no way found",
-    "blocked": "not passable",
-}
+from navstack.explain.passages.headings import HeadingRange, free_headings
+from navstack.explain.passages.report import Passage, Verdict
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,11 +27,14 @@ class ShapePassage:
 
     @property
     def verdict(self) -> Verdict:
-        """Whether the robot passes: `blocked` and the ways of `free` and `turns` are exact; `stuck` may miss a way."""
+        """Whether the robot passes: `blocked` and the ways of `free` and `turns` are exact, `stuck` may miss a way.
+
+        `fits`: without a turning radius no way is searched.
+        """
         if not self.headings:
             return "blocked"
         if not self.searched:
-            return "free"
+            return "fits"
         return "stuck" if self.changes is None else "turns" if self.changes else "free"
 
     def as_dict(self) -> dict[str, Any]:
@@ -59,18 +55,20 @@ class Shape:
     """With padding."""
     turning_radius: float
     """m; 0: only the headings are computed."""
-    unknown_blocked: bool = False
 
-    def passages(self, costmap: Costmap, passages: tuple[Passage, ...]) -> tuple[ShapePassage, ...]:
-        """The answers for the passages of a costmap."""
-        costs = blocked_costs(costmap, unknown_blocked=self.unknown_blocked)
+    def passages(
+        self, costmap: Costmap, passages: tuple[Passage, ...], progress: Callable[[int, int], None] | None = None
+    ) -> tuple[ShapePassage, ...]:
+        """The answers for the passages of a costmap in which all walls are lethal; `progress(done, total)` is told of each."""
         search = None
         if self.turning_radius > 0.0:
-            search = CrossingSearch(costmap, self.footprint, self.turning_radius, unknown_blocked=self.unknown_blocked)
+            search = CrossingSearch(costmap, self.footprint, self.turning_radius)
         found: list[ShapePassage] = []
         for passage in passages:
-            headings = free_headings(costmap, costs, self.footprint, passage)
+            headings = free_headings(costmap, self.footprint, passage)
             crossing = search.through(passage, headings) if search is not None and headings else None
             changes, path = (None, None) if crossing is None else (crossing.changes, crossing.path)
             found.append(ShapePassage(headings, changes, path, search is not None))
+            if progress is not None:
+                progress(len(found), len(passages))
         return tuple(found)

@@ -11,7 +11,6 @@ import shapely
 from numpy.typing import NDArray
 
 from navstack.core import Footprint
-from navstack.core.footprint import CIRCLE_VERTICES
 
 STEP: Final = 0.3
 """Cells: largest motion of a point of the footprint between two samples of a primitive."""
@@ -43,19 +42,9 @@ class Shape(NamedTuple):
     convex: bool
 
 
-def is_round(footprint: Footprint | None) -> bool:
-    """Whether a footprint is the polygon that stands for a circle (`robot_radius`)."""
-    if footprint is None:
-        return True
-    return len(footprint.vertices) == CIRCLE_VERTICES and (
-        footprint.circumscribed_radius - footprint.inscribed_radius
-        < (1.0 - math.cos(math.pi / CIRCLE_VERTICES) + 1e-6) * footprint.circumscribed_radius
-    )
-
-
 def shape_of(footprint: Footprint | None, resolution: float, fine: float = FINE[0]) -> Shape:
     """The footprint in cells of `resolution` (m), padded by `fine` (cells), and by PADDINGS."""
-    if footprint is None or is_round(footprint):
+    if footprint is None or footprint.is_round:
         return _ROUND
     shape = _polygon(footprint, resolution, fine)
     return shape._replace(rows=shape.rows.copy())  # the kernels write to it
