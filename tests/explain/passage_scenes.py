@@ -12,7 +12,7 @@ import sys
 from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import shapely
@@ -166,17 +166,20 @@ def scene(seed: int) -> Scene:
     return Scene(kind, OccupancyGrid(data, geometry), footprint, radius, at, normal, thick, width, slant)
 
 
+def _poses(columns: tuple[NDArray[Any], ...]) -> NDArray[np.float64]:
+    return np.column_stack(columns).astype(np.float64)
+
+
 def headings(scene: Scene, passage: Passage) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Whether the robot surely fits, and may fit, at headings in steps with its base between the ends of a passage."""
     a, b = np.array(passage.ends)
     n = math.ceil(math.dist(a, b) / 0.004)
     line = a + (b - a) * (np.arange(n + 1) / n)[:, None]
     yaws = np.arange(round(2.0 * math.pi / STEP)) * STEP
-    poses = np.column_stack((np.tile(line, (len(yaws), 1)), np.repeat(yaws, len(line))))
-    surely = scene.free(poses, MARGIN_M).reshape(len(yaws), -1).any(axis=1)
+    poses = _poses((np.tile(line, (len(yaws), 1)), np.repeat(yaws, len(line))))
     # half the distance between two points of the line on top
-    maybe = scene.free(poses, -MARGIN_M - 0.002).reshape(len(yaws), -1).any(axis=1)
-    return surely, maybe
+    surely, maybe = (scene.free(poses, margin).reshape(len(yaws), -1) for margin in (MARGIN_M, -MARGIN_M - 0.002))
+    return np.any(surely, axis=1, keepdims=True)[:, 0], np.any(maybe, axis=1, keepdims=True)[:, 0]
 
 
 def straight_through(scene: Scene, passage: Passage) -> NDArray[np.float64] | None:
@@ -188,7 +191,7 @@ def straight_through(scene: Scene, passage: Passage) -> NDArray[np.float64] | No
     n = max(2, math.ceil(math.dist(a, b) / 0.05))
     line = a + (b - a) * (np.arange(1, n) / n)[:, None]
     yaws = np.arange(60) * math.radians(6.0)
-    poses = np.column_stack((np.tile(line, (60, 1)), np.repeat(yaws, len(line))))
+    poses = _poses((np.tile(line, (60, 1)), np.repeat(yaws, len(line))))
     poses = poses[scene.free(poses, MARGIN_M)]
     goal = scene.footprint.circumscribed_radius + 0.5 * scene.thickness + 0.1
     ways = [_pieces(scene, poses, sign, goal) for sign in (1.0, -1.0)]
@@ -241,11 +244,12 @@ def connected(scene: Scene) -> bool:
     yaws = np.arange(72) * math.radians(5.0)
     u, v, t = (grid.ravel() for grid in np.meshgrid(axis, side, yaws, indexing="ij"))
     c, s = math.cos(scene.normal), math.sin(scene.normal)
-    poses = np.column_stack((scene.at[0] + c * u - s * v, scene.at[1] + s * u + c * v, t + scene.normal))
+    poses = _poses((scene.at[0] + c * u - s * v, scene.at[1] + s * u + c * v, t + scene.normal))
     # between two poses, a point moves by half a step and half a turn at most
     margin = 0.5 * (0.05 + scene.footprint.circumscribed_radius * math.radians(5.0))
     free = scene.free(poses, margin).reshape(len(axis), len(side), 72)
-    labels, _ = ndimage.label(np.concatenate((free, free), axis=2))  # twice around
+    label: Any = ndimage.label
+    labels, _ = label(np.concatenate((free, free), axis=2))  # twice around
     return bool(len(np.intersect1d(labels[0][labels[0] > 0], labels[-1][labels[-1] > 0])))
 
 

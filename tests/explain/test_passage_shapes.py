@@ -101,9 +101,11 @@ def test_random_openings_agree_with_the_brute_force(seed: int) -> None:
 def test_progress_and_counts(long_robot: Configuration) -> None:
     grid = two_rooms({-1.8: 0.65, 1.8: 0.9})
     told: list[tuple[int, int]] = []
-    found = find_passages(
-        long_robot, grid, narrowest=0.3, widest=1.6, turning_radius=0.0, progress=lambda *x: told.append(x)
-    )
+
+    def progress(done: int, total: int) -> None:
+        told.append((done, total))
+
+    found = find_passages(long_robot, grid, narrowest=0.3, widest=1.6, turning_radius=0.0, progress=progress)
     assert told == [(1, 2), (2, 2)]
     assert found.shape_counts == {"free": 0, "turns": 0, "fits": 1, "stuck": 0, "blocked": 1}
     assert found.as_dict()["footprint_counts"] == found.shape_counts

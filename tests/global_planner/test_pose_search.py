@@ -11,6 +11,7 @@ from navstack.core import Costmap, Footprint, GridGeometry, Pose2D
 from navstack.global_planner import SmacHybridParams, SmacHybridPlanner
 from navstack.global_planner._se2 import _search_kernels as kernels
 from navstack.global_planner._se2 import both_ends
+from navstack.global_planner._se2.footprint import shape_of
 
 BOX = Footprint(np.array([[0.3, 0.2], [0.3, -0.2], [-0.3, -0.2], [-0.3, 0.2]]))
 START, GOAL = Pose2D(1.0, 3.0, 0.0), Pose2D(15.2, 3.0, 0.0)
@@ -62,3 +63,8 @@ def test_a_plan_to_the_same_goal_keeps_the_rest_of_the_last_one() -> None:
     costmap.data[90, 40] = 254
     assert search.make_plan(costmap, first.path[42], goal).cells_expanded > 0
     assert search.make_plan(costmap, first.path[43], goal, footprint=BOX).cells_expanded > 0
+
+
+def test_a_padded_robot_radius_keeps_its_centre_out_of_inscribed_cells() -> None:
+    """As without padding; its polygon with corners is not checked."""
+    assert shape_of(Footprint.from_radius(0.2, 0.01), 0.05).corners == 0

@@ -56,5 +56,4 @@ def test_a_robot_radius_is_round_with_any_padding(padding: float) -> None:
     """As in costmap_2d, where the centre of a robot with `robot_radius` keeps out of inscribed cells."""
     found = with_footprint(robot_radius=0.2, footprint_padding=padding)
     assert found.footprint.is_round
-    assert not with_footprint(footprint=found.footprint.vertices.tolist(), footprint_padding=0.02).footprint.is_round
     assert not with_footprint(footprint=SQUARE, footprint_padding=padding).footprint.is_round

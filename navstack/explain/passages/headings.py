@@ -69,7 +69,7 @@ class _Fit:
     def ranges(self, step: float) -> tuple[HeadingRange, ...]:
         """The ranges of headings in steps (rad), the widest first."""
         n = round(2.0 * math.pi / step)
-        free = self.at(np.arange(n) * step) >= 0
+        free = self.at(np.linspace(0.0, 2.0 * math.pi, n, endpoint=False)) >= 0
         if free.all():
             return (self._range(0.0, 2.0 * math.pi),)
         begins = np.flatnonzero(free & ~np.roll(free, 1))
