@@ -86,6 +86,12 @@ def outline_blocked(costs, bits, shape, level, p, x, y, c, s):
     if not (left >= 0.0 and low >= 0.0 and right <= nx and high <= ny):
         return True
     r0, r1 = np.int64(low + EDGE), min(np.int64(high - EDGE), ny - 1)
+    # only rows from the first to the last one with a blocked cell in the box around the footprint matter
+    first_x, last_x = np.int64(left), min(np.int64(right), nx - 1)
+    while r0 <= r1 and not span_blocked(bits, r0, first_x, last_x):
+        r0 += 1
+    while r0 < r1 and not span_blocked(bits, r1, first_x, last_x):
+        r1 -= 1
     for r in range(r1 - r0 + 1):
         shape[2, r], shape[3, r] = np.inf, -np.inf
     px, py = shape[4, n - 1], shape[5, n - 1]
