@@ -69,8 +69,9 @@ def run(name: str, job: Any, data: dict[str, Any], over: dict[str, Any], repeats
             planner = SmacHybridPlanner(params)
             ms, result = timed(planner, costmap, start, goal, footprint=footprint)
             best = min(best, ms)
-        row = {"query": k, "cpp": int(paths[f"{name}/status"][k]) == 1, "ms": best, "expanded": 0}
-        row["cpp_ms"] = float(paths[f"{name}/total_ms"][k]) if row["cpp"] else np.nan
+        row = {"job": name, "query": k, "cpp": int(paths[f"{name}/status"][k]) == 1, "ms": best, "expanded": 0}
+        row["cpp_took_ms"] = float(paths[f"{name}/total_ms"][k])
+        row["cpp_ms"] = row["cpp_took_ms"] if row["cpp"] else np.nan
         row["found"] = not isinstance(result, PlanningError)
         if row["found"]:
             poses = result.path.poses
@@ -83,6 +84,19 @@ def run(name: str, job: Any, data: dict[str, Any], over: dict[str, Any], repeats
         row["again"] = again
         rows.append(row)
     return rows
+
+
+def print_slowest(rows: list[dict[str, Any]]) -> None:
+    """The slowest queries here and in C++, by who finds a path; without a path, C++'s time is that of its failure."""
+    kinds = {"both": (True, True), "only here": (True, False), "only C++": (False, True), "neither": (False, False)}
+    for kind, (here, there) in kinds.items():
+        chosen = [r for r in rows if r["found"] == here and r["cpp"] == there]
+        if chosen:
+            ours, theirs = (max(chosen, key=lambda r: r[key]) for key in ("ms", "cpp_took_ms"))
+            print(
+                f"slowest of {len(chosen):3} queries with a path in {kind:9}: {ours['ms']:5.0f} ms ({ours['job']} "
+                f"{ours['query']}), C++ {theirs['cpp_took_ms']:5.0f} ms ({theirs['job']} {theirs['query']})"
+            )
 
 
 def main() -> None:
@@ -136,9 +150,7 @@ def main() -> None:
     print(f"speed {speed:.2f} x C++, {speed * scale:.2f} x scaled by the calibration")
     spread = f"{min(calibrations):.1f} to {max(calibrations):.1f}"
     print(f"calibration {now:.1f} ms of processor time ({spread} between the jobs); C++ {reference}")
-    print(
-        f"slowest {max(r['ms'] for r in everything):.0f} ms, C++ {np.nanmax([r['cpp_ms'] for r in everything]):.0f} ms"
-    )
+    print_slowest(everything)
 
 
 if __name__ == "__main__":

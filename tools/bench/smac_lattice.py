@@ -18,7 +18,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 from reference import Reference, data_folder
-from smac import cost_of
+from smac import cost_of, print_slowest
 
 from navstack.core import Costmap, Footprint, GridGeometry, Pose2D
 from navstack.core.errors import PlanningError
@@ -52,7 +52,8 @@ def run(name: str, job: Any, data: dict[str, Any], over: dict[str, Any], repeats
     raws = np.split(paths[f"{name}/raw"], np.cumsum(paths[f"{name}/raw_counts"])[:-1])
     rows: list[dict[str, Any]] = []
     for k, query in enumerate(paths[f"{name}/queries"]):
-        row: dict[str, Any] = {"query": k, "cpp": int(paths[f"{name}/status"][k]) == 1, "ms": np.inf, "first": np.inf}
+        row: dict[str, Any] = {"job": name, "query": k, "cpp": int(paths[f"{name}/status"][k]) == 1}
+        row.update(ms=np.inf, first=np.inf, cpp_took_ms=float(paths[f"{name}/total_ms"][k]))
         result: Any = None
         for _ in range(repeats):
             planner = SmacLatticePlanner(params)
@@ -64,7 +65,7 @@ def run(name: str, job: Any, data: dict[str, Any], over: dict[str, Any], repeats
             began = time.process_time()
             result = plan(planner, query, costmap, footprint)
             row["ms"] = min(row["ms"], (time.process_time() - began) * 1e3)
-        row["cpp_ms"] = float(paths[f"{name}/total_ms"][k]) if row["cpp"] else np.nan
+        row["cpp_ms"] = row["cpp_took_ms"] if row["cpp"] else np.nan
         row["found"] = not isinstance(result, PlanningError)
         row["text"] = "" if row["found"] else str(result)
         if row["found"] and row["cpp"]:
@@ -136,9 +137,7 @@ def main() -> None:
     scale = 0.5 * (before + after) / reference
     print(f"speed {speed:.2f} x C++, {speed * scale:.2f} x scaled by the calibration")
     print(f"calibration before {before:.1f}, after {after:.1f} ms; C++ {reference:.1f}")
-    print(
-        f"slowest {max(r['ms'] for r in everything):.0f} ms, C++ {np.nanmax([r['cpp_ms'] for r in everything]):.0f} ms"
-    )
+    print_slowest(everything)
 
 
 if __name__ == "__main__":
