@@ -41,7 +41,7 @@ def test_the_choice_between_lengths_and_cusps() -> None:
         assert costs[0] == pytest.approx(reeds_shepp_curve(origin, there, 1.0).length, abs=1e-6)
         assert costs[-1] == pytest.approx(min(forward, backward), abs=1e-6)
         assert costs == sorted(costs)
-        # without cusps a curve is as cheap however dear they are: costs are concave in the price of a cusp
+        # without cusps a curve costs the same for any penalty: costs are concave in the price of a cusp
         assert costs[1] >= 0.5 * (costs[0] + costs[2]) - 1e-9
         assert cheapest(goal, 0.5, 2.0)[0] >= costs[1] - 1e-9
         for before, after in ((1, 1), (-1, 1), (1, -1), (-1, -1)):
@@ -54,7 +54,7 @@ def test_the_three_point_turn() -> None:
     turn = (0.0, 0.0, math.pi)
     assert cheapest(turn, 1.0, 1.0)[:2] == (pytest.approx(math.pi + 2.0), 2)
     assert cheapest(turn, 10.0, 1.0)[:2] == (pytest.approx(7.0 * math.pi / 3.0), 0)
-    # driven backward twice as dear: pi / 3 of it forward instead of 2 pi / 3
+    # driven backward at twice the cost: pi / 3 of it forward instead of 2 pi / 3
     cost, changes, lengths = cheapest(turn, 0.1, 2.0)
     assert (cost, changes) == (pytest.approx(4.0 * math.pi / 3.0 + 0.2), 2)
     assert [s > 0.0 for s in lengths] == [True, False, True]

@@ -149,7 +149,7 @@ def faults_of(case: Case, plan: Plan, costmap: Costmap, footprint: Footprint | N
     blocked = costmap.data.copy()
     blocked[blocked == 255] = 0
     referee = Referee(Costmap(costmap.geometry, blocked), footprint, False, case.radius, case.reverse)
-    found = referee._collisions(plan)  # pyright: ignore[reportPrivateUsage]
+    found = referee.collisions(plan.path)
     return found + (referee._motion(plan) if case.model == "ackermann" else [])  # pyright: ignore[reportPrivateUsage]
 
 

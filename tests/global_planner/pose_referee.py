@@ -67,7 +67,7 @@ class Referee:
 
     def faults_of_path(self, path: Path) -> list[str]:
         """What is wrong with a path, wherever it begins and ends."""
-        return self._motion(path) + self._collisions(path)
+        return self._motion(path) + self.collisions(path)
 
     def _motion(self, path: Path) -> list[str]:
         poses = path.poses
@@ -92,7 +92,8 @@ class Referee:
             found.append("the directions stated are not those of the steps")
         return found
 
-    def _collisions(self, path: Path) -> list[str]:
+    def collisions(self, path: Path) -> list[str]:
+        """Where a path collides."""
         dense = self.dense(path.poses)
         g = self.costmap.geometry
         if self.is_round:

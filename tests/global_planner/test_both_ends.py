@@ -93,7 +93,7 @@ def test_a_path_found_from_the_goal(kind: Any, monkeypatch: pytest.MonkeyPatch, 
     assert plan.cost < 1.1 * usual.cost
     assert planner.make_plan(room(), plan.path[5], GOAL, footprint=LOPSIDED).cells_expanded == 0
     referee = Referee(room(), LOPSIDED, False, 1.0, kind == "REEDS_SHEPP")
-    assert not referee._collisions(plan)  # pyright: ignore[reportPrivateUsage]
+    assert not referee.collisions(plan.path)
     assert kind in ("diff", "omni") or not referee.faults(plan, START, GOAL)
 
 

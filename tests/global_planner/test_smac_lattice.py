@@ -50,7 +50,7 @@ def test_robots_that_turn_in_place(model: str) -> None:
         plan = search.make_plan(costmap, start, goal, footprint=BOX)
         poses = plan.path.poses
         assert plan.path[0] == start and plan.path[-1] == goal
-        assert referee._collisions(plan) == []  # pyright: ignore[reportPrivateUsage]
+        assert referee.collisions(plan.path) == []
         step, turn = np.hypot(*np.diff(poses[:, :2], axis=0).T), np.diff(np.unwrap(poses[:, 2]))
         assert step.max() <= RESOLUTION * 1.01 and np.abs(turn).max() < 0.2
         if model == "diff":

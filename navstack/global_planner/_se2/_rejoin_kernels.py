@@ -20,7 +20,7 @@ SAME = 1.5
 AHEAD = 4
 """Pieces after the nearest one onto which a way is tried."""
 DEARER = 1.02
-"""Factor by which the way may be dearer than the stretch that it replaces."""
+"""Factor by which the way may cost more than the stretch that it replaces."""
 
 
 @plain_kernel

@@ -59,7 +59,7 @@ class FromGoal:
         self.expanded = 0
         self.visited = 0
         self.goal_is_enclosed = False
-        """Whether the goal itself cannot be reached from afar, at least not with the usual headings."""
+        """Whether the goal itself cannot be reached from farther away, at least not with the usual headings."""
         self.is_exhausted = False
         """Whether no end can be reached from afar."""
         self.enclosed = 0.0

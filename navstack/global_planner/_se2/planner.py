@@ -291,7 +291,7 @@ class PosePlanner(GlobalPlanner):
     def _outcome(self, engine: PoseSearch, resolution: float, ends: _Ends) -> Outcome:
         """Search; where no state is left and the goal itself was not reached, again with finer headings.
 
-        With a weight above 1, which allows dearer paths, long searches go on from both ends.
+        With a weight above 1, which allows more expensive paths, long searches go on from both ends.
 
         All searches together expand `max_iterations` at most; those with finer headings end at 50,000.
         """
