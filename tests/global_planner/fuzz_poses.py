@@ -150,7 +150,7 @@ def faults_of(case: Case, plan: Plan, costmap: Costmap, footprint: Footprint | N
     blocked[blocked == 255] = 0
     referee = Referee(Costmap(costmap.geometry, blocked), footprint, False, case.radius, case.reverse)
     found = referee.collisions(plan.path)
-    return found + (referee._motion(plan) if case.model == "ackermann" else [])  # pyright: ignore[reportPrivateUsage]
+    return found + (referee.motion_faults(plan.path) if case.model == "ackermann" else [])
 
 
 def smoother_faults(plan: Plan, costmap: Costmap, footprint: Footprint | None, rng: np.random.Generator) -> list[str]:

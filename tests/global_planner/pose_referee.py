@@ -67,9 +67,10 @@ class Referee:
 
     def faults_of_path(self, path: Path) -> list[str]:
         """What is wrong with a path, wherever it begins and ends."""
-        return self._motion(path) + self.collisions(path)
+        return self.motion_faults(path) + self.collisions(path)
 
-    def _motion(self, path: Path) -> list[str]:
+    def motion_faults(self, path: Path) -> list[str]:
+        """Where a path bends too sharply, deviates from its headings, or states wrong directions."""
         poses = path.poses
         step = np.diff(poses[:, :2], axis=0)
         chord = np.hypot(step[:, 0], step[:, 1])
