@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -53,7 +54,8 @@ def generate(
 ) -> None:
     """Generate the motion primitives of a turning radius: the shortest ones, of which others are composed.
 
-    The sets are those of Nav2's generator. smac_lattice reads the file: `lattice_filepath: primitives.json`.
+    The sets are those of Nav2's generator, and more where a heading would have no turn to the left or to the right.
+    smac_lattice reads the file: `lattice_filepath: primitives.json`.
     """
     from navstack.lattice import generate_lattice, write_lattice
 
@@ -77,7 +79,7 @@ def check(
 ) -> None:
     """Check a primitive file: keys, ranges, ends on whole cells, arcs not below the turning radius. Prints what it contains.
 
-    Exit codes: 0 it can be used, 2 it cannot; the message has file and line.
+    Warns of headings from which the robot cannot turn. Exit codes: 0 it can be used, 2 it cannot; the message has file and line.
     """
     from navstack.lattice import read_lattice
 
@@ -93,6 +95,7 @@ def _report(lattice: Lattice, files: dict[str, str], picture: Path | None, *, js
         files["picture"] = str(plot_lattice(lattice, picture))
     driven = [p for p in lattice.primitives if p.length > 0.0]
     radii = [p.radius for p in driven if p.radius > 0.0]
+    straight_on = [math.degrees(lattice.headings[k]) for k in lattice.headings_without_turns]
     facts = {
         "motion_model": lattice.motion_model,
         "turning_radius": lattice.turning_radius,
@@ -103,6 +106,7 @@ def _report(lattice: Lattice, files: dict[str, str], picture: Path | None, *, js
         "shortest_m": min((p.length for p in driven), default=0.0),
         "longest_m": max((p.length for p in driven), default=0.0),
         "smallest_radius_m": min(radii, default=0.0),
+        "headings_without_turns": straight_on,
     }
     if json_:
         print_json({**facts, "files": list(files.values())})
@@ -114,4 +118,10 @@ def _report(lattice: Lattice, files: dict[str, str], picture: Path | None, *, js
         f"{len(lattice.primitives)} primitives from {len(lattice.headings)} headings{turns}; {facts['shortest_m']:.3f} to "
         f"{facts['longest_m']:.3f} m long{arcs}"
     )
+    if straight_on:
+        degrees = ", ".join(f"{yaw:.1f}" for yaw in straight_on)
+        print(
+            f"warning: from headings {degrees} degrees no primitive turns left, or none right; generate the file with "
+            "`navstack lattice generate`, which goes on until there are some"
+        )
     print_files(files)

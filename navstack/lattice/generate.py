@@ -33,6 +33,7 @@ from navstack.lattice.lattice import MOTION_MODELS, Lattice, MotionModel, Primit
 STOPPING_THRESHOLD: Final = 5
 DISTINCTNESS: Final = 0.9
 _TURN_STEP: Final = math.radians(10.0)
+_SAME: Final = 1e-9
 _LARGEST: Final = 200
 """Cells: largest square that is looked at."""
 
@@ -86,8 +87,8 @@ def _check(radius: float, resolution: float, headings: int, model: str, threshol
         )
     if not 2.0 <= radius / resolution <= 100.0:
         raise InputError(
-            f"the turning radius must be between 2 and 100 cells; {radius:g} m with cells of {resolution:g} m is "
-            f"{radius / resolution:.1f} cells",
+            f"the turning radius must be between 2 and 100 cells, which is {2.0 * resolution:g} to {100.0 * resolution:g} m with "
+            f"cells of {resolution:g} m, not {radius:g} m",
             turning_radius=radius,
             resolution=resolution,
         )
@@ -132,19 +133,46 @@ def _ends(start: int, angles: NDArray[np.float64], radius: float, threshold: int
     states = np.zeros((0, 3))
     empty, p = 0, max(1, round(radius * gap))
     while empty < threshold and p <= _LARGEST:
-        points = np.array([point for i in range(p) for point in ((p, i), (i, p))] + [(p, p)], np.float64)
-        xs, ys = (np.repeat(points[:, i], len(targets)) for i in (0, 1))
-        ends = np.tile(targets, len(points))
-        links = connect(xs, ys, float(angles[start]), angles[ends], radius)
+        ends, links = _connections(p, start, targets, angles, radius)
         before = len(found)
         for k in np.flatnonzero(~np.isnan(links.length)):
-            state = np.array([xs[k], ys[k], angles[ends[k]]])
+            end = ends[k]
+            state = np.array([end.x, end.y, angles[end.end]])
             if _is_new(links, int(k), state, states, float(angles[start]), math.pi / len(angles), ratio):
                 states = np.concatenate([states, state[None]])
-                found.append(_Found(start, int(ends[k]), int(xs[k]), int(ys[k])))
+                found.append(end)
         empty = empty + 1 if len(found) == before else 0
         p += 1
+    # turns to the other side of 0 and 90 degrees are those of the mirrored headings
+    for side in {0: (1,), len(angles) // 4: (-1,)}.get(start, (1, -1)):
+        if not any(near[f.end] * side > _SAME for f in found):
+            found += _first_turn(start, targets[near[targets] * side > _SAME], angles, radius)
     return found
+
+
+def _first_turn(start: int, targets: NDArray[np.int64], angles: NDArray[np.float64], radius: float) -> list[_Found]:
+    """The shortest connection to one of these headings that ends on the smallest square.
+
+    # ROS differs: where all turns to a side pass the end of a straight line, Nav2's generator drops them; a robot at this
+    # heading could never leave it.
+    """
+    for p in range(1, _LARGEST + 1):
+        ends, links = _connections(p, start, targets, angles, radius)
+        if not np.isnan(links.length).all():
+            return [ends[int(np.nanargmin(links.length))]]
+    return []
+
+
+def _connections(
+    p: int, start: int, targets: NDArray[np.int64], angles: NDArray[np.float64], radius: float
+) -> tuple[list[_Found], Connections]:
+    """Connections to all ends with these headings on the square of p cells in the first quadrant; those nearest first."""
+    points = np.array([point for i in range(p) for point in ((p, i), (i, p))] + [(p, p)], np.float64)
+    xs, ys = (np.repeat(points[:, i], len(targets)) for i in (0, 1))
+    ends = np.tile(targets, len(points))
+    links = connect(xs, ys, float(angles[start]), angles[ends], radius)
+    found = [_Found(start, int(end), int(x), int(y)) for end, x, y in zip(ends, xs, ys, strict=True)]
+    return found, links
 
 
 def _is_new(

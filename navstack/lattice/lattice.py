@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final, Literal
@@ -62,6 +63,17 @@ class Lattice:
         for primitive in self.primitives:
             rows[primitive.start].append(primitive)
         return tuple(tuple(row) for row in rows)
+
+    @cached_property
+    def headings_without_turns(self) -> tuple[int, ...]:
+        """Headings from which no primitive turns to the left, or none to the right."""
+        ways = [
+            {round(math.remainder(self.headings[p.end] - yaw, 2.0 * math.pi), 9) for p in row}
+            for yaw, row in zip(self.headings, self.by_heading, strict=True)
+        ]
+        return tuple(
+            k for k, turns in enumerate(ways) if not (any(t > 0.0 for t in turns) and any(t < 0.0 for t in turns))
+        )
 
     def nearest_heading(self, yaw: float) -> int:
         """Return the index of the heading nearest to `yaw` (rad)."""

@@ -15,6 +15,8 @@ from navstack.plot import canvas
 _SIZE: Final = 6.4
 _COLORS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
 """Of Okabe and Ito: distinguishable by people with color vision deficiency."""
+_STYLES: Final = ("-", "--", ":", "-.")
+"""Of the lines where there are more headings than colors."""
 
 
 def plot_lattice(
@@ -40,9 +42,14 @@ def _draw(axes: Any, lattice: Lattice) -> None:
             poses = np.vstack([[0.0, 0.0, yaw], sample(list(primitive.pieces), yaw, 40)])
             if k in colored:
                 color = _COLORS[colored.index(k) % len(_COLORS)]
+                style = _STYLES[colored.index(k) // len(_COLORS) % len(_STYLES)]
                 label = f"from {math.degrees(yaw):.1f}°" if number == 0 else None
-                axes.plot(poses[:, 0], poses[:, 1], color=color, linewidth=1.4, label=label, zorder=3)
-                axes.plot(poses[-1, 0], poses[-1, 1], ".", color=color, markersize=5, zorder=4)
+                axes.plot(poses[:, 0], poses[:, 1], style, color=color, linewidth=1.4, label=label, zorder=3)
+                slides = primitive.pieces[0].kind == "slide"
+                face = "white" if slides else color
+                axes.plot(
+                    poses[-1, 0], poses[-1, 1], "o", color=color, mfc=face, markersize=4 if slides else 2.5, zorder=4
+                )
             else:
                 axes.plot(poses[:, 0], poses[:, 1], color="#bbbbbb", linewidth=0.7, zorder=2)
     reach = 1.1 * max((float(np.abs(p.poses[:, :2]).max()) for p in lattice.primitives), default=1.0)
@@ -51,8 +58,12 @@ def _draw(axes: Any, lattice: Lattice) -> None:
     axes.set_aspect("equal")
     axes.set_xlabel("x (m)")
     axes.set_ylabel("y (m)")
+    in_place = sum(p.length == 0.0 for p in lattice.primitives)
+    turns = f" ({in_place} of them turns in place)" if in_place else ""
+    if lattice.motion_model == "omni":
+        axes.plot([], [], "o", color="black", mfc="white", markersize=4, label="end of a slide")
     axes.set_title(
-        f"{len(lattice.primitives)} primitives, {lattice.motion_model}, turning radius {lattice.turning_radius:g} m, "
+        f"{len(lattice.primitives)} primitives{turns}\n{lattice.motion_model}, turning radius {lattice.turning_radius:g} m, "
         f"{len(lattice.headings)} headings",
         fontsize=10,
     )

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from navstack.cli.app import run
+from navstack.lattice import generate_lattice, write_lattice
 
 
 def test_generate_and_check(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -24,6 +26,16 @@ def test_generate_and_check(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -
     file.write_text(file.read_text().replace('"turning_radius": 0.5', '"turning_radius": 0.9'))
     assert run(["lattice", "check", str(file)]) == 2
     assert "primitives.json:" in capfd.readouterr().err
+
+
+def test_a_file_without_turns_is_warned_of(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    lattice = generate_lattice()
+    forward = tuple(p for p in lattice.primitives if p.start != 0 or p.end == 0)
+    file = write_lattice(replace(lattice, primitives=forward), tmp_path / "primitives.json")
+    assert run(["lattice", "check", str(file)]) == 0
+    assert "warning: from headings 0.0 degrees no primitive turns left, or none right" in capfd.readouterr().out
+    assert run(["lattice", "check", str(file), "--json"]) == 0
+    assert json.loads(capfd.readouterr().out)["headings_without_turns"] == [0.0]
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +53,15 @@ def test_properties_of_a_set(radius: float, headings: int, model: MotionModel) -
     assert {(-a % n, -b % n, x, -y) for a, b, x, y in ends} == ends
     assert {((n // 2 - a) % n, (n // 2 - b) % n, -x, y) for a, b, x, y in ends} == ends
     assert {(n // 4 + a) % n for a, *_ in ends} == set(range(n))
+
+
+@pytest.mark.parametrize(("radius", "headings"), [(0.2, 16), (2.0, 32), (0.3, 24), (5.0, 16)])
+def test_from_every_heading_a_car_turns_to_both_sides(radius: float, headings: int) -> None:
+    """Also where all turns pass the end of a straight line, or begin farther away than the last new end."""
+    made = generate_lattice(radius, 0.05, headings=headings)
+    assert made.headings_without_turns == ()
+    straight_on = replace(made, primitives=tuple(p for p in made.primitives if p.start != 3 or not p.left_turn))
+    assert straight_on.headings_without_turns == (3,)
 
 
 @pytest.mark.parametrize("model", ["diff", "omni"])
