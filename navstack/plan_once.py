@@ -56,12 +56,7 @@ def plan_on_map(
     require_finite_pose(goal, "goal")
     if static_map.geometry.world_to_cell(start.x, start.y) is None and static_map.origin_yaw == 0.0:
         raise start_outside_map(static_map, start)
-    frames = FrameTree()
-    params = configuration.global_costmap.params
-    static_map = replace(static_map, frame=clean_frame(params.global_frame))
-    frames.set_static(params.global_frame, params.robot_base_frame, Transform2D(start.x, start.y, start.yaw))
-    costmap = build_costmap("global_costmap", configuration.global_costmap, frames, static_map)
-    costmap.update(0.0)
+    costmap = costmap_on_map(configuration, static_map, start)
     choice = planner or configuration.global_planner
     chosen = smoothed(make_global_planner(choice), configuration.smoother)
     try:
@@ -74,6 +69,17 @@ def plan_on_map(
     if note is not None:
         plan = replace(plan, notes=(*plan.notes, note))
     return PlannedPath(plan, costmap, choice.name)
+
+
+def costmap_on_map(configuration: Configuration, static_map: OccupancyGrid, start: Pose2D) -> LayeredCostmap:
+    """The global costmap of a robot at `start` that knows only the map."""
+    frames = FrameTree()
+    params = configuration.global_costmap.params
+    static_map = replace(static_map, frame=clean_frame(params.global_frame))
+    frames.set_static(params.global_frame, params.robot_base_frame, Transform2D(start.x, start.y, start.yaw))
+    costmap = build_costmap("global_costmap", configuration.global_costmap, frames, static_map)
+    costmap.update(0.0)
+    return costmap
 
 
 def plan(

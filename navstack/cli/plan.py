@@ -12,6 +12,7 @@ from navstack.cli import options
 if TYPE_CHECKING:
     from navstack.cli.plan_candidates import Candidate
     from navstack.core import OccupancyGrid, Pose2D
+    from navstack.core.errors import PlanningError
     from navstack.plan_once import PlannedPath
 
 
@@ -104,10 +105,17 @@ def _load(chosen: PlanOptions) -> tuple[_Query, list[Candidate]]:
 
 def _plan(query: _Query, candidate: Candidate, chosen: dict[str, Path], json_: bool) -> None:
     from navstack.cli.output import loading_kernels, print_files, print_json, print_note
+    from navstack.core.errors import PlanningError
     from navstack.core.files import write_json
 
-    with loading_kernels(quiet=json_):
-        found = _planned(query, candidate, keep_potential=bool(chosen))
+    try:
+        with loading_kernels(quiet=json_):
+            found = _planned(query, candidate, keep_potential=bool(chosen))
+    except PlanningError as error:
+        if "picture" in chosen:
+            _draw_failure(query, candidate, error, chosen["picture"])
+            print_note(f"picture of the reason: {chosen['picture']}")
+        raise
     document = _document(query, candidate, found)
     if chosen:
         document["files"] = _write(query, {candidate.label: found}, [document], chosen)
@@ -222,6 +230,24 @@ def _draw(query: _Query, found: dict[str, PlannedPath], documents: list[dict[str
         footprint=swept.costmap.footprint,
         title=f"{query.map.stem}: {several if len(found) > 1 else next(iter(found))}",
         texts={d["candidate"]: _legend_text(d) for d in documents if "error" not in d},
+    )
+
+
+def _draw_failure(query: _Query, candidate: Candidate, error: PlanningError, picture: Path) -> None:
+    from navstack.plan_once import costmap_on_map
+    from navstack.plot import plot_plan
+
+    costmap = costmap_on_map(candidate.configuration, query.grid, query.start)
+    plot_plan(
+        costmap.master,
+        {},
+        picture,
+        start=query.start,
+        goal=query.goal,
+        footprint=costmap.footprint,
+        title=f"{query.map.stem}: no plan of {candidate.label}",
+        subtitle=f"{error.name} ({error.code})",
+        failure=error.data,
     )
 
 

@@ -199,8 +199,9 @@ def print_passages(out: Console, report: PassageReport, name: str, *, only: int 
         _print_shapes(out, report, only)
     narrower = f"; {report.narrower} narrower (--narrowest 0 lists them)" if report.narrower else ""
     smaller = f" beside obstacles of {report.smallest_obstacle:g} m or more" if report.smallest_obstacle else ""
+    by_costs = "by the costs on their centrelines: " if report.shapes is not None else ""
     out.print(
-        f"{passage_counts(report)}; searched widths {report.narrowest:.2f} to {report.widest:.2f} m{smaller}{narrower}",
+        f"{by_costs}{passage_counts(report)}; searched widths {report.narrowest:.2f} to {report.widest:.2f} m{smaller}{narrower}",
         soft_wrap=True,
     )
     w = report.widths

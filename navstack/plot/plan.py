@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from navstack.core import Bounds, Costmap, Footprint, Pose2D
 from navstack.interfaces import Plan
 from navstack.plot import areas, canvas, colors, drawing, legend
+from navstack.plot.failure import draw_failure, points_of
 from navstack.plot.picture import Picture, round_length
 
 _UNREACHED = 1e9
@@ -33,12 +34,14 @@ def plot_plan(
     subtitle: str | None = None,
     potential: bool = True,
     texts: Mapping[str, str] | None = None,
+    failure: Mapping[str, Any] | None = None,
     dpi: float = 130.0,
 ) -> Any:
     """Draws one plan, or several by name, to a .png, .svg or .pdf. All poses are in the frame of the costmap.
 
     Contours show the potential of the first plan that has one, unless `potential` is False. `texts` are the legend's texts
-    of several plans, by name, in place of name, length and cost. Draws into the axes `ax`, or a new figure. Raises OutputError.
+    of several plans, by name, in place of name, length and cost. `failure` is the `data` of a PlanningError: what it names is
+    drawn, also without plans. Draws into the axes `ax`, or a new figure. Raises OutputError.
     Returns the file; without a path the axes.
     """
     canvas.check_target(path, ax)
@@ -46,7 +49,7 @@ def plot_plan(
     g = costmap.geometry
     with canvas.style():
         picture = Picture(
-            _area(costmap, named, start, goal),
+            _area(costmap, named, start, goal, points_of(failure or {})),
             title=title or _title(named),
             subtitle=_single_plan_text(named) if subtitle is None else subtitle,
             ax=ax,
@@ -58,15 +61,17 @@ def plot_plan(
         if potential:
             entries += _draw_potential(axes, named, costmap, picture.area)
         entries += _draw_ends(picture, start, goal, footprint)
-        entries += _draw_moved_goal(axes, named)
+        entries += _draw_moved_goal(axes, named) + draw_failure(axes, failure or {}, footprint)
         bands, costs = legend.cost_legend(costmap.data[g.window_of(picture.area).slices])
         picture.legend([h for h, _ in entries] + bands, [text for _, text in entries] + costs)
         return picture.finish(path, dpi)
 
 
-def _area(costmap: Costmap, plans: Mapping[str, Plan], start: Pose2D, goal: Pose2D) -> Bounds:
+def _area(
+    costmap: Costmap, plans: Mapping[str, Plan], start: Pose2D, goal: Pose2D, points: NDArray[np.float64]
+) -> Bounds:
     ends = np.array([start, goal])
-    area = areas.area_of([ends, *(plan.path.poses for plan in plans.values())])
+    area = areas.area_of([ends, points, *(plan.path.poses for plan in plans.values())])
     if area.is_empty:
         return areas.area_of_grid(costmap.geometry)
     margin = max(1.0, 0.12 * float(np.hypot(*(ends[1, :2] - ends[0, :2]))))

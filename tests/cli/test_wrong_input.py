@@ -130,9 +130,10 @@ def test_bad_poses(navstack, tmp_path: Path, start: str, goal: str, words: str, 
 
 def test_no_path_is_a_failed_goal(navstack, tmp_path: Path) -> None:
     path = write_map(tmp_path)
-    outcome = navstack("plan", path, "--start", "1,1", "--goal", "5,2", "--json")
+    outcome = navstack("plan", path, "--start", "1,1", "--goal", "5,2", "--json", "--out", tmp_path / "out")
     assert outcome.code == 1
     assert json.loads(outcome.out)["error"]["name"] == "NO_VALID_PATH"
+    assert [file.name for file in (tmp_path / "out").iterdir()] == ["plan.png"]  # shows the reason
 
 
 def test_simulate_an_unreachable_goal(navstack, tmp_path: Path) -> None:

@@ -23,14 +23,14 @@ RADIUS = 0.6
 SCENES, QUERIES = [1, 4], 8
 
 
-def robot(length: float, width: float) -> Configuration:
+def robot(length: float, width: float, *overrides: str) -> Configuration:
     x, y = 0.5 * length, 0.5 * width
     footprint = f"[[{x},{y}],[{-x},{y}],[{-x},{-y}],[{x},{-y}]]"
     costmaps = ("global_costmap", "local_costmap")
     shape = [f"{name}/{key}" for name in costmaps for key in (f"footprint={footprint}", "footprint_padding=0.0")]
     planner = ["base_global_planner=smac_hybrid", "smac_hybrid/motion_model_for_search=REEDS_SHEPP"]
     planner += ["smac_hybrid/start_policy=refuse", f"smac_hybrid/minimum_turning_radius={RADIUS}"]
-    return load_configuration(["turtlebot"], overrides=[*shape, *planner])
+    return load_configuration(["turtlebot"], overrides=[*shape, *planner, *overrides])
 
 
 @pytest.fixture(scope="module")
@@ -96,6 +96,24 @@ def test_unknown_walls_are_walls_for_a_shape(long_robot: Configuration) -> None:
 @pytest.mark.parametrize("seed", range(6))
 def test_random_openings_agree_with_the_brute_force(seed: int) -> None:
     assert disagreements(random_scene(seed)) == []
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.4, 1.1, 2.5])
+def test_a_failed_plan_names_the_gap_that_is_too_narrow(angle: float) -> None:
+    """Where it is, its direction and its width, for a footprint whose base is not in its middle; the cells connect."""
+    across = np.array([-math.sin(angle), math.cos(angle)])
+    door = 0.6 * np.array([math.cos(angle), math.sin(angle)])
+    points = "[[0.8,0.5],[0.8,-0.2],[-0.3,-0.2],[-0.3,0.5]]"
+    shape = [f"{name}_costmap/footprint={points}" for name in ("global", "local")]
+    configuration = robot(1.2, 0.7, *shape)
+    grid = two_rooms({0.6: 0.6}, angle=angle)
+    start, goal = (Pose2D(side * across[0], side * across[1], angle) for side in (-2.0, 2.0))
+    with pytest.raises(PlanningError) as error:
+        plan_on_map(configuration, grid, start, goal)
+    (spot,) = error.value.data["narrow"]
+    assert math.dist((spot["x"], spot["y"]), door) < 0.1
+    assert abs(math.remainder(spot["heading"] - angle, math.pi)) == pytest.approx(0.5 * math.pi, abs=math.radians(8.0))
+    assert spot["width_m"] == pytest.approx(0.6, abs=0.08)
 
 
 def test_progress_and_counts(long_robot: Configuration) -> None:

@@ -134,7 +134,11 @@ def test_a_straight_passage(cells: int, fits: bool) -> None:
         return
     with pytest.raises(NoValidPathError, match="too narrow for the footprint at") as error:
         planner().make_plan(costmap, start, goal, footprint=BOX)
-    assert error.value.data["narrow"][0]["x"] == pytest.approx(2.8, abs=0.5)
+    (spot,) = error.value.data["narrow"]
+    assert (spot["x"], spot["y"]) == pytest.approx((4.0, y), abs=0.1)  # the middle of the passage
+    assert spot["heading"] == pytest.approx(0.0, abs=0.05)
+    assert spot["width_m"] == pytest.approx(0.55)
+    assert 2.0 <= spot["length_m"] <= 2.7  # up to half the box longer at both ends
 
 
 def test_goal_headings() -> None:

@@ -14,10 +14,12 @@ from pathlib import Path
 IMAGES = Path(__file__).resolve().parents[2] / "docs" / "images"
 
 
-def navstack(*arguments: str | Path) -> None:
-    """Run a command; its exit code must be 0."""
+def navstack(*arguments: str | Path, code: int = 0) -> None:
+    """Run a command; its exit code must be `code`."""
     print("navstack", *arguments)
-    subprocess.run([sys.executable, "-m", "navstack", *map(str, arguments)], check=True, stdout=subprocess.DEVNULL)
+    done = subprocess.run([sys.executable, "-m", "navstack", *map(str, arguments)], stdout=subprocess.DEVNULL)
+    if done.returncode != code:
+        sys.exit(f"exit code {done.returncode}, not {code}")
 
 
 def _localization(images: Path, folder: Path) -> None:
@@ -70,6 +72,11 @@ def main() -> None:
         for name in ("long_robot", "long_robot_navfn"):
             navstack("simulate", name, "--out", folder / f"{name}_run")
             navstack("plot", folder / f"{name}_run", "--out", images / f"{name}.png")
+        navstack(
+            *("plan", "office", "--start", "2.5,10,-1.57", "--goal", "7,9.9,1.57", "--planner", "smac_hybrid"),
+            *("--footprint", "[[0.8,0.5],[0.8,-0.5],[-0.2,-0.5],[-0.2,0.5]]", "--out", images / "plan_too_narrow.png"),
+            code=1,
+        )
         navstack(
             *("explain", "passages", "office", "--footprint", "1.2x0.7", "--turning-radius", "0.6"),
             *("--narrowest", "0.6", "--out", images / "passages_footprint.png"),

@@ -6,6 +6,7 @@ import math
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from navstack.core import Costmap, Footprint, Pose2D, describe_cost
 from navstack.core.errors import GoalOccupiedError, NoValidPathError, PlanningError, PlanningTimeoutError
@@ -16,13 +17,16 @@ from navstack.global_planner._se2.params import PosePlannerParams
 from navstack.global_planner._search import planning_errors
 from navstack.global_planner._search.best_first import BestFirst
 from navstack.global_planner._search.cost_interpreter import CellCosts, cell_costs
+from navstack.global_planner._search.gaps import Gap, gaps, narrowest
 from navstack.global_planner._search.search_space import SearchSpace
 
 _MAX_EXPANDED: Final = 4_000_000
 _AHEAD: Final = 6
 """Cells: distance over which the direction of a path of cells is taken."""
 _TURN: Final = math.radians(15.0)
-"""Deviation from the direction of the passage at which the footprint is tried, too."""
+"""Deviation from the direction of a path at which the footprint is tried, too."""
+_TURNS: Final = np.radians([0.0, 5.0, -5.0, 10.0, -10.0, 15.0, -15.0])
+"""Deviations from the direction of a gap at which the footprint is tried."""
 
 
 def _costs(allow_unknown: bool) -> CellCosts:
@@ -137,7 +141,11 @@ def no_path(
             limit = f"max_planning_time = {params.max_planning_time} s"
         return PlanningTimeoutError(
             f"no path {ends} found within {limit}, after {outcome.expanded:,} states; {where}{_narrow_text(narrow)}; "
-            "increase the limit or the tolerance, or allow reversing",
+            + (
+                "another way needs a higher limit"
+                if narrow
+                else "increase the limit or the tolerance, or allow reversing"
+            ),
             **data,
         )
     text = _narrow_text(narrow)
@@ -163,7 +171,8 @@ def _narrow_text(narrow: list[dict[str, Any]]) -> str:
     if not narrow:
         return ""
     spots = [
-        f"({s['x']:.2f}, {s['y']:.2f}) at heading {s['heading']:.2f} rad over {s['length_m']:.2f} m" for s in narrow[:3]
+        f"({s['x']:.2f}, {s['y']:.2f}) at heading {s['heading']:.2f} rad ({s['width_m']:.2f} m wide, over {s['length_m']:.2f} m)"
+        for s in narrow[:3]
     ]
     return f"; the shortest way is too narrow for the footprint at {', then at '.join(spots)}"
 
@@ -171,35 +180,55 @@ def _narrow_text(narrow: list[dict[str, Any]]) -> str:
 def narrow_stretches(
     engine: PoseSearch, grid: Costmap, start: Pose2D, goal: Pose2D, allow_unknown: bool
 ) -> list[dict[str, Any]] | None:
-    """Stretches of the cheapest path of cells where the footprint fits at no heading near the direction of the path.
+    """The narrowest gaps of the stretches of the cheapest path of cells where the footprint does not fit.
 
-    None if no cells connect start and goal.
+    `x`, `y` is the middle of the gap, `heading` the direction through it, `width_m` its width, `length_m` the length of the
+    stretch. None if no cells connect start and goal.
     """
     search = BestFirst(_costs(allow_unknown))
     cells = _cell(grid, start), _cell(grid, goal)
     if not search.octile(grid, *cells, max_expanded=_MAX_EXPANDED):
         return [] if search.expanded >= _MAX_EXPANDED else None
-    route = search.path(*cells) + 0.5
+    route = search.path(*cells)
+    backward = (math.pi,) if engine.settings["reeds_shepp"][0] else ()
+    return min((_narrow_along(engine, grid, route, turned) for turned in (0.0, *backward)), key=len)
+
+
+def _narrow_along(engine: PoseSearch, grid: Costmap, route: NDArray[np.int64], turned: float) -> list[dict[str, Any]]:
+    """The stretches of a route (n, 2) where the footprint does not fit, `turned` from the direction of the route (rad)."""
+    tight = [i for i in range(1, len(route) - 1) if not _fits_along(engine, route, i, turned)]
+    # without a gap there, or beside the path in the gap, the robot has room
+    between = {i: gap for i, gap in zip(tight, gaps(grid, route[tight]), strict=True) if gap is not None}
+    narrow = {i: gap for i, gap in between.items() if not _fits_beside(engine, grid, route[i], gap, turned)}
+    if not narrow:
+        return []
+    # places closer than the robot is long are one
+    along = np.append(0.0, np.cumsum(np.hypot(*np.diff(route, axis=0).T)))
+    indices = np.array(list(narrow))
     found: list[dict[str, Any]] = []
-    last = -10
-    for i in range(1, len(route) - 1):
-        ahead = route[min(len(route) - 1, i + _AHEAD)] - route[max(0, i - _AHEAD)]
-        heading = math.atan2(ahead[1], ahead[0])
-        x, y = float(route[i, 0]), float(route[i, 1])
-        if any(engine.pose_is_free(x, y, heading + turn) for turn in (0.0, _TURN, -_TURN)):
-            continue
-        step = float(np.hypot(*(route[i + 1] - route[i]))) * grid.geometry.resolution
-        if i == last + 1:
-            found[-1]["length_m"] += step
-        else:
-            wx, wy = x * grid.geometry.resolution, y * grid.geometry.resolution
-            found.append(
-                {
-                    "x": wx + grid.geometry.origin_x,
-                    "y": wy + grid.geometry.origin_y,
-                    "heading": heading,
-                    "length_m": step,
-                }
-            )
-        last = i
+    for which in np.split(indices, np.flatnonzero(np.diff(along[indices]) > 2.0 * engine.shape.reach) + 1):
+        gap = narrowest(narrow[i] for i in which.tolist())
+        assert gap is not None
+        length = float(along[which[-1] + 1] - along[which[0]]) * grid.geometry.resolution
+        found.append({"x": gap.x, "y": gap.y, "heading": gap.heading, "width_m": gap.width_m, "length_m": length})
     return found
+
+
+def _fits_along(engine: PoseSearch, route: NDArray[np.int64], i: int, turned: float) -> bool:
+    """Whether the footprint fits at a cell of a route, at a heading near that of the route."""
+    ahead = route[min(len(route) - 1, i + _AHEAD)] - route[max(0, i - _AHEAD)]
+    heading = math.atan2(ahead[1], ahead[0]) + turned
+    x, y = route[i] + 0.5
+    return any(engine.pose_is_free(x, y, heading + turn) for turn in (0.0, _TURN, -_TURN))
+
+
+def _fits_beside(engine: PoseSearch, grid: Costmap, cell: NDArray[np.int64], gap: Gap, turned: float) -> bool:
+    """Whether the footprint fits somewhere beside a cell of a route, at a heading near that of its gap."""
+    x, y = cell + 0.5
+    half = 0.5 * gap.width_m / grid.geometry.resolution
+    aside = np.linspace(-half, half, max(3, 2 * math.ceil(2.0 * half) + 1))
+    return any(
+        engine.pose_is_free(x - s * math.sin(gap.heading), y + s * math.cos(gap.heading), gap.heading + turned + turn)
+        for turn in _TURNS
+        for s in aside[np.argsort(np.abs(aside), kind="stable")]
+    )

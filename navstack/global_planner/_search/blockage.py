@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Any, Final
@@ -14,13 +13,13 @@ from navstack.core import INSCRIBED, LETHAL, UNKNOWN, Costmap
 from navstack.global_planner._search.best_first import BestFirst
 from navstack.global_planner._search.cells import Cell
 from navstack.global_planner._search.cost_interpreter import CellCosts, CostInterpreter
+from navstack.global_planner._search.gaps import gaps, narrowest
 
 _FREE_WEIGHT: Final = 1.0
 _BLOCKED_WEIGHTS: Final = {INSCRIBED: 30.0, UNKNOWN: 100.0, LETHAL: 300.0}
 """Weight of a blocked cell, in free cells: a gap that is merely too narrow is preferred to a wall."""
 _MAX_EXPANDED: Final = 4_000_000
 """Limit of the search for an explanation (about 0.3 s)."""
-_MAX_GAP_CELLS: Final = 64
 _KINDS: Final = {INSCRIBED: "too narrow", UNKNOWN: "unknown", LETHAL: "obstacle"}
 
 
@@ -29,7 +28,7 @@ class BlockedStretch:
     """A blocked stretch of the least blocked route."""
 
     x: float
-    """Its centre (m)."""
+    """Its centre, or that of the gap (m)."""
     y: float
     length_m: float
     """Length of the route that it blocks."""
@@ -63,13 +62,21 @@ def blocked_stretches(costmap: Costmap, costs: CostInterpreter, start: Cell, goa
     if not search.octile(costmap, start, goal, max_expanded=_MAX_EXPANDED):
         return []
     route = search.path(start, goal)
-    bytes_ = costmap.data[route[:, 1], route[:, 0]]
-    inner = range(1, len(route) - 1)
+    blocked = costs.blocked[costmap.data[route[:, 1], route[:, 0]]]
+    if not blocked[1:-1].any():
+        blocked = _between_corners(costmap, costs, route)
     found: list[BlockedStretch] = []
-    for is_blocked, group in groupby(inner, key=lambda i: bool(costs.blocked[bytes_[i]])):
+    for is_blocked, group in groupby(range(1, len(route) - 1), key=lambda i: bool(blocked[i])):
         if is_blocked:
             found.append(_stretch(costmap, route, list(group)))
     return found
+
+
+def _between_corners(costmap: Costmap, costs: CostInterpreter, route: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """(n,) whether the step of a route (n, 2) to the next cell is diagonal, between two blocked cells."""
+    (x, y), (u, v) = route[:-1].T, route[1:].T
+    beside = costs.blocked[costmap.data[y, u]] & costs.blocked[costmap.data[v, x]]
+    return np.append((x != u) & (y != v) & beside, False)
 
 
 def _weights_of(costs: CostInterpreter) -> CellCosts:
@@ -86,25 +93,7 @@ def _stretch(costmap: Costmap, route: NDArray[np.int64], which: list[int]) -> Bl
     kind = LETHAL if LETHAL in bytes_ else UNKNOWN if UNKNOWN in bytes_ else INSCRIBED
     cells = route[which[0] : which[-1] + 2]  # including the step out of it
     steps = np.hypot(*np.diff(cells, axis=0).T) if len(cells) > 1 else np.ones(1)
-    x, y = g.cell_to_world(*(int(v) for v in route[which[len(which) // 2]]))
-    gap = _gap_cells(costmap, route[which]) if kind == INSCRIBED else None
-    return BlockedStretch(
-        x, y, float(steps.sum()) * g.resolution, _KINDS[kind], None if gap is None else gap * g.resolution
-    )
-
-
-def _gap_cells(costmap: Costmap, cells: NDArray[np.int64]) -> float | None:
-    """Width, in cells, of the narrowest gap along cells (n, 2); None without obstacles nearby."""
-    half = math.inf
-    for ix, iy in cells:
-        half = min(half, _nearest_lethal(costmap, int(ix), int(iy), half))
-    # the route is in the middle of the gap; the obstacles' cells extend half a cell toward it
-    return None if half == math.inf else max(0.0, 2.0 * half - 1.0)
-
-
-def _nearest_lethal(costmap: Costmap, ix: int, iy: int, known: float) -> float:
-    """Distance in cells to the centre of the nearest lethal cell within 64 cells (or `known`), inf without one."""
-    reach = min(_MAX_GAP_CELLS, int(known) + 1 if known < math.inf else _MAX_GAP_CELLS)
-    x0, y0 = max(0, ix - reach), max(0, iy - reach)
-    ys, xs = np.nonzero(costmap.data[y0 : iy + reach + 1, x0 : ix + reach + 1] == LETHAL)
-    return float(np.sqrt(((xs + x0 - ix) ** 2 + (ys + y0 - iy) ** 2).min())) if len(xs) else math.inf
+    gap = narrowest(gaps(costmap, route[which])) if kind == INSCRIBED else None
+    x, y = (gap.x, gap.y) if gap is not None else g.cell_to_world(*(int(v) for v in route[which[len(which) // 2]]))
+    length = float(steps.sum()) * g.resolution
+    return BlockedStretch(x, y, length, _KINDS[kind], None if gap is None else gap.width_m)
