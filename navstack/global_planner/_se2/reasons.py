@@ -197,8 +197,10 @@ def narrow_stretches(
 def _narrow_along(engine: PoseSearch, grid: Costmap, route: NDArray[np.int64], turned: float) -> list[dict[str, Any]]:
     """The stretches of a route (n, 2) where the footprint does not fit, `turned` from the direction of the route (rad)."""
     tight = [i for i in range(1, len(route) - 1) if not _fits_along(engine, route, i, turned)]
-    # without a gap there, or beside the path in the gap, the robot has room
-    between = {i: gap for i, gap in zip(tight, gaps(grid, route[tight]), strict=True) if gap is not None}
+    # without a gap there, in one as wide as the robot is long, or beside the path in the gap, the robot has room
+    longest = 2.0 * engine.shape.reach * grid.geometry.resolution
+    found_gaps = zip(tight, gaps(grid, route[tight]), strict=True)
+    between = {i: gap for i, gap in found_gaps if gap is not None and gap.width_m < longest}
     narrow = {i: gap for i, gap in between.items() if not _fits_beside(engine, grid, route[i], gap, turned)}
     if not narrow:
         return []
