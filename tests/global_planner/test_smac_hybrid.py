@@ -253,3 +253,15 @@ def test_unknown_cells_hide_no_obstacles_in_downsampled_blocks() -> None:
     search = planner(downsample_costmap=True, downsampling_factor=2, allow_unknown=True)
     with pytest.raises(NoValidPathError):
         search.make_plan(costmap, Pose2D(1.0, 2.0, 0.0), Pose2D(3.0, 2.0, 0.0), footprint=BOX)
+
+
+@pytest.mark.parametrize(("seed", "number"), [(8, 4), (17, 1), (27, 6), (51, 4)])
+def test_the_cost_is_finite(seed: int, number: int) -> None:
+    """A piece of a path may have a sample in the corner of an inscribed cell that the checks of the whole curve stepped over."""
+    rng = np.random.default_rng(seed)
+    lethal = rng.random((60, 60)) < 0.02
+    lethal[5:10, 5:10] = lethal[50:55, 50:55] = False
+    for _ in range(number + 1):
+        start, goal = (Pose2D(*rng.uniform(0.3, 5.7, 2), float(rng.uniform(-3.0, 3.0))) for _ in range(2))
+    plan = planner(minimum_turning_radius=0.5, cost_penalty=0.0).make_plan(inflated(lethal, 0.1, 0.25), start, goal)
+    assert plan.length_m <= plan.cost < math.inf

@@ -18,8 +18,10 @@ from navstack.global_planner._se2._curve_check_kernels import (
     segment_cost,
     turn_cost,
 )
+from navstack.global_planner._se2._shape_kernels import cell_weight
 
 IN_PLACE, SIDEWAYS = 0, -1
+INSCRIBED = 253
 PIECE = 4.0
 """Cells: longest piece of a curve between two poses at which a path may be shortened."""
 OFFSET, TURN = 1.0, 0.05
@@ -143,15 +145,31 @@ def trace(nodes, primitives, headings, pieces, last, segments):
 
 
 @plain_kernel
+def touching_cost(p, row):
+    """Return the cost of a piece of a path if all of its cells were inscribed."""
+    weight = cell_weight(p, INSCRIBED)
+    if row.kind_ == IN_PLACE:
+        return p.rotation * (weight + 1.0 - p.base_cost) * abs(row.size) / p.turn_step
+    turns = row.kind_ != STRAIGHT and row.kind_ != SIDEWAYS
+    return abs(row.size) * weight * (p.non_straight if turns else 1.0) * (p.reverse if row.size < 0.0 else 1.0)
+
+
+@plain_kernel
 def pieces_cost(costs, p, segments, out):
-    """Write the cost of each piece of a path."""
+    """Write the cost of each piece of a path that is free.
+
+    Checks at intervals may step over the corner of an inscribed cell in which a sample of a piece lies: such a piece costs as if
+    all of its cells were inscribed.
+    """
     for i in range(len(segments)):
         row = segments[i]
         if row.kind_ == IN_PLACE:
             out[i] = turn_cost(costs, p, row.x, row.y, row.size)
-            continue
-        kind = STRAIGHT if row.kind_ == SIDEWAYS else row.kind_
-        out[i] = segment_cost(costs, p, kind, row.x, row.y, row.yaw + row.sideways, row.size, row.radius, np.inf)[0]
+        else:
+            kind = STRAIGHT if row.kind_ == SIDEWAYS else row.kind_
+            out[i] = segment_cost(costs, p, kind, row.x, row.y, row.yaw + row.sideways, row.size, row.radius, np.inf)[0]
+        if out[i] == np.inf:
+            out[i] = touching_cost(p, row)
 
 
 @plain_kernel
