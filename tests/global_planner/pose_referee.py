@@ -105,13 +105,36 @@ class Referee:
             hit = np.flatnonzero(blocked)
             deep = [k for k in hit if self._depth(dense[k], ix[k], iy[k]) > 0.25]
             return [f"its centre is in an inscribed cell at {dense[deep[0]]}"] if deep else []
-        c, s = np.cos(dense[:, 2])[:, None], np.sin(dense[:, 2])[:, None]
-        vx, vy = self.footprint.vertices[:, 0], self.footprint.vertices[:, 1]
-        shrink = 1.0 - 1e-6
-        x, y = dense[:, 0:1] + shrink * (c * vx - s * vy), dense[:, 1:2] + shrink * (s * vx + c * vy)
-        polygons = shapely.polygons(np.stack((x, y), axis=-1))
-        hits = self.tree.query(polygons, predicate="intersects")
-        return [f"its footprint overlaps an obstacle at {dense[hits[0][0]]}"] if hits.shape[1] else []
+        hit = self.overlaps(dense, 1.0 - 1e-6)
+        return [f"its footprint overlaps an obstacle at {dense[np.argmax(hit)]}"] if hit.any() else []
+
+    def overlaps(self, poses: NDArray[np.float64], scale: float) -> NDArray[np.bool_]:
+        """Whether the footprint, `scale` times its size, overlaps an obstacle at each of the poses (n, 3)."""
+        c, s = np.cos(poses[:, 2])[:, None], np.sin(poses[:, 2])[:, None]
+        vx, vy = scale * self.footprint.vertices[:, 0], scale * self.footprint.vertices[:, 1]
+        x, y = poses[:, 0:1] + c * vx - s * vy, poses[:, 1:2] + s * vx + c * vy
+        hit = np.zeros(len(poses), np.bool_)
+        hit[self.tree.query(shapely.polygons(np.stack((x, y), axis=-1)), predicate="intersects")[0]] = True
+        return hit
+
+    def can_leave(self, start: Pose2D, distance: float, scale: float, step: float = 0.004) -> bool:
+        """Whether a robot that drives forward gets this far (m) away from a pose: all arcs and lines of `step` (m), tried.
+
+        Poses closer than 0.7 steps, and that over the turning radius in heading, count as one.
+        """
+        bends = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])[:, None] * step / self.radius
+        grain = 0.7 * step * np.array([1.0, 1.0, 1.0 / self.radius])
+        front, seen = np.array([start], np.float64), set[tuple[int, ...]]()
+        while len(front) and np.hypot(front[:, 0] - start.x, front[:, 1] - start.y).max() < distance:
+            middle = front[:, 2] + 0.5 * bends
+            chord = step * np.sinc(0.5 * bends / np.pi)
+            reached = (front[:, 0] + chord * np.cos(middle), front[:, 1] + chord * np.sin(middle), front[:, 2] + bends)
+            poses = np.stack([v.ravel() for v in reached], axis=-1)
+            cells = np.floor(poses / grain).astype(np.int64)
+            keep = [i for i in np.unique(cells, axis=0, return_index=True)[1] if tuple(cells[i]) not in seen]
+            seen.update(tuple(cells[i]) for i in keep)
+            front = poses[keep][~self.overlaps(poses[keep], scale)]
+        return len(front) > 0
 
     def _depth(self, pose: NDArray[np.float64], ix: int, iy: int) -> float:
         """How deep a point is in its cell (cells)."""
