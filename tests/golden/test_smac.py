@@ -101,7 +101,7 @@ def test_found_wherever_cpp_finds_and_not_costlier() -> None:
 
 
 def test_what_only_cpp_finds_collides() -> None:
-    """Where we find no path, C++'s overlaps obstacles, and none leads away from the start, even if the footprint is 0.4 % smaller."""
+    """Where we find no path, C++'s overlaps obstacles; even with a footprint that is 0.4 % smaller, none leads away."""
     name = next((n for n in HYBRID if n == "willow_hybrid_dubin_r1.0_rect"), None)
     if name is None:
         pytest.skip("no such job in this half of the data")
