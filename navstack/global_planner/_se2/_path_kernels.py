@@ -24,8 +24,8 @@ IN_PLACE, SIDEWAYS = 0, -1
 INSCRIBED = 253
 PIECE = 4.0
 """Cells: longest piece of a curve between two poses at which a path may be shortened."""
-OFFSET, TURN = 1.0, 0.05
-"""How far poses are moved sideways (cells) and turned (rad) where that lowers the cost of a path."""
+OFFSET, TURN = 0.35, 0.02
+"""How far poses are moved sideways (cells) and turned (rad), per piece on either side that is replaced."""
 RADII = 3
 """Numbers of radii that are tried: 1, 2 and 4 times the turning radius."""
 
@@ -223,7 +223,7 @@ def write_best(segments, at, p, start, goal, radius, ends):
 
 
 @plain_kernel
-def shorten(costs, bits, shapes, p, segments, added, values, count, goal, rounds):
+def shorten(costs, bits, shapes, p, segments, added, values, count, goal):
     """Replace stretches of a path by curves that cost less and are free; return the number of pieces.
 
     `segments` has room for more pieces than `count`, `added` for those of one curve; without room the path stays as it is.
@@ -232,36 +232,31 @@ def shorten(costs, bits, shapes, p, segments, added, values, count, goal, rounds
     shape = shapes[0]
     pieces_cost(costs, p, segments[:count], values)
     both = p.reeds_shepp
-    for _ in range(rounds):
-        span = count
-        changed = False
-        while span >= 2:
-            i = 0
-            while i + span <= count:
-                j = i + span
-                old = 0.0
-                has_reverse = False
-                for k in range(i, j):
-                    old += values[k]
-                    has_reverse = has_reverse or (segments[k].kind_ > 0 and segments[k].size < 0.0)
-                start, end = pose_at(segments, i, count, goal), pose_at(segments, j, count, goal)
-                p.reeds_shepp = 1 if both != 0 and has_reverse else 0
-                before, after, changes = directions_around(segments, i, j, count)
-                old, ends = old + p.cusp * changes, (before, after)
-                _, best_radius = best_curve(costs, bits, shape, p, start, end, ends, old * 0.999 - 1e-6, RADII)
-                if best_radius != 0.0:
-                    fresh = write_best(added, 0, p, start, end, best_radius, ends)
-                    if fresh < len(added) and count - span + fresh < len(segments):
-                        count = replace_pieces(segments, values, count, i, j, added, fresh)
-                        pieces_cost(costs, p, segments[i : i + fresh], values[i : i + fresh])
-                        changed = True
-                        i += max(1, fresh // 2)
-                        continue
-                i += max(1, span // 4)
-            span = span * 2 // 3 if span > 3 else span - 1
-        p.reeds_shepp = both
-        if not changed:
-            break
+    span = count
+    while span >= 2:
+        i = 0
+        while i + span <= count:
+            j = i + span
+            old = 0.0
+            has_reverse = False
+            for k in range(i, j):
+                old += values[k]
+                has_reverse = has_reverse or (segments[k].kind_ > 0 and segments[k].size < 0.0)
+            start, end = pose_at(segments, i, count, goal), pose_at(segments, j, count, goal)
+            p.reeds_shepp = 1 if both != 0 and has_reverse else 0
+            before, after, changes = directions_around(segments, i, j, count)
+            old, ends = old + p.cusp * changes, (before, after)
+            _, best_radius = best_curve(costs, bits, shape, p, start, end, ends, old * 0.999 - 1e-6, RADII)
+            if best_radius != 0.0:
+                fresh = write_best(added, 0, p, start, end, best_radius, ends)
+                if fresh < len(added) and count - span + fresh < len(segments):
+                    count = replace_pieces(segments, values, count, i, j, added, fresh)
+                    pieces_cost(costs, p, segments[i : i + fresh], values[i : i + fresh])
+                    i += max(1, fresh // 2)
+                    continue
+            i += max(1, span // 4)
+        span = span * 2 // 3 if span > 3 else span - 1
+    p.reeds_shepp = both
     return count
 
 
@@ -291,7 +286,7 @@ def relax(costs, bits, shapes, p, segments, added, values, count, goal, reach):
         best, best_offset, best_turn, radius_a, radius_b = old * 0.9995 - 1e-6, 0.0, 0.0, 0.0, 0.0
         for option in range(4):
             sign = 1.0 if option % 2 == 0 else -1.0
-            offset, turn = (sign * OFFSET, 0.0) if option < 2 else (0.0, sign * TURN)
+            offset, turn = (sign * OFFSET * reach, 0.0) if option < 2 else (0.0, sign * TURN * reach)
             middle = (row.x - offset * math.sin(row.yaw), row.y + offset * math.cos(row.yaw), row.yaw + turn)
             far = math.hypot(middle[0] - start[0], middle[1] - start[1])
             far += math.hypot(end[0] - middle[0], end[1] - middle[1])

@@ -30,10 +30,9 @@ BUCKETS: Final = 1 << 14
 """Buckets of the queue, at least; more where twice the first estimate, with the greatest weight, needs them."""
 MOST_BUCKETS: Final = 1 << 20
 FIRST_NODES: Final = 1 << 14
-ROUNDS: Final = 2
 WIDEST: Final = 16.0
 """Turning radii: no curve of the search or of the shortened path leads farther away from both of its ends."""
-REACHES: Final = (6, 4, 3, 2)
+REACHES: Final = (16, 10, 6, 4, 2)
 """Pieces on either side of a pose that are replaced when it is moved, round by round."""
 
 
@@ -369,10 +368,10 @@ class PoseSearch:
             for reach in REACHES:
                 count = int(lines.bend(*arguments, count, goal, reach))
         else:
-            count = int(paths.shorten(*arguments, count, goal, ROUNDS))
+            count = int(paths.shorten(*arguments, count, goal))
             for reach in REACHES:
                 count = int(paths.relax(*arguments, count, goal, reach))
-            count = int(paths.shorten(*arguments, count, goal, 1))
+            count = int(paths.shorten(*arguments, count, goal))
         return room[:count], self._cost(room[:count], values[:count])
 
     def _write_curve(self, segments: NDArray[np.void], count: int, start: Pose, goal: Pose, before: int) -> int:

@@ -204,7 +204,7 @@ class PosePlanner(GlobalPlanner):
             "factor": 2 if p.downsample_obstacle_heuristic else 1,
             "half": max(1, int(p.lookup_table_size / resolution) // 2),
             "weight": p.heuristic_weight,
-            "slack": p.heuristic_weight,
+            "slack": math.sqrt(p.heuristic_weight),
             "approach_limit": max(0, p.max_on_approach_iterations),
         }
 
