@@ -32,7 +32,7 @@ MOST_BUCKETS: Final = 1 << 20
 FIRST_NODES: Final = 1 << 14
 WIDEST: Final = 16.0
 """Turning radii: no curve of the search or of the shortened path leads farther away from both of its ends."""
-REACHES: Final = (16, 10, 6, 4, 2)
+REACHES: Final = (16, 10, 6, 4, 3, 2)
 """Pieces on either side of a pose that are replaced when it is moved, round by round."""
 
 
