@@ -80,7 +80,7 @@ def plan(
 def _load(chosen: PlanOptions) -> tuple[_Query, list[Candidate]]:
     """The query, and what plans. Raises InputError, MapError or ParameterError."""
     from navstack.cli.arguments import footprint_overrides, map_of, note_off_the_map, parse_pose
-    from navstack.cli.output import print_warnings
+    from navstack.cli.output import print_findings
     from navstack.cli.plan_candidates import Parameters, compared, single
     from navstack.core.errors import InputError
 
@@ -97,8 +97,7 @@ def _load(chosen: PlanOptions) -> tuple[_Query, list[Candidate]]:
         candidates = [single(parameters, chosen.planner)]
     else:
         candidates = compared(parameters, chosen.compare)
-    for configuration in {id(c.configuration): c.configuration for c in candidates}.values():
-        print_warnings(configuration)
+    print_findings(list(dict.fromkeys(f for c in candidates for f in c.configuration.findings)))
     note_off_the_map(grid, start, [goal])
     return _Query(grid, start, goal, path), candidates
 
@@ -159,16 +158,16 @@ def _plans(
 ) -> tuple[dict[str, PlannedPath], list[dict[str, Any]]]:
     """The plans that were found, by label, and a document for every candidate, also for those that failed."""
     from navstack.cli.output import loading_kernels
-    from navstack.core.errors import PlanningError
+    from navstack.core.errors import InputError, PlanningError
 
     found: dict[str, PlannedPath] = {}
-    errors: list[PlanningError] = []
+    errors: list[PlanningError | InputError] = []
     documents: list[dict[str, Any]] = []
     for candidate in candidates:
         try:
             with loading_kernels(quiet=quiet or bool(found)):
                 one = _planned(query, candidate, keep_potential=keep_potential and not found)
-        except PlanningError as error:
+        except (PlanningError, InputError) as error:  # such as primitives for cells of another size
             errors.append(error)
             name = {"planner": candidate.planner.name, "candidate": candidate.label}
             documents.append({**name, "error": error.as_dict()})
@@ -275,7 +274,7 @@ def _print_table(documents: list[dict[str, Any]], title: str) -> None:
             f"{d['length_m']:.2f} m",
             "-" if d["clearance_m"] is None else f"{d['clearance_m']:.2f} m",
             "-" if d["cusps"] is None else str(d["cusps"]),
-            f"{d['cost']:.0f}",
+            f"{d['cost']:.0f}" if d["cost"] >= 1000.0 else f"{d['cost']:.4g}",
             f"{d['cells_expanded']:,}",
             f"{d['time_ms']:.1f} ms",
         )

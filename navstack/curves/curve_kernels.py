@@ -215,6 +215,15 @@ def reeds_shepp_goal(x, y, phi, c, s, variant):
 
 
 @plain_kernel
+def reeds_shepp_word(family, variant, goal, c, bound):
+    """Return (accepted, t, u, v) of a variant of a word, as `reeds_shepp_base`; `goal`: of `reeds_shepp_goal`, `c`: cosine of phi."""
+    if variant >= 4 and family != 2 and family != 5 and family != 6:
+        return False, 0.0, 0.0, 0.0  # backwards, the other words are themselves
+    x, y, phi, s = goal
+    return reeds_shepp_base(family, x, y, phi, s, c, bound)
+
+
+@plain_kernel
 def reeds_shepp(x, y, phi, bound):
     """Return (length, family, variant, t, u, v) of the shortest Reeds-Shepp curve to the goal (x, y, phi).
 
@@ -223,11 +232,9 @@ def reeds_shepp(x, y, phi, bound):
     c, s = math.cos(phi), math.sin(phi)
     best, best_family, best_variant, best_t, best_u, best_v = bound, 0, 0, 0.0, 0.0, 0.0
     for variant in range(8):
-        gx, gy, gphi, gs = reeds_shepp_goal(x, y, phi, c, s, variant)
+        goal = reeds_shepp_goal(x, y, phi, c, s, variant)
         for family in range(8):
-            if variant >= 4 and family != 2 and family != 5 and family != 6:
-                continue
-            accepted, t, u, v = reeds_shepp_base(family, gx, gy, gphi, gs, c, best)
+            accepted, t, u, v = reeds_shepp_word(family, variant, goal, c, best)
             if accepted:
                 length = abs(t) + abs(u) + abs(v)
                 if family == 3 or family == 4:

@@ -16,9 +16,9 @@ from navstack.curves.curve_kernels import (
     EPSILON,
     SEGMENTS,
     dubins,
-    reeds_shepp_base,
     reeds_shepp_goal,
     reeds_shepp_segments,
+    reeds_shepp_word,
 )
 
 
@@ -61,11 +61,9 @@ def cheapest_curve(x, y, phi, cusp, backward, ends, bound):
             best, kinds, best_lengths = cost, (row[0], row[1], row[2], 0, 0), lengths
     c, s = math.cos(phi), math.sin(phi)
     for variant in range(8):
-        gx, gy, gphi, gs = reeds_shepp_goal(x, y, phi, c, s, variant)
+        goal = reeds_shepp_goal(x, y, phi, c, s, variant)
         for family in range(8):
-            if variant >= 4 and family != 2 and family != 5 and family != 6:
-                continue
-            accepted, t, u, v = reeds_shepp_base(family, gx, gy, gphi, gs, c, best)
+            accepted, t, u, v = reeds_shepp_word(family, variant, goal, c, best)
             if accepted:
                 n, word_kinds, lengths = reeds_shepp_segments(family, variant, t, u, v)
                 cost = word_cost(lengths, cusp, backward, ends)

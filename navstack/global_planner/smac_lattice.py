@@ -22,6 +22,7 @@ _SAMPLE: Final = re.compile(
     r"(?P<old>old_)?(?P<cell>[\d.]+)cm_resolution/(?P<radius>[\d.]+)m_turning_radius/(?P<model>ackermann|diff|omni)/output\.json$"
 )
 _SAME_RESOLUTION: Final = 1e-3
+_DEFAULT_RADIUS_M: Final = 0.5
 
 
 class SmacLatticeParams(PosePlannerParams):
@@ -125,7 +126,11 @@ def load_lattice(path: str, resolution: float) -> Lattice:
     Raises InputError for a file that cannot be read, or is for cells of another size.
     """
     if not path:
-        return generate_lattice(0.5, resolution)
+        try:
+            return generate_lattice(_DEFAULT_RADIUS_M, resolution)
+        except InputError as exc:
+            message = f"smac_lattice needs a file of primitives for this costmap (lattice_filepath): {exc.message}"
+            raise InputError(message, costmap_resolution=resolution) from None
     file = Path(path).expanduser()
     sample = _SAMPLE.search(file.as_posix())
     if sample is not None and not file.exists():
