@@ -216,7 +216,7 @@ def reeds_shepp_goal(x, y, phi, c, s, variant):
 
 @plain_kernel
 def reeds_shepp_word(family, variant, goal, c, bound):
-    """Return (accepted, t, u, v) of a variant of a word, as `reeds_shepp_base`; `goal`: of `reeds_shepp_goal`, `c`: cosine of phi."""
+    """Return (accepted, t, u, v) of a variant of a word; `goal`: of `reeds_shepp_goal`, `c`: cosine of phi."""
     if variant >= 4 and family != 2 and family != 5 and family != 6:
         return False, 0.0, 0.0, 0.0  # backwards, the other words are themselves
     x, y, phi, s = goal

@@ -18,11 +18,9 @@ from navstack.interfaces import Smoother
 from navstack.plugins import SMOOTHERS
 from navstack.smoother._chain import ARC_HANDLE, HANDLE, Chain, kept_poses, upsampled
 from navstack.smoother._least_squares import Grid, Problem, Stops, Weights, minimize
-from navstack.smoother.base import is_good
+from navstack.smoother.base import is_good, is_smooth
 
 _SAME_M: Final = 1e-4
-_KINK: Final = 0.02
-"""Radians: largest difference of the headings at a cusp between a smoothed piece and one that stays."""
 _STRICTER: Final = ((1.0, 0.0, 1.0), (1e4, 1e-4, 0.95), (1e5, 1e-2, 0.97), (1e6, 1e-1, 0.98))
 """What is tried one after the other until a result is free: factor on w_curve, w_dist as a share of w_smooth, and factor on the
 limit of the curvature, which the result exceeds a little. From the second on, cusps stay and all poses are optimized."""
@@ -127,16 +125,26 @@ class ConstrainedSmoother(Smoother):
         """
         if not np.isfinite(path.poses).all():
             raise InputError("the path to be smoothed has poses that are not finite; give x, y (m) and yaw (rad)")
-        out = [path.poses[:1]]
-        for first, last in stretches(path.poses):
-            out.append(self._stretch(path.poses[first : last + 1], costmap, footprint)[1:])
-        return Path(np.concatenate(out), path.frame) if len(path) else path
+        if len(path) < 2:
+            return path
+        poses = path.poses
+        last = len(poses) - 1
+        out = [
+            self._within(a > 0, b < last)._stretch(poses[a : b + 1], costmap, footprint) for a, b in stretches(poses)
+        ]
+        return Path(np.concatenate([*(part[:-1] for part in out), out[-1][-1:]]), path.frame)
 
     def unchecked(self, path: Path, costmap: Costmap) -> NDArray[np.float64]:
         """Return the smoothed poses before they are checked, as Nav2's smoother returns them."""
-        out = [path.poses[:1]]
-        out += [self._smoothed(path.poses[a : b + 1], costmap, 0)[0][1:] for a, b in stretches(path.poses)]
-        return np.concatenate(out)
+        out = [self._smoothed(path.poses[a : b + 1], costmap, 0)[0] for a, b in stretches(path.poses)]
+        return np.concatenate([*(part[:-1] for part in out), out[-1][-1:]])
+
+    def _within(self, after: bool, before: bool) -> ConstrainedSmoother:
+        """The smoother of a stretch: one after or before a turn in place keeps its heading there."""
+        p = self.params
+        kept = {"keep_start_orientation": p.keep_start_orientation or after}
+        kept["keep_goal_orientation"] = p.keep_goal_orientation or before
+        return ConstrainedSmoother(p.model_copy(update=kept))
 
     def _stretch(
         self, poses: NDArray[np.float64], costmap: Costmap, footprint: Footprint | None
@@ -145,6 +153,7 @@ class ConstrainedSmoother(Smoother):
         if len(poses) < 3:
             return poses
         parts: list[NDArray[np.float64]] = []
+        pieces: list[tuple[int, int]] = []
         for level in range(len(_STRICTER)):
             out, starts, chain = self._smoothed(poses, costmap, level)
             pieces = list(pairwise(chain.bounds))
@@ -158,10 +167,12 @@ class ConstrainedSmoother(Smoother):
             parts = [
                 piece if free else poses[a : b + 1] for (a, b), piece, free in zip(pieces, after, good, strict=True)
             ]
-        kinks = [abs(math.remainder(a[-1, 2] - b[0, 2], 2.0 * math.pi)) for a, b in pairwise(parts)]
-        if max(kinks, default=0.0) > _KINK:
+        # at a cusp between a smoothed piece and one that stays, the headings differ a little: that of the former is kept
+        joined = [parts[0], *(np.concatenate((a[-1:], b[1:])) for a, b in pairwise(parts))]
+        radius = self.params.minimum_turning_radius
+        if not all(is_smooth(poses[a : b + 1], piece, radius) for (a, b), piece in zip(pieces, joined, strict=True)):
             return poses
-        return np.concatenate([poses[:1], *(part[1:] for part in parts)])
+        return np.concatenate([parts[0], *(part[1:] for part in parts[1:])])
 
     def _smoothed(
         self, poses: NDArray[np.float64], costmap: Costmap, level: int

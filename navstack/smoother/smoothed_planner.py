@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from navstack.core import Costmap, Footprint, Pose2D
+import numpy as np
+
+from navstack.core import Costmap, Footprint, Path, Pose2D
 from navstack.interfaces import GlobalPlanner, Plan, Smoother
 from navstack.plugins import PluginChoice
 
@@ -28,7 +30,22 @@ class SmoothedPlanner(GlobalPlanner):
     ) -> Plan:
         """Plan, and smooth the path; raises what the planner raises."""
         plan = self.planner.make_plan(costmap, start, goal, footprint=footprint, keep_potential=keep_potential)
-        return replace(plan, path=self.smoother.smooth(plan.path, costmap, footprint=footprint))
+        path = plan.path if plan.for_footprint else _with_headings(plan.path)
+        return replace(plan, path=self.smoother.smooth(path, costmap, footprint=footprint))
+
+
+def _with_headings(path: Path) -> Path:
+    """Return a path with headings along it if it has none: those of navfn are 0, except for the goal's, as in ROS.
+
+    To a smoother, a path to the west with such headings is driven backward.
+    """
+    poses = path.poses.copy()
+    steps = np.diff(poses[:, :2], axis=0)
+    if len(steps) == 0 or poses[:-1, 2].any():
+        return path
+    moved = np.maximum.accumulate(np.where(steps.any(axis=1), np.arange(len(steps)), 0))  # the last step of a length
+    poses[:-1, 2] = np.arctan2(steps[moved, 1], steps[moved, 0])
+    return Path(poses, path.frame)
 
 
 def smoothed(planner: GlobalPlanner, choice: PluginChoice[Smoother] | None) -> GlobalPlanner:
