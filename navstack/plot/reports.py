@@ -18,7 +18,7 @@ from navstack.plot.goal_tracks import Bar as Span
 from navstack.plot.goal_tracks import GoalTrack
 from navstack.plot.inflation import Curve, plot_inflation
 from navstack.plot.openings import Opening
-from navstack.plot.passages import KINDS, SHAPE_KINDS, Bar, plot_passages
+from navstack.plot.passages import KINDS, Bar, plot_passages
 from navstack.plot.run import circumstances
 from navstack.record import Record
 
@@ -146,7 +146,6 @@ def plot_passage_report(
 def _plot_openings(report: Any, path: str | os.PathLike[str] | None, *, ax: Any, name: str, dpi: float) -> Any:
     """Draws what the passages of a report mean for its footprint."""
     verdicts = [shape.verdict for shape in report.shapes]
-    counts = ", ".join(f"{n} {SHAPE_KINDS[verdict].label}" for verdict, n in report.shape_counts.items() if n)
     radius = f"   turning radius {report.turning_radius:g} m" if report.turning_radius else ""
     return plot_passages(
         report.costmap,
@@ -156,7 +155,7 @@ def _plot_openings(report: Any, path: str | os.PathLike[str] | None, *, ax: Any,
         ],
         path,
         ax=ax,
-        title=f"passages of {name}: {counts}",
+        title=f"passages of {name} for a footprint",
         subtitle=f"{report.costmap_name} costmap: footprint with inscribed radius {report.inscribed_radius:.3f} m, "
         f"circumscribed radius {report.circumscribed_radius:.3f} m{radius}",
         openings=[

@@ -151,6 +151,7 @@ class PassageReport:
             "unknown_border": self.unknown_border,
             "required_widths": self.widths.as_dict(),
             "counts": {rating: self.count(rating) for rating in RATINGS},
+            "footprint": None if self.footprint.is_round else self.footprint.vertices.tolist(),
             "turning_radius_m": self.turning_radius,
             "footprint_counts": self.shape_counts,
             "passages": [
