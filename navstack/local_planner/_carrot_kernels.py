@@ -67,7 +67,8 @@ def arc_collision(costs, grid, vertices, unknown_blocks, interior, start, twist,
     """Check the footprint on the arc that a constant velocity drives. Returns (index of the colliding pose or -1, poses).
 
     `grid` (3,): origin x, y and resolution. `start` (3,): the robot's pose, which is checked, too. `twist` (3,): v, turning
-    speed, circumscribed radius. `limits` (3,): duration (s), distance from the start (m), 1 for the arc, 0 for Euler steps.
+    speed, circumscribed radius. `limits` (3,): duration (s), distance from the start (m), 1 for the arc up to the end of the
+    duration, 0 for Euler steps of a cell that end before it (Nav2), of which a slow robot makes none.
     `interior`: cells inside the footprint count, and a centre outside the grid collides; otherwise the edges alone, and such a
     pose is free (Nav2). `out` (m, 3) receives the poses; the check ends when it is full.
     """
@@ -81,15 +82,19 @@ def arc_collision(costs, grid, vertices, unknown_blocks, interior, start, twist,
         dt = 2.0 * math.sin(0.5 * resolution / twist[2]) / abs(w)
     else:
         dt = resolution / abs(v) if v != 0.0 else np.inf
+    whole = limits[2] > 0.0
+    if whole:
+        dt = min(dt, limits[0])
     x, y, yaw = start[0], start[1], start[2]
     for i in range(len(out)):
         if i > 0:
-            if not (i * dt < limits[0]):
+            if not ((i - 1 if whole else i) * dt < limits[0]):
                 return -1, i
-            heading = yaw + 0.5 * w * dt if limits[2] > 0.0 else yaw
-            x += v * dt * math.cos(heading)
-            y += v * dt * math.sin(heading)
-            yaw += w * dt
+            step = min(dt, limits[0] - (i - 1) * dt) if whole else dt
+            heading = yaw + 0.5 * w * step if whole else yaw
+            x += v * step * math.cos(heading)
+            y += v * step * math.sin(heading)
+            yaw += w * step
             if math.sqrt((x - start[0]) ** 2 + (y - start[1]) ** 2) > limits[1]:
                 return -1, i
         out[i, 0], out[i, 1], out[i, 2] = x, y, yaw

@@ -84,9 +84,8 @@ class Overlap:
         footprint = self.context.footprint
         corners = footprint.vertices.T.copy()
         grid = grid_record(self.context.costmap.geometry)
-        is_round = footprint.inscribed_radius >= ROUND * footprint.circumscribed_radius
         start = rollouts.poses[simulated[0], 0].copy()
-        scale = 0.0 if is_round else free_scale(corners, start, grid, self.cells)
+        scale = 0.0 if is_round(footprint) else free_scale(corners, start, grid, self.cells)
         k = len(rollouts.counts)
         nearer, ends_free = np.empty(k, np.int64), np.empty(k, np.bool_)
         alive = table.rejected_by == -1
@@ -120,6 +119,11 @@ class Overlap:
         return f"the footprint overlaps {what} at ({x:.2f}, {y:.2f}): only samples that come no nearer are legal"
 
 
+def is_round(footprint: Footprint) -> bool:
+    """True if turns in place bring the footprint no nearer to anything."""
+    return footprint.inscribed_radius >= ROUND * footprint.circumscribed_radius
+
+
 def without_lethal(costmap: Costmap) -> Costmap:
     """A copy in which lethal cells are passable: what else blocks a motion (unknown cells, the border)?"""
     data = costmap.data.copy()
@@ -145,8 +149,7 @@ def leads_away(costmap: Costmap, footprint: Footprint, poses: NDArray[np.float64
     cells = found[:number].copy()
     others = costmap.data.copy()
     others[cells[:, 1], cells[:, 0]] = PASSABLE
-    is_round = footprint.inscribed_radius >= ROUND * footprint.circumscribed_radius
-    scale = 0.0 if is_round else free_scale(corners, start, grid, cells)
+    scale = 0.0 if is_round(footprint) else free_scale(corners, start, grid, cells)
     for pose in poses[1:]:
         if number and comes_nearer(corners, scale, pose, start, grid, cells, placed):
             return False

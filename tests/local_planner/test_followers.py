@@ -177,6 +177,50 @@ def test_it_leaves_an_obstacle_under_its_footprint_but_does_not_drive_into_it(
                 controller.compute_command(inputs)
 
 
+@pytest.mark.parametrize("acceleration", [0.3, 1.0, 2.5])
+@pytest.mark.parametrize("start", [-0.4, 0.0, 0.33])
+def test_a_slow_robot_does_not_creep_into_a_wall(start: float, acceleration: float) -> None:
+    """From rest the first commands cover less than a cell in the time of the check; the third start overlaps the wall."""
+    controller = pursuit(use_collision_detection=True, use_dynamic_window=True, max_linear_accel=acceleration)
+    path = Path(np.array([(0.05 * i, 0.0, 0.0) for i in range(-8, 40)]), "odom")
+    controller.set_plan(path, Pose2D(*path.poses[-1].tolist()))
+    wall = [(0.525, y) for y in np.arange(-0.6, 0.6, 0.05).tolist()]
+    pose, velocity = Pose2D(start, 0.0), Twist2D()
+    for _ in range(100):
+        try:
+            velocity = controller.compute_command(control_input(pose, velocity, wall)).command
+        except NoValidControlError:
+            velocity = Twist2D()
+        pose = driven(pose, velocity, 0.05)
+    assert pose.x <= max(0.5 - 0.18, start)
+
+
+def test_a_round_robot_turns_beside_what_only_its_corners_reach() -> None:
+    """The corners of the polygon are 3.5 mm beyond its edges; the wall is between the two."""
+    wall = [(0.225, y) for y in np.arange(-0.6, 0.6, 0.05).tolist()]
+    controller = pursuit(use_collision_detection=True)
+    back = Path(np.array([(-0.05 * i, 0.0, math.pi) for i in range(30)]), "odom")
+    controller.set_plan(back, Pose2D(*back.poses[-1].tolist()))
+    found = controller.compute_command(control_input(Pose2D(0.2 - 0.178, 0.0, math.pi / 16), lethal=wall)).command
+    assert found.vx == 0.0 and found.wz != 0.0
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.25])
+def test_a_car_keeps_closer_to_its_path_where_the_arc_cuts_a_corner(radius: float) -> None:
+    """Straight ahead, then left around a mark: the arc to the carrot passes over it, that to a nearer one does not."""
+    controller = pursuit(use_collision_detection=True, use_rotate_to_heading=False, min_turning_r=radius)
+    corner = [(0.02 * i, 0.0, 0.0) for i in range(20)] + [(0.4, 0.02 * i, math.pi / 2) for i in range(30)]
+    path = Path(np.array(corner), "odom")
+    controller.set_plan(path, Pose2D(*path.poses[-1].tolist()))
+    inputs = control_input(Pose2D(0.0, 0.0), Twist2D(0.4), [(0.21, 0.21)])
+    if radius == 0.0:
+        with pytest.raises(NoValidControlError, match="would collide after"):
+            controller.compute_command(inputs)
+    else:
+        found = controller.compute_command(inputs)
+        assert "steering to one" in found.notes[-1] and 0.0 < found.command.vx < 0.5
+
+
 # --- rotation shim ----------------------------------------------------------------------------------------------------
 
 

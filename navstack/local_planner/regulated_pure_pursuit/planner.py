@@ -11,21 +11,23 @@ import math
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from navstack.core import Costmap, Footprint, Path, Pose2D, Twist2D, angle_between, normalize_angle
+from navstack.core import Path, Pose2D, Twist2D, angle_between, normalize_angle
 from navstack.core.errors import NoValidControlError
 from navstack.core.parameters import ParamModel
 from navstack.interfaces import ControlInput, LocalPlan, VelocityLimits
 from navstack.local_planner import _carrot_kernels as kernels
-from navstack.local_planner.overlap import leads_away, without_lethal
+from navstack.local_planner.overlap import is_round, leads_away, without_lethal
 from navstack.local_planner.path_follower import Following, PathFollower, check_speed
 from navstack.local_planner.regulated_pure_pursuit import regulation
+from navstack.local_planner.regulated_pure_pursuit.arc_check import ArcCheck, Scene, extent_of_check
 from navstack.local_planner.regulated_pure_pursuit.params import RegulatedPurePursuitParams
 from navstack.local_planner.turning import limited_turning_speed, turning_speed
 from navstack.plugins import LOCAL_PLANNERS
 
-MOST_POSES = 400
-"""Poses of an arc that are checked at most."""
+NEARER = (0.75, 0.5, 0.25)
+"""Shares of the lookahead that are tried if the arc to the carrot collides."""
 
 
 class _Carrot(NamedTuple):
@@ -39,13 +41,15 @@ class _Carrot(NamedTuple):
         return math.hypot(self.x, self.y)
 
 
-class _Scene(NamedTuple):
-    """What the collision check of an arc needs."""
+class _Aim(NamedTuple):
+    """Where to steer to."""
 
-    pose: Pose2D
-    costmap: Costmap
-    footprint: Footprint
-    track_unknown_space: bool
+    ahead: _Carrot
+    """Its side is the direction of driving; the check for collisions ends there."""
+    steer: _Carrot
+    """Gives the curvature."""
+    sign: float
+    """1 forward, -1 backward."""
 
 
 @LOCAL_PLANNERS.register(
@@ -67,9 +71,8 @@ class RegulatedPurePursuit(PathFollower):
         self.carrot: tuple[float, float] | None = None
         """The point last steered to, in the robot's frame (m)."""
         self._last: Twist2D | None = None
-        self._poses = np.empty((MOST_POSES, 3))
-        self._grid, self._start = np.empty(3), np.empty(3)
-        self._twist, self._reach, self._point = np.empty(3), np.empty(3), np.empty(3)
+        self._check_arc = ArcCheck()
+        self._point = np.empty(3)
         self.set_limits()
 
     # --- limits -----------------------------------------------------------------------------------------------------
@@ -121,22 +124,22 @@ class RegulatedPurePursuit(PathFollower):
 
     def follow(self, now: Following) -> LocalPlan:
         """Steer to the carrot, or turn in place. Raises NoValidControlError if the motion collides."""
-        p = self.params
         if self._last is None:
             self._last = Twist2D() if self.as_nav2 else now.state.velocity
-        ahead = self._carrot(now, self._lookahead(now), beyond=False)
-        steer = ahead
-        if p.use_fixed_curvature_lookahead:
-            beyond = p.interpolate_curvature_after_goal and (len(now.path.poses) > 1 or self.as_nav2)
-            steer = self._carrot(now, p.curvature_lookahead_dist, beyond=beyond)
-        self.carrot = (steer.x, steer.y)
-        sign = -1.0 if p.allow_reversing and ahead.x < 0.0 else 1.0
-        turn, mode, notes = self._turn(now, steer, sign)
+        last = self._last
+        aim = self._aim(now, 1.0)
+        turn, mode, notes = self._turn(now, aim)
         if turn is not None:
             command = self._turning_command(turn, now.state.velocity.wz)
         else:
-            command, notes = self._arc(now, steer, sign)
-        trajectory = self._check(now, command, ahead, notes)
+            command, notes = self._arc(now, aim)
+        try:
+            trajectory = self._check(now, command, aim.ahead, notes)
+        except NoValidControlError:
+            nearer = self._to_nearer_carrot(now, last)
+            if nearer is None:
+                raise
+            command, trajectory, notes = nearer
         self._last = command
         return LocalPlan(
             command,
@@ -162,8 +165,7 @@ class RegulatedPurePursuit(PathFollower):
         if command == Twist2D():
             self._last = command
             return None
-        scene = _Scene(inputs.state.pose, inputs.costmap, inputs.footprint, inputs.track_unknown_space)
-        hit, poses = self._collision(scene, command, abs(command.vx) / p.cancel_deceleration, math.inf)
+        hit, poses = self._collision(Scene.of(inputs), command, abs(command.vx) / p.cancel_deceleration, math.inf)
         if hit >= 0:
             return None
         self._last = command
@@ -176,6 +178,16 @@ class RegulatedPurePursuit(PathFollower):
             return p.lookahead_dist
         return min(max(abs(now.state.velocity.vx) * p.lookahead_time, p.min_lookahead_dist), p.max_lookahead_dist)
 
+    def _aim(self, now: Following, share: float) -> _Aim:
+        """Where to steer to, with a share of the lookahead."""
+        p = self.params
+        ahead = steer = self._carrot(now, share * self._lookahead(now), beyond=False)
+        if p.use_fixed_curvature_lookahead:
+            beyond = p.interpolate_curvature_after_goal and (len(now.path.poses) > 1 or self.as_nav2)
+            steer = self._carrot(now, share * p.curvature_lookahead_dist, beyond=beyond)
+        self.carrot = (steer.x, steer.y)
+        return _Aim(ahead, steer, -1.0 if p.allow_reversing and ahead.x < 0.0 else 1.0)
+
     def _carrot(self, now: Following, distance: float, *, beyond: bool) -> _Carrot:
         pose, poses = now.state.pose, now.path.poses
         # ROS differs: Nav2 counts from the first pose of the local path, not from the robot
@@ -187,7 +199,7 @@ class RegulatedPurePursuit(PathFollower):
 
     # --- turning in place -------------------------------------------------------------------------------------------
 
-    def _turn(self, now: Following, steer: _Carrot, sign: float) -> tuple[float | None, str, list[str]]:
+    def _turn(self, now: Following, aim: _Aim) -> tuple[float | None, str, list[str]]:
         """The angle (rad) to turn in place by, None to drive; mode and reason."""
         p = self.params
         if not p.use_rotate_to_heading:
@@ -199,8 +211,9 @@ class RegulatedPurePursuit(PathFollower):
                 "rotate_to_goal",
                 [f"at the goal's position, {error:+.2f} rad to its heading: turning in place"],
             )
+        steer = aim.steer
         error = math.atan2(steer.y, steer.x)
-        if sign < 0.0:
+        if aim.sign < 0.0:
             error = normalize_angle(error + math.pi)
         if abs(error) <= p.rotate_to_heading_min_angle:
             return None, "follow", []
@@ -225,15 +238,15 @@ class RegulatedPurePursuit(PathFollower):
 
     # --- driving an arc ---------------------------------------------------------------------------------------------
 
-    def _arc(self, now: Following, steer: _Carrot, sign: float) -> tuple[Twist2D, list[str]]:
-        """The command on the arc to the carrot, and what limits it."""
-        p = self.params
-        curvature = regulation.curvature_to(steer.x, steer.y)
+    def _arc(self, now: Following, aim: _Aim, top: float = math.inf) -> tuple[Twist2D, list[str]]:
+        """The command on the arc to the carrot, at most with the speed `top` (m/s), and what limits it."""
+        p, sign = self.params, aim.sign
+        curvature = regulation.curvature_to(aim.steer.x, aim.steer.y)
         notes: list[str] = []
         if p.min_turning_r > 0.0 and abs(curvature) * p.min_turning_r > 1.0:
             notes.append(f"the arc to the carrot has a radius of {1.0 / abs(curvature):.2f} m, under min_turning_r")
             curvature = math.copysign(1.0 / p.min_turning_r, curvature)
-        speed = sign * self._regulated(now, curvature, notes)
+        speed = sign * min(self._regulated(now, curvature, notes), top)
         if p.use_dynamic_window:
             return self._windowed(speed, curvature, sign, notes), notes
         turning = speed * curvature
@@ -319,6 +332,29 @@ class RegulatedPurePursuit(PathFollower):
             )
         return Twist2D(v, 0.0, w)
 
+    def _to_nearer_carrot(self, now: Following, last: Twist2D | None) -> tuple[Twist2D, Any, list[str]] | None:
+        """Command, its poses and what limits it, to the farthest nearer carrot whose arc is free; None without one.
+
+        The plan is free along the path, the arc to the carrot cuts its corners. A base with a turning radius cannot turn in
+        place to wait for another plan, so it keeps closer to the path, and slower: it reaches the carrot at the end of the check.
+        ROS differs: Nav2 stops.
+        """
+        p = self.params
+        duration = p.max_allowed_time_to_collision_up_to_carrot
+        if self.as_nav2 or p.turning_radius == 0.0 or duration == 0.0:
+            return None
+        scene, carrot = Scene.of(now), self.carrot
+        for share in NEARER:
+            self._last = last  # the window is around it
+            aim = self._aim(now, share)
+            command, notes = self._arc(now, aim, aim.steer.distance / duration)
+            hit, poses = self._collision(scene, command, duration, math.inf)
+            if hit < 0:
+                notes.append(f"the arc to the carrot collides: steering to one {aim.steer.distance:.2f} m ahead")
+                return command, poses, notes
+        self._last, self.carrot = None, carrot
+        return None
+
     # --- collisions -------------------------------------------------------------------------------------------------
 
     def _check(self, now: Following, command: Twist2D, ahead: _Carrot, notes: list[str]) -> Any:
@@ -326,15 +362,20 @@ class RegulatedPurePursuit(PathFollower):
         p = self.params
         if not p.use_collision_detection:
             return None
-        scene = _Scene(now.state.pose, now.costmap, now.footprint, now.track_unknown_space)
+        scene = Scene.of(now)
         pose = scene.pose
-        hit, poses = self._collision(scene, command, *self._checked(now, command, ahead))
+        extent = extent_of_check(p, now, command, ahead.distance)
+        hit, poses = self._collision(scene, command, *extent)
         if hit < 0:
             return poses
+        if hit > 0 and command.vx == 0.0 and is_round(now.footprint) and not self.as_nav2:
+            return poses[
+                :hit
+            ]  # ROS differs: in Nav2 the corners of its polygon keep a round robot from turning in place
         if hit == 0 and not self.as_nav2:
             # ROS differs: in Nav2 a robot that overlaps an obstacle never leaves it
             free = scene._replace(costmap=without_lethal(scene.costmap))
-            blocked, way = self._collision(free, command, *self._checked(now, command, ahead))
+            blocked, way = self._collision(free, command, *extent)
             if blocked < 0 and leads_away(scene.costmap, scene.footprint, way):
                 notes.append("the footprint overlaps an obstacle; the command leads away from it")
                 return way
@@ -351,35 +392,7 @@ class RegulatedPurePursuit(PathFollower):
             plan=plan,
         )
 
-    def _collision(self, scene: _Scene, command: Twist2D, duration: float, reach: float) -> tuple[int, Any]:
-        """Index of the first pose that collides, -1 without one, and the poses (n, 3) on the way of a command."""
-        geometry = scene.costmap.geometry
-        self._grid[:] = geometry.origin_x, geometry.origin_y, geometry.resolution
-        self._start[:] = scene.pose
-        self._twist[:] = command.vx, command.wz, scene.footprint.circumscribed_radius
-        self._reach[:] = duration, reach, 0.0 if self.as_nav2 else 1.0
-        hit, count = kernels.arc_collision(
-            scene.costmap.data,
-            self._grid,
-            scene.footprint.vertices,
-            not scene.track_unknown_space,
-            not self.as_nav2,
-            self._start,
-            self._twist,
-            self._reach,
-            self._poses,
-        )
-        return int(hit), self._poses[:count].copy()
-
-    def _checked(self, now: Following, command: Twist2D, ahead: _Carrot) -> tuple[float, float]:
-        """Duration (s) and distance (m) of the check."""
-        p = self.params
-        duration, reach = p.max_allowed_time_to_collision_up_to_carrot, ahead.distance
-        least = p.min_distance_to_obstacle
-        if least > 0.0:
-            duration = max(duration, least / max(abs(command.vx), p.min_approach_linear_velocity))
-            if p.use_velocity_scaled_lookahead_dist:
-                if not p.allow_obstacle_checking_beyond_goal:
-                    least = min(least, now.path.length)
-                reach = min(max(reach, least), p.max_lookahead_dist)
-        return duration, reach
+    def _collision(
+        self, scene: Scene, command: Twist2D, duration: float, reach: float
+    ) -> tuple[int, NDArray[np.float64]]:
+        return self._check_arc.first_collision(scene, command, duration, reach, as_nav2=self.as_nav2)

@@ -1,0 +1,85 @@
+"""The collision check of the arc that a command drives."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import Costmap, Footprint, Pose2D, Twist2D
+from navstack.interfaces import ControlInput
+from navstack.local_planner import _carrot_kernels as kernels
+from navstack.local_planner.path_follower import Following
+from navstack.local_planner.regulated_pure_pursuit.params import RegulatedPurePursuitParams
+
+MOST_POSES = 400
+"""Poses of an arc that are checked at most."""
+
+
+class Scene(NamedTuple):
+    """What is checked: where the robot is, and what is around it."""
+
+    pose: Pose2D
+    costmap: Costmap
+    footprint: Footprint
+    track_unknown_space: bool
+
+    @classmethod
+    def of(cls, now: Following | ControlInput) -> Scene:
+        """That of a cycle."""
+        return cls(now.state.pose, now.costmap, now.footprint, now.track_unknown_space)
+
+
+class ArcCheck:
+    """Checks arcs, with buffers of its own.
+
+    ROS differs: Nav2 checks edges of the footprint at Euler steps of a cell that end before the duration, so that of a robot
+    slower than a cell per duration only the present pose is checked. Here overlapped cells count, on the arc itself, up to its
+    end.
+    """
+
+    def __init__(self) -> None:
+        self._poses = np.empty((MOST_POSES, 3))
+        self._grid, self._start = np.empty(3), np.empty(3)
+        self._twist, self._reach = np.empty(3), np.empty(3)
+
+    def first_collision(
+        self, scene: Scene, command: Twist2D, duration: float, reach: float, *, as_nav2: bool
+    ) -> tuple[int, NDArray[np.float64]]:
+        """Index of the first pose that collides, -1 without one, and the poses (n, 3) on the way of a command.
+
+        The way ends after a duration (s), or at a distance (m) from the robot.
+        """
+        geometry = scene.costmap.geometry
+        self._grid[:] = geometry.origin_x, geometry.origin_y, geometry.resolution
+        self._start[:] = scene.pose
+        self._twist[:] = command.vx, command.wz, scene.footprint.circumscribed_radius
+        self._reach[:] = duration, reach, 0.0 if as_nav2 else 1.0
+        hit, count = kernels.arc_collision(
+            scene.costmap.data,
+            self._grid,
+            scene.footprint.vertices,
+            not scene.track_unknown_space,
+            not as_nav2,
+            self._start,
+            self._twist,
+            self._reach,
+            self._poses,
+        )
+        return int(hit), self._poses[:count].copy()
+
+
+def extent_of_check(
+    p: RegulatedPurePursuitParams, now: Following, command: Twist2D, carrot: float
+) -> tuple[float, float]:
+    """Duration (s) and distance (m) of the check of a command to a carrot at some distance (m)."""
+    duration, reach = p.max_allowed_time_to_collision_up_to_carrot, carrot
+    least = p.min_distance_to_obstacle
+    if least > 0.0:
+        duration = max(duration, least / max(abs(command.vx), p.min_approach_linear_velocity))
+        if p.use_velocity_scaled_lookahead_dist:
+            if not p.allow_obstacle_checking_beyond_goal:
+                least = min(least, now.path.length)
+            reach = min(max(reach, least), p.max_lookahead_dist)
+    return duration, reach
