@@ -163,6 +163,8 @@ class PathFollower(LocalPlanner):
 
     as_nav2: bool = False
     """True: the deliberate differences from Nav2 are off (parity pages), as far as the controller can."""
+    may_turn: bool = False
+    """True behind a rotation shim: it may turn in place, whatever its parameters say."""
     NAMESPACES: ClassVar[tuple[str, ...]] = ("FollowPath",)
     """Further namespaces of the parameters: the name of the controller in Nav2's files."""
     params: PathFollowerParams

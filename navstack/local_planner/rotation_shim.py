@@ -141,6 +141,7 @@ class RotationShim(PathFollower):
         if isinstance(self.primary, PathFollower):
             self.primary.goal_checker = self.goal_checker
             self.primary.as_nav2 = as_nav2
+            self.primary.may_turn = True
             self.primary.set_limits()
         self._inputs: ControlInput | None = None
         self._turning = self._may_turn = False

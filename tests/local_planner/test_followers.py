@@ -221,6 +221,30 @@ def test_a_car_keeps_closer_to_its_path_where_the_arc_cuts_a_corner(radius: floa
         assert "steering to one" in found.notes[-1] and 0.0 < found.command.vx < 0.5
 
 
+@pytest.mark.parametrize("may_turn", [False, True])
+def test_a_blocked_robot_turns_to_where_the_arc_is_free(may_turn: bool) -> None:
+    """A mark beside the path: the robot turns away from it, drives past without a contact, and does not turn back and forth."""
+    controller = pursuit(
+        use_collision_detection=True, use_dynamic_window=True, use_rotate_to_heading=False, max_linear_accel=1.0
+    )
+    controller.may_turn = may_turn  # as behind a rotation shim
+    path = Path(np.array([(0.05 * i, 0.0, 0.0) for i in range(40)]), "odom")
+    controller.set_plan(path, Pose2D(*path.poses[-1].tolist()))
+    mark = (0.275, 0.175)
+    pose, velocity, turns = Pose2D(0.0, 0.0), Twist2D(), set[float]()
+    for _ in range(160):
+        try:
+            plan = controller.compute_command(control_input(pose, velocity, [mark]))
+            velocity = plan.command
+            if "turning by" in plan.notes[0]:
+                turns.add(math.copysign(1.0, velocity.wz))
+        except NoValidControlError:
+            velocity = Twist2D()
+        pose = driven(pose, velocity, 0.05)
+        assert math.hypot(pose.x - mark[0], pose.y - mark[1]) > 0.18
+    assert (pose.x > 1.0, turns) == ((True, {-1.0}) if may_turn else (False, set()))
+
+
 # --- rotation shim ----------------------------------------------------------------------------------------------------
 
 

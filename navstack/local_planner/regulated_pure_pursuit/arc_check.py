@@ -1,7 +1,8 @@
-"""The collision check of the arc that a command drives."""
+"""The collision check of the arc that a command drives, and headings from which it is free."""
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -12,9 +13,15 @@ from navstack.interfaces import ControlInput
 from navstack.local_planner import _carrot_kernels as kernels
 from navstack.local_planner.path_follower import Following
 from navstack.local_planner.regulated_pure_pursuit.params import RegulatedPurePursuitParams
+from navstack.local_planner.regulated_pure_pursuit.regulation import curvature_to
 
 MOST_POSES = 400
 """Poses of an arc that are checked at most."""
+TURN_STEP = math.radians(5.0)
+MOST_TURN = 0.5 * math.pi
+"""Headings up to this angle away are searched (rad)."""
+BEGIN = 4
+"""Poses of the begin of an arc."""
 
 
 class Scene(NamedTuple):
@@ -83,3 +90,39 @@ def extent_of_check(
                 least = min(least, now.path.length)
             reach = min(max(reach, least), p.max_lookahead_dist)
     return duration, reach
+
+
+def free_arc(
+    check: ArcCheck, scene: Scene, carrot: tuple[float, float], reach: float, turned: float = 0.0
+) -> NDArray[np.float64] | None:
+    """The poses (n, 3) of the arc to a carrot after a turn in place (rad); None if it collides.
+
+    `carrot` is in the robot's frame before the turn (m), `reach` the distance at which the arc ends (m).
+    """
+    c, s = math.cos(turned), math.sin(turned)
+    curvature = curvature_to(c * carrot[0] + s * carrot[1], c * carrot[1] - s * carrot[0])
+    x, y, yaw = scene.pose
+    at = scene._replace(pose=Pose2D(x, y, yaw + turned))
+    hit, way = check.first_collision(at, Twist2D(1.0, 0.0, curvature), math.inf, reach, as_nav2=False)
+    return way if hit < 0 else None
+
+
+def nearest_free_heading(
+    check: ArcCheck, scene: Scene, carrot: tuple[float, float], reach: float, most: float
+) -> float | None:
+    """Angle (rad) to the nearest other heading from which the arc to a carrot is free, None without one.
+
+    The carrot is then at most `most` (rad) off the heading. The begin of the arc comes no nearer to an obstacle: the cost under
+    the robot's centre does not rise.
+    """
+    cost_at, bearing = scene.costmap.cost_at, math.atan2(carrot[1], carrot[0])
+    here = cost_at(scene.pose.x, scene.pose.y)
+    for k in range(1, math.floor(MOST_TURN / TURN_STEP) + 1):
+        for turned in (k * TURN_STEP, -k * TURN_STEP):
+            way = free_arc(check, scene, carrot, reach, turned) if abs(bearing - turned) <= most else None
+            if way is None or here is None:
+                continue
+            costs = [cost_at(*point) for point in way[1:BEGIN, :2].tolist()]
+            if all(cost is not None and cost <= here for cost in costs):
+                return turned
+    return None

@@ -8,7 +8,7 @@ heading, and at the goal.
 from __future__ import annotations
 
 import math
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +21,15 @@ from navstack.local_planner import _carrot_kernels as kernels
 from navstack.local_planner.overlap import is_round, leads_away, without_lethal
 from navstack.local_planner.path_follower import Following, PathFollower, check_speed
 from navstack.local_planner.regulated_pure_pursuit import regulation
-from navstack.local_planner.regulated_pure_pursuit.arc_check import ArcCheck, Scene, extent_of_check
+from navstack.local_planner.regulated_pure_pursuit.arc_check import (
+    ArcCheck,
+    Scene,
+    extent_of_check,
+    free_arc,
+    nearest_free_heading,
+)
 from navstack.local_planner.regulated_pure_pursuit.params import RegulatedPurePursuitParams
+from navstack.local_planner.regulated_pure_pursuit.speed import regulated_speed
 from navstack.local_planner.turning import limited_turning_speed, turning_speed
 from navstack.plugins import LOCAL_PLANNERS
 
@@ -52,6 +59,10 @@ class _Aim(NamedTuple):
     """1 forward, -1 backward."""
 
 
+_Found: TypeAlias = tuple[Twist2D, Any, list[str]]
+"""A command, the poses on its way, and what limits it."""
+
+
 @LOCAL_PLANNERS.register(
     "regulated_pure_pursuit", aliases=("nav2_regulated_pure_pursuit_controller/RegulatedPurePursuitController",)
 )
@@ -71,6 +82,8 @@ class RegulatedPurePursuit(PathFollower):
         self.carrot: tuple[float, float] | None = None
         """The point last steered to, in the robot's frame (m)."""
         self._last: Twist2D | None = None
+        self._away = False
+        """True while the robot turns to a heading from which its arc is free."""
         self._check_arc = ArcCheck()
         self._point = np.empty(3)
         self.set_limits()
@@ -112,7 +125,7 @@ class RegulatedPurePursuit(PathFollower):
     def reset(self) -> None:
         """Reset the previous goal and the last command."""
         super().reset()
-        self._last = None
+        self._last, self._away = None, False
 
     def arrived(self) -> None:
         """Start the next goal from rest."""
@@ -126,20 +139,23 @@ class RegulatedPurePursuit(PathFollower):
         """Steer to the carrot, or turn in place. Raises NoValidControlError if the motion collides."""
         if self._last is None:
             self._last = Twist2D() if self.as_nav2 else now.state.velocity
-        last = self._last
         aim = self._aim(now, 1.0)
         turn, mode, notes = self._turn(now, aim)
-        if turn is not None:
-            command = self._turning_command(turn, now.state.velocity.wz)
-        else:
-            command, notes = self._arc(now, aim)
-        try:
-            trajectory = self._check(now, command, aim.ahead, notes)
-        except NoValidControlError:
-            nearer = self._to_nearer_carrot(now, last)
-            if nearer is None:
-                raise
-            command, trajectory, notes = nearer
+        found = self._turn_away(now, aim) if self._away and turn is None else None
+        if found is None:
+            if turn is not None:
+                command = self._turning_command(turn, now.state.velocity.wz)
+            else:
+                command, notes = self._arc(now, aim)
+            try:
+                found = command, self._check(now, command, aim.ahead, notes), notes
+            except NoValidControlError:
+                found = self._turn_away(now, aim) or self._to_nearer_carrot(now)
+                if found is None:
+                    # ROS differs: the robot is stopped now, and Nav2 goes on from its last command
+                    self._last = self._last if self.as_nav2 else None
+                    raise
+        command, trajectory, notes = found
         self._last = command
         return LocalPlan(
             command,
@@ -246,7 +262,7 @@ class RegulatedPurePursuit(PathFollower):
         if p.min_turning_r > 0.0 and abs(curvature) * p.min_turning_r > 1.0:
             notes.append(f"the arc to the carrot has a radius of {1.0 / abs(curvature):.2f} m, under min_turning_r")
             curvature = math.copysign(1.0 / p.min_turning_r, curvature)
-        speed = sign * min(self._regulated(now, curvature, notes), top)
+        speed = sign * min(regulated_speed(p, now, self._v_max, curvature, notes, as_nav2=self.as_nav2), top)
         if p.use_dynamic_window:
             return self._windowed(speed, curvature, sign, notes), notes
         turning = speed * curvature
@@ -256,55 +272,6 @@ class RegulatedPurePursuit(PathFollower):
             notes.append(f"slowed to {bound / curvature:.2f} m/s by the turning speed {bound:g} rad/s")
             speed, turning = (bound / curvature, bound) if bound != 0.0 else (0.0, 0.0)
         return Twist2D(speed, 0.0, turning), notes
-
-    def _regulated(self, now: Following, curvature: float, notes: list[str]) -> float:
-        """The speed (m/s) that curvature, cost and the rest of the path allow; appends what limits it."""
-        p, top = self.params, self._v_max
-        reasons = {"max_linear_vel": top}
-        if p.use_regulated_linear_velocity_scaling:
-            slow = regulation.speed_in_curve(top, curvature, p.regulated_linear_scaling_min_radius)
-            if slow < top:
-                reasons[f"the curve's radius of {1.0 / abs(curvature):.2f} m"] = slow
-        cost, distance = self._obstacle(now)
-        if p.use_cost_regulated_linear_velocity_scaling and p.inflation_cost_scaling_factor > 0.0:
-            slow = regulation.speed_near_obstacle(top, distance, p.cost_scaling_dist, p.cost_scaling_gain)
-            if slow < top:
-                reasons[f"an obstacle at {distance:.2f} m (cost {cost})"] = slow
-        reason = min(reasons, key=lambda r: reasons[r])
-        speed = reasons[reason]
-        if speed < p.regulated_linear_scaling_min_speed:
-            speed = p.regulated_linear_scaling_min_speed
-            reason += f", raised to regulated_linear_scaling_min_speed {speed:g}"
-        left = now.path.length
-        if left < p.approach_velocity_scaling_dist:
-            end = now.path.poses[-1]
-            distance = math.hypot(float(end[0]) - now.state.pose.x, float(end[1]) - now.state.pose.y)
-            slow = regulation.approach_speed(
-                speed, left, distance, p.approach_velocity_scaling_dist, p.min_approach_linear_velocity
-            )
-            if slow < speed:
-                speed, reason = slow, f"the end of the path in {distance:.2f} m"
-        if speed > top:
-            speed, reason = top, "max_linear_vel"
-        notes.append(f"{speed:.2f} m/s, limited by {reason}; curvature {curvature:+.2f} 1/m")
-        return speed
-
-    def _obstacle(self, now: Following) -> tuple[int, float]:
-        """Cost under the robot's centre, and the distance (m) to the obstacle behind it."""
-        pose = now.state.pose
-        cost = now.costmap.cost_at(pose.x, pose.y)
-        if cost is None:
-            raise NoValidControlError(
-                f"the robot at ({pose.x:.2f}, {pose.y:.2f}) is outside the local costmap; check the costmap's frames",
-                pose=list(pose),
-            )
-        if cost in (0, 255) or self.params.inflation_cost_scaling_factor <= 0.0:
-            return cost, math.inf
-        # ROS differs: Nav2 takes the parameter even if the layer has another factor
-        factor = self.params.inflation_cost_scaling_factor
-        if now.inflation is not None and not self.as_nav2:
-            factor = now.inflation.cost_scaling_factor
-        return cost, regulation.distance_from_cost(cost, now.footprint.inscribed_radius, factor)
 
     def _windowed(self, speed: float, curvature: float, sign: float, notes: list[str]) -> Twist2D:
         """The command within one period's acceleration of the last one that is nearest to the arc."""
@@ -332,8 +299,33 @@ class RegulatedPurePursuit(PathFollower):
             )
         return Twist2D(v, 0.0, w)
 
-    def _to_nearer_carrot(self, now: Following, last: Twist2D | None) -> tuple[Twist2D, Any, list[str]] | None:
-        """Command, its poses and what limits it, to the farthest nearer carrot whose arc is free; None without one.
+    def _turn_away(self, now: Following, aim: _Aim) -> _Found | None:
+        """A turn in place to the nearest heading from which the arc to the carrot is free; None without one.
+
+        Once begun, it ends where the arc is free up to the carrot. A driving robot stops first. ROS differs: Nav2 stops.
+        """
+        p, begun = self.params, self._away
+        self._away = False
+        drives = abs(now.state.velocity.vx) > p.max_linear_accel * self.period + 1e-9
+        if self.as_nav2 or drives or not (p.use_rotate_to_heading or self.may_turn):
+            return None
+        scene, reach = Scene.of(now), aim.ahead.distance
+        if begun and free_arc(self._check_arc, scene, aim.steer, reach) is not None:
+            return None
+        turned = nearest_free_heading(self._check_arc, scene, aim.steer, reach, p.rotate_to_heading_min_angle)
+        if turned is None:
+            return None
+        command = self._turning_command(turned, now.state.velocity.wz)
+        notes = [f"the arc to the carrot collides: turning by {turned:+.2f} rad, to where it is free"]
+        try:
+            trajectory = self._check(now, command, aim.ahead, notes)
+        except NoValidControlError:
+            return None
+        self._away = True
+        return command, trajectory, notes
+
+    def _to_nearer_carrot(self, now: Following) -> _Found | None:
+        """The command to the farthest nearer carrot whose arc is free; None without one.
 
         The plan is free along the path, the arc to the carrot cuts its corners. A base with a turning radius cannot turn in
         place to wait for another plan, so it keeps closer to the path, and slower: it reaches the carrot at the end of the check.
@@ -345,14 +337,13 @@ class RegulatedPurePursuit(PathFollower):
             return None
         scene, carrot = Scene.of(now), self.carrot
         for share in NEARER:
-            self._last = last  # the window is around it
             aim = self._aim(now, share)
             command, notes = self._arc(now, aim, aim.steer.distance / duration)
             hit, poses = self._collision(scene, command, duration, math.inf)
             if hit < 0:
                 notes.append(f"the arc to the carrot collides: steering to one {aim.steer.distance:.2f} m ahead")
                 return command, poses, notes
-        self._last, self.carrot = None, carrot
+        self.carrot = carrot
         return None
 
     # --- collisions -------------------------------------------------------------------------------------------------
@@ -379,8 +370,6 @@ class RegulatedPurePursuit(PathFollower):
             if blocked < 0 and leads_away(scene.costmap, scene.footprint, way):
                 notes.append("the footprint overlaps an obstacle; the command leads away from it")
                 return way
-        # ROS differs: the robot is stopped now, and Nav2 goes on from its last command
-        self._last = self._last if self.as_nav2 else None
         at = Pose2D(*poses[hit].tolist())
         where = "where it stands" if hit == 0 else f"after {pose.distance_to(at):.2f} m"
         plan = LocalPlan(Twist2D(), local_plan=Path(now.path.poses, now.costmap.frame), notes=tuple(notes))
