@@ -85,7 +85,7 @@ class Overlap:
         corners = footprint.vertices.T.copy()
         grid = grid_record(self.context.costmap.geometry)
         start = rollouts.poses[simulated[0], 0].copy()
-        scale = 0.0 if is_round(footprint) else free_scale(corners, start, grid, self.cells)
+        scale = 0.0 if is_nearly_round(footprint) else free_scale(corners, start, grid, self.cells)
         k = len(rollouts.counts)
         nearer, ends_free = np.empty(k, np.int64), np.empty(k, np.bool_)
         alive = table.rejected_by == -1
@@ -119,7 +119,7 @@ class Overlap:
         return f"the footprint overlaps {what} at ({x:.2f}, {y:.2f}): only samples that come no nearer are legal"
 
 
-def is_round(footprint: Footprint) -> bool:
+def is_nearly_round(footprint: Footprint) -> bool:
     """True if turns in place bring the footprint no nearer to anything."""
     return footprint.inscribed_radius >= ROUND * footprint.circumscribed_radius
 
@@ -149,7 +149,7 @@ def leads_away(costmap: Costmap, footprint: Footprint, poses: NDArray[np.float64
     cells = found[:number].copy()
     others = costmap.data.copy()
     others[cells[:, 1], cells[:, 0]] = PASSABLE
-    scale = 0.0 if is_round(footprint) else free_scale(corners, start, grid, cells)
+    scale = 0.0 if is_nearly_round(footprint) else free_scale(corners, start, grid, cells)
     for pose in poses[1:]:
         if number and comes_nearer(corners, scale, pose, start, grid, cells, placed):
             return False

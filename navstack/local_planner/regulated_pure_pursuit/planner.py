@@ -18,7 +18,7 @@ from navstack.core.errors import NoValidControlError
 from navstack.core.parameters import ParamModel
 from navstack.interfaces import ControlInput, LocalPlan, VelocityLimits
 from navstack.local_planner import _carrot_kernels as kernels
-from navstack.local_planner.overlap import is_round, leads_away, without_lethal
+from navstack.local_planner.overlap import is_nearly_round, leads_away, without_lethal
 from navstack.local_planner.path_follower import Following, PathFollower, check_speed
 from navstack.local_planner.regulated_pure_pursuit import regulation
 from navstack.local_planner.regulated_pure_pursuit.arc_check import (
@@ -359,7 +359,7 @@ class RegulatedPurePursuit(PathFollower):
         hit, poses = self._collision(scene, command, *extent)
         if hit < 0:
             return poses
-        if hit > 0 and command.vx == 0.0 and is_round(now.footprint) and not self.as_nav2:
+        if hit > 0 and command.vx == 0.0 and is_nearly_round(now.footprint) and not self.as_nav2:
             return poses[
                 :hit
             ]  # ROS differs: in Nav2 the corners of its polygon keep a round robot from turning in place
