@@ -61,8 +61,11 @@ class Referee:
         found: list[str] = []
         if np.abs(poses[0] - np.array(start)).max() > TOLERANCE:
             found.append(f"it begins at {poses[0]}, not at the start {tuple(start)}")
-        if plan.goal_moved_m == 0.0 and np.abs(poses[-1] - np.array(goal)).max() > TOLERANCE:
+        stated = any("the goal itself cannot be reached" in note for note in plan.notes)
+        if not stated and np.abs(poses[-1] - np.array(goal)).max() > TOLERANCE:
             found.append(f"it ends at {poses[-1]}, not at the goal {tuple(goal)}")
+        if abs(plan.goal_moved_m - math.hypot(*(poses[-1, :2] - np.array(goal)[:2]))) > TOLERANCE:
+            found.append(f"it ends {plan.goal_moved_m} m from the goal, as stated, but at {poses[-1]}")
         return found + self.faults_of_path(plan.path)
 
     def faults_of_path(self, path: Path) -> list[str]:

@@ -341,8 +341,11 @@ class PosePlanner(GlobalPlanner):
             poses[-1] = goal
         moved = goal.distance_to(end)
         notes: list[str] = []
-        if moved > 0.0:
-            notes.append(f"the goal itself cannot be reached; the plan ends {moved:.2f} m from it (tolerance)")
+        if not outcome.reached and end != goal:
+            turned = abs(normalize_angle(end.yaw - goal.yaw))
+            notes.append(
+                f"the goal itself cannot be reached; the plan ends {moved:.2f} m and {turned:.2f} rad from it (tolerance)"
+            )
         path = Path(poses, request.frame)
         changes = path.cusps
         if changes:
