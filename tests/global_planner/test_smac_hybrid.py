@@ -40,20 +40,38 @@ def rooms() -> np.ndarray:
     return lethal
 
 
-@pytest.mark.parametrize("model", ["DUBIN", "REEDS_SHEPP"])
-def test_length_in_empty_space(model: str) -> None:
-    """Within 3 % of the shortest curve, and never shorter than it: the chords of poses are 0.26 % shorter at most."""
+@pytest.mark.parametrize(("model", "penalty"), [("DUBIN", 2.0), ("REEDS_SHEPP", 1.0)])
+@pytest.mark.parametrize("resolution", [0.05, 0.1])
+def test_length_in_empty_space(model: str, penalty: float, resolution: float) -> None:
+    """Within 3 % of the shortest curve, and never shorter than it: the chords of poses are 1 % shorter at most (R 0.2 m)."""
     rng = np.random.default_rng(5)
-    costmap, search = empty(), planner(motion_model_for_search=model, reverse_penalty=1.0)
+    n = round(40.0 / resolution)
+    costmap = Costmap(GridGeometry(n, n, resolution), np.zeros((n, n), np.uint8))
     shortest = dubins_curve if model == "DUBIN" else reeds_shepp_curve
-    for _ in range(12):
-        start, goal = (
-            Pose2D(float(x), float(y), float(rng.uniform(-math.pi, math.pi)))
-            for x, y in (rng.uniform(2.5, 5.5, 2), rng.uniform(2.5, 5.5, 2))
+    for _ in range(50):
+        radius, half, way = (
+            float(rng.uniform(0.2, 2.0)),
+            float(rng.uniform(0.0, 10.0)),
+            float(rng.uniform(-math.pi, math.pi)),
         )
-        length = search.make_plan(costmap, start, goal).length_m
-        curve = shortest(start, goal, 0.4).length
-        assert 0.997 * curve - 1e-9 <= length <= 1.03 * curve + 1e-9
+        start, goal = (
+            Pose2D(20.0 + d * math.cos(way), 20.0 + d * math.sin(way), float(rng.uniform(-math.pi, math.pi)))
+            for d in (-half, half)
+        )
+        search = planner(motion_model_for_search=model, reverse_penalty=penalty, minimum_turning_radius=radius)
+        length, curve = search.make_plan(costmap, start, goal).length_m, shortest(start, goal, radius).length
+        assert 0.99 * curve - 1e-9 <= length <= 1.03 * curve + 1e-9
+
+
+def test_a_reverse_penalty_counts_in_empty_space() -> None:
+    """Straight back, or forward all the way."""
+    start, goal = Pose2D(5.0, 4.0, 0.0), Pose2D(3.5, 4.0, 0.0)
+    plans = [
+        planner(motion_model_for_search="REEDS_SHEPP", reverse_penalty=p).make_plan(empty(), start, goal)
+        for p in (1.0, 20.0)
+    ]
+    assert plans[0].length_m == pytest.approx(1.5)
+    assert (plans[1].path.directions == 1).all()
 
 
 @pytest.mark.parametrize(("footprint", "model"), [(BOX, "REEDS_SHEPP"), (BOX, "DUBIN"), (ROUND, "DUBIN")])

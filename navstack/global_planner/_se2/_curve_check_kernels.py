@@ -186,6 +186,26 @@ def curve_cost(costs, bits, shape, p, start, goal, radius, ends, limit, from_sta
 
 
 @plain_kernel
+def open_curve(costs, bits, shape, p, start, goals):
+    """Return (cost, goal) of the shortest curve to a goal if it leads over cells of cost 0 only; infinite otherwise.
+
+    It is infinite, too, where changes of direction cost something, or the curve reverses and that costs more than driving forward:
+    then the costs decide, not the length.
+    """
+    nearest, bound = 0, np.inf
+    for i in range(len(goals)):
+        size = choose_curve(p, start, (goals[i, 0], goals[i, 1], goals[i, 2]), p.radius, (0, 0), bound)[3]
+        if size < bound:
+            nearest, bound = i, size
+    goal = (goals[nearest, 0], goals[nearest, 1], goals[nearest, 2])
+    _, kinds, lengths, _ = choose_curve(p, start, goal, p.radius, (0, 0), np.inf)
+    if p.cusp > 0.0 or (p.reverse > 1.0 and min(lengths) < -1e-9):
+        return np.inf, nearest
+    limit = least_cost(p, kinds, lengths, p.radius) * ROUNDED
+    return curve_cost(costs, bits, shape, p, start, goal, p.radius, (0, 0), limit, True), nearest
+
+
+@plain_kernel
 def line_cost(costs, bits, shape, p, start, goal, limit):
     """As `curve_cost`, for a robot that drives in any direction: a straight line, on which the heading turns evenly."""
     dx, dy = goal[0] - start[0], goal[1] - start[1]

@@ -142,6 +142,18 @@ class PoseSearch:
         ring = self._heads[-heuristics.RING :]
         return float(heuristics.obstacle_cost(self.costs, self._field, ring, self.settings[0], int(x), int(y)))
 
+    def open_curve(self, start: Pose, goals: NDArray[np.float64]) -> Outcome | None:
+        """The shortest curve to a goal, if it leads over cells of cost 0 only (see the kernel)."""
+        p, self.read_beside = self.settings, None
+        p["weight"], p["best_radius"], p["best_tail"] = self._weight, p["radius"], 0.0
+        self._margin = WIDEST * float(p["radius"][0])
+        cost, k = curves.open_curve(self.costs, self._bits, self.shape.rows, p[0], start, goals)
+        if cost == math.inf:
+            return None
+        goal, room = (float(goals[k, 0]), float(goals[k, 1]), float(goals[k, 2])), np.zeros(FIRST_NODES, SEGMENT)
+        segments = room[: self._write_curve(room, 0, start, goal, 0)]
+        return Outcome(kernels.FOUND, segments, goal, float(cost), 1, 1, start[:2], False)
+
     def search(self, *, shorten: bool) -> Outcome:
         """Finish the search that `begin` has begun."""
         return self.outcome(self.advance(), shorten=shorten)

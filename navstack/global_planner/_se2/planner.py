@@ -98,6 +98,9 @@ class PosePlanner(GlobalPlanner):
     finer_headings: ClassVar[tuple[int, ...]] = ()
     """Where no path is found: how many times as many headings are tried, one after the other."""
 
+    shortest_in_the_open: ClassVar[bool] = False
+    """Whether the shortest curve is the plan where it leads over cells of cost 0 only."""
+
     @property
     def downsampling(self) -> int:
         """Cells of the costmap per cell of the search."""
@@ -281,6 +284,8 @@ class PosePlanner(GlobalPlanner):
             poses = np.array([start, start], np.float64)
             return Plan(Path(poses, request.frame), 0.0, goal if moved == 0.0 else start, moved, notes=notes)
         outcome = engine.follow(ends.start, ends.goals)
+        if outcome is None and self.shortest_in_the_open:
+            outcome = engine.open_curve(ends.start, ends.goals)
         if outcome is None:
             outcome = self._outcome(engine, grid.geometry.resolution, ends)
         engine.remember(outcome)
