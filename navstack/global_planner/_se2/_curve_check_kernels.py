@@ -189,7 +189,7 @@ def curve_cost(costs, bits, shape, p, start, goal, radius, ends, limit, from_sta
 def open_curve(costs, bits, shape, p, start, goals):
     """Return (cost, goal) of the shortest curve to a goal if it leads over cells of cost 0 only; infinite otherwise.
 
-    It is infinite, too, where changes of direction cost something, or the curve reverses and that costs more than driving forward:
+    It is infinite, too, where changes of direction cost something, or the curve reverses and that costs more than forward:
     then the costs decide, not the length.
     """
     nearest, bound = 0, np.inf
