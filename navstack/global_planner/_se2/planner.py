@@ -346,7 +346,7 @@ class PosePlanner(GlobalPlanner):
             poses[-1] = goal
         moved = goal.distance_to(end)
         notes: list[str] = []
-        if not outcome.reached and end != goal:
+        if moved > 0.0 or (end != goal and not outcome.reached):
             turned = abs(normalize_angle(end.yaw - goal.yaw))
             notes.append(
                 f"the goal itself cannot be reached; the plan ends {moved:.2f} m and {turned:.2f} rad from it (tolerance)"
