@@ -288,11 +288,12 @@ def relax(costs, bits, shapes, p, segments, added, values, count, goal, reach):
             sign = 1.0 if option % 2 == 0 else -1.0
             offset, turn = (sign * OFFSET * reach, 0.0) if option < 2 else (0.0, sign * TURN * reach)
             middle = (row.x - offset * math.sin(row.yaw), row.y + offset * math.cos(row.yaw), row.yaw + turn)
-            far = math.hypot(middle[0] - start[0], middle[1] - start[1])
-            far += math.hypot(end[0] - middle[0], end[1] - middle[1])
-            if far * p.base_cost > best * ROUNDED:
+            # no curve costs less than the straight line over free cells
+            least_a = math.hypot(middle[0] - start[0], middle[1] - start[1]) * p.base_cost
+            least_b = math.hypot(end[0] - middle[0], end[1] - middle[1]) * p.base_cost
+            if least_a + least_b > best * ROUNDED:
                 continue
-            cost_a, a = best_curve(costs, bits, shape, p, start, middle, ends_a, best, 1)
+            cost_a, a = best_curve(costs, bits, shape, p, start, middle, ends_a, best * ROUNDED - least_b, 1)
             if a == 0.0:
                 continue
             cost_b, b = best_curve(costs, bits, shape, p, middle, end, ends_b, best - cost_a, 1)
