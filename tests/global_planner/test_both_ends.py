@@ -64,9 +64,9 @@ def test_a_path_turned_around_is_the_same_way_back() -> None:
     np.testing.assert_allclose(there[::-1, 2] - np.pi, again[:, 2], atol=1e-12)
 
 
-def lattice(model: MotionModel, folder: Path) -> SmacLatticePlanner:
+def lattice(model: MotionModel, folder: Path, **values: Any) -> SmacLatticePlanner:
     file = write_lattice(generate_lattice(1.0, 0.1, motion_model=model), folder / f"{model}.json")
-    return SmacLatticePlanner(SmacLatticeParams(lattice_filepath=str(file)))
+    return SmacLatticePlanner(SmacLatticeParams(lattice_filepath=str(file), **values))
 
 
 @pytest.mark.parametrize("kind", ["DUBIN", "REEDS_SHEPP", "ackermann", "diff", "omni"])
@@ -95,6 +95,15 @@ def test_a_path_found_from_the_goal(kind: Any, monkeypatch: pytest.MonkeyPatch, 
     referee = Referee(room(), LOPSIDED, False, 1.0, kind == "REEDS_SHEPP")
     assert not referee.collisions(plan.path)
     assert kind in ("diff", "omni") or not referee.faults(plan, START, GOAL)
+
+
+def test_without_curves_no_search_begins_at_the_goal(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """It would end in the cell of the start, not at its pose: the path would begin with a jump."""
+    monkeypatch.setattr(both_ends, "FIRST", 2)
+    monkeypatch.setattr(both_ends, "SHARE", Fraction(1, 10**6))
+    planner = lattice("ackermann", tmp_path, analytic_expansion_max_length=0.0)
+    path = planner.make_plan(room(), START._replace(x=1.04, yaw=0.1), GOAL, footprint=LOPSIDED).path
+    assert not Referee(room(), LOPSIDED, False, 1.0, False).motion_faults(path)
 
 
 def test_a_goal_that_cannot_be_entered() -> None:

@@ -303,6 +303,8 @@ class PosePlanner(GlobalPlanner):
         budget = self.params.max_iterations if self.params.max_iterations > 0 else UNLIMITED
         engine.time_limit, goals, used = self._time_limit(), ends.goals.copy(), 0
         shorten = self.params.smooth_path
+        # without curves, a search from the goal ends beside the start
+        from_goal = self.params.heuristic_weight > 1.0 and self.params.analytic_expansion_max_length > 0.0
         motions = Motions(partial(self.table, resolution), self.heading_bin, self.finer_headings)
         first: Outcome | None = None
         for finer in (1, *self.finer_headings):
@@ -313,7 +315,7 @@ class PosePlanner(GlobalPlanner):
             goals[:, 3] = [self.heading_bin(table, float(yaw)) for yaw in goals[:, 2]]
             engine.settings["max_expansions"] = allowed
             engine.begin(table, ends.start, start_bin, goals)
-            if first is None and len(goals) == 1 and self.params.heuristic_weight > 1.0:
+            if first is None and len(goals) == 1 and from_goal:
                 goal = float(goals[0, 0]), float(goals[0, 1]), float(goals[0, 2])
                 outcome = search_both_ends(engine, ends.start, goal, motions, shorten=shorten)
             else:
