@@ -32,7 +32,6 @@ STATUSES: Final = (
 )
 """Names of actionlib's codes."""
 SUCCEEDED: Final = 3
-ENDED: Final = frozenset({2, 3, 4, 5, 8, 9})
 
 
 class Score:
@@ -81,9 +80,9 @@ class Tour:
         self._rest_s = private.number("rest_time", 2.0, low=0.0, high=1e6)
         self._build = MessageBuilder(ros.MessageTypes(), ros1=True)
         self._cmd_vel = rospy.Publisher("cmd_vel", ros.message("geometry_msgs/Twist"), queue_size=5)
-        self._client = ros.load("actionlib").SimpleActionClient(
-            "move_base", ros.message("move_base_msgs/MoveBaseAction")
-        )
+        # Not SimpleActionClient: it logs an error when a fast server answers before its send_goal() has returned.
+        self._actionlib = ros.load("actionlib")
+        self._client = self._actionlib.ActionClient("move_base", ros.message("move_base_msgs/MoveBaseAction"))
         self._start: Pose2D | None = None
         self.score = Score()
 
@@ -127,19 +126,18 @@ class Tour:
         goal = ros.message("move_base_msgs/MoveBaseGoal")()
         goal.target_pose = self._build.pose_stamped(int(self._rospy.Time.now().to_nsec()), self._frame, pose)
         self._start = None
-        self._client.send_goal(goal, feedback_cb=self._on_feedback)
+        handle = self._client.send_goal(goal, feedback_cb=self._on_feedback)
         begun = self._now()
         while not ros.is_stopping():
-            status = int(self._client.get_state())
-            if status in ENDED:
-                return status, str(self._client.get_goal_status_text())
+            if handle.get_comm_state() == self._actionlib.CommState.DONE:
+                return int(handle.get_goal_status()), str(handle.get_goal_status_text())
             if self._now() - begun > self._limit_s:
-                self._client.cancel_goal()
+                handle.cancel()
                 return None, ""
             ros.STOP.wait(POLL_S)
         return None, ""
 
-    def _on_feedback(self, feedback: Any) -> None:
+    def _on_feedback(self, _handle: Any, feedback: Any) -> None:
         """Keep where the robot was when the goal began."""
         if self._start is None:
             at = feedback.base_position.pose.position
