@@ -38,6 +38,19 @@ def place_footprint(costs, origin_x, origin_y, resolution, corners, x, y, yaw, p
 
 
 @kernel
+def fastest_corner(corners, vx, vy, turning):
+    """Return the speed (m/s) of the fastest corner of a footprint, or of the robot's center, at a velocity.
+
+    `corners` (2, n): x and y of the corners in the robot's frame (m); `turning` (rad/s).
+    """
+    fastest = vx * vx + vy * vy
+    for j in range(corners.shape[1]):
+        x, y = vx - turning * corners[1, j], vy + turning * corners[0, j]
+        fastest = max(fastest, x * x + y * y)
+    return math.sqrt(fastest)
+
+
+@kernel
 def edge_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, cells):
     """Return the highest cost on the edges of a footprint at a pose; OUTSIDE if a corner is outside the grid.
 

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from navstack.core.footprint_kernels import OUTSIDE, edge_cost, overlapped_cost, place_footprint
+from navstack.core.footprint_kernels import OUTSIDE, edge_cost, fastest_corner, overlapped_cost, place_footprint
 from navstack.core.jit import kernel
 
 SHORT_M = 1e-9
@@ -68,7 +68,8 @@ def arc_collision(costs, grid, vertices, unknown_blocks, interior, start, twist,
 
     `grid` (3,): origin x, y and resolution. `start` (3,): the robot's pose, which is checked, too. `twist` (3,): v, turning
     speed, circumscribed radius. `limits` (3,): duration (s), distance from the start (m), 1 for the arc up to the end of the
-    duration, 0 for Euler steps of a cell that end before it (Nav2), of which a slow robot makes none.
+    duration, or once around, in steps that move no corner by more than a cell; 0 for Euler steps of a cell along the path that
+    end before the duration (Nav2), of which a slow robot makes none.
     `interior`: cells inside the footprint count, and a centre outside the grid collides; otherwise the edges alone, and such a
     pose is free (Nav2). `out` (m, 3) receives the poses; the check ends when it is full.
     """
@@ -78,19 +79,23 @@ def arc_collision(costs, grid, vertices, unknown_blocks, interior, start, twist,
     corners = vertices.T.copy()
     cells = np.empty(corners.shape, np.int32)
     placed = np.empty(corners.shape)
-    if abs(v) < 0.01 and abs(w) > 0.01:
+    whole = limits[2] > 0.0
+    duration = limits[0]
+    if whole:
+        fastest = fastest_corner(corners, v, 0.0, w)
+        if w != 0.0:
+            duration = min(duration, 2.0 * math.pi / abs(w))
+        dt = min(resolution / fastest, duration) if fastest > 0.0 else duration
+    elif abs(v) < 0.01 and abs(w) > 0.01:
         dt = 2.0 * math.sin(0.5 * resolution / twist[2]) / abs(w)
     else:
         dt = resolution / abs(v) if v != 0.0 else np.inf
-    whole = limits[2] > 0.0
-    if whole:
-        dt = min(dt, limits[0])
     x, y, yaw = start[0], start[1], start[2]
     for i in range(len(out)):
         if i > 0:
-            if not ((i - 1 if whole else i) * dt < limits[0]):
+            if not ((i - 1 if whole else i) * dt < duration):
                 return -1, i
-            step = min(dt, limits[0] - (i - 1) * dt) if whole else dt
+            step = min(dt, duration - (i - 1) * dt) if whole else dt
             heading = yaw + 0.5 * w * step if whole else yaw
             x += v * step * math.cos(heading)
             y += v * step * math.sin(heading)

@@ -10,14 +10,17 @@ from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Any, ClassVar
 
+import numpy as np
 from pydantic import create_model
 
 from navstack.core import LETHAL, Path, Pose2D, Twist2D, angle_between, normalize_angle
 from navstack.core.collision import footprint_cost
 from navstack.core.costs import UNKNOWN
+from navstack.core.footprint_kernels import fastest_corner
 from navstack.core.parameter_checks import CheckContext, Issue
 from navstack.core.parameters import ParamModel, param
 from navstack.interfaces import ControlDiagnostics, ControlInput, LocalPlan, LocalPlanner, VelocityLimits
+from navstack.kinematics import integrate
 from navstack.local_planner.path_follower import Following, PathFollower, PathFollowerParams, check_speed
 from navstack.local_planner.turning import limited_turning_speed, turning_speed
 from navstack.parameters.sections import section_model
@@ -310,14 +313,14 @@ class RotationShim(PathFollower):
 
     def _poses_ahead(self, now: Following, error: float, command: Twist2D) -> Iterator[Pose2D]:
         """The poses at which the turn is checked: while the robot brakes, then on the spot."""
-        pose = now.state.pose
+        pose, corners = now.state.pose, np.ascontiguousarray(now.footprint.vertices.T)
         while command.vx != 0.0 or command.vy != 0.0:
-            turned = command.wz * self.period
-            yaw = pose.yaw + 0.5 * turned
-            x = pose.x + self.period * (command.vx * math.cos(yaw) - command.vy * math.sin(yaw))
-            y = pose.y + self.period * (command.vx * math.sin(yaw) + command.vy * math.cos(yaw))
-            pose, error = Pose2D(x, y, pose.yaw + turned), normalize_angle(error - turned)
-            yield pose
+            way = self.period * fastest_corner(corners, command.vx, command.vy, command.wz)
+            steps = max(1, math.ceil(way / now.costmap.geometry.resolution - 1e-9))
+            for _ in range(steps):
+                pose = integrate(pose, command, self.period / steps)
+                yield pose
+            error = normalize_angle(error - command.wz * self.period)
             command = Twist2D(*self._braked(command), command.wz)
         for turned in self._headings(now, error, command.wz):
             yield Pose2D(pose.x, pose.y, pose.yaw + turned)

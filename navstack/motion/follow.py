@@ -156,9 +156,13 @@ class FollowTrajectory(BasicMotion):
         first = 0.0 if self._clock is None else now - self._clock
         last = trajectory.duration if whole else min(first + self.params.simulate_ahead_time, trajectory.duration)
         step = 0.5 * costmap.master.geometry.resolution
-        fastest = max(float(np.hypot(*trajectory.velocity[:, :2].T).max()), 1e-3)
-        count = max(2, math.ceil((last - first) * fastest / step) + 1)
-        poses = trajectory.poses(np.linspace(first, max(last, first), count))
+        # a bound of the way of the corners, to the samples: the heading may turn fast where the robot is slow
+        ways = np.hypot(*np.diff(trajectory.position[:, :2], axis=0).T)
+        ways += costmap.footprint.circumscribed_radius * np.abs(np.diff(trajectory.yaw))
+        passed = np.concatenate((np.zeros(1), np.cumsum(ways)))
+        begin, end = np.interp((first, max(last, first)), trajectory.t, passed).tolist()
+        count = max(2, math.ceil((end - begin) / step) + 1)
+        poses = trajectory.poses(np.interp(np.linspace(begin, end, count), passed, trajectory.t))
         seen = Transform2D(*pose).inverse().apply_poses(poses)
         return np.concatenate((np.zeros((1, 3)), seen))
 

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from navstack.bench.limits import LIMIT_CASES, Limits, excess, search_excess
-from navstack.core import Path, Pose2D, Twist2D
+from navstack.core import Footprint, Path, Pose2D, RobotState, Transform2D, Twist2D
 from navstack.core.errors import NoValidControlError
+from navstack.interfaces import LocalPath
 from navstack.local_planner import (
     GracefulController,
     GracefulParams,
@@ -21,10 +22,12 @@ from navstack.local_planner import (
 )
 from navstack.local_planner.goal_checkers.simple import SimpleGoalCheckerParams
 from navstack.local_planner.graceful._law_kernels import LAW, law
+from navstack.local_planner.path_follower import Following
+from navstack.local_planner.regulated_pure_pursuit.arc_check import ArcCheck, Scene
 from navstack.local_planner.regulated_pure_pursuit.regulation import Window, held_to_radius
 from navstack.local_planner.turning import limited_turning_speed, turning_speed
 from navstack.parameters.configuration import check_parameters
-from navstack.testing.doubles import control_input, driven
+from navstack.testing.doubles import control_input, driven, local_costmap
 
 FAR = SimpleGoalCheckerParams(path_length_tolerance=0.0, xy_goal_tolerance=0.0)
 
@@ -245,6 +248,29 @@ def test_a_blocked_robot_turns_to_where_the_arc_is_free(may_turn: bool) -> None:
     assert (pose.x > 1.0, turns) == ((True, {-1.0}) if may_turn else (False, set()))
 
 
+LONG = Footprint(np.array([(0.9, 0.3), (0.9, -0.3), (-0.5, -0.3), (-0.5, 0.3)]))
+"""Its corners are up to 0.95 m from the center of rotation."""
+
+
+def longest_move(poses: Any) -> float:
+    """The longest way (m) of a corner of the long footprint between two consecutive poses (n, 3)."""
+    corners = np.array([Transform2D(*pose).apply_points(LONG.vertices) for pose in poses])
+    return float(np.linalg.norm(np.diff(corners, axis=0), axis=-1).max())
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.012, 0.1, -0.3, 0.5])
+@pytest.mark.parametrize("turning", [-2.5, -0.02, 0.7, 1.8])
+def test_no_corner_skips_a_cell_of_the_check(speed: float, turning: float) -> None:
+    """However fast the robot turns, no corner moves by more than a cell between two poses; the last one is at the end."""
+    scene = Scene(Pose2D(0.3, -0.2, 0.9), local_costmap(Pose2D(0.0, 0.0), side_m=8.0), LONG, False)
+    command = Twist2D(speed, 0.0, turning)
+    hit, poses = ArcCheck().first_collision(scene, command, 1.0, math.inf, as_nav2=False)
+    assert hit == -1 and longest_move(poses) <= 0.05 + 1e-9
+    end = driven(scene.pose, command, 1.0)
+    # the check drives chords of up to a cell, not the arc
+    assert math.hypot(poses[-1, 0] - end.x, poses[-1, 1] - end.y) < 1e-3
+
+
 # --- rotation shim ----------------------------------------------------------------------------------------------------
 
 
@@ -284,6 +310,16 @@ def test_the_shim_does_not_turn_where_it_would_collide_while_it_brakes() -> None
             assert not turns
         else:
             assert plan.notes[0].endswith("turning in place") is turns
+
+
+def test_the_shim_skips_no_cell_while_it_brakes() -> None:
+    """At 0.5 m/s and 1.5 rad/s, a corner moves by two cells per control period."""
+    controller: Any = shim()
+    path = LocalPath(np.array([(0.0, 0.05 * i, math.pi / 2) for i in range(40)]), 1.95, 1.95, 0, 40)
+    state, goal = RobotState(Pose2D(0.0, 0.0), Twist2D(0.5, 0.0, 1.5)), Pose2D(0.0, 2.0)
+    now = Following(state, path, goal, local_costmap(state.pose), LONG, None, False, False, True, True)
+    poses = [state.pose, *controller._poses_ahead(now, math.pi / 2, Twist2D(0.45, 0.0, 1.5))]
+    assert longest_move(poses) <= 0.05 + 1e-9
 
 
 # --- graceful ---------------------------------------------------------------------------------------------------------

@@ -15,7 +15,7 @@ from navstack.local_planner.path_follower import Following
 from navstack.local_planner.regulated_pure_pursuit.params import RegulatedPurePursuitParams
 from navstack.local_planner.regulated_pure_pursuit.regulation import curvature_to
 
-MOST_POSES = 400
+MOST_POSES = 2000
 """Poses of an arc that are checked at most."""
 TURN_STEP = math.radians(5.0)
 MOST_TURN = 0.5 * math.pi
@@ -42,8 +42,8 @@ class ArcCheck:
     """Checks arcs, with buffers of its own.
 
     ROS differs: Nav2 checks edges of the footprint at Euler steps of a cell that end before the duration, so that of a robot
-    slower than a cell per duration only the present pose is checked. Here overlapped cells count, on the arc itself, up to its
-    end.
+    slower than a cell per duration only the present pose is checked, and corners of a long robot that turns skip cells. Here
+    overlapped cells count, on the arc itself, up to its end, and no corner moves by more than a cell per step.
     """
 
     def __init__(self) -> None:
