@@ -139,9 +139,11 @@ def faults_of(case: Case, plan: Plan, costmap: Costmap, footprint: Footprint | N
     if not np.isfinite(poses).all():
         return ["a pose is not finite"]
     moved = math.hypot(poses[-1, 0] - goal.x, poses[-1, 1] - goal.y)
-    cell = 1.5 * case.planner.downsampling * case.resolution if params.analytic_expansion_max_length == 0.0 else 0.0
-    if abs(moved - plan.goal_moved_m) > 1e-6 or moved > max(params.tolerance, cell) + 1e-6:
-        return [f"it ends {moved} m from the goal, {plan.goal_moved_m} stated, tolerance {params.tolerance}"]
+    turned = min(abs(math.remainder(poses[-1, 2] - yaw, 2.0 * math.pi)) for yaw in case.planner.goal_yaws(goal.yaw))
+    if abs(moved - plan.goal_moved_m) > 1e-6 or moved + case.radius * turned > params.tolerance + 1e-6:
+        return [
+            f"it ends {moved} m and {turned} rad from the goal, {plan.goal_moved_m} m stated, tolerance {params.tolerance}"
+        ]
     if 0 < params.max_iterations < plan.cells_expanded:
         return [f"{plan.cells_expanded} states, max_iterations {params.max_iterations}"]
     if any("treated as free" in note for note in plan.notes) or footprint is None or len(footprint.vertices) == 16:

@@ -9,7 +9,13 @@ import numpy as np
 import pytest
 
 from navstack.core import Costmap, Footprint, GridGeometry, Pose2D
-from navstack.core.errors import GoalOccupiedError, NoValidPathError, PlanningTimeoutError, StartOccupiedError
+from navstack.core.errors import (
+    GoalOccupiedError,
+    NoValidPathError,
+    PlanningError,
+    PlanningTimeoutError,
+    StartOccupiedError,
+)
 from navstack.curves import dubins_curve, reeds_shepp_curve
 from navstack.global_planner import SmacHybridParams, SmacHybridPlanner
 from tests.global_planner.fuzz_poses import run
@@ -182,6 +188,24 @@ def test_a_goal_in_an_obstacle() -> None:
     plan = planner(tolerance=0.5).make_plan(costmap, Pose2D(1.0, 3.5, 0.0), near, footprint=BOX)
     assert 0.0 < plan.goal_moved_m <= 0.5
     assert any("tolerance" in note for note in plan.notes)
+
+
+@pytest.mark.parametrize("tolerance", [0.0, 0.15])
+def test_without_curves_paths_end_within_the_tolerance(tolerance: float) -> None:
+    """Of the goal itself, also where a blocked one was moved: a state in the cell of the other goal may be farther away."""
+    costmap, rng, found = inflated(rooms(), RESOLUTION, 0.3), np.random.default_rng(4), 0
+    search = planner(tolerance=tolerance, analytic_expansion_max_length=0.0, max_iterations=20_000)
+    for _ in range(40):
+        goal = Pose2D(float(rng.uniform(1.2, 2.1)), float(rng.uniform(2.05 - tolerance, 2.15)), 0.3)
+        try:
+            plan = search.make_plan(costmap, Pose2D(1.0, 4.0, 0.0), goal)
+        except PlanningError:
+            continue
+        found += 1
+        end = plan.path[-1]
+        assert plan.goal_moved_m == pytest.approx(end.distance_to(goal), abs=1e-9)
+        assert plan.goal_moved_m + search.params.minimum_turning_radius * abs(end.yaw - 0.3) <= tolerance + 1e-9
+    assert found >= 16
 
 
 def test_limits() -> None:

@@ -212,7 +212,7 @@ def line_cost(costs, bits, shape, p, start, goal, limit):
     turn = goal[2] - start[2]
     turn -= 2.0 * math.pi * math.floor(turn / (2.0 * math.pi) + 0.5)
     length = math.hypot(dx, dy)
-    if length > p.expansion_length or length * p.base_cost > limit:
+    if length * p.base_cost > limit:
         return np.inf
     count = max(1, math.ceil(length / SPACING), math.ceil((length + p.reach * abs(turn)) / p.sample_step))
     total, tight = 0.0, False

@@ -172,6 +172,12 @@ def angle(a):
 
 
 @plain_kernel
+def apart(p, x, y, yaw, goal):
+    """Return the distance from a pose to a goal (3,); turning counts by the turning radius."""
+    return math.hypot(x - goal[0], y - goal[1]) + p.radius * abs(angle(yaw - goal[2]))
+
+
+@plain_kernel
 def curve_distance(table, p, x, y, yaw, goal_x, goal_y, goal_yaw):
     """Return the length of the shortest curve from a pose to a goal, with its cusps, from the table: rounded to cells and bins.
 

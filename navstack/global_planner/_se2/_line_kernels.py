@@ -59,8 +59,6 @@ def straighten(costs, bits, shapes, p, segments, added, values, count, goal):
     """
     shape = shapes[0]
     pieces_cost(costs, p, segments[:count], values)
-    limit = p.expansion_length
-    p.expansion_length = np.inf
     span = count
     while span >= 2:
         i = 0
@@ -80,7 +78,6 @@ def straighten(costs, bits, shapes, p, segments, added, values, count, goal):
                     continue
             i += max(1, span // 4)
         span = span * 2 // 3 if span > 3 else span - 1
-    p.expansion_length = limit
     return count
 
 
@@ -91,8 +88,6 @@ def bend(costs, bits, shapes, p, segments, added, values, count, goal, reach):
     `reach`: pieces before and after a point that are replaced. As `relax`, for a robot that drives in any direction.
     """
     shape = shapes[0]
-    limit = p.expansion_length
-    p.expansion_length = np.inf
     j = 1
     while j < count:
         first, last = max(0, j - reach), min(count, j + reach)
@@ -120,5 +115,4 @@ def bend(costs, bits, shapes, p, segments, added, values, count, goal, reach):
                 pieces_cost(costs, p, segments[first : first + fresh], values[first : first + fresh])
                 j = max(j, first + fresh // 2)
         j += 1
-    p.expansion_length = limit
     return count

@@ -3,13 +3,11 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from navstack.core.jit import plain_kernel
 from navstack.global_planner._se2._curve_check_kernels import line_cost
-from navstack.global_planner._se2._heuristic_kernels import angle
+from navstack.global_planner._se2._heuristic_kernels import apart
 from navstack.global_planner._se2._line_kernels import write_line
 from navstack.global_planner._se2._path_kernels import RADII, best_curve, directions_around, pose_at, write_best
 
@@ -24,12 +22,6 @@ DEARER = 1.02
 
 
 @plain_kernel
-def distance_to(p, segment, pose):
-    """Return the distance from a pose to the start of a piece; turning counts by the turning radius."""
-    return math.hypot(segment.x - pose[0], segment.y - pose[1]) + p.radius * abs(angle(segment.yaw - pose[2]))
-
-
-@plain_kernel
 def stretch_at(p, segments, start):
     """Return (first, nearest): the pieces before and after a pose beside a path; (0, -1) if it is too far away.
 
@@ -37,7 +29,7 @@ def stretch_at(p, segments, start):
     """
     nearest, least = -1, np.inf
     for i in range(len(segments)):
-        distance = distance_to(p, segments[i], start)
+        distance = apart(p, segments[i].x, segments[i].y, segments[i].yaw, start)
         if distance <= NEAR and distance <= least + SAME:
             nearest, least = i, min(least, distance)
     first, before = nearest, 0.0

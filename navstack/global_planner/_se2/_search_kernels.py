@@ -23,7 +23,7 @@ from navstack.global_planner._se2._curve_check_kernels import (
     segment_cost,
     sweep_free,
 )
-from navstack.global_planner._se2._heuristic_kernels import RING, angle, curve_distance, obstacle_cost
+from navstack.global_planner._se2._heuristic_kernels import RING, angle, apart, curve_distance, obstacle_cost
 from navstack.global_planner._se2._shape_kernels import cell_weight, centre_cost
 
 FOUND, EXHAUSTED, LIMIT, GROW, APPROACHED, PAUSED = 1, 2, 3, 4, 5, 6
@@ -130,17 +130,17 @@ def try_curves(costs, bits, shapes, p, node, yaw):
                 return
             p.curves_tried += 1
             goal = (goals[i, 0], goals[i, 1], goals[i, 2])
-            tail = 0.0
+            near = math.hypot(goals[i, 0] - node.x, goals[i, 1] - node.y) <= p.expansion_length
+            cost, kind, tail = np.inf, CURVE, 0.0
             if p.holonomic != 0:
-                cost = line_cost(costs, bits, shape, p, start, goal, limit)
+                if near:
+                    cost = line_cost(costs, bits, shape, p, start, goal, limit)
             else:
                 cost = curve_cost(costs, bits, shape, p, start, goal, p.radius, (before, 0), limit, False)
                 for column in range(4, goals.shape[1]):
                     if cost == np.inf and goals[i, column] != 0.0:
                         tail = goals[i, column]
                         cost = curve_and_tail_cost(costs, bits, shape, p, start, goal, tail, before, limit)
-            kind = CURVE
-            near = math.hypot(goals[i, 0] - node.x, goals[i, 1] - node.y) <= p.expansion_length
             if near and p.turn_step > 0.0 and p.holonomic == 0:
                 pivot = pivot_cost(costs, bits, shape, p, start, goal, (before, 0), min(cost, limit))
                 if pivot < cost:
@@ -322,7 +322,8 @@ def search(costs, bits, shapes, primitives, headings, nodes, lists, entries, fie
         yaw = headings[node.heading].yaw
         k = is_at(node, goals, p.bins)
         if k >= 0 and i > 0 and node.g < p.best_cost:
-            if p.expansion_length > 0.0:
+            goal = (goals[k, 0], goals[k, 1], goals[k, 2])
+            if p.expansion_length > 0.0 or apart(p, node.x, node.y, yaw, goal) > p.tolerance:
                 end_at_goals(costs, bits, shapes, p, headings, nodes, i)
             elif node.heading == np.int64(goals[k, 3]):
                 p.best_cost, p.best_node, p.best_goal, p.best_is_curve = node.g, i, k, 0

@@ -80,7 +80,10 @@ class PosePlannerParams(ParamModel):
         3.5, "a curve to the goal is tried every (estimated cost / ratio) expansions", gt=0.0
     )
     analytic_expansion_max_length: float = param(
-        3.0, "longest curve to the goal that is tried; 0 = none", unit="m", ge=0.0
+        3.0,
+        "longest curve to the goal that is tried; 0 = only from states in its cell that are not within `tolerance`",
+        unit="m",
+        ge=0.0,
     )
     analytic_expansion_max_cost: float = param(
         200.0, "costs above this are allowed on a curve to the goal only in one run that ends at the goal", ge=0.0
