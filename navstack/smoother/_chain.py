@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +14,20 @@ from navstack.smoother._least_squares import tangents
 
 Array = NDArray[np.float64]
 _SHORTEST: Final = 1e-4
-HANDLE: Final = 0.4
-"""Control points of a Bezier curve between two poses, as a share of their distance (as Nav2)."""
-ARC_HANDLE: Final = 1.0 / 3.0
-"""The same, for curves close to an arc."""
+
+
+class Fit(NamedTuple):
+    """How headings and poses between the optimized points are found."""
+
+    handle: float
+    """Control points of a Bezier curve between two poses, as a share of their distance."""
+    straight_m2: float
+    """See `tangents`."""
+
+
+NAV2_FIT: Final = Fit(0.4, 1e-4)
+ARC_FIT: Final = Fit(1.0 / 3.0, 1e-12)
+"""Headings and curves close to arcs, however short the steps are."""
 
 
 @dataclass(frozen=True)
@@ -109,10 +119,10 @@ def _cost_weights(length: Array, cusp: NDArray[np.bool_], p: Any) -> Array:
     return weights
 
 
-def upsampled(poses: Array, points: Array, chain: Chain, p: Any, handle: float) -> tuple[Array, dict[int, int]]:
+def upsampled(poses: Array, points: Array, chain: Chain, p: Any, fit: Fit) -> tuple[Array, dict[int, int]]:
     """Return the path through the optimized points (m, 2), and the row of each kept pose in it.
 
-    Headings are tangents of circles through three points; poses between are on cubic Bezier curves with this `handle`.
+    Headings are tangents of circles through three points; poses between are on cubic Bezier curves.
     """
     m = len(points)
     heading = np.zeros((m, 2))
@@ -120,7 +130,7 @@ def upsampled(poses: Array, points: Array, chain: Chain, p: Any, handle: float) 
     heading[-1] = math.cos(poses[-1, 2]), math.sin(poses[-1, 2])
     if m > 2:
         turns = chain.direction[:-2] * chain.direction[1:-1] < 0.0
-        inner = tangents(points[:-2], points[1:-1], points[2:], turns)
+        inner = tangents(points[:-2], points[1:-1], points[2:], turns, fit.straight_m2)
         ahead = (points[2:] - points[1:-1]) * chain.direction[1:-1, None]
         inner *= np.where((inner * ahead).sum(axis=1) >= 0.0, 1.0, -1.0)[:, None]
         heading[1:-1] = inner / np.maximum(np.hypot(*inner.T), 1e-12)[:, None]
@@ -135,8 +145,8 @@ def upsampled(poses: Array, points: Array, chain: Chain, p: Any, handle: float) 
     for k in range(1, m):
         between = (chain.kept[k] - chain.kept[k - 1]) * p.path_upsampling_factor - 1
         if between > 0:
-            reach = handle * float(chain.direction[k - 1])
-            out.append(_bezier(points[k - 1 : k + 1], heading[k - 1 : k + 1], reach, between))
+            ends = slice(k - 1, k + 1)
+            out.append(_bezier(points[ends], heading[ends], float(chain.direction[k - 1]), fit, between))
             count += between
         out.append(np.array([[*points[k], yaws[k]]]))
         rows[chain.kept[k]] = count
@@ -154,14 +164,14 @@ def _unit(v: Array) -> Array:
     return v / max(1e-12, float(np.hypot(*v)))
 
 
-def _bezier(ends: Array, headings: Array, handle: float, count: int) -> Array:
-    """`count` poses between two points (2, 2) with headings (2, 2); `handle`: share of the distance, negative backward."""
-    reach = handle * float(np.hypot(*(ends[1] - ends[0])))
+def _bezier(ends: Array, headings: Array, direction: float, fit: Fit, count: int) -> Array:
+    """`count` poses between two points (2, 2) with headings (2, 2); `direction`: 1 forward, -1 backward."""
+    reach = fit.handle * direction * float(np.hypot(*(ends[1] - ends[0])))
     a, b, c, d = ends[0], ends[0] + reach * headings[0], ends[1] - reach * headings[1], ends[1]
     t = (np.arange(1, count + 1) / (count + 1))[:, None]
     points = (1 - t) ** 3 * a + 3 * t * (1 - t) ** 2 * b + 3 * t * t * (1 - t) * c + t**3 * d
     chain = np.concatenate([a[None], points, d[None]])
-    inner = tangents(chain[:-2], chain[1:-1], chain[2:], np.zeros(count, np.bool_))
-    ahead = (chain[2:] - chain[1:-1]) * handle
+    inner = tangents(chain[:-2], chain[1:-1], chain[2:], np.zeros(count, np.bool_), fit.straight_m2)
+    ahead = (chain[2:] - chain[1:-1]) * direction
     inner *= np.where((inner * ahead).sum(axis=1) >= 0.0, 1.0, -1.0)[:, None]
     return np.column_stack((points, np.arctan2(inner[:, 1], inner[:, 0])))

@@ -22,12 +22,11 @@ _LEAST_DECREASE: Final = 1e-3
 
 
 class Weights(NamedTuple):
-    """Weights of the terms, and the limit of the curvature (1/m)."""
+    """Weights of the terms."""
 
     smooth: float
     curve: float
     dist: float
-    max_curvature: float
 
 
 class Stops(NamedTuple):
@@ -86,6 +85,8 @@ class Problem:
     free: NDArray[np.bool_]
     """(n,) points that may move."""
     weights: Weights
+    limit: Array
+    """(n,) curvature (1/m) above which it counts."""
     checks: Array
     """(k, 3) points of the robot at which the cost counts (x, y, share); none: its centre."""
     backward: NDArray[np.bool_]
@@ -123,11 +124,12 @@ class Problem:
         cross = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
         aa, bb, cc = (np.maximum((v * v).sum(axis=1), 1e-12) for v in (a, b, c))
         curvature = 2.0 * np.abs(cross) / np.sqrt(aa * bb * cc)
-        sharp = (curvature - self.weights.max_curvature > _EPSILON) & (np.abs(cross) > 1e-12)
+        excess = curvature - self.limit[1:-1]
+        sharp = (excess > _EPSILON) & (np.abs(cross) > 1e-12)
         if not sharp.any():
             return
         root = np.sqrt(self.weights.curve)
-        r[sharp, 2] = root * (curvature[sharp] - self.weights.max_curvature)
+        r[sharp, 2] = root * excess[sharp]
         safe = np.where(sharp, cross, 1.0)[:, None]
         pull = c / cc[:, None]
         by_a = np.column_stack((b[:, 1], -b[:, 0])) / safe - a / aa[:, None] - pull
@@ -155,13 +157,13 @@ class Problem:
         return value, gradient
 
 
-def tangents(before: Array, at: Array, after: Array, cusp: NDArray[np.bool_]) -> Array:
+def tangents(before: Array, at: Array, after: Array, cusp: NDArray[np.bool_], straight_m2: float = _EPSILON) -> Array:
     """Directions (n, 2) of the circles through three points at the middle one, of any sign and length; of the chord where it is
-    nearly straight.
+    nearly straight: where the cross product of both steps is below `straight_m2`.
     """
     a, b = at - before, np.where(cusp, -1.0, 1.0)[:, None] * (after - at)
     cross = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-    straight = np.abs(cross) < _EPSILON
+    straight = np.abs(cross) < straight_m2
     safe = np.where(straight, 1.0, cross)
     # centre - at, for the circle through -a, 0 and b
     aa, bb = (a * a).sum(axis=1), (b * b).sum(axis=1)

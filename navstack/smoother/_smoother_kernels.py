@@ -18,12 +18,12 @@ PADDING = 0.5 * STEP
 
 
 @kernel
-def relax(costs, grid, data, points, previous, weights, limits):
-    """Move `points` (n, 2) toward the mean of their neighbors and toward `data` (n, 2), in sweeps; ends stay.
+def relax(costs, grid, data, free, points, previous, weights, limits):
+    """Move the `points` (n, 2) that are `free` (n,) toward the mean of their neighbors and toward `data` (n, 2), in sweeps.
 
-    `grid`: x and y of the origin, resolution. `weights`: of the data, of smoothness. `limits`: tolerance of a sweep (m), number
-    of sweeps. `previous` is scratch. Returns whether it converged; otherwise `points` are those of the last sweep without
-    collision.
+    The ends stay. `costs` without cells: no point collides. `grid`: x and y of the origin, resolution. `weights`: of the data, of
+    smoothness. `limits`: tolerance of a sweep (m), number of sweeps. `previous` is scratch. Returns whether it converged; otherwise
+    `points` are those of the last sweep without collision.
     """
     ny, nx = costs.shape
     n = len(points)
@@ -37,6 +37,8 @@ def relax(costs, grid, data, points, previous, weights, limits):
             points[:] = previous
             return False
         for i in range(1, n - 1):
+            if not free[i]:
+                continue
             for j in range(2):
                 old = points[i, j]
                 points[i, j] = (
@@ -45,6 +47,8 @@ def relax(costs, grid, data, points, previous, weights, limits):
                     + weights[1] * (points[i + 1, j] + points[i - 1, j] - 2.0 * old)
                 )
                 change += abs(points[i, j] - old)
+            if costs.size == 0:
+                continue
             fx, fy = (points[i, 0] - grid[0]) / grid[2], (points[i, 1] - grid[1]) / grid[2]
             inside = fx >= 0.0 and fy >= 0.0 and fx < nx and fy < ny
             cost = np.int64(costs[np.int64(fy), np.int64(fx)]) if inside else 254
@@ -128,17 +132,16 @@ def motion_collision(costs, grid, corners, padding, a, b):
 
 
 @kernel
-def collides_worse(costs, grid, exact, padded, before, after):
-    """Return True if a motion between successive poses of `after` (n, 3) collides worse than the same motion of `before` (m, 3).
+def collides_worse(costs, grid, exact, padded, before, after, worse):
+    """Write which motions between successive poses of `after` (n, 3) collide worse than the same motions of `before` (m, 3).
 
-    With m != n, any collision counts. `exact` and `padded`: corners of the footprint, and of that with PADDING.
+    With m != n, any collision counts. `exact` and `padded`: corners of the footprint, and of that with PADDING. `worse` (n - 1,),
+    or (1,) of a single pose.
     """
     same = len(before) == len(after)
-    for i in range(max(1, len(after) - 1)):
+    for i in range(len(worse)):
         j = min(i + 1, len(after) - 1)
         if same and (before[i] == after[i]).all() and (before[j] == after[j]).all():
             continue
         level = motion_collision(costs, grid, padded, PADDING, after[i], after[j])
-        if level > 0 and (not same or level > motion_collision(costs, grid, exact, 0.0, before[i], before[j])):
-            return True
-    return False
+        worse[i] = level > 0 and (not same or level > motion_collision(costs, grid, exact, 0.0, before[i], before[j]))

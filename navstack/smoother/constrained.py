@@ -11,19 +11,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Costmap, Footprint, Path
-from navstack.core.errors import InputError
 from navstack.core.parameter_checks import CheckContext, Issue
 from navstack.core.parameters import ParamModel, param
 from navstack.interfaces import Smoother
 from navstack.plugins import SMOOTHERS
-from navstack.smoother._chain import ARC_HANDLE, HANDLE, Chain, kept_poses, upsampled
+from navstack.smoother._chain import ARC_FIT, NAV2_FIT, Chain, kept_poses, upsampled
+from navstack.smoother._checks import curvatures, is_good, smooth_where_good
 from navstack.smoother._least_squares import Grid, Problem, Stops, Weights, minimize
-from navstack.smoother.base import is_good, is_smooth
+from navstack.smoother.base import require_finite
 
 _SAME_M: Final = 1e-4
-_STRICTER: Final = ((1.0, 0.0, 1.0), (1e4, 1e-4, 0.95), (1e5, 1e-2, 0.97), (1e6, 1e-1, 0.98))
-"""What is tried one after the other until a result is free: factor on w_curve, w_dist as a share of w_smooth, and factor on the
-limit of the curvature, which the result exceeds a little. From the second on, cusps stay and all poses are optimized."""
+_STIFF: Final = 1e4
+"""Factor on w_curve where the turning radius is a bound."""
+_ROUNDS: Final = 8
+"""Limit on the minimizations until it is kept."""
+_SHARE: Final = 0.999
+_SHARE_BETWEEN: Final = 0.97
+"""Shares of the curvature that the points may have; the poses between them on Bezier curves turn a little more sharply."""
 
 
 class ConstrainedOptimizerParams(ParamModel):
@@ -123,24 +127,22 @@ class ConstrainedSmoother(Smoother):
 
         Raises InputError for a path that is not finite.
         """
-        if not np.isfinite(path.poses).all():
-            raise InputError("the path to be smoothed has poses that are not finite; give x, y (m) and yaw (rad)")
-        if len(path) < 2:
-            return path
+        require_finite(path)
         poses = path.poses
+        if len(poses) < 2:
+            return path
         last = len(poses) - 1
         out = [
             self._within(a > 0, b < last)._stretch(poses[a : b + 1], costmap, footprint) for a, b in stretches(poses)
         ]
-        return Path(np.concatenate([*(part[:-1] for part in out), out[-1][-1:]]), path.frame)
+        return Path(joined(out), path.frame)
 
     def unchecked(self, path: Path, costmap: Costmap) -> NDArray[np.float64]:
         """Return the smoothed poses before they are checked, as Nav2's smoother returns them."""
-        out = [self._smoothed(path.poses[a : b + 1], costmap, 0)[0] for a, b in stretches(path.poses)]
-        return np.concatenate([*(part[:-1] for part in out), out[-1][-1:]])
+        return joined([self._as_nav2(path.poses[a : b + 1], costmap)[0] for a, b in stretches(path.poses)])
 
     def _within(self, after: bool, before: bool) -> ConstrainedSmoother:
-        """The smoother of a stretch: one after or before a turn in place keeps its heading there."""
+        """The smoother of a part of a path: after or before another one, it keeps its heading there."""
         p = self.params
         kept = {"keep_start_orientation": p.keep_start_orientation or after}
         kept["keep_goal_orientation"] = p.keep_goal_orientation or before
@@ -149,56 +151,104 @@ class ConstrainedSmoother(Smoother):
     def _stretch(
         self, poses: NDArray[np.float64], costmap: Costmap, footprint: Footprint | None
     ) -> NDArray[np.float64]:
-        """Smooth a stretch without turns in place."""
+        """Smooth a stretch without turns in place: as Nav2, or each piece between its cusps where that is not good."""
         if len(poses) < 3:
             return poses
-        parts: list[NDArray[np.float64]] = []
-        pieces: list[tuple[int, int]] = []
-        for level in range(len(_STRICTER)):
-            out, starts, chain = self._smoothed(poses, costmap, level)
-            pieces = list(pairwise(chain.bounds))
-            after = [out[starts[a] : starts[b] + 1] for a, b in pieces]
-            good = [
-                is_good(poses[a : b + 1], piece, costmap, footprint, self.params.minimum_turning_radius)
-                for (a, b), piece in zip(pieces, after, strict=True)
-            ]
-            if all(good):
-                return out
-            parts = [
-                piece if free else poses[a : b + 1] for (a, b), piece, free in zip(pieces, after, good, strict=True)
-            ]
-        # at a cusp between a smoothed piece and one that stays, the headings differ a little: that of the former is kept
-        joined = [parts[0], *(np.concatenate((a[-1:], b[1:])) for a, b in pairwise(parts))]
-        radius = self.params.minimum_turning_radius
-        if not all(is_smooth(poses[a : b + 1], piece, radius) for (a, b), piece in zip(pieces, joined, strict=True)):
-            return poses
-        return np.concatenate([parts[0], *(part[1:] for part in parts[1:])])
+        out, starts, chain = self._as_nav2(poses, costmap)
+        pieces = list(pairwise(chain.bounds))
+        radius, last = self.params.minimum_turning_radius, len(poses) - 1
+        if all(
+            is_good(poses[a : b + 1], out[starts[a] : starts[b] + 1], costmap, footprint, radius) for a, b in pieces
+        ):
+            return out
+        return joined([self._within(a > 0, b < last)._piece(poses[a : b + 1], costmap, footprint) for a, b in pieces])
 
-    def _smoothed(
-        self, poses: NDArray[np.float64], costmap: Costmap, level: int
+    def _as_nav2(
+        self, poses: NDArray[np.float64], costmap: Costmap
     ) -> tuple[NDArray[np.float64], dict[int, int], Chain]:
-        """Optimize a stretch at a level of _STRICTER; return it, the new numbers of its kept poses, and what was kept."""
-        p, g = self.params, costmap.geometry
-        chain = kept_poses(poses, p, p.path_downsampling_factor if level == 0 else 1)
+        """Optimize a stretch as Nav2 does; return it, the new numbers of its kept poses, and what was kept."""
+        p = self.params
+        chain = kept_poses(poses, p, p.path_downsampling_factor)
         points = poses[chain.kept, :2]
-        free = np.ones(len(points), np.bool_)
-        free[0] = free[-1] = False
-        if p.keep_start_orientation:
-            free[min(1, len(free) - 1)] = False
-        if p.keep_goal_orientation:
-            free[max(0, len(free) - 2)] = False
-        curve, dist, share = _STRICTER[level]
-        if level > 0:
-            free[chain.cusp] = False
-        if free.any():
-            limit = share / p.minimum_turning_radius if p.minimum_turning_radius > 0.0 else math.inf
-            weights = Weights(p.w_smooth, curve * p.w_curve, p.w_dist + dist * p.w_smooth, limit)
-            grid = Grid(costmap.data, np.array([g.origin_x, g.origin_y]), g.resolution)
-            problem = Problem(grid, points, chain.ratio, chain.cost_weight, free, weights, p.checks(), chain.backward)
-            o = p.optimizer
-            moved = minimize(problem, points, Stops(o.max_iterations, o.param_tol, o.fn_tol, o.gradient_tol))
-            points = points if moved is None else moved
-        return *upsampled(poses, points, chain, p, HANDLE if level == 0 else ARC_HANDLE), chain
+        limit = np.full(len(points), 1.0 / p.minimum_turning_radius if p.minimum_turning_radius > 0.0 else math.inf)
+        problem = self._problem(points, chain, costmap, self._free(len(points)), p.w_curve, limit)
+        return *upsampled(poses, self._minimum(problem, points), chain, p, NAV2_FIT), chain
+
+    def _piece(self, poses: NDArray[np.float64], costmap: Costmap, footprint: Footprint | None) -> NDArray[np.float64]:
+        """Smooth a piece between two cusps, where the result is good."""
+        inner = self._free(len(poses))
+        return smooth_where_good(
+            poses,
+            lambda free: self._bounded(poses, costmap, free & inner),
+            costmap,
+            footprint,
+            self.params.minimum_turning_radius,
+        )
+
+    def _bounded(
+        self, poses: NDArray[np.float64], costmap: Costmap, free: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Optimize the free poses of a piece within the turning radius; return it, and the new numbers of its poses.
+
+        The bound is kept by the method of multipliers (M. Hestenes, 1969): where the curvature exceeds it, it counts from a lower
+        limit on, and the sum is minimized again.
+        """
+        p = self.params
+        chain = kept_poses(poses, p, 1)
+        points = poses[:, :2]
+        radius = p.minimum_turning_radius
+        share = _SHARE if p.path_upsampling_factor == 1 else _SHARE_BETWEEN
+        bound = share / radius if radius > 0.0 else math.inf
+        limit = np.full(len(points), bound)
+        for _ in range(_ROUNDS if radius > 0.0 else 1):
+            problem = self._problem(poses[:, :2], chain, costmap, free, _STIFF * p.w_curve, limit)
+            points = self._minimum(problem, points)
+            over = np.zeros(len(points))
+            over[1:-1] = curvatures(points) - bound
+            over[~free] = 0.0
+            if over.max() * radius <= 1.0 - share:
+                break
+            limit = np.minimum(bound, limit - over)
+        out, rows = upsampled(poses, points, chain, p, ARC_FIT)
+        numbers = np.array([rows[k] for k in chain.kept])
+        stay = np.flatnonzero(~(free[:-2] | free[1:-1] | free[2:])) + 1
+        out[numbers[stay], 2] = poses[stay, 2]
+        return out, numbers
+
+    def _free(self, count: int) -> NDArray[np.bool_]:
+        """Which of the poses may move: not the ends, nor the poses beside them if the headings there stay."""
+        free = np.ones(count, np.bool_)
+        first, last = 1 + self.params.keep_start_orientation, 1 + self.params.keep_goal_orientation
+        free[:first] = free[max(0, count - last) :] = False
+        return free
+
+    def _problem(
+        self,
+        original: NDArray[np.float64],
+        chain: Chain,
+        costmap: Costmap,
+        free: NDArray[np.bool_],
+        w_curve: float,
+        limit: NDArray[np.float64],
+    ) -> Problem:
+        """The least squares of points (n, 2), with curvature above `limit` (n,)."""
+        p, g = self.params, costmap.geometry
+        grid = Grid(costmap.data, np.array([g.origin_x, g.origin_y]), g.resolution)
+        weights = Weights(p.w_smooth, w_curve, p.w_dist)
+        return Problem(grid, original, chain.ratio, chain.cost_weight, free, weights, limit, p.checks(), chain.backward)
+
+    def _minimum(self, problem: Problem, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the points (n, 2) of least squares, or those given where nothing is free or no step helps."""
+        if not problem.free.any():
+            return points
+        o = self.params.optimizer
+        found = minimize(problem, points, Stops(o.max_iterations, o.param_tol, o.fn_tol, o.gradient_tol))
+        return points if found is None else found
+
+
+def joined(parts: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Return the poses of successive parts, which share their ends."""
+    return np.concatenate([*(part[:-1] for part in parts), parts[-1][-1:]])
 
 
 def stretches(poses: NDArray[np.float64]) -> list[tuple[int, int]]:

@@ -41,7 +41,9 @@ class SavitzkyGolaySmoother(PointSmoother):
         """Pieces of up to window_size + 2 steps stay as they are."""
         return 2 * self._half + 3
 
-    def move(self, points: NDArray[np.float64], costmap: Costmap) -> NDArray[np.float64]:
+    def move(
+        self, points: NDArray[np.float64], free: NDArray[np.bool_], costmap: Costmap | None
+    ) -> NDArray[np.float64]:
         """Return the filtered points."""
         del costmap
         p, h = self.params, self._half
@@ -49,7 +51,5 @@ class SavitzkyGolaySmoother(PointSmoother):
         for _ in range(1 + (p.refinement_num if p.do_refinement else 0)):
             padded = np.concatenate([np.repeat(out[:1], h, axis=0), out, np.repeat(out[-1:], h, axis=0)])
             moved = sum(w * padded[k : k + len(out)] for k, w in enumerate(self._weights))
-            moved = np.asarray(moved, np.float64)
-            moved[0], moved[-1] = out[0], out[-1]
-            out = moved
+            out = np.where(free[:, None], moved, out)
         return out

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,6 +12,8 @@ from navstack.core.parameters import param
 from navstack.plugins import SMOOTHERS
 from navstack.smoother import _smoother_kernels as kernels
 from navstack.smoother.base import PointSmoother, PointSmootherParams
+
+_NO_COSTS: Final = np.zeros((0, 0), np.uint8)
 
 
 class SimpleSmootherParams(PointSmootherParams):
@@ -23,10 +27,10 @@ class SimpleSmootherParams(PointSmootherParams):
 
 @SMOOTHERS.register("simple", aliases=("nav2_smoother/SimpleSmoother", "simple_smoother"))
 class SimpleSmoother(PointSmoother):
-    """simple: gradient descent on smoothness and the distance from the path, over the centre's cells.
+    """simple: gradient descent on smoothness and the distance from the path.
 
-    The sweeps of a pass end before the first one that enters an inscribed cell. Equal to Nav2's SimpleSmoother, but the result is
-    checked: `PointSmoother.smooth`.
+    Equal to Nav2's SimpleSmoother where the result is free (`PointSmoother.smooth`). Nav2 ends all sweeps before the first one
+    that enters an inscribed cell (`unchecked`).
     """
 
     Params = SimpleSmootherParams
@@ -39,14 +43,19 @@ class SimpleSmoother(PointSmoother):
         """Pieces of up to 3 steps stay as they are."""
         return 3
 
-    def move(self, points: NDArray[np.float64], costmap: Costmap) -> NDArray[np.float64]:
+    def move(
+        self, points: NDArray[np.float64], free: NDArray[np.bool_], costmap: Costmap | None
+    ) -> NDArray[np.float64]:
         """Return the relaxed points."""
-        p, g = self.params, costmap.geometry
-        grid = np.array([g.origin_x, g.origin_y, g.resolution])
+        p = self.params
+        costs, grid = _NO_COSTS, np.zeros(3)
+        if costmap is not None:
+            g = costmap.geometry
+            costs, grid = costmap.data, np.array([g.origin_x, g.origin_y, g.resolution])
         weights, limits = np.array([p.w_data, p.w_smooth]), np.array([p.tolerance, float(p.max_its)])
         out, previous = points.copy(), np.empty_like(points)
         for k in range(1 + (p.refinement_num if p.do_refinement else 0)):
             data = points if k == 0 else out.copy()
-            if not kernels.relax(costmap.data, grid, data, out, previous, weights, limits):
+            if not kernels.relax(costs, grid, data, free, out, previous, weights, limits):
                 break
         return out

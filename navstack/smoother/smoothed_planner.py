@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
 from navstack.core import Costmap, Footprint, Path, Pose2D
 from navstack.interfaces import GlobalPlanner, Plan, Smoother
 from navstack.plugins import PluginChoice
+from navstack.smoother._checks import is_good
 
 
 class SmoothedPlanner(GlobalPlanner):
@@ -30,21 +33,38 @@ class SmoothedPlanner(GlobalPlanner):
     ) -> Plan:
         """Plan, and smooth the path; raises what the planner raises."""
         plan = self.planner.make_plan(costmap, start, goal, footprint=footprint, keep_potential=keep_potential)
-        path = plan.path if plan.for_footprint else _with_headings(plan.path)
-        return replace(plan, path=self.smoother.smooth(path, costmap, footprint=footprint))
+        has_headings = plan.for_footprint or len(plan.path) < 3 or plan.path.poses[:-1, 2].any()
+        path = plan.path if has_headings else _with_headings(plan.path)
+        path = self.smoother.smooth(path, costmap, footprint=footprint)
+        if not has_headings:
+            along = _with_first_heading(path, 1)
+            if is_good(path.poses[:2], along.poses[:2], costmap, footprint, 0.0):
+                path = along
+        return replace(plan, path=path)
+
+
+_AHEAD: Final = 5
+"""Poses from the first one to that which its heading points at: a smoothed path begins about there, not along the first step."""
 
 
 def _with_headings(path: Path) -> Path:
-    """Return a path with headings along it if it has none: those of navfn are 0, except for the goal's, as in ROS.
+    """Return a path over cells with headings along it: those of navfn are 0, except for the goal's, as in ROS.
 
     To a smoother, a path to the west with such headings is driven backward.
     """
     poses = path.poses.copy()
     steps = np.diff(poses[:, :2], axis=0)
-    if len(steps) == 0 or poses[:-1, 2].any():
-        return path
     moved = np.maximum.accumulate(np.where(steps.any(axis=1), np.arange(len(steps)), 0))  # the last step of a length
     poses[:-1, 2] = np.arctan2(steps[moved, 1], steps[moved, 0])
+    return _with_first_heading(Path(poses, path.frame), min(_AHEAD, len(poses) - 2))
+
+
+def _with_first_heading(path: Path, ahead: int) -> Path:
+    """Return a path over cells that begins with a heading toward a pose ahead: the planner planned none."""
+    poses = path.poses.copy()
+    dx, dy = poses[ahead, :2] - poses[0, :2]
+    if dx != 0.0 or dy != 0.0:
+        poses[0, 2] = math.atan2(dy, dx)
     return Path(poses, path.frame)
 
 

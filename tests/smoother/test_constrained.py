@@ -15,8 +15,9 @@ from navstack.core import Costmap, Footprint, GridGeometry, Path, Pose2D
 from navstack.core.collision import footprint_cost
 from navstack.parameters.configuration import load_configuration
 from navstack.smoother import ConstrainedSmoother, ConstrainedSmootherParams
+from navstack.smoother._checks import curvatures
 from navstack.smoother._least_squares import Grid, Problem, Stops, Weights, minimize
-from navstack.smoother.base import curvatures, cusp_indices
+from navstack.smoother.base import cusp_indices
 from tests.smoother.test_smoothers import FILES, JOBS, empty, noisy
 
 POINT_M, YAW = 5e-4, 1e-3
@@ -69,9 +70,9 @@ def test_the_minimum() -> None:
     ratio[5] = -0.9
     free = np.ones(n, np.bool_)
     free[[0, -1]] = False
-    weights = Weights(3.0, 0.01, 0.2, 1.0)
+    weights, limit = Weights(3.0, 0.01, 0.2), np.ones(n)
     nothing, forward = np.zeros((0, 3)), np.zeros(n, np.bool_)
-    problem = Problem(grid, points + 0.01, ratio, np.full(n, 1e-3), free, weights, nothing, forward)
+    problem = Problem(grid, points + 0.01, ratio, np.full(n, 1e-3), free, weights, limit, nothing, forward)
     j = problem.evaluate(points)[1]
     for k in range(n):
         for axis in (0, 1):
