@@ -22,7 +22,7 @@ def relax(costs, grid, data, free, points, previous, weights, limits):
     """Move the `points` (n, 2) that are `free` (n,) toward the mean of their neighbors and toward `data` (n, 2), in sweeps.
 
     The ends stay. `costs` without cells: no point collides. `grid`: x and y of the origin, resolution. `weights`: of the data, of
-    smoothness. `limits`: tolerance of a sweep (m), number of sweeps. `previous` is scratch. Returns whether it converged; otherwise
+    smoothness. `limits`: tolerance of a sweep (m), number of sweeps. `previous` is scratch. Returns whether it converged; if not,
     `points` are those of the last sweep without collision.
     """
     ny, nx = costs.shape
