@@ -121,7 +121,12 @@ def _changes_of_direction(configuration: Configuration) -> Iterator[Issue]:
     params: Any = local.params
     if not getattr(params, "drives_backward", True):
         name = next((n for n in ("allow_reversing", "vx_min", "allow_backward") if hasattr(params, n)), "")
-        fix = f"set {name} of {local.name} so that it does" if name else "use a controller that does"
+        if not name:
+            fix = "use a controller that does"
+        elif getattr(params, name) is True:
+            fix = f"heed the warning on {name} of {local.name}"
+        else:
+            fix = f"set {name} of {local.name} so that it does"
         message = (
             f"the path of {planner.name} changes its direction{place}, but {local.name} does not drive backward; {fix}, or plan "
             "without reversing"

@@ -100,6 +100,24 @@ def test_a_car_keeps_its_turning_radius() -> None:
         assert abs(got.wz) <= abs(got.vx) / 0.8 + 1e-12
 
 
+@pytest.mark.parametrize("turns", [False, True])
+@pytest.mark.parametrize("lowest", [-0.5, 0.0])
+def test_it_reverses_only_as_its_limits_say_and_never_stands_still(turns: bool, lowest: float) -> None:
+    """A path behind the robot, with `allow_reversing`: backward, or a turn in place, or an error with the reason."""
+    controller = pursuit(
+        allow_reversing=True, use_rotate_to_heading=turns, use_dynamic_window=True, min_linear_vel=lowest
+    )
+    reverses = lowest < 0.0 and not turns
+    assert (controller.limits.min_vel_x < 0.0) is controller.params.drives_backward is reverses
+    path = [(-0.05 * i, 0.01 * i, 3.0) for i in range(40)]
+    if not turns and not reverses:
+        with pytest.raises(NoValidControlError, match="behind the robot, and min_linear_vel = 0 m/s allows"):
+            command(controller, path, Pose2D(0.0, 0.0))
+        return
+    got = command(controller, path, Pose2D(0.0, 0.0))
+    assert (got.vx < 0.0, got.vx == 0.0 and got.wz != 0.0) == (reverses, turns)
+
+
 def test_a_turn_takes_the_time_of_the_closed_form() -> None:
     """By pi from rest, at 1.8 rad/s and 3.2 rad/s²: 2.31 s. Nav2's rule is within 0.25 rad after 1.9 s at 20 Hz."""
     for rate, left, expected in ((turning_speed, 0.25, 1.9), (limited_turning_speed, 1e-3, 2.308)):
@@ -365,6 +383,18 @@ GRACEFUL = {"base_local_planner": "nav2_graceful_controller::GracefulController"
     ("tree", "rule"),
     [
         ({**PURSUIT, "FollowPath": {"allow_reversing": True}}, "turn-or-reverse"),
+        (
+            {
+                **PURSUIT,
+                "FollowPath": {
+                    "allow_reversing": True,
+                    "use_rotate_to_heading": False,
+                    "use_dynamic_window": True,
+                    "min_linear_vel": 0.0,
+                },
+            },
+            "no-reverse-speed",
+        ),
         ({**PURSUIT, "FollowPath": {"min_turning_r": 0.5}}, "turn-in-place"),
         ({**PURSUIT, "FollowPath": {"min_turning_r": 2.0, "use_rotate_to_heading": False}}, "turning-radius"),
         ({**PURSUIT, "FollowPath": {"lookahead_dist": 9.0}}, "carrot-beyond-path"),

@@ -112,8 +112,13 @@ class RegulatedPurePursuitParams(PathFollowerParams):
 
     @property
     def drives_backward(self) -> bool:
-        """True if it drives to a carrot behind the robot."""
-        return self.allow_reversing and not self.use_rotate_to_heading
+        """True if it drives to a carrot behind the robot. ROS differs: in Nav2, `allow_reversing` alone decides."""
+        return self.allow_reversing and not self.use_rotate_to_heading and self.lowest_speed < 0.0
+
+    @property
+    def lowest_speed(self) -> float:
+        """Lowest speed (m/s); negative if backward is within the limits."""
+        return max(self.min_linear_vel, -self.max_linear_vel) if self.use_dynamic_window else -self.max_linear_vel
 
     def check(self, context: CheckContext) -> Iterator[Issue]:
         """Yield what keeps the robot from driving as the parameters say."""
@@ -124,6 +129,14 @@ class RegulatedPurePursuitParams(PathFollowerParams):
                 "set one of them to false"
             )
             yield Issue("warning", "turn-or-reverse", ("allow_reversing", "use_rotate_to_heading"), message, "false")
+        if self.allow_reversing and not self.use_rotate_to_heading and self.lowest_speed >= 0.0:
+            message = (
+                f"min_linear_vel = {self.min_linear_vel:g} m/s allows no backward speed, so allow_reversing has no effect, and "
+                "the robot finds no command to a path behind it; set min_linear_vel to "
+                f"{-self.max_linear_vel:g}, or allow_reversing to false"
+            )
+            names = ("min_linear_vel", "allow_reversing")
+            yield Issue("warning", "no-reverse-speed", names, message, f"{-self.max_linear_vel:g}")
         if self.use_rotate_to_heading and self.min_turning_r > 0.0:
             message = (
                 f"a base with a turning radius of {self.min_turning_r:g} m cannot turn in place; set use_rotate_to_heading to "

@@ -94,10 +94,9 @@ class RegulatedPurePursuit(PathFollower):
     def limits(self) -> VelocityLimits:
         """The limits in force."""
         p = self.params
-        backward = p.allow_reversing and not (p.use_rotate_to_heading and not self.as_nav2)
         return VelocityLimits(
             max_vel_x=self._v_max,
-            min_vel_x=-self._v_max if backward else 0.0,
+            min_vel_x=min(max(p.lowest_speed, -self._v_max), 0.0) if self._reverses else 0.0,
             max_vel_y=0.0,
             min_vel_y=0.0,
             max_vel_trans=self._v_max,
@@ -110,6 +109,11 @@ class RegulatedPurePursuit(PathFollower):
             yaw_goal_tolerance=self.goal_checker.yaw_tolerance,
             min_turning_radius=p.min_turning_r,
         )
+
+    @property
+    def _reverses(self) -> bool:
+        # ROS differs: in Nav2, use_rotate_to_heading does not keep it from reversing
+        return self.params.allow_reversing and (self.as_nav2 or not self.params.use_rotate_to_heading)
 
     def set_limits(self, *, max_vel_trans: float | None = None, max_vel_theta: float | None = None) -> None:
         """Lower the speed limits (m/s, rad/s) until the next call; None restores the parameter's value."""
@@ -140,6 +144,13 @@ class RegulatedPurePursuit(PathFollower):
         if self._last is None:
             self._last = Twist2D() if self.as_nav2 else now.state.velocity
         aim = self._aim(now, 1.0)
+        if aim.sign < 0.0 and self.params.lowest_speed >= 0.0 and not self.as_nav2:
+            # ROS differs: Nav2 commands zero, and the robot stands still without a reason
+            raise NoValidControlError(
+                f"the path is behind the robot, and min_linear_vel = {self.params.min_linear_vel:g} m/s allows no backward "
+                "speed; set it below 0, or allow_reversing to false",
+                carrot=[aim.ahead.x, aim.ahead.y],
+            )
         turn, mode, notes = self._turn(now, aim)
         found = self._turn_away(now, aim) if self._away and turn is None else None
         if found is None:
@@ -202,7 +213,7 @@ class RegulatedPurePursuit(PathFollower):
             beyond = p.interpolate_curvature_after_goal and (len(now.path.poses) > 1 or self.as_nav2)
             steer = self._carrot(now, share * p.curvature_lookahead_dist, beyond=beyond)
         self.carrot = (steer.x, steer.y)
-        return _Aim(ahead, steer, -1.0 if p.allow_reversing and ahead.x < 0.0 else 1.0)
+        return _Aim(ahead, steer, -1.0 if self._reverses and ahead.x < 0.0 else 1.0)
 
     def _carrot(self, now: Following, distance: float, *, beyond: bool) -> _Carrot:
         pose, poses = now.state.pose, now.path.poses
