@@ -63,13 +63,13 @@ def point_ahead(path, distance, beyond, out):
 
 
 @kernel
-def arc_collision(costs, grid, vertices, unknown_blocks, interior, start, twist, limits, out):
+def arc_collision(costs, grid, vertices, unknown_blocks, interior, turns, start, twist, limits, out):
     """Check the footprint on the arc that a constant velocity drives. Returns (index of the colliding pose or -1, poses).
 
     `grid` (3,): origin x, y and resolution. `start` (3,): the robot's pose, which is checked, too. `twist` (3,): v, turning
     speed, circumscribed radius. `limits` (3,): duration (s), distance from the start (m), 1 for the arc up to the end of the
-    duration, or once around, in steps that move no corner by more than a cell; 0 for Euler steps of a cell along the path that
-    end before the duration (Nav2), of which a slow robot makes none.
+    duration, or once around, 0 for Euler steps that end before it (Nav2), of which a slow robot makes none. A step is a cell
+    along the path; with `turns`, no corner moves by more than a cell in it.
     `interior`: cells inside the footprint count, and a centre outside the grid collides; otherwise the edges alone, and such a
     pose is free (Nav2). `out` (m, 3) receives the poses; the check ends when it is full.
     """
@@ -79,17 +79,18 @@ def arc_collision(costs, grid, vertices, unknown_blocks, interior, start, twist,
     corners = vertices.T.copy()
     cells = np.empty(corners.shape, np.int32)
     placed = np.empty(corners.shape)
-    whole = limits[2] > 0.0
-    duration = limits[0]
-    if whole:
-        fastest = fastest_corner(corners, v, 0.0, w)
-        if w != 0.0:
-            duration = min(duration, 2.0 * math.pi / abs(w))
-        dt = min(resolution / fastest, duration) if fastest > 0.0 else duration
-    elif abs(v) < 0.01 and abs(w) > 0.01:
+    if abs(v) < 0.01 and abs(w) > 0.01:
         dt = 2.0 * math.sin(0.5 * resolution / twist[2]) / abs(w)
     else:
         dt = resolution / abs(v) if v != 0.0 else np.inf
+    fastest = fastest_corner(corners, v, 0.0, w) if turns else 0.0
+    if fastest > 0.0:
+        dt = min(dt, resolution / fastest)
+    whole = limits[2] > 0.0
+    duration = limits[0]
+    if whole:
+        duration = min(duration, 2.0 * math.pi / abs(w)) if w != 0.0 else duration
+        dt = min(dt, duration)
     x, y, yaw = start[0], start[1], start[2]
     for i in range(len(out)):
         if i > 0:

@@ -21,6 +21,7 @@ from navstack.core.parameter_checks import CheckContext, Issue
 from navstack.core.parameters import ParamModel, param
 from navstack.interfaces import ControlDiagnostics, ControlInput, LocalPlan, LocalPlanner, VelocityLimits
 from navstack.kinematics import integrate
+from navstack.local_planner.overlap import is_nearly_round
 from navstack.local_planner.path_follower import Following, PathFollower, PathFollowerParams, check_speed
 from navstack.local_planner.turning import limited_turning_speed, turning_speed
 from navstack.parameters.sections import section_model
@@ -315,7 +316,8 @@ class RotationShim(PathFollower):
         """The poses at which the turn is checked: while the robot brakes, then on the spot."""
         pose, corners = now.state.pose, np.ascontiguousarray(now.footprint.vertices.T)
         while command.vx != 0.0 or command.vy != 0.0:
-            way = self.period * fastest_corner(corners, command.vx, command.vy, command.wz)
+            turning = 0.0 if is_nearly_round(now.footprint) else command.wz
+            way = self.period * fastest_corner(corners, command.vx, command.vy, turning)
             steps = max(1, math.ceil(way / now.costmap.geometry.resolution - 1e-9))
             for _ in range(steps):
                 pose = integrate(pose, command, self.period / steps)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from navstack.core import Costmap, Footprint, Pose2D, Twist2D
 from navstack.interfaces import ControlInput
 from navstack.local_planner import _carrot_kernels as kernels
+from navstack.local_planner.overlap import is_nearly_round
 from navstack.local_planner.path_follower import Following
 from navstack.local_planner.regulated_pure_pursuit.params import RegulatedPurePursuitParams
 from navstack.local_planner.regulated_pure_pursuit.regulation import curvature_to
@@ -43,7 +44,8 @@ class ArcCheck:
 
     ROS differs: Nav2 checks edges of the footprint at Euler steps of a cell that end before the duration, so that of a robot
     slower than a cell per duration only the present pose is checked, and corners of a long robot that turns skip cells. Here
-    overlapped cells count, on the arc itself, up to its end, and no corner moves by more than a cell per step.
+    overlapped cells count, on the arc itself, up to its end, and no corner moves by more than a cell per step; the turn of
+    a round robot covers nothing else.
     """
 
     def __init__(self) -> None:
@@ -69,6 +71,7 @@ class ArcCheck:
             scene.footprint.vertices,
             not scene.track_unknown_space,
             not as_nav2,
+            not (as_nav2 or is_nearly_round(scene.footprint)),
             self._start,
             self._twist,
             self._reach,
