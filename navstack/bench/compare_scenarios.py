@@ -141,18 +141,19 @@ def _read(name: str) -> list[ComparedScenario]:
     path = Path(name)
     if is_file(path / WORLDS_FILE):
         return [ComparedScenario(f"world {w.number}", world=w) for w in load_worlds(path / WORLDS_FILE)]
-    if is_dir(path):
+    shipped = shipped_scenarios()
+    # as in `simulate`: ./NAME is a folder that has the name of a shipped scenario
+    if is_dir(path) and name not in shipped:
         specs = scenarios_in(path)
         if not specs:
             raise InputError(
                 f"{path} contains neither scenario files nor {WORLDS_FILE}", argument="SCENARIO", value=name
             )
         return [ComparedScenario(spec.name, spec) for spec in specs]
-    # as in `simulate`: a file, or one of the shipped scenarios
-    file = path if exists(path) else shipped_scenarios().get(name)
+    file = shipped.get(name) if is_dir(path) or not exists(path) else path
     if file is None:
-        raise InputError(_unknown(name, list(shipped_scenarios())), argument="SCENARIO", value=name)
-    spec = read_scenario(resolved(file), name)
+        raise InputError(_unknown(name, list(shipped)), argument="SCENARIO", value=name)
+    spec = read_scenario(resolved(file), name if file == path else None)
     return [ComparedScenario(spec.name, spec)]
 
 

@@ -111,7 +111,7 @@ def _unknown_map(name: str, others: list[str], what: str) -> MapError:
     known = map_names()
     close = difflib.get_close_matches(name, [*known, *others], n=1)
     return MapError(
-        f'no file, packaged map{f" or {what}" if others else ""} is called "{name}"; '
+        f'no file{f", packaged map or {what}" if others else " or packaged map"} is called "{name}"; '
         + (f'did you mean "{close[0]}"? ' if close else "")
         + f"packaged maps: {', '.join(known)}"
         + (f"; {what}s: {', '.join(others)}" if others else ""),
@@ -151,7 +151,7 @@ def scenario_file(name: str) -> Path | None:
     A YAML file without a key of a map counts as a scenario file even if it is broken: the scenario reader then reports
     the errors.
     """
-    from navstack.core.files import exists, is_file
+    from navstack.core.files import is_file
     from navstack.map_io import map_names
     from navstack.scenario import shipped_scenarios
     from navstack.scenario.file.spec import is_scenario_file
@@ -159,7 +159,8 @@ def scenario_file(name: str) -> Path | None:
     path = Path(name)
     if is_scenario_file(path) or (path.suffix in (".yaml", ".yml") and is_file(path) and not _has_map_key(path)):
         return path
-    return None if exists(path) or name in map_names() else shipped_scenarios().get(name)
+    # is_file: as for maps, a folder of that name hides nothing
+    return None if is_file(path) or name in map_names() else shipped_scenarios().get(name)
 
 
 def _has_map_key(path: Path) -> bool:

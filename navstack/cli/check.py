@@ -146,14 +146,14 @@ def _print(findings: list[Finding]) -> None:
 
 def _scenario(name: str) -> Path | None:
     """The scenario file of that path, or the packaged scenario of that name; None if the name means parameters."""
-    from navstack.core.files import exists
+    from navstack.core.files import is_file
     from navstack.parameters.sources import packaged_sets
     from navstack.scenario.file.spec import is_scenario_file
 
     path = Path(name)
     if is_scenario_file(path):
         return path
-    if exists(path) or name in packaged_sets():
+    if is_file(path) or name in packaged_sets():
         return None
     from navstack.scenario import shipped_scenarios
 

@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from navstack.bench.compare_scenarios import read_scenarios
 from navstack.cli.app import run
+from navstack.cli.arguments import scenario_file
 from navstack.core import Pose2D
 from navstack.core.errors import InputError, InternalError
 from navstack.map_io import map_path
@@ -289,6 +291,25 @@ def test_a_run_without_progress_of_time_is_an_error(short: Path) -> None:
     with pytest.raises(InternalError, match=r"does not advance beyond .* took no simulated time; .* please report it"):
         while driven.step():
             pass
+
+
+def test_a_folder_of_the_same_name_does_not_hide_a_shipped_scenario(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Nor does an invalid file lose its own error, with file:line:column."""
+    for name in ("narrow_door", "broken"):
+        (tmp_path / "here" / name).mkdir(parents=True)
+    (tmp_path / "broken.yaml").write_text("map: office\nstart: [1, 2\ngoals: x\n", encoding="utf-8")
+    shipped = {**shipped_scenarios(), "broken": tmp_path / "broken.yaml"}
+    monkeypatch.setattr("navstack.scenario.shipped_scenarios", lambda: shipped)
+    monkeypatch.chdir(tmp_path / "here")
+    assert scenario_file("narrow_door") == shipped["narrow_door"]
+    assert [found.name for found in read_scenarios(["narrow_door"], None)] == ["narrow door"]
+    assert run(["check", "narrow_door"]) == 0
+    capfd.readouterr()
+    for command in (["simulate"], ["check"], ["bench", "controllers"], ["bench", "speed"], ["move", "1"]):
+        assert run([*command, "broken"]) != 0
+        assert f"{tmp_path / 'broken.yaml'}:3:6: " in "".join(capfd.readouterr())
 
 
 def test_check_takes_the_name_of_a_shipped_scenario(capfd: pytest.CaptureFixture[str]) -> None:
