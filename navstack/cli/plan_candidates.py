@@ -32,15 +32,13 @@ class Parameters(NamedTuple):
 
     def load(self, sources: Sequence[str], values: Sequence[Override] = ()) -> Configuration:
         """Load sources with the overrides and `values`. Raises ParameterError."""
-        from dataclasses import replace
-
-        from navstack.parameters.configuration import choose_smoother, load_configuration
+        from navstack.parameters.configuration import load_configuration
+        from navstack.parameters.sources import Override
 
         overrides = [*self.overrides, *values]
-        configuration = load_configuration(sources, overrides=overrides, allow_missing=self.allow_missing)
-        if self.smoother is None:
-            return configuration
-        return replace(configuration, smoother=choose_smoother(configuration, self.smoother))
+        if self.smoother is not None:
+            overrides.append(Override(f"base_smoother={self.smoother}", f"--smoother {self.smoother}"))
+        return load_configuration(sources, overrides=overrides, allow_missing=self.allow_missing)
 
 
 def single(parameters: Parameters, planner: str | None) -> Candidate:

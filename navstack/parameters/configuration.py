@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from navstack.core.errors import ParameterError, UnknownPluginError
-from navstack.interfaces import GlobalPlanner, Smoother
+from navstack.interfaces import GlobalPlanner
 from navstack.parameters.binding import Binder
 from navstack.parameters.configuration_types import Configuration, CostmapConfiguration, NavstackParams
 from navstack.parameters.findings import Finding, in_order
 from navstack.parameters.loader import Loader
 from navstack.parameters.namespaces import planner_space
 from navstack.parameters.sources import Override, Source
-from navstack.plugins import GLOBAL_PLANNERS, SMOOTHERS, PluginChoice, PluginEntry
+from navstack.plugins import GLOBAL_PLANNERS, PluginChoice
 
 
 def load_configuration(
@@ -54,15 +53,7 @@ def choose_global_planner(configuration: Configuration, name: str) -> PluginChoi
 
     Raise UnknownPluginError for a name that is not registered, ParameterError for parameters that cannot be used.
     """
-    return _choose(configuration, GLOBAL_PLANNERS.get(name), name)
-
-
-def choose_smoother(configuration: Configuration, name: str) -> PluginChoice[Smoother]:
-    """Return a smoother with the parameters of its namespace; raises as `choose_global_planner`."""
-    return _choose(configuration, SMOOTHERS.get(name), name)
-
-
-def _choose(configuration: Configuration, entry: PluginEntry[Any], name: str) -> PluginChoice[Any]:
+    entry = GLOBAL_PLANNERS.get(name)
     findings: list[Finding] = []
     binder = Binder(findings, {"ros_distro": configuration.navstack.ros_distro})
     space = planner_space(configuration.tree, entry, name)
@@ -88,6 +79,5 @@ __all__ = [
     "PluginChoice",
     "check_parameters",
     "choose_global_planner",
-    "choose_smoother",
     "load_configuration",
 ]

@@ -216,7 +216,8 @@ class Loader:
 
     def _check_unselected_planners(self) -> None:
         """Report each planner that is written but not selected, with its wrong values as warnings."""
-        for registry, key in ((GLOBAL_PLANNERS, "base_global_planner"), (LOCAL_PLANNERS, "base_local_planner")):
+        kinds = ((GLOBAL_PLANNERS, "base_global_planner"), (LOCAL_PLANNERS, "base_local_planner"))
+        for registry, key in (*kinds, (SMOOTHERS, "base_smoother")):
             for entry in registry:
                 for name in planner_namespaces(entry):
                     space = self.root.space(name)
@@ -228,9 +229,12 @@ class Loader:
                     self.findings[before:] = [f for f in self.findings[before:] if f.severity != "info"]
                     self.not_in_use.append(space)
                     selected = self.root.leaf(key)
-                    if selected is not None and space.children:
+                    if space.children and selected is not None:
                         message = f"{name} has no effect: {key} selects {show(selected.value)}"
                         self.findings.append(finding("info", "not-in-use", space.at, space.path, message))
+                    elif space.children and registry is SMOOTHERS:
+                        message = f"{name} has no effect: no smoother is selected; write {key}: {entry.name}"
+                        self.findings.append(finding("warning", "not-in-use", space.at, space.path, message))
 
     # --- recoveries ---------------------------------------------------------------------------------------------------
 

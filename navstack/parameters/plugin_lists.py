@@ -89,7 +89,8 @@ class PluginLists:
             problem = f'"{plugin.type}" is a {other}, not a {registry.kind}'
         severity: Severity = "error"
         if plugin.name == plugin.key:  # a planner cannot be left out
-            message = f"{problem}; {hint}known: {known}; choose one of them here or with --set {plugin.key}=.."
+            elsewhere = f" here or with --set {plugin.key}=.." if plugin.at.line else ""  # not of the command line
+            message = f"{problem}; {hint}known: {known}; choose one of them{elsewhere}"
         elif self.allow_missing:
             severity = "warning"
             message = f"{problem}, so {plugin.name} is left out; {hint}known: {known}"

@@ -126,6 +126,8 @@ def _plugins(configuration: Configuration, context: CheckContext) -> Iterator[tu
     """Every plugin in use and the costmap that its checks look at first."""
     yield configuration.local_planner, context.local_costmap
     yield configuration.global_planner, context.local_costmap
+    if configuration.smoother is not None:
+        yield configuration.smoother, context.local_costmap
     for costmap, setup in zip((configuration.global_costmap, configuration.local_costmap), context.costmaps):
         for layer in costmap.layers:
             yield layer, setup

@@ -76,13 +76,15 @@ def bend_faults(before: Array, after: Array, radius: float) -> NDArray[np.bool_]
     bad = np.zeros(len(after), np.bool_)
     if len(after) < 2:
         return bad
-    folds = _folds(after)
-    if folds.sum() > _folds(before).sum():
+    folded, folds = _folds(before), _folds(after)
+    if folds.sum() > folded.sum():
         bad[1:-1] |= folds
     bad |= _exceeds(heading_errors(before), heading_errors(after), _OFF)
     motions = _exceeds(_turns(before), _turns(after), _SHARP)
     if radius > 0.0:
-        bad[1:-1] |= curvatures(after) > max(1.0 / radius, curvatures(before).max(initial=0.0)) + 1e-6
+        bad[1:-1] |= ~folds & (
+            curvatures(after) > max(1.0 / radius, curvatures(before)[~folded].max(initial=0.0)) + 1e-6
+        )
         motions |= _exceeds(heading_rates(before), heading_rates(after), 1.0 / radius, 1.0 + _DISCRETE)
     _mark_motions(bad, motions)
     return bad

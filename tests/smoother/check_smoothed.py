@@ -13,7 +13,7 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from pathlib import Path as File
 from typing import Any
@@ -151,10 +151,10 @@ def bend(poses: NDArray[np.float64]) -> float:
     return float((2.0 * np.sin(0.5 * np.abs(turns(poses))) / np.maximum(length, 1e-9))[length > 1e-4].max(initial=0.0))
 
 
-def circle(poses: NDArray[np.float64]) -> float:
-    """Largest curvature (1/m) of the circles through three successive points, those at cusps left out."""
+def circle(poses: NDArray[np.float64], folds: bool = False) -> float:
+    """Largest curvature (1/m) of the circles through three successive points, those at cusps left out unless `folds`."""
     a, b = poses[1:-1, :2] - poses[:-2, :2], poses[2:, :2] - poses[1:-1, :2]
-    on = (a * b).sum(axis=1) > 0.0
+    on = folds | ((a * b).sum(axis=1) > 0.0)
     area = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
     sides = np.hypot(*a.T) * np.hypot(*b.T) * np.hypot(*(a + b).T)
     return float((2.0 * area / np.maximum(sides, 1e-12))[on & (sides > 1e-9)].max(initial=0.0))
@@ -191,6 +191,7 @@ def faults(case: Case, after: NDArray[np.float64]) -> list[str]:
     """What is wrong with a smoothed plan."""
     before = case.poses
     found: list[str] = []
+    curve = partial(circle, folds=not case.follows_headings)
     if not np.isfinite(after).all():
         return ["a pose is not finite"]
     planned = 3 if case.follows_headings else 2  # a plan over cells begins with any heading
@@ -201,13 +202,16 @@ def faults(case: Case, after: NDArray[np.float64]) -> list[str]:
     if case.follows_headings and Path(after).cusps != Path(before).cusps:
         found.append(f"{Path(after).cusps} cusps instead of {Path(before).cusps}")
     if case.radius > 0.0:
-        for name, measure, slack in (("circles", circle, 1e-3), ("headings", bend, 0.021)):
+        for name, measure, slack in (("circles", curve, 1e-3), ("headings", bend, 0.021)):
             limit = max(1.0 / case.radius, measure(before)) * (1.0 + slack)
-            if (value := measure(after)) > limit:
+            # grid plans may begin and end with a fold
+            if (value := measure(after if case.follows_headings else after[1:-1])) > limit:
                 found.append(f"curvature {value:.3f} by {name}, limit {limit:.3f} 1/m")
     off, was = slips(after), slips(before)
     limits = np.full(len(after), max(0.15, was[1:-1].max(initial=0.0))) + 1e-5
     limits[[0, -1]] = np.maximum(0.15, was[[0, -1]]) + 1e-5  # those of start and goal stay, wherever the path leads
+    if not case.follows_headings:
+        limits[0] = math.inf
     if (off > limits).any():
         k = int(np.argmax(off - limits))
         found.append(f"heading {k} of {len(after)} is {off[k]:.3f} rad off the path, {limits[k]:.3f} allowed")

@@ -11,9 +11,9 @@ import pytest
 from numpy.typing import NDArray
 
 from navstack.core import Costmap, Footprint, GridGeometry, Path
-from navstack.core.errors import InputError, UnknownPluginError
+from navstack.core.errors import InputError, ParameterError, UnknownPluginError
 from navstack.interfaces import Smoother
-from navstack.parameters.configuration import choose_smoother, load_configuration
+from navstack.parameters.configuration import check_parameters, load_configuration
 from navstack.plugins import SMOOTHERS
 from navstack.smoother import PointSmoother, SavitzkyGolaySmoother, SimpleSmoother
 from navstack.smoother._checks import curvatures, is_good
@@ -148,9 +148,19 @@ def test_selected_by_yaml() -> None:
     assert configuration.smoother is not None
     assert configuration.smoother.params.w_smooth == 0.4
     assert load_configuration(["turtlebot"]).smoother is None
-    assert choose_smoother(configuration, "savitzky_golay").cls is SavitzkyGolaySmoother
-    with pytest.raises(UnknownPluginError, match="simple"):
-        choose_smoother(configuration, "simpel")
+    with pytest.raises(UnknownPluginError, match='did you mean "simple"'):
+        load_configuration(["turtlebot"], overrides=["base_smoother=simpel"])
+    with pytest.raises(ParameterError, match="cost_check_points has 2 values"):
+        load_configuration(
+            ["turtlebot"], overrides=["base_smoother=constrained", "constrained.cost_check_points=[1.0, 2.0]"]
+        )
+    found = check_parameters(
+        ["turtlebot"], overrides=["base_smoother=savitzky_golay", "savitzky_golay.window_size=6", "simple.max_its=9"]
+    )
+    assert [f.message for f in found if "smooth" in f.rule or "simple" in f.message] == [
+        "window_size = 6 is even, so 7 points are used (Nav2 refuses it); write 7",
+        'simple has no effect: base_smoother selects "savitzky_golay"',
+    ]
 
 
 def test_a_pose_that_collides_does_not_get_worse() -> None:
