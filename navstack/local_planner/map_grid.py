@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Costmap, Pose2D
+from navstack.core.grid import grid_record
 from navstack.interfaces import DistanceGrid, RolloutCells, Rollouts, ScoringContext
 from navstack.local_planner._map_grid_kernels import (
     SEEDS,
@@ -19,7 +20,6 @@ from navstack.local_planner._map_grid_kernels import (
     storage_size,
     whole_grid,
 )
-from navstack.local_planner.rollouts import grid_record
 
 
 @dataclass(slots=True, eq=False)

@@ -12,25 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import LETHAL, Costmap, Footprint
+from navstack.core import LETHAL, Costmap
+from navstack.core.grid import grid_record
+from navstack.core.overlap import MAX_CELLS, PASSABLE, is_nearly_round
+from navstack.core.overlap_kernels import free_scale, lethal_cells_under, place_scaled
 from navstack.interfaces import Rollouts, ScoringContext
-from navstack.local_planner._overlap_kernels import (
-    comes_nearer,
-    exit_heading,
-    free_scale,
-    leave_cells,
-    lethal_cells_under,
-    place_scaled,
-)
+from navstack.local_planner._overlap_kernels import exit_heading, leave_cells
 from navstack.local_planner.critics._kernels import IN_COLLISION
-from navstack.local_planner.rollouts import grid_record
 from navstack.local_planner.scoring import ScoreTable
-
-ROUND = 0.95
-"""A footprint whose inscribed radius exceeds this share of its circumscribed radius is round: turns bring it no nearer."""
-PASSABLE = 252
-"""Cost of the cells under the footprint while it leaves them, and of inscribed cells: the footprint itself is checked."""
-MAX_CELLS = 4096
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,7 +89,9 @@ class Overlap:
                 nearer[alive] = 0
                 alive[:] = False
             else:
-                rank = -np.cos(rollouts.poses[np.arange(k), np.maximum(rollouts.counts - 1, 0), 2] - heading)
+                # of the legal rollouts only: poses that are not simulated are not initialized
+                legal = np.flatnonzero(alive)
+                rank[legal] = -np.cos(rollouts.poses[legal, rollouts.counts[legal] - 1, 2] - heading)
         rows = np.flatnonzero(nearer >= 0)
         table.rejected_by[rows] = obstacle
         table.costs[rows, obstacle:] = np.nan
@@ -117,43 +108,3 @@ class Overlap:
         number = len(self.cells)
         what = "an obstacle cell" if number == 1 else f"{number} obstacle cells"
         return f"the footprint overlaps {what} at ({x:.2f}, {y:.2f}): only samples that come no nearer are legal"
-
-
-def is_nearly_round(footprint: Footprint) -> bool:
-    """True if turns in place bring the footprint no nearer to anything."""
-    return footprint.inscribed_radius >= ROUND * footprint.circumscribed_radius
-
-
-def without_lethal(costmap: Costmap) -> Costmap:
-    """A copy in which lethal cells are passable: what else blocks a motion (unknown cells, the border)?"""
-    data = costmap.data.copy()
-    data[data == LETHAL] = PASSABLE
-    return Costmap(costmap.geometry, data, costmap.frame)
-
-
-def leads_away(costmap: Costmap, footprint: Footprint, poses: NDArray[np.float64]) -> bool:
-    """True if a motion comes no nearer to the lethal cells under the footprint at its first pose, and overlaps no other.
-
-    `poses` (n, 3): x, y (m) and yaw (rad) in the costmap's frame. For controllers with one command per cycle; `Overlap` selects
-    among the samples of others.
-    """
-    grid, corners = grid_record(costmap.geometry), footprint.vertices.T.copy()
-    placed, found = np.empty_like(corners), np.empty((MAX_CELLS, 2), np.int64)
-    start = np.ascontiguousarray(poses[0])
-    if costmap.cost_at(*start[:2].tolist()) == LETHAL or not footprint.contains_center:
-        return False
-    place_scaled(corners, 1.0, start, grid, placed)
-    number = lethal_cells_under(costmap.data, placed, found)
-    if number > MAX_CELLS:
-        return False
-    cells = found[:number].copy()
-    others = costmap.data.copy()
-    others[cells[:, 1], cells[:, 0]] = PASSABLE
-    scale = 0.0 if is_nearly_round(footprint) else free_scale(corners, start, grid, cells)
-    for pose in poses[1:]:
-        if number and comes_nearer(corners, scale, pose, start, grid, cells, placed):
-            return False
-        place_scaled(corners, 1.0, pose, grid, placed)
-        if lethal_cells_under(others, placed, found):
-            return False
-    return True

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core.errors import InputError
-from navstack.core.grid import GridGeometry
+from navstack.core.grid import GridGeometry, grid_record
 from navstack.interfaces import RolloutCells, Rollouts, ScoringContext
 from navstack.local_planner._rollout_kernels import point_cells
-
-GRID = np.dtype([("origin_x", "f8"), ("origin_y", "f8"), ("resolution", "f8"), ("nx", "i8"), ("ny", "i8")])
-"""Geometry of a grid for kernels: m, m, m, cells, cells. An array of one record is passed in 0.1 µs, as one argument."""
 
 MAX_POINTS = 20_000_000
 """More points per cycle (about half a gigabyte) indicate a mistake in the granularities or the limits."""
@@ -35,13 +30,6 @@ def single_points(rollouts: Rollouts, point: int | NDArray[np.int64]) -> Rollout
     rows = np.arange(len(rollouts.counts))
     poses = np.ascontiguousarray(rollouts.poses[rows, point][:, None, :])
     return Rollouts(rollouts.commands, poses, np.minimum(rollouts.counts, 1), rollouts.alive)
-
-
-def grid_record(geometry: GridGeometry) -> NDArray[Any]:
-    """(1,) of GRID, for kernels."""
-    record = np.empty(1, GRID)
-    record[0] = (geometry.origin_x, geometry.origin_y, geometry.resolution, geometry.nx, geometry.ny)
-    return record
 
 
 def compute_cells(rollouts: Rollouts, geometry: GridGeometry) -> RolloutCells:

@@ -17,11 +17,11 @@ from navstack.core import LETHAL, Path, Pose2D, Twist2D, angle_between, normaliz
 from navstack.core.collision import footprint_cost
 from navstack.core.costs import UNKNOWN
 from navstack.core.footprint_kernels import fastest_corner
+from navstack.core.overlap import is_nearly_round
 from navstack.core.parameter_checks import CheckContext, Issue
 from navstack.core.parameters import ParamModel, param
 from navstack.interfaces import ControlDiagnostics, ControlInput, LocalPlan, LocalPlanner, VelocityLimits
 from navstack.kinematics import integrate
-from navstack.local_planner.overlap import is_nearly_round
 from navstack.local_planner.path_follower import Following, PathFollower, PathFollowerParams, check_speed
 from navstack.local_planner.turning import limited_turning_speed, turning_speed
 from navstack.parameters.sections import section_model

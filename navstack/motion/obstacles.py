@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from navstack.core import Pose2D, Transform2D, describe_cost
 from navstack.core.collision import footprint_cost, overlaps_obstacle
 from navstack.core.costs import LETHAL
+from navstack.core.overlap import excusing_overlap
 from navstack.interfaces import RecoveryContext
 
 STEP_RAD = 0.017
@@ -58,16 +59,19 @@ def first_obstacle(
 
     `ahead` (n, 3) are poses in the base frame, `local` is the robot in the local costmap's frame. On the local costmap lethal
     and unknown cells and its edge count, as for back_up; on the global costmap lethal cells, which the sensors may not see now.
+    Where the footprint overlaps lethal cells now, a motion that leads away from them is free, and no other.
     With `known_only` the global costmap alone is checked. Raises FrameError without the robot's pose in the map.
     """
     known, seen = context.global_costmap, context.local_costmap
     in_map = Transform2D(*known.robot_pose(now)).apply_poses(ahead)
     in_local = Transform2D(*local).apply_poses(ahead)
+    seen_costs = excusing_overlap(seen.master, seen.footprint, in_local)
+    known_costs = excusing_overlap(known.master, known.footprint, in_map)
     for k, (global_pose, local_pose) in enumerate(zip(in_map.tolist(), in_local.tolist())):
         if not known_only:
-            cost = footprint_cost(seen.master, seen.footprint, Pose2D(*local_pose))
+            cost = footprint_cost(seen_costs, seen.footprint, Pose2D(*local_pose))
             if cost is None or cost >= LETHAL:
                 return Obstacle(k, seen.name, cost)
-        if overlaps_obstacle(known.master, known.footprint, Pose2D(*global_pose)):
+        if overlaps_obstacle(known_costs, known.footprint, Pose2D(*global_pose)):
             return Obstacle(k, known.name, LETHAL)
     return None

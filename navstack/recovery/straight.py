@@ -9,10 +9,14 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from navstack.core import Costmap, Footprint, Pose2D, RobotState, Twist2D
 from navstack.core.collision import footprint_cost
 from navstack.core.costs import LETHAL
 from navstack.core.errors import CollisionAheadError, RecoveryError
+from navstack.core.overlap import excusing_overlap, leads_away
 from navstack.interfaces import RecoveryBehavior, RecoveryContext, RecoveryStatus, RecoveryStep
 from navstack.recovery.motion import blocks, describe_obstacle, known_obstacle_after
 
@@ -23,17 +27,20 @@ def clear_distance(costmap: Costmap, footprint: Footprint, pose: Pose2D, distanc
     The whole footprint is checked every half cell. The second value is the footprint cost that ends the motion (None for the
     edge of the costmap), or the largest cost if nothing does.
     """
-    step = 0.5 * costmap.geometry.resolution
-    count = math.ceil(abs(distance) / step)
     worst = 0
-    for k in range(count + 1):
-        along = math.copysign(min(k * step, abs(distance)), distance)
-        at = Pose2D(pose.x + along * math.cos(pose.yaw), pose.y + along * math.sin(pose.yaw), pose.yaw)
-        cost = footprint_cost(costmap, footprint, at)
+    for at in straight_poses(costmap, pose, distance):
+        cost = footprint_cost(costmap, footprint, Pose2D(*at.tolist()))
         if cost is None or blocks(cost):
-            return abs(along), cost
+            return pose.distance_to(Pose2D(*at.tolist())), cost
         worst = max(worst, cost)
     return abs(distance), worst
+
+
+def straight_poses(costmap: Costmap, pose: Pose2D, distance: float) -> NDArray[np.float64]:
+    """Return poses (n, 3) every half cell of a straight motion from `pose`, backwards if negative, its ends included."""
+    step = 0.5 * costmap.geometry.resolution
+    along = np.minimum(np.arange(math.ceil(abs(distance) / step) + 1) * step, abs(distance))
+    return np.array(pose) + np.outer(np.copysign(along, distance), (math.cos(pose.yaw), math.sin(pose.yaw), 0.0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,7 +109,9 @@ class StraightRecovery(RecoveryBehavior):
         left = abs(motion.distance) - data["driven_m"]
         costmap = context.local_costmap
         ahead = math.copysign(min(left, look_ahead), motion.distance)
-        clear, cost = clear_distance(costmap.master, costmap.footprint, pose, ahead)
+        master, footprint = costmap.master, costmap.footprint
+        master = excusing_overlap(master, footprint, straight_poses(master, pose, ahead))
+        clear, cost = clear_distance(master, footprint, pose, ahead)
         if blocks(cost):
             raise motion.collision(
                 f"{self.name} stopped after {data['driven_m']:.2f} of {abs(motion.distance):.2f} m: the footprint hits "
@@ -124,6 +133,9 @@ class StraightRecovery(RecoveryBehavior):
         costmap = context.global_costmap
         signed = math.copysign(ahead, motion.distance)
         clear = known_obstacle_after(context, now, signed, 0.0, step=0.5 * costmap.master.geometry.resolution)
+        if clear == 0.0:
+            way = straight_poses(costmap.master, costmap.robot_pose(now), signed)
+            clear = None if leads_away(costmap.master, costmap.footprint, way) else clear
         if clear is not None:
             done = "did not start" if first else f"stopped after {data['driven_m']:.2f} m"
             raise motion.collision(

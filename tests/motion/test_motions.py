@@ -224,6 +224,19 @@ def test_a_motion_into_a_known_wall_does_not_start() -> None:
     assert unchecked.run().status is RecoveryStatus.DONE
 
 
+@pytest.mark.parametrize("known", [False, True])
+def test_a_motion_leaves_what_the_footprint_overlaps(known: bool) -> None:
+    """A mark under the edge ahead: the robot drives away from it, and not over it."""
+    away, over = (Stage(Move(distance, params()), start=Pose2D(0.0, 0.0, 0.0)) for distance in (-0.3, 0.3))
+    for stage in (away, over):
+        stage.wall(0.16, 0.0, known=known)
+    assert away.run().status is RecoveryStatus.DONE
+    assert away.robot.pose.x == pytest.approx(-0.3, abs=0.02)
+    with pytest.raises(MotionCollisionError):
+        over.run()
+    assert over.robot.pose.x == 0.0
+
+
 def test_a_robot_that_does_not_move_times_out() -> None:
     stage = Stage(Move(1.0, params(time_allowance=3.0)), velocity_lag=1e3)
     with pytest.raises(MotionTimeoutError, match=r"move drove 0\.00. of 1\.000 m within its time allowance of 3\.0 s"):

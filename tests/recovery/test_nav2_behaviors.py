@@ -28,7 +28,8 @@ class Stage:
     def __init__(self, cls: type[RecoveryBehavior], start: Pose2D = START, **params: Any) -> None:
         self.robot = KinematicRobot(start)
         self.local = EmptyCostmap("local_costmap", "odom", self.robot)
-        self.context = RecoveryContext(EmptyCostmap("global_costmap", "map", self.robot), self.local, TurnAndGo(), 10.0)
+        self.known = EmptyCostmap("global_costmap", "map", self.robot)
+        self.context = RecoveryContext(self.known, self.local, TurnAndGo(), 10.0)
         self.recovery = cls("it", cls.Params(**params))
 
     def wall(self, along: float, start: Pose2D = START, side: float = 0.0) -> None:
@@ -104,6 +105,27 @@ def test_an_obstacle_inside_the_footprint_counts() -> None:
     with pytest.raises(CollisionAheadError):
         stage.run()
     assert stage.moved == 0.0
+
+
+@pytest.mark.parametrize("seen", [True, False], ids=["local", "global"])
+@pytest.mark.parametrize("side", [0.0, 0.08])
+def test_it_drives_away_from_what_its_footprint_overlaps_and_only_away(side: float, seen: bool) -> None:
+    """A mark under the edge of the footprint ahead, as a bumper makes it: backward is free, forward is not."""
+    back, ahead = Stage(BackUp), Stage(DriveOnHeading, dist_to_travel=0.15, speed=0.1)
+    for stage in (back, ahead):
+        stage.local, stage.known = (stage.local, stage.known) if seen else (stage.known, stage.local)
+        stage.wall(0.16, side=side)
+    back.run()
+    assert back.moved == pytest.approx(-0.15, abs=0.005)
+    with pytest.raises(CollisionAheadError):
+        ahead.run()
+    assert ahead.moved == 0.0
+    # away from the mark, but into another one
+    behind = Stage(BackUp)
+    behind.wall(0.16)
+    behind.wall(-0.22)
+    with pytest.raises(CollisionAheadError):
+        behind.run()
 
 
 def test_collision_checks_can_be_switched_off() -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from navstack.core.grid import grid_record
 from navstack.interfaces import Critic, Rollouts, ScoringContext
 from navstack.local_planner._map_grid_kernels import STEPPED_BACK, storage_size
 from navstack.local_planner.critics import (
@@ -30,7 +31,6 @@ from navstack.local_planner.dwa._fused_scoring_kernels import (
     score_motion_and_obstacles,
 )
 from navstack.local_planner.map_grid import MapGrid
-from navstack.local_planner.rollouts import grid_record
 from navstack.local_planner.scoring import ScoreTable
 
 CYCLE = np.dtype(

@@ -18,13 +18,13 @@ from navstack.core import Path, Pose2D, Twist2D, angle_between
 from navstack.core.collision import footprint_cost, overlaps_obstacle
 from navstack.core.costs import LETHAL, UNKNOWN
 from navstack.core.errors import NoValidControlError
+from navstack.core.overlap import leads_away, without_lethal
 from navstack.core.parameters import ParamModel
 from navstack.interfaces import LocalPlan, VelocityLimits
 from navstack.local_planner._carrot_kernels import point_ahead
 from navstack.local_planner.graceful import _law_kernels as kernels
 from navstack.local_planner.graceful._law_kernels import LAW
 from navstack.local_planner.graceful.params import GracefulParams
-from navstack.local_planner.overlap import leads_away, without_lethal
 from navstack.local_planner.path_follower import Following, PathFollower, check_speed
 from navstack.plugins import LOCAL_PLANNERS
 

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Costmap, Footprint, Pose2D, Twist2D
+from navstack.core.overlap import is_nearly_round
 from navstack.interfaces import ControlInput
 from navstack.local_planner import _carrot_kernels as kernels
-from navstack.local_planner.overlap import is_nearly_round
 from navstack.local_planner.path_follower import Following
 from navstack.local_planner.regulated_pure_pursuit.params import RegulatedPurePursuitParams
 from navstack.local_planner.regulated_pure_pursuit.regulation import curvature_to

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from navstack.core import Path, Pose2D, Twist2D, angle_between, normalize_angle
 from navstack.core.errors import NoValidControlError
+from navstack.core.overlap import is_nearly_round, leads_away, without_lethal
 from navstack.core.parameters import ParamModel
 from navstack.interfaces import ControlInput, LocalPlan, VelocityLimits
 from navstack.local_planner import _carrot_kernels as kernels
-from navstack.local_planner.overlap import is_nearly_round, leads_away, without_lethal
 from navstack.local_planner.path_follower import Following, PathFollower, check_speed
 from navstack.local_planner.regulated_pure_pursuit import regulation
 from navstack.local_planner.regulated_pure_pursuit.arc_check import (
