@@ -2,8 +2,9 @@
 """Curves of bounded curvature for robots to which a change of direction costs something. Units as in `curve_kernels`.
 
 Candidates are the words of Reeds and Shepp and those of Dubins, driven forward or backward. They compete by length, in which
-driving backward counts `backward` times (at least 1), plus `cusp` for each change of direction. `ends`: direction of travel
-before and after the curve, 1, -1, or 0 where it does not matter; a change there counts as well.
+driving backward counts `backward` times (at least 1), plus `cusp` for each change of direction. Arcs of words may be driven
+forward on the rest of their circle instead. `ends`: direction of travel before and after the curve, 1, -1, or 0 where it does
+not matter; a change there counts as well.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ from navstack.curves.curve_kernels import (
     DUBINS_WORDS,
     EPSILON,
     SEGMENTS,
+    STRAIGHT,
+    TAU,
     dubins,
     reeds_shepp_goal,
     reeds_shepp_segments,
@@ -44,6 +47,25 @@ def word_cost(lengths, cusp, backward, ends):
 
 
 @plain_kernel
+def forward_arc(kind, length, backward):
+    """Return the signed length of an arc, or of the rest of its circle where that costs less."""
+    rest = TAU + length
+    return rest if kind != STRAIGHT and rest < -backward * length else length
+
+
+@plain_kernel
+def with_forward_arcs(kinds, lengths, backward):
+    """Return the signed lengths of a curve in which arcs backward are replaced by the rest of their circles."""
+    return (
+        forward_arc(kinds[0], lengths[0], backward),
+        forward_arc(kinds[1], lengths[1], backward),
+        forward_arc(kinds[2], lengths[2], backward),
+        forward_arc(kinds[3], lengths[3], backward),
+        forward_arc(kinds[4], lengths[4], backward),
+    )
+
+
+@plain_kernel
 def cheapest_curve(x, y, phi, cusp, backward, ends, bound):
     """Return (count, kinds, lengths, cost) of the cheapest curve to the goal (x, y, phi).
 
@@ -66,7 +88,9 @@ def cheapest_curve(x, y, phi, cusp, backward, ends, bound):
             accepted, t, u, v = reeds_shepp_word(family, variant, goal, c, best)
             if accepted:
                 n, word_kinds, lengths = reeds_shepp_segments(family, variant, t, u, v)
-                cost = word_cost(lengths, cusp, backward, ends)
-                if cost < best:
-                    best, count, kinds, best_lengths = cost, n, word_kinds, lengths
+                for _ in range(2):
+                    cost = word_cost(lengths, cusp, backward, ends)
+                    if cost < best:
+                        best, count, kinds, best_lengths = cost, n, word_kinds, lengths
+                    lengths = with_forward_arcs(word_kinds, lengths, backward)
     return count, kinds, best_lengths, best

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 TAU = 2.0 * math.pi
+Weights = tuple[float, float]
+"""By which the lengths driven forward and backward count."""
 SIDES = (1.0, -1.0)  # left, right
 
 
@@ -23,10 +25,14 @@ def ahead(angle: Array) -> Array:
     return np.where(turned > TAU - 1e-9, 0.0, turned)
 
 
-def either(angle: Array) -> Array:
-    """The smaller of both rotations."""
-    turned = np.mod(angle, TAU)
-    return np.minimum(turned, TAU - turned)
+def arc(side: float, turn: Array, weights: Weights) -> Array:
+    """The lesser weighted length of the arcs on a side, forward and backward, that turn the heading by an angle."""
+    return np.minimum(weights[0] * ahead(side * turn), weights[1] * ahead(-side * turn))
+
+
+def weighted(length: Array, weights: Weights) -> Array:
+    """The weighted length of a segment of signed length."""
+    return np.where(length > 0.0, weights[0] * length, -weights[1] * length)
 
 
 def centre(pose: tuple[Array, Array, Array], side: float) -> Complex:
@@ -58,14 +64,14 @@ def dubins(x: Array, y: Array, yaw: Array) -> Array:
     return best
 
 
-def reeds_shepp(x: Array, y: Array, yaw: Array) -> Array:
-    """Length from (0, 0, 0), forward and backward."""
+def reeds_shepp(x: Array, y: Array, yaw: Array, backward: float = 1.0) -> Array:
+    """Length from (0, 0, 0), forward and backward, in which driving backward counts `backward` times."""
     zero = np.zeros_like(x)
-    there = _one_way((zero, zero, zero), (x, y, yaw))
-    return np.fmin(there, _one_way((x, y, yaw), (zero, zero, zero)))
+    there = _one_way((zero, zero, zero), (x, y, yaw), (1.0, backward))
+    return np.fmin(there, _one_way((x, y, yaw), (zero, zero, zero), (backward, 1.0)))
 
 
-def _one_way(start: tuple[Array, Array, Array], goal: tuple[Array, Array, Array]) -> Array:
+def _one_way(start: tuple[Array, Array, Array], goal: tuple[Array, Array, Array], w: Weights) -> Array:
     yaw0, yaw1 = start[2], goal[2]
     best = np.full(yaw0.shape, np.inf)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -75,22 +81,24 @@ def _one_way(start: tuple[Array, Array, Array], goal: tuple[Array, Array, Array]
                 for z in SIDES:
                     straight = z * (np.abs(c) if a == b else np.sqrt(np.abs(c) ** 2 - 4.0))
                     heading = np.angle(c) - np.angle(straight - 1j * (a - b))
-                    best = np.fmin(best, either(heading - yaw0) + np.abs(straight) + either(yaw1 - heading))
-                best = np.fmin(best, _right_angle(c, a, b, yaw0, yaw1))
+                    arcs = arc(a, heading - yaw0, w) + arc(b, yaw1 - heading, w)
+                    best = np.fmin(best, arcs + weighted(straight, w))
+                best = np.fmin(best, _right_angle(c, (a, b), (yaw0, yaw1), w))
             same, other = centre(goal, a) - centre(start, a), centre(goal, -a) - centre(start, a)
-            best = np.fmin(best, _three_arcs(same, a, yaw0, yaw1))
-            best = np.fmin(best, _four_arcs(other, a, yaw0, yaw1))
-            best = np.fmin(best, _two_right_angles(other, a, yaw0, yaw1))
+            best = np.fmin(best, _three_arcs(same, a, (yaw0, yaw1), w))
+            best = np.fmin(best, _four_arcs(other, a, (yaw0, yaw1), w))
+            best = np.fmin(best, _two_right_angles(other, a, (yaw0, yaw1), w))
     return best
 
 
-def _three_arcs(c: Complex, a: float, yaw0: Array, yaw1: Array) -> Array:
-    best = np.full(yaw0.shape, np.inf)
+def _three_arcs(c: Complex, a: float, yaws: tuple[Array, Array], w: Weights) -> Array:
+    best = np.full(yaws[0].shape, np.inf)
     for z in SIDES:
         to_middle = np.angle(c) + z * np.arccos(np.abs(c) / 4.0)
         first = to_middle + a * math.pi / 2.0
         second = np.angle(2.0 * np.exp(1j * to_middle) - c) + a * math.pi / 2.0
-        best = np.fmin(best, either(first - yaw0) + either(second - first) + either(yaw1 - second))
+        total = arc(a, first - yaws[0], w) + arc(-a, second - first, w) + arc(a, yaws[1] - second, w)
+        best = np.fmin(best, total)
     return best
 
 
@@ -99,9 +107,9 @@ def _right(heading: Array, a: float) -> Complex:
     return -a * 1j * np.exp(1j * heading)
 
 
-def _four_arcs(c: Complex, a: float, yaw0: Array, yaw1: Array) -> Array:
+def _four_arcs(c: Complex, a: float, yaws: tuple[Array, Array], weights: Weights) -> Array:
     """C C_u C_u C: the middle arcs have equal length, and the same or the opposite direction of travel."""
-    best = np.full(yaw0.shape, np.inf)
+    best = np.full(yaws[0].shape, np.inf)
     for z in SIDES:
         for kind in ("same", "opposite +", "opposite -"):
             if kind == "same":
@@ -112,14 +120,15 @@ def _four_arcs(c: Complex, a: float, yaw0: Array, yaw1: Array) -> Array:
             w = u if kind == "same" else -u
             unit = 2.0 * (_right(0.0 * u, a) - _right(-a * u, a) + _right(-a * u + a * w, a))
             heading = np.angle(c / unit)
-            total = either(heading - yaw0) + 2.0 * np.abs(u) + either(yaw1 - (heading - a * u + a * w))
-            best = np.fmin(best, total)
+            outer = arc(a, heading - yaws[0], weights) + arc(-a, yaws[1] - (heading - a * u + a * w), weights)
+            best = np.fmin(best, outer + weighted(u, weights) + weighted(w, weights))
     return best
 
 
-def _right_angle(c: Complex, a: float, b: float, yaw0: Array, yaw1: Array) -> Array:
-    """C C(pi/2) S C with the first circle on side `a` and the last one on side `b`."""
-    best = np.full(yaw0.shape, np.inf)
+def _right_angle(c: Complex, sides: tuple[float, float], yaws: tuple[Array, Array], w: Weights) -> Array:
+    """C C(pi/2) S C with the first and the last circle on these sides."""
+    a, b = sides
+    best = np.full(yaws[0].shape, np.inf)
     for z in SIDES:
         u = z * math.pi / 2.0
         turn = -a * u
@@ -130,13 +139,14 @@ def _right_angle(c: Complex, a: float, b: float, yaw0: Array, yaw1: Array) -> Ar
         root = np.sqrt(product**2 - np.abs(fixed) ** 2 + np.abs(c) ** 2)
         for s in (-product + root, -product - root):
             heading = np.angle(c / (fixed + s * along))
-            best = np.fmin(best, either(heading - yaw0) + abs(u) + np.abs(s) + either(yaw1 - heading - turn))
+            arcs = arc(a, heading - yaws[0], w) + weighted(np.full(1, u), w) + arc(b, yaws[1] - heading - turn, w)
+            best = np.fmin(best, arcs + weighted(s, w))
     return best
 
 
-def _two_right_angles(c: Complex, a: float, yaw0: Array, yaw1: Array) -> Array:
+def _two_right_angles(c: Complex, a: float, yaws: tuple[Array, Array], weights: Weights) -> Array:
     """C C(pi/2) S C(pi/2) C."""
-    best = np.full(yaw0.shape, np.inf)
+    best = np.full(yaws[0].shape, np.inf)
     for z in SIDES:
         for w in SIDES:
             turn, back = -a * z * math.pi / 2.0, a * w * math.pi / 2.0
@@ -147,8 +157,9 @@ def _two_right_angles(c: Complex, a: float, yaw0: Array, yaw1: Array) -> Array:
             root = np.sqrt(product**2 - np.abs(fixed) ** 2 + np.abs(c) ** 2)
             for s in (-product + root, -product - root):
                 heading = np.angle(c / (fixed + s * along))
-                total = either(heading - yaw0) + math.pi + np.abs(s) + either(yaw1 - heading - turn - back)
-                best = np.fmin(best, total)
+                outer = arc(a, heading - yaws[0], weights) + arc(-a, yaws[1] - heading - turn - back, weights)
+                right = weighted(0.5 * math.pi * np.array([z, w]), weights).sum()
+                best = np.fmin(best, outer + right + weighted(s, weights))
     return best
 
 

@@ -103,11 +103,13 @@ class Referee:
         if self.is_round:
             ix = np.floor((dense[:, 0] - g.origin_x) / g.resolution).astype(int)
             iy = np.floor((dense[:, 1] - g.origin_y) / g.resolution).astype(int)
-            # a path that touches the corner of a cell between two checks is within a quarter of a cell of it
-            blocked = np.isin(self.costmap.data[iy, ix], (253, 254))
+            # a path that touches the corner of a cell, or leaves the map, between two checks does so by a quarter of a cell
+            inside = (ix >= 0) & (iy >= 0) & (ix < g.nx) & (iy < g.ny)
+            blocked = ~inside
+            blocked[inside] = np.isin(self.costmap.data[iy[inside], ix[inside]], (253, 254))
             hit = np.flatnonzero(blocked)
             deep = [k for k in hit if self._depth(dense[k], ix[k], iy[k]) > 0.25]
-            return [f"its centre is in an inscribed cell at {dense[deep[0]]}"] if deep else []
+            return [f"its centre is in an inscribed cell or outside the map at {dense[deep[0]]}"] if deep else []
         hit = self.overlaps(dense, 1.0 - 1e-6)
         return [f"its footprint overlaps an obstacle at {dense[np.argmax(hit)]}"] if hit.any() else []
 

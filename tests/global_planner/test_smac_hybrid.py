@@ -16,8 +16,8 @@ from navstack.core.errors import (
     PlanningTimeoutError,
     StartOccupiedError,
 )
-from navstack.curves import dubins_curve, reeds_shepp_curve
 from navstack.global_planner import SmacHybridParams, SmacHybridPlanner
+from tests.curves import brute_force
 from tests.global_planner.fuzz_poses import run
 from tests.global_planner.pose_referee import Referee, inflated, random_queries
 
@@ -46,14 +46,16 @@ def rooms() -> np.ndarray:
     return lethal
 
 
-@pytest.mark.parametrize(("model", "penalty"), [("DUBIN", 2.0), ("REEDS_SHEPP", 1.0)])
+@pytest.mark.parametrize(("model", "penalty"), [("DUBIN", 2.0), ("REEDS_SHEPP", 1.0), ("REEDS_SHEPP", 2.0)])
 @pytest.mark.parametrize("resolution", [0.05, 0.1])
 def test_length_in_empty_space(model: str, penalty: float, resolution: float) -> None:
-    """Within 3 % of the shortest curve, and never shorter than it: the chords of poses are 1 % shorter at most (R 0.2 m)."""
+    """Within 3 % of the shortest word, in which driving backward counts `reverse_penalty` times.
+
+    It is never shorter than the shortest curve: the chords of poses are 1 % shorter at most (R 0.2 m).
+    """
     rng = np.random.default_rng(5)
     n = round(40.0 / resolution)
     costmap = Costmap(GridGeometry(n, n, resolution), np.zeros((n, n), np.uint8))
-    shortest = dubins_curve if model == "DUBIN" else reeds_shepp_curve
     for _ in range(50):
         radius, half, way = (
             float(rng.uniform(0.2, 2.0)),
@@ -65,8 +67,16 @@ def test_length_in_empty_space(model: str, penalty: float, resolution: float) ->
             for d in (-half, half)
         )
         search = planner(motion_model_for_search=model, reverse_penalty=penalty, minimum_turning_radius=radius)
-        length, curve = search.make_plan(costmap, start, goal).length_m, shortest(start, goal, radius).length
-        assert 0.99 * curve - 1e-9 <= length <= 1.03 * curve + 1e-9
+        path = search.make_plan(costmap, start, goal).path
+        step = np.hypot(*np.diff(path.poses[:, :2], axis=0).T)
+        length = float((step * np.where(path.directions[:-1] < 0, penalty, 1.0)).sum())
+        there = complex(goal.x - start.x, goal.y - start.y) * np.exp(-1j * start.yaw) / radius
+        relative = [np.array([v]) for v in (there.real, there.imag, goal.yaw - start.yaw)]
+        if model == "DUBIN":
+            least = most = radius * brute_force.dubins(*relative)[0]
+        else:
+            least, most = (radius * brute_force.reeds_shepp(*relative, p)[0] for p in (1.0, penalty))
+        assert 0.99 * least - 1e-9 <= length <= 1.03 * most + 1e-9
 
 
 def test_a_reverse_penalty_counts_in_empty_space() -> None:

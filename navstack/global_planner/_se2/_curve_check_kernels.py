@@ -21,6 +21,8 @@ from navstack.global_planner._se2._shape_kernels import (
 )
 from navstack.global_planner._se2.footprint import PADDINGS
 
+FORWARD, SHORTEST, CHEAPEST = 0, 1, 2
+"""Curves: Dubins; of Reeds and Shepp; of the words of both, forward and backward, the one that costs least on free cells."""
 SPACING = 1.0
 """Cells between the samples of the costs along a curve."""
 LEVELS = 1 + len(PADDINGS)
@@ -129,15 +131,15 @@ def least_cost(p, kinds, lengths, radius):
 def choose_curve(p, start, goal, radius, ends, bound):
     """Return (count, kinds, lengths, size) of the curve that is tried between two poses (3,), in units of `radius`.
 
-    It is the shortest one; with a cost of cusps, the one that costs least on free cells. `ends`: direction of travel before and
-    after it (1, -1, or 0). If `size` is at least `bound` (in radii, times base_cost), the rest has no meaning.
+    `ends`: direction of travel before and after it (1, -1, or 0). If `size` is at least `bound` (in radii, times base_cost), the
+    rest has no meaning.
     """
     dx, dy = (goal[0] - start[0]) / radius, (goal[1] - start[1]) / radius
     c, s = math.cos(start[2]), math.sin(start[2])
     x, y, turn = c * dx + s * dy, c * dy - s * dx, goal[2] - start[2]
-    if p.reeds_shepp != 0 and p.cusp > 0.0:
+    if p.reeds_shepp == CHEAPEST:
         return cheapest_curve(x, y, turn, p.cusp / (radius * p.base_cost), p.reverse, ends, bound)
-    return curve(x, y, turn, p.reeds_shepp != 0, bound)
+    return curve(x, y, turn, p.reeds_shepp != FORWARD, bound)
 
 
 @plain_kernel
@@ -187,10 +189,9 @@ def curve_cost(costs, bits, shape, p, start, goal, radius, ends, limit, from_sta
 
 @plain_kernel
 def open_curve(costs, bits, shape, p, start, goals):
-    """Return (cost, goal) of the shortest curve to a goal if it leads over cells of cost 0 only; infinite otherwise.
+    """Return (cost, goal) of the best of `choose_curve`'s curves to the goals if it leads over cells of cost 0 only.
 
-    It is infinite, too, where changes of direction cost something, or the curve reverses and that costs more than forward:
-    then the costs decide, not the length.
+    The cost is infinite otherwise.
     """
     nearest, bound = 0, np.inf
     for i in range(len(goals)):
@@ -199,9 +200,7 @@ def open_curve(costs, bits, shape, p, start, goals):
             nearest, bound = i, size
     goal = (goals[nearest, 0], goals[nearest, 1], goals[nearest, 2])
     _, kinds, lengths, _ = choose_curve(p, start, goal, p.radius, (0, 0), np.inf)
-    if p.cusp > 0.0 or (p.reverse > 1.0 and min(lengths) < -1e-9):
-        return np.inf, nearest
-    limit = least_cost(p, kinds, lengths, p.radius) * ROUNDED
+    limit = (least_cost(p, kinds, lengths, p.radius) + p.cusp * changes_of_direction(lengths, (0, 0))) * ROUNDED
     return curve_cost(costs, bits, shape, p, start, goal, p.radius, (0, 0), limit, True), nearest
 
 

@@ -10,14 +10,17 @@ import numpy as np
 from navstack.core.jit import plain_kernel
 from navstack.curves.curve_kernels import STRAIGHT, advance
 from navstack.global_planner._se2._curve_check_kernels import (
+    FORWARD,
     ROUNDED,
     choose_curve,
     curve_cost,
+    line_cost,
     pivot_cost,
     pivot_parts,
     segment_cost,
     turn_cost,
 )
+from navstack.global_planner._se2._heuristic_kernels import angle
 from navstack.global_planner._se2._shape_kernels import cell_weight
 
 IN_PLACE, SIDEWAYS = 0, -1
@@ -26,8 +29,12 @@ PIECE = 4.0
 """Cells: longest piece of a curve between two poses at which a path may be shortened."""
 OFFSET, TURN = 0.35, 0.02
 """How far poses are moved sideways (cells) and turned (rad), per piece on either side that is replaced."""
+ASIDE = (1.0, 3.0)
+"""Cells: how far points of holonomic paths are moved aside."""
 RADII = 3
 """Numbers of radii that are tried: 1, 2 and 4 times the turning radius."""
+PIVOT, LINE = -1.0, -2.0
+"""Instead of a radius: turns in place and a line between them; a holonomic line."""
 
 
 @plain_kernel
@@ -118,6 +125,32 @@ def write_pivot(segments, at, start, goal):
 
 
 @plain_kernel
+def write_line(segments, at, start, goal):
+    """Write the line between two poses (3,) from row `at` on, on which the heading turns evenly; return the next row.
+
+    Without a distance it is a turn in place.
+    """
+    dx, dy, turn = goal[0] - start[0], goal[1] - start[1], angle(goal[2] - start[2])
+    length = math.hypot(dx, dy)
+    if length < 1e-9:
+        if at < len(segments):
+            write_segment(segments, at, IN_PLACE, start[0], start[1], start[2], turn, 1.0)
+        return at + 1
+    count = max(1, math.ceil(length / PIECE))
+    direction = math.atan2(dy, dx)
+    for k in range(count):
+        if at < len(segments):
+            share = k / count
+            yaw = start[2] + share * turn
+            write_segment(
+                segments, at, SIDEWAYS, start[0] + share * dx, start[1] + share * dy, yaw, length / count, 1.0
+            )
+            segments[at].sideways, segments[at].turn = direction - yaw, turn / count
+        at += 1
+    return at
+
+
+@plain_kernel
 def trace(nodes, primitives, headings, pieces, last, segments):
     """Write the path to node `last` and return the number of its pieces; only count them if `segments` has fewer rows."""
     count = 0
@@ -197,9 +230,15 @@ def pose_at(segments, k, count, goal):
 def best_curve(costs, bits, shape, p, start, end, ends, limit, radii):
     """Return the lowest cost below `limit` of a curve between two poses, and its radius; 0 if none is lower.
 
-    The turning radius is tried first, then twice that, and so on: `radii` of them. For a robot that turns in place, turns and a
-    line are tried, too; they have the radius -1.
+    The turning radius is tried first, then twice that, and so on: `radii` of them. For a robot that turns in place, PIVOT is
+    tried, too; for one that drives in any direction, only LINE.
     """
+    if p.holonomic != 0:
+        if math.hypot(end[0] - start[0], end[1] - start[1]) > 1e-9:
+            cost = line_cost(costs, bits, shape, p, start, end, limit)
+            if cost < limit:
+                return cost, LINE
+        return limit, 0.0
     best, best_radius = limit, 0.0
     radius = p.radius
     for _ in range(radii):
@@ -210,26 +249,27 @@ def best_curve(costs, bits, shape, p, start, end, ends, limit, radii):
     if p.turn_step > 0.0:
         cost = pivot_cost(costs, bits, shape, p, start, end, ends, best)
         if cost < best:
-            best, best_radius = cost, -1.0
+            best, best_radius = cost, PIVOT
     return best, best_radius
 
 
 @plain_kernel
 def write_best(segments, at, p, start, goal, radius, ends):
     """Write what `best_curve` found from row `at` on; return the next row."""
-    if radius < 0.0:
+    if radius == LINE:
+        return write_line(segments, at, start, goal)
+    if radius == PIVOT:
         return write_pivot(segments, at, start, goal)
     return write_curve(segments, at, p, start, goal, radius, ends)
 
 
 @plain_kernel
-def shorten(costs, bits, shapes, p, segments, added, values, count, goal):
+def shorten(costs, bits, shape, p, segments, added, values, count, goal):
     """Replace stretches of a path by curves that cost less and are free; return the number of pieces.
 
     `segments` has room for more pieces than `count`, `added` for those of one curve; without room the path stays as it is.
     Stretches from the whole path down to two pieces are tried, from its start to its end.
     """
-    shape = shapes[0]
     pieces_cost(costs, p, segments[:count], values)
     both = p.reeds_shepp
     span = count
@@ -243,7 +283,7 @@ def shorten(costs, bits, shapes, p, segments, added, values, count, goal):
                 old += values[k]
                 has_reverse = has_reverse or (segments[k].kind_ > 0 and segments[k].size < 0.0)
             start, end = pose_at(segments, i, count, goal), pose_at(segments, j, count, goal)
-            p.reeds_shepp = 1 if both != 0 and has_reverse else 0
+            p.reeds_shepp = both if has_reverse else FORWARD
             before, after, changes = directions_around(segments, i, j, count)
             old, ends = old + p.cusp * changes, (before, after)
             _, best_radius = best_curve(costs, bits, shape, p, start, end, ends, old * 0.999 - 1e-6, RADII)
@@ -261,12 +301,25 @@ def shorten(costs, bits, shapes, p, segments, added, values, count, goal):
 
 
 @plain_kernel
-def relax(costs, bits, shapes, p, segments, added, values, count, goal, reach):
+def moved(p, row, option, reach):
+    """Return the pose where a piece begins, moved aside or turned; `option`: 0 to 3, `reach`: as for `relax`."""
+    sign = 1.0 if option % 2 == 0 else -1.0
+    course, offset, turn = row.yaw, 0.0, 0.0
+    if p.holonomic != 0:
+        course, offset = row.yaw + row.sideways, sign * ASIDE[option // 2]
+    elif option < 2:
+        offset = sign * OFFSET * reach
+    else:
+        turn = sign * TURN * reach
+    return row.x - offset * math.sin(course), row.y + offset * math.cos(course), row.yaw + turn
+
+
+@plain_kernel
+def relax(costs, bits, shape, p, segments, added, values, count, goal, reach):
     """Move the poses between pieces sideways and turn them where curves through them cost less; return the number of pieces.
 
     `reach`: pieces before and after a pose that are replaced. As `shorten` otherwise.
     """
-    shape = shapes[0]
     both = p.reeds_shepp
     j = 1
     while j < count:
@@ -276,18 +329,16 @@ def relax(costs, bits, shapes, p, segments, added, values, count, goal, reach):
         for k in range(first, last):
             old += values[k]
             has_reverse = has_reverse or (segments[k].kind_ > 0 and segments[k].size < 0.0)
-        p.reeds_shepp = 1 if both != 0 and has_reverse else 0
+        p.reeds_shepp = both if has_reverse else FORWARD
         start, end = pose_at(segments, first, count, goal), pose_at(segments, last, count, goal)
         row = segments[j]
         before, after, changes = directions_around(segments, first, last, count)
         # both curves pay for a change to this direction between them: once too often at most
         ends_a, ends_b = (before, direction_of(row)), (direction_of(row), after)
         old += p.cusp * changes
-        best, best_offset, best_turn, radius_a, radius_b = old * 0.9995 - 1e-6, 0.0, 0.0, 0.0, 0.0
+        best, best_option, radius_a, radius_b = old * 0.9995 - 1e-6, 0, 0.0, 0.0
         for option in range(4):
-            sign = 1.0 if option % 2 == 0 else -1.0
-            offset, turn = (sign * OFFSET * reach, 0.0) if option < 2 else (0.0, sign * TURN * reach)
-            middle = (row.x - offset * math.sin(row.yaw), row.y + offset * math.cos(row.yaw), row.yaw + turn)
+            middle = moved(p, row, option, reach)
             # no curve costs less than the straight line over free cells
             least_a = math.hypot(middle[0] - start[0], middle[1] - start[1]) * p.base_cost
             least_b = math.hypot(end[0] - middle[0], end[1] - middle[1]) * p.base_cost
@@ -298,10 +349,9 @@ def relax(costs, bits, shapes, p, segments, added, values, count, goal, reach):
                 continue
             cost_b, b = best_curve(costs, bits, shape, p, middle, end, ends_b, best - cost_a, 1)
             if b != 0.0:
-                best, best_offset, best_turn, radius_a, radius_b = cost_a + cost_b, offset, turn, a, b
+                best, best_option, radius_a, radius_b = cost_a + cost_b, option, a, b
         if radius_a != 0.0:
-            x, y = row.x - best_offset * math.sin(row.yaw), row.y + best_offset * math.cos(row.yaw)
-            middle = (x, y, row.yaw + best_turn)
+            middle = moved(p, row, best_option, reach)
             fresh = write_best(added, 0, p, start, middle, radius_a, ends_a)
             fresh = write_best(added, fresh, p, middle, end, radius_b, ends_b)
             if fresh < len(added) and count - (last - first) + fresh < len(segments):

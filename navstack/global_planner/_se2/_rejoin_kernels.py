@@ -6,9 +6,8 @@ from __future__ import annotations
 import numpy as np
 
 from navstack.core.jit import plain_kernel
-from navstack.global_planner._se2._curve_check_kernels import line_cost
+from navstack.global_planner._se2._curve_check_kernels import FORWARD
 from navstack.global_planner._se2._heuristic_kernels import apart
-from navstack.global_planner._se2._line_kernels import write_line
 from navstack.global_planner._se2._path_kernels import RADII, best_curve, directions_around, pose_at, write_best
 
 NEAR = 4.5
@@ -59,13 +58,9 @@ def rejoin(costs, bits, shape, p, segments, values, goal, start, added):
         end = pose_at(segments, k, count, goal)
         _, after, changes = directions_around(segments, first, k, count)
         ends, limit = (0, after), DEARER * (replaced + p.cusp * changes)
-        p.reeds_shepp = 1 if both != 0 and backward else 0
-        if p.holonomic != 0:
-            if line_cost(costs, bits, shape, p, start, end, limit) < limit:
-                fresh = write_line(added, 0, start, end)
-        else:
-            _, radius = best_curve(costs, bits, shape, p, start, end, ends, limit, RADII)
-            if radius != 0.0:
-                fresh = write_best(added, 0, p, start, end, radius, ends)
+        p.reeds_shepp = both if backward else FORWARD
+        _, radius = best_curve(costs, bits, shape, p, start, end, ends, limit, RADII)
+        if radius != 0.0:
+            fresh = write_best(added, 0, p, start, end, radius, ends)
     p.reeds_shepp = both
     return (fresh, k) if fresh < len(added) else (0, 0)

@@ -133,9 +133,11 @@ class FromGoal:
         found = self._engine.outcome(kernels.FOUND, shorten=shorten)
         end = self._end
         forward.read_beside = self.window
-        segments, cost = forward.improved(turned_around(found.segments, found.end), end, shorten=shorten)
+        segments = turned_around(found.segments, found.end)
+        if shorten:
+            segments = forward.shortened(segments, end)
         status = kernels.FOUND if end == self._goal else kernels.APPROACHED
-        return replace(found, status=status, segments=segments, end=end, cost=cost)
+        return replace(found, status=status, segments=segments, end=end, cost=forward.cost_of(segments))
 
 
 def _about(pose: Pose) -> Pose:

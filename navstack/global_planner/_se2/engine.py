@@ -13,7 +13,6 @@ from navstack.core import Window
 from navstack.curves.curve_kernels import STRAIGHT
 from navstack.global_planner._se2 import _curve_check_kernels as curves
 from navstack.global_planner._se2 import _heuristic_kernels as heuristics
-from navstack.global_planner._se2 import _line_kernels as lines
 from navstack.global_planner._se2 import _path_kernels as paths
 from navstack.global_planner._se2 import _search_kernels as kernels
 from navstack.global_planner._se2 import _shape_kernels as shapes
@@ -73,6 +72,8 @@ class PoseSearch:
         self._yaws = np.zeros(0)
         self._added = np.zeros(256, SEGMENT)
         p = self.settings[0]
+        if p["cusp"] > 0.0 and p["reeds_shepp"] != curves.FORWARD:
+            p["reeds_shepp"] = curves.CHEAPEST
         self._weight, self._table = float(p["weight"]), self._curve_table()
 
     @property
@@ -142,17 +143,26 @@ class PoseSearch:
         ring = self._heads[-heuristics.RING :]
         return float(heuristics.obstacle_cost(self.costs, self._field, ring, self.settings[0], int(x), int(y)))
 
-    def open_curve(self, start: Pose, goals: NDArray[np.float64]) -> Outcome | None:
-        """The shortest curve to a goal, if it leads over cells of cost 0 only (see the kernel)."""
+    def open_curve(self, start: Pose, goals: NDArray[np.float64], *, shorten: bool) -> Outcome | None:
+        """The shortest curve to a goal, if it leads over cells of cost 0 only; with `shorten`, stretches of it are replaced.
+
+        Its length counts as its cost does: backward times `reverse`, and `cusp` for changes, but arcs as straight lines.
+        """
         p, self.read_beside = self.settings, None
         p["weight"], p["best_radius"], p["best_tail"] = self._weight, p["radius"], 0.0
         self._margin = WIDEST * float(p["radius"][0])
+        words, non_straight = int(p["reeds_shepp"][0]), float(p["non_straight"][0])
+        p["reeds_shepp"], p["non_straight"] = curves.CHEAPEST if words else curves.FORWARD, 1.0
         cost, k = curves.open_curve(self.costs, self._bits, self.shape.rows, p[0], start, goals)
+        goal, path = (float(goals[k, 0]), float(goals[k, 1]), float(goals[k, 2])), np.zeros(FIRST_NODES, SEGMENT)
+        if cost < math.inf:
+            path = path[: self._write_curve(path, 0, start, goal, 0)]
+            if shorten and (path["size"] < 0.0).any():
+                path = self.shortened(path, goal)
+        p["reeds_shepp"], p["non_straight"] = words, non_straight
         if cost == math.inf:
             return None
-        goal, room = (float(goals[k, 0]), float(goals[k, 1]), float(goals[k, 2])), np.zeros(FIRST_NODES, SEGMENT)
-        segments = room[: self._write_curve(room, 0, start, goal, 0)]
-        return Outcome(kernels.FOUND, segments, goal, float(cost), 1, 1, start[:2], False)
+        return Outcome(kernels.FOUND, path, goal, self.cost_of(path), 1, 1, start[:2], False)
 
     def search(self, *, shorten: bool) -> Outcome:
         """Finish the search that `begin` has begun."""
@@ -288,20 +298,13 @@ class PoseSearch:
         if fresh == 0:
             return None
         path = np.concatenate([self._added[:fresh], segments[rest:]])
-        path, cost = self.improved(path, end, shorten=False)
-        return Outcome(kernels.FOUND, path, end, cost, 0, 0, start[:2], False)
+        return Outcome(kernels.FOUND, path, end, self.cost_of(path), 0, 0, start[:2], False)
 
-    def improved(self, segments: NDArray[np.void], end: Pose, *, shorten: bool) -> tuple[NDArray[np.void], float]:
-        """Return a path to `end`, with `shorten` after replacing stretches of it by cheaper ones, and its cost."""
-        if shorten and len(segments) > 1:
-            return self._shorten(segments, end)
-        values = np.zeros(len(segments))
-        paths.pieces_cost(self.costs, self.settings[0], segments, values)
-        return segments, self._cost(segments, values)
-
-    def _cost(self, segments: NDArray[np.void], values: NDArray[np.float64]) -> float:
-        """The cost of a path from those of its pieces."""
+    def cost_of(self, segments: NDArray[np.void]) -> float:
+        """The cost of a path."""
         count = len(segments)
+        values = np.zeros(count)
+        paths.pieces_cost(self.costs, self.settings[0], segments, values)
         changes = int(paths.directions_around(segments, 0, count, count)[2])
         return float(values.sum()) + float(self.settings["cusp"][0]) * changes
 
@@ -358,33 +361,28 @@ class PoseSearch:
             x, y, yaw = (float(v) for v in goals[int(p["best_goal"]), :3])
             goal = (x, y, yaw)
             if p["holonomic"]:
-                count = int(lines.write_line(segments, count, end, goal))
+                count = int(paths.write_line(segments, count, end, goal))
             elif p["best_is_curve"] == kernels.PIVOT:
                 count = int(paths.write_pivot(segments, count, end, goal))
             else:
                 count = self._write_curve(segments, count, end, goal, int(node["direction"]))
         segments = segments[:count]
         if shorten and count > 1:
-            segments, cost = self._shorten(segments, goal)
+            segments = self.shortened(segments, goal)
+            cost = self.cost_of(segments)
         return Outcome(status, segments, goal, cost, expanded, visited, nearest, self.timed_out)
 
-    def _shorten(self, segments: NDArray[np.void], goal: Pose) -> tuple[NDArray[np.void], float]:
-        """Replace stretches of a path by cheaper ones; return the path and its cost."""
+    def shortened(self, segments: NDArray[np.void], goal: Pose) -> NDArray[np.void]:
+        """Return a path with stretches replaced by cheaper ones."""
         p, count = self.settings[0], len(segments)
         room = np.zeros(count + 768, SEGMENT)
         room[:count] = segments
         values = np.zeros(len(room))
-        arguments = self.costs, self._bits, (self.shape.rows, self._run[1]), p, room, self._added, values
-        if p["holonomic"]:
-            count = int(lines.straighten(*arguments, count, goal))
-            for reach in REACHES:
-                count = int(lines.bend(*arguments, count, goal, reach))
-        else:
-            count = int(paths.shorten(*arguments, count, goal))
-            for reach in REACHES:
-                count = int(paths.relax(*arguments, count, goal, reach))
-            count = int(paths.shorten(*arguments, count, goal))
-        return room[:count], self._cost(room[:count], values[:count])
+        arguments = self.costs, self._bits, self.shape.rows, p, room, self._added, values
+        count = int(paths.shorten(*arguments, count, goal))
+        for reach in REACHES:
+            count = int(paths.relax(*arguments, count, goal, reach))
+        return room[: int(paths.shorten(*arguments, count, goal))]
 
     def _write_curve(self, segments: NDArray[np.void], count: int, start: Pose, goal: Pose, before: int) -> int:
         """Write the curve that the search found, and the straight way after it; `before`: direction of travel at its start."""

@@ -285,7 +285,7 @@ class PosePlanner(GlobalPlanner):
             return Plan(Path(poses, request.frame), 0.0, goal if moved == 0.0 else start, moved, notes=notes)
         outcome = engine.follow(ends.start, ends.goals)
         if outcome is None and self.shortest_in_the_open:
-            outcome = engine.open_curve(ends.start, ends.goals)
+            outcome = engine.open_curve(ends.start, ends.goals, shorten=self.params.smooth_path)
         if outcome is None:
             outcome = self._outcome(engine, grid.geometry.resolution, ends)
         engine.remember(outcome)

@@ -80,7 +80,7 @@ SETTINGS: Final = np.dtype(
         ("quadratic", "i8"),
         # --- curves to the goal
         ("radius", "f8"),
-        ("reeds_shepp", "i8"),
+        ("reeds_shepp", "i8"),  # which curves are tried: FORWARD, SHORTEST or CHEAPEST
         ("expansion_ratio", "f8"),
         ("expansion_length", "f8"),
         ("expansion_cost", "f8"),
