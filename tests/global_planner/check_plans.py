@@ -1,6 +1,7 @@
-"""`python -m tests.global_planner.check_plans 10000 [lattice]`: the referee over random queries on the shipped and foreign maps.
+"""`python -m tests.global_planner.check_plans 10000 [hybrid|lattice [SEED]]`: the referee over random queries on maps.
 
-Robots: a box of 0.7 x 0.5 m and a round one, turning radii 0.4 and 0.8 m, forward only and both ways.
+Maps: the shipped and the foreign ones. Robots: a box of 0.7 x 0.5 m and a round one, turning radii 0.4 and 0.8 m, forward only
+and both ways.
 """
 
 from __future__ import annotations
@@ -63,7 +64,7 @@ def main() -> None:
 
 def check(kind: str, folder: Path) -> None:
     total = int(sys.argv[1]) if len(sys.argv) > 1 else 10_000
-    rng = np.random.default_rng(0)
+    rng = np.random.default_rng(int(sys.argv[3]) if len(sys.argv) > 3 else 0)
     cases = [(n, c, f) for n, c, f in costmaps() if c.geometry.nx * c.geometry.ny < 3_000_000 and (c.data == 0).any()]
     share = max(1, total // (4 * len(cases)))
     sums = [0, 0, 0]

@@ -71,11 +71,11 @@ def test_length_in_empty_space(model: str, penalty: float, resolution: float) ->
         step = np.hypot(*np.diff(path.poses[:, :2], axis=0).T)
         length = float((step * np.where(path.directions[:-1] < 0, penalty, 1.0)).sum())
         there = complex(goal.x - start.x, goal.y - start.y) * np.exp(-1j * start.yaw) / radius
-        relative = [np.array([v]) for v in (there.real, there.imag, goal.yaw - start.yaw)]
+        x, y, yaw = (np.array([v]) for v in (there.real, there.imag, goal.yaw - start.yaw))
         if model == "DUBIN":
-            least = most = radius * brute_force.dubins(*relative)[0]
+            least = most = radius * brute_force.dubins(x, y, yaw)[0]
         else:
-            least, most = (radius * brute_force.reeds_shepp(*relative, p)[0] for p in (1.0, penalty))
+            least, most = (radius * brute_force.reeds_shepp(x, y, yaw, p)[0] for p in (1.0, penalty))
         assert 0.99 * least - 1e-9 <= length <= 1.03 * most + 1e-9
 
 
