@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.smoother._least_squares import tangents
+from navstack.smoother._least_squares_kernels import STRAIGHT_M2
 
 Array = NDArray[np.float64]
 _SHORTEST: Final = 1e-4
@@ -25,7 +26,7 @@ class Fit(NamedTuple):
     """See `tangents`."""
 
 
-NAV2_FIT: Final = Fit(0.4, 1e-4)
+NAV2_FIT: Final = Fit(0.4, STRAIGHT_M2)
 ARC_FIT: Final = Fit(1.0 / 3.0, 1e-12)
 """Headings and curves close to arcs, however short the steps are."""
 
@@ -130,7 +131,7 @@ def upsampled(poses: Array, points: Array, chain: Chain, p: Any, fit: Fit) -> tu
     heading[-1] = math.cos(poses[-1, 2]), math.sin(poses[-1, 2])
     if m > 2:
         turns = chain.direction[:-2] * chain.direction[1:-1] < 0.0
-        inner = tangents(points[:-2], points[1:-1], points[2:], turns, fit.straight_m2)
+        inner = tangents(np.ascontiguousarray(points), turns, fit.straight_m2)
         ahead = (points[2:] - points[1:-1]) * chain.direction[1:-1, None]
         inner *= np.where((inner * ahead).sum(axis=1) >= 0.0, 1.0, -1.0)[:, None]
         heading[1:-1] = inner / np.maximum(np.hypot(*inner.T), 1e-12)[:, None]
@@ -171,7 +172,7 @@ def _bezier(ends: Array, headings: Array, direction: float, fit: Fit, count: int
     t = (np.arange(1, count + 1) / (count + 1))[:, None]
     points = (1 - t) ** 3 * a + 3 * t * (1 - t) ** 2 * b + 3 * t * t * (1 - t) * c + t**3 * d
     chain = np.concatenate([a[None], points, d[None]])
-    inner = tangents(chain[:-2], chain[1:-1], chain[2:], np.zeros(count, np.bool_), fit.straight_m2)
+    inner = tangents(chain, np.zeros(count, np.bool_), fit.straight_m2)
     ahead = (chain[2:] - chain[1:-1]) * direction
     inner *= np.where((inner * ahead).sum(axis=1) >= 0.0, 1.0, -1.0)[:, None]
     return np.column_stack((points, np.arctan2(inner[:, 1], inner[:, 0])))

@@ -38,7 +38,7 @@ def smooth_where_good(
     """
     free = np.ones(len(before), np.bool_)
     free[[0, -1]] = False
-    margin = 1
+    margin = 0
     while free.any():
         after, numbers = smoothed(free)
         bad = bad_poses(before, after, costmap, footprint, radius)
@@ -46,7 +46,7 @@ def smooth_where_good(
             return after
         for k in np.searchsorted(numbers, np.flatnonzero(bad)).tolist():
             free[max(0, k - margin) : k + margin + 1] = False
-        margin *= 2
+        margin = max(1, 2 * margin)
     return before
 
 

@@ -17,7 +17,7 @@ from navstack.interfaces import Smoother
 from navstack.plugins import SMOOTHERS
 from navstack.smoother._chain import ARC_FIT, NAV2_FIT, Chain, kept_poses, upsampled
 from navstack.smoother._checks import curvatures, is_good, smooth_where_good
-from navstack.smoother._least_squares import Grid, Problem, Stops, Weights, minimize
+from navstack.smoother._least_squares import Problem, Stops, Weights, minimize
 from navstack.smoother.base import require_finite
 
 _SAME_M: Final = 1e-4
@@ -232,10 +232,9 @@ class ConstrainedSmoother(Smoother):
         limit: NDArray[np.float64],
     ) -> Problem:
         """The least squares of points (n, 2), with curvature above `limit` (n,)."""
-        p, g = self.params, costmap.geometry
-        grid = Grid(costmap.data, np.array([g.origin_x, g.origin_y]), g.resolution)
-        weights = Weights(p.w_smooth, w_curve, p.w_dist)
-        return Problem(grid, original, chain.ratio, chain.cost_weight, free, weights, limit, p.checks(), chain.backward)
+        weights = Weights(self.params.w_smooth, w_curve, self.params.w_dist)
+        given = original, chain.ratio, chain.cost_weight, limit
+        return Problem.of(costmap, weights, given, free, chain.backward, self.params.checks())
 
     def _minimum(self, problem: Problem, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the points (n, 2) of least squares, or those given where nothing is free or no step helps."""

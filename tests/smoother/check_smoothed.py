@@ -144,20 +144,20 @@ def turns(poses: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.remainder(np.diff(poses[:, 2]) + np.pi, 2.0 * np.pi) - np.pi
 
 
-def bend(poses: NDArray[np.float64]) -> float:
-    """Largest turn between two headings (1/m), over the longer of the step and the mean of the step and the next one."""
+def bends(poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Turns between two headings (1/m), over the longer of the step and the mean of the step and the next one."""
     length = np.hypot(*np.diff(poses[:, :2], axis=0).T)
     length = np.maximum(length, 0.5 * (length + np.append(length[1:], 0.0)))
-    return float((2.0 * np.sin(0.5 * np.abs(turns(poses))) / np.maximum(length, 1e-9))[length > 1e-4].max(initial=0.0))
+    return np.where(length > 1e-4, 2.0 * np.sin(0.5 * np.abs(turns(poses))) / np.maximum(length, 1e-9), 0.0)
 
 
-def circle(poses: NDArray[np.float64], folds: bool = False) -> float:
-    """Largest curvature (1/m) of the circles through three successive points, those at cusps left out unless `folds`."""
+def circles(poses: NDArray[np.float64], folds: bool = False) -> NDArray[np.float64]:
+    """Curvatures (1/m) of the circles through three successive points; 0 at cusps unless `folds`."""
     a, b = poses[1:-1, :2] - poses[:-2, :2], poses[2:, :2] - poses[1:-1, :2]
     on = folds | ((a * b).sum(axis=1) > 0.0)
     area = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
     sides = np.hypot(*a.T) * np.hypot(*b.T) * np.hypot(*(a + b).T)
-    return float((2.0 * area / np.maximum(sides, 1e-12))[on & (sides > 1e-9)].max(initial=0.0))
+    return np.where(on & (sides > 1e-9), 2.0 * area / np.maximum(sides, 1e-12), 0.0)
 
 
 def slips(poses: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -191,7 +191,6 @@ def faults(case: Case, after: NDArray[np.float64]) -> list[str]:
     """What is wrong with a smoothed plan."""
     before = case.poses
     found: list[str] = []
-    curve = partial(circle, folds=not case.follows_headings)
     if not np.isfinite(after).all():
         return ["a pose is not finite"]
     planned = 3 if case.follows_headings else 2  # a plan over cells begins with any heading
@@ -201,11 +200,12 @@ def faults(case: Case, after: NDArray[np.float64]) -> list[str]:
         found.append(f"it overlaps an obstacle by {area:.2g} m2")
     if case.follows_headings and Path(after).cusps != Path(before).cusps:
         found.append(f"{Path(after).cusps} cusps instead of {Path(before).cusps}")
+    inner = slice(None) if case.follows_headings else slice(1, -1)  # grid plans may begin and end with a fold
+    curves = partial(circles, folds=not case.follows_headings)
     if case.radius > 0.0:
-        for name, measure, slack in (("circles", curve, 1e-3), ("headings", bend, 0.021)):
-            limit = max(1.0 / case.radius, measure(before)) * (1.0 + slack)
-            # grid plans may begin and end with a fold
-            if (value := measure(after if case.follows_headings else after[1:-1])) > limit:
+        for name, measure, slack in (("circles", curves, 1e-3), ("headings", bends, 0.021)):
+            limit = max(1.0 / case.radius, measure(before).max(initial=0.0)) * (1.0 + slack)
+            if (value := measure(after)[inner].max(initial=0.0)) > limit:
                 found.append(f"curvature {value:.3f} by {name}, limit {limit:.3f} 1/m")
     off, was = slips(after), slips(before)
     limits = np.full(len(after), max(0.15, was[1:-1].max(initial=0.0))) + 1e-5
@@ -321,7 +321,12 @@ def check(cases: list[Case]) -> tuple[dict[str, Tally], list[str]]:
                 if len(after) != len(case.poses) or np.abs(after - case.poses).max() > 1e-6:
                     tally.changed += 1
                     now, was = (
-                        (Path(p).length, max(circle(p), 0.1), max(roughness(p), 1e-3), case.clearance_m(p))
+                        (
+                            Path(p).length,
+                            max(float(circles(p).max(initial=0.0)), 0.1),
+                            max(roughness(p), 1e-3),
+                            case.clearance_m(p),
+                        )
                         for p in (after, case.poses)
                     )
                     tally.better += now[2] < 0.9 * was[2]

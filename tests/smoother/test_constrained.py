@@ -16,7 +16,7 @@ from navstack.core.collision import footprint_cost
 from navstack.parameters.configuration import load_configuration
 from navstack.smoother import ConstrainedSmoother, ConstrainedSmootherParams
 from navstack.smoother._checks import curvatures
-from navstack.smoother._least_squares import Grid, Problem, Stops, Weights, minimize
+from navstack.smoother._least_squares import Problem, Stops, Weights, minimize
 from navstack.smoother.base import cusp_indices
 from tests.smoother.test_smoothers import FILES, JOBS, empty, noisy
 
@@ -63,22 +63,22 @@ def pieces(poses: NDArray[np.float64]) -> list[NDArray[np.float64]]:
 def test_the_minimum() -> None:
     """The derivatives are those of the residuals, and scipy's dense solver finds no lower sum."""
     rng = np.random.default_rng(0)
-    grid = Grid(rng.integers(0, 200, (40, 50)).astype(np.uint8), np.zeros(2), 0.05)
+    costmap = Costmap(GridGeometry(50, 40, 0.05), rng.integers(0, 200, (40, 50)).astype(np.uint8))
     n = 14
     points = np.column_stack((np.linspace(0.5, 1.5, n), 1.0 + 0.1 * rng.normal(size=n)))
     ratio = np.full(n, 1.1)
     ratio[5] = -0.9
     free = np.ones(n, np.bool_)
     free[[0, -1]] = False
-    weights, limit = Weights(3.0, 0.01, 0.2), np.ones(n)
-    nothing, forward = np.zeros((0, 3)), np.zeros(n, np.bool_)
-    problem = Problem(grid, points + 0.01, ratio, np.full(n, 1e-3), free, weights, limit, nothing, forward)
-    j = problem.evaluate(points)[1]
+    weights = Weights(3.0, 0.01, 0.2)
+    given = points + 0.01, ratio, np.full(n, 1e-3), np.ones(n)
+    problem = Problem.of(costmap, weights, given, free, np.zeros(n, np.bool_), np.zeros((0, 3)))
+    j = problem.evaluate(points)[2]
     for k in range(n):
         for axis in (0, 1):
             step = np.zeros((n, 2))
             step[k, axis] = 1e-6
-            numeric = (problem.evaluate(points + step)[0] - problem.evaluate(points - step)[0]) / 2e-6
+            numeric = (problem.evaluate(points + step)[1] - problem.evaluate(points - step)[1]) / 2e-6
             for p in range(3):
                 if 0 <= k - p < n - 2 and free[k]:
                     assert j[k - p, :, p, axis] == pytest.approx(numeric[k - p], abs=1e-5, rel=1e-5)
@@ -86,10 +86,10 @@ def test_the_minimum() -> None:
     assert found is not None
 
     def residuals(inner: NDArray[np.float64]) -> NDArray[np.float64]:
-        return problem.evaluate(np.concatenate([points[:1], inner.reshape(-1, 2), points[-1:]]))[0].ravel()
+        return problem.evaluate(np.concatenate([points[:1], inner.reshape(-1, 2), points[-1:]]))[1].ravel()
 
     best = least_squares(residuals, points[1:-1].ravel(), method="lm", xtol=1e-12, ftol=1e-12)
-    assert 0.5 * float((problem.evaluate(found)[0] ** 2).sum()) <= best.cost * (1.0 + 1e-4)
+    assert problem.evaluate(found)[0] <= best.cost * (1.0 + 1e-4)
 
 
 def test_the_turning_radius_is_kept() -> None:
