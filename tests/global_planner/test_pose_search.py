@@ -68,3 +68,23 @@ def test_a_plan_to_the_same_goal_keeps_the_rest_of_the_last_one() -> None:
 def test_a_padded_robot_radius_keeps_its_centre_out_of_inscribed_cells() -> None:
     """As without padding; its polygon with corners is not checked."""
     assert shape_of(Footprint.from_radius(0.2, 0.01), 0.05).corners == 0
+
+
+def test_the_obstacle_heuristic_needs_no_more_room_than_its_open_cells() -> None:
+    """Entries that count no more are taken out of its lists where there is no room left; the values stay the same."""
+    costs = np.random.default_rng(7).choice(np.array([0, 120, 250, 254, 255], np.uint8), (90, 110))
+    start, goal = (3.5, 4.5), (104.5, 80.5)
+    costs[4, 3] = costs[80, 104] = 0
+    values, entries = [], []
+    for room in (0, 100):
+        engine = planner(downsample_obstacle_heuristic=False)._engine(0.1)
+        engine.costs = costs
+        engine.set_goal(*goal, start, keep=False)
+        # with less room, one for each cell that is open at once remains
+        engine._front = engine._front[: len(engine._front) if room == 0 else entries[0] - room]
+        values.append(
+            [engine.obstacle_cost(x + 0.5, y + 0.5) for y in range(90) for x in range(110) if costs[y, x] < 253]
+        )
+        entries.append(int(engine.settings["front_used"][0]))
+    assert values[0] == values[1]
+    assert entries[1] == entries[0] - 100

@@ -4,9 +4,9 @@
 
 The map: the costmap of Willow Garage at 0.1 m, cut or tiled to a square, as in `growth.py`. Queries with Reeds-Shepp, a radius of
 0.4 m: `far` from one corner to the other, `near` over ten metres in the corner. Every row is measured in its own process, after
-a query on a small map that loads the kernels. Time: processor time of one plan of a new planner, and of a plan to the same goal
-from its tenth pose. Memory: growth of the peak resident set during the first plan, the costmap not counted; bytes per state: of
-its arrays of states, hash table and queue.
+queries around a wall on a small map, which load the kernels. Time: processor time of one plan of a new planner, and of a plan to
+the same goal from its tenth pose. Memory: growth of the peak resident set during the first plan, the costmap not counted; bytes
+per state: of its arrays of states, hash table and queue.
 """
 
 from __future__ import annotations
@@ -52,6 +52,7 @@ def measure(golden: Path, side: int, headings: int, which: str) -> dict[str, Any
     """One row, in this process."""
     params = SmacHybridParams(motion_model_for_search="REEDS_SHEPP", angle_quantization_bins=headings)
     small = Costmap(GridGeometry(200, 200, 0.1))
+    small.data[:150, 90:110] = 254
     planner = SmacHybridPlanner(params)
     for x in (3.0, 3.5):
         planner.make_plan(small, Pose2D(x, 3.0), Pose2D(16.0, 17.0, 2.0))

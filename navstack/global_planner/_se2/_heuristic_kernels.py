@@ -22,50 +22,37 @@ WIDTH = 0.5
 """Cells: width of these buckets."""
 SQRT2 = math.sqrt(2.0)
 UNREACHED = np.float32(np.inf)
+BLOCKED = 255
+"""Code of a cell of this heuristic that is blocked."""
 
 
 @plain_kernel
-def field_weight(costs, p, cx, cy):
-    """Return the cost of a step into a cell of the obstacle heuristic, -1 if it is blocked: the least of the cells in it."""
+def step_code(costs, p, cx, cy):
+    """Return the code of a cell of the obstacle heuristic, from the least cost of the cells in it.
+
+    1 to 253: that cost, plus 1; 254: unknown; 255: blocked.
+    """
     ny, nx = costs.shape
     f = p.factor
-    least = np.int64(1000)
+    least = np.int64(254)
     for iy in range(cy * f, min((cy + 1) * f, ny)):
         for ix in range(cx * f, min((cx + 1) * f, nx)):
             cost = np.int64(costs[iy, ix])
-            if cost == 255:
-                cost = 1000 if p.unknown_blocked != 0 else 255
+            if cost == 255 and p.unknown_blocked == 0:
+                cost = 253
             elif cost >= 253:
-                cost = 1000
+                cost = 254
             least = min(least, cost)
-    if least == 1000:
-        return -1.0
-    share = least / 252.0
+    return np.uint8(least + 1)
+
+
+@plain_kernel
+def step_weight(p, code):
+    """Return the cost of a step into a cell of this code, which is not blocked."""
+    share = (255 if code == 254 else np.int64(code) - 1) / 252.0
     if p.quadratic != 0:
         share *= share
-    return 1.0 + p.cost_penalty * share
-
-
-@plain_kernel
-def unlink(field, heads, cell, bucket):
-    """Take a cell out of the list of its bucket."""
-    after, before = field[cell].next, field[cell].previous
-    if before >= 0:
-        field[before].next = after
-    else:
-        heads[bucket] = after
-    if after >= 0:
-        field[after].previous = before
-
-
-@plain_kernel
-def link(field, heads, cell, bucket):
-    """Put a cell at the front of the list of a bucket."""
-    first = heads[bucket]
-    field[cell].next, field[cell].previous = first, -1
-    if first >= 0:
-        field[first].previous = cell
-    heads[bucket] = cell
+    return np.float32(1.0 + p.cost_penalty * share)
 
 
 @plain_kernel
@@ -76,23 +63,68 @@ def focus(p, cx, cy):
 
 
 @plain_kernel
-def expand_field(costs, field, heads, p, width, target):
-    """Expand the obstacle heuristic until `target` is closed, or nothing is left; `heads`: RING entries.
+def bucket_of(field, p, width, cell):
+    """Return the bucket of a cell by its cost and its distance to the focus."""
+    return np.int64((focus(p, cell % width, cell // width) + abs(field[cell].cost)) / WIDTH)
 
-    A cell that is closed too early, by less than the width of a bucket, is opened again.
+
+@plain_kernel
+def sweep(field, front, p, width):
+    """Take all entries out of the lists that do not count: those of closed cells, and of cells that a lower bucket holds."""
+    for head in range(RING):
+        last, entry = head, front[head].next_entry
+        while entry >= 0:
+            after, cell = front[entry].next_entry, front[entry].node
+            if field[cell].cost < 0.0 and bucket_of(field, p, width, cell) % RING == head:
+                last = entry
+            else:
+                front[last].next_entry = after
+                front[entry].next_entry = p.front_free
+                p.front_free = entry
+            entry = after
+
+
+@plain_kernel
+def enqueue(field, front, p, width, cell, bucket):
+    """Put a cell at the front of the list of a bucket, where it has no entry; one in a higher bucket counts no more."""
+    if p.front_free < 0 and p.front_used == len(front):
+        sweep(field, front, p, width)
+    entry = p.front_free
+    if entry >= 0:
+        p.front_free = front[entry].next_entry
+    else:
+        entry = p.front_used
+        p.front_used += 1
+    head = bucket % RING
+    front[entry].node, front[entry].next_entry = cell, front[head].next_entry
+    front[head].next_entry = entry
+
+
+@plain_kernel
+def expand_field(costs, field, front, p, width, target):
+    """Expand the obstacle heuristic until `target` is closed, or nothing is left.
+
+    `front` (ENTRY): the first entries of RING lists, then room for an entry per cell. A cell that is closed too early, by less
+    than the width of a bucket, is opened again.
     """
-    height = len(field) // width
+    height, weights = len(field) // width, p.step_weights
     while p.open_cells > 0 and field[target].cost <= 0.0:
-        cell = heads[p.level % RING]
-        if cell < 0:
+        head = p.level % RING
+        entry = front[head].next_entry
+        if entry < 0:
             p.level += 1
             continue
-        unlink(field, heads, cell, p.level % RING)
+        cell = np.int64(front[entry].node)
+        front[head].next_entry = front[entry].next_entry
+        front[entry].next_entry = p.front_free
+        p.front_free = entry
+        g = -field[cell].cost
+        cx, cy = cell % width, cell // width
+        if g <= 0.0 or np.int64((focus(p, cx, cy) + g) / WIDTH) != p.level:
+            continue
         p.open_cells -= 1
         p.closed_cells += 1
-        g = -field[cell].cost
         field[cell].cost = g
-        cx, cy = cell % width, cell // width
         p.low_x, p.high_x = min(p.low_x, cx), max(p.high_x, cx)
         p.low_y, p.high_y = min(p.low_y, cy), max(p.high_y, cy)
         for dy in range(-1, 2):
@@ -105,51 +137,56 @@ def expand_field(costs, field, heads, p, width, target):
                     continue
                 other = iy * width + ix
                 row = field[other]
-                if row.weight == 0.0:
-                    row.weight = field_weight(costs, p, ix, iy)
-                    if row.weight < 0.0:
-                        row.cost = UNREACHED
-                if row.weight < 0.0:
-                    continue
                 known = row.cost
-                new = np.float32(g + (SQRT2 if dx != 0 and dy != 0 else 1.0) * row.weight)
+                if known != 0.0 and abs(known) <= g:
+                    continue
+                if row.code == 0:
+                    row.code = step_code(costs, p, ix, iy)
+                    if row.code == BLOCKED:
+                        row.cost = UNREACHED
+                if row.code == BLOCKED:
+                    continue
+                new = np.float32(g + (SQRT2 if dx != 0 and dy != 0 else 1.0) * weights[row.code])
                 if known != 0.0 and new >= abs(known):
                     continue
                 ahead = focus(p, ix, iy)
-                if known < 0.0:
-                    unlink(field, heads, other, np.int64((ahead - known) / WIDTH) % RING)
-                    p.open_cells -= 1
-                row.cost = -new
                 bucket = np.int64((ahead + new) / WIDTH)
-                link(field, heads, other, bucket % RING)
+                row.cost = -new
+                if known >= 0.0:
+                    p.open_cells += 1
+                elif np.int64((ahead - known) / WIDTH) == bucket:
+                    continue
+                enqueue(field, front, p, width, other, bucket)
                 p.level = min(p.level, bucket)
-                p.open_cells += 1
 
 
 @plain_kernel
-def obstacle_cost(costs, field, heads, p, ix, iy):
+def obstacle_cost(costs, field, front, p, ix, iy):
     """Return the cost from a cell to the goal, in cells; infinite where the goal cannot be reached."""
     width = (costs.shape[1] + p.factor - 1) // p.factor
     cell = (iy // p.factor) * width + ix // p.factor
     if field[cell].cost <= 0.0:
-        expand_field(costs, field, heads, p, width, cell)
+        expand_field(costs, field, front, p, width, cell)
         if field[cell].cost <= 0.0:
             field[cell].cost = UNREACHED
     return field[cell].cost * p.factor
 
 
 @plain_kernel
-def start_field(costs, field, heads, p, goal_x, goal_y, start_x, start_y):
+def start_field(costs, field, front, p, goal_x, goal_y, start_x, start_y):
     """Open the cell of the goal; the heuristic will be expanded toward the start first."""
     for i in range(RING):
-        heads[i] = -1
+        front[i].next_entry = -1
+    for code in range(1, BLOCKED):
+        p.step_weights[code] = step_weight(p, code)
     width = (costs.shape[1] + p.factor - 1) // p.factor
     p.focus_x, p.focus_y = np.int64(start_x) // p.factor, np.int64(start_y) // p.factor
     cx, cy = np.int64(goal_x) // p.factor, np.int64(goal_y) // p.factor
     cell = cy * width + cx
-    field[cell].cost, field[cell].weight = np.float32(-1e-5), np.float32(1.0)
-    bucket = np.int64((focus(p, cx, cy) + np.float32(1e-5)) / WIDTH)
-    link(field, heads, cell, bucket % RING)
+    field[cell].cost, field[cell].code = np.float32(-1e-5), np.uint8(1)
+    bucket = bucket_of(field, p, width, cell)
+    p.front_used, p.front_free = RING, -1
+    enqueue(field, front, p, width, cell, bucket)
     p.level, p.open_cells, p.closed_cells = bucket, 1, 0
     p.low_x, p.high_x, p.low_y, p.high_y = cx, cx, cy, cy
 

@@ -3,8 +3,8 @@
 
 Arguments of all kernels: `costs` (ny, nx); `bits`, packed obstacles; `shapes`: the footprint, the samples of the primitives, the
 goals (n, 4 or more: x, y, yaw, heading bin, signed lengths of straight ways into the goal, tried where a curve is blocked);
-`primitives`, `headings`, `nodes`, `entries`, `field`: records; `lists`: slots of the hash table, heads of the buckets; `table`:
-lengths of curves; `p`: SETTINGS[0].
+`primitives`, `headings`, `nodes`, `entries`, `field`: records; `lists`: slots of the hash table, heads of the buckets, queue of
+the obstacle heuristic; `table`: lengths of curves; `p`: SETTINGS[0].
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from navstack.global_planner._se2._curve_check_kernels import (
     segment_cost,
     sweep_free,
 )
-from navstack.global_planner._se2._heuristic_kernels import RING, angle, apart, curve_distance, obstacle_cost
+from navstack.global_planner._se2._heuristic_kernels import angle, apart, curve_distance, obstacle_cost
 from navstack.global_planner._se2._shape_kernels import cell_weight, centre_cost
 
 FOUND, EXHAUSTED, LIMIT, GROW, APPROACHED, PAUSED = 1, 2, 3, 4, 5, 6
@@ -60,7 +60,7 @@ def rehash(slots, nodes, count):
 @plain_kernel
 def push(heads, entries, p, node, f):
     """Put a node into the bucket of its f."""
-    bucket = min(max(np.int64(f / BUCKET), 0), len(heads) - RING - 1)
+    bucket = min(max(np.int64(f / BUCKET), 0), len(heads) - 1)
     entry = p.free_entry
     if entry >= 0:
         p.free_entry = entries[entry].next_entry
@@ -88,9 +88,9 @@ def pop(heads, entries, p):
 
 
 @plain_kernel
-def heuristic(costs, field, ring, table, goals, p, x, y, yaw):
+def heuristic(costs, field, front, table, goals, p, x, y, yaw):
     """Return the estimated cost from a pose to the nearest goal; infinite where none can be reached."""
-    h = obstacle_cost(costs, field, ring, p, np.int64(x), np.int64(y))
+    h = obstacle_cost(costs, field, front, p, np.int64(x), np.int64(y))
     if h == np.inf or len(goals) > 4:
         return h
     least = np.inf
@@ -221,8 +221,7 @@ def primitive_cost(p, primitives, node, row, weight):
 def expand(costs, bits, shapes, primitives, headings, nodes, lists, entries, field, table, p, i):
     """Drive every primitive from node `i`."""
     # taken out of the tuples here: each time it counts a reference, which waits for all stores before it
-    slots, heads = lists
-    ring = heads[len(heads) - RING :]
+    slots, heads, front = lists
     shape, samples, goals = shapes
     nx = costs.shape[1]
     node = nodes[i]
@@ -256,7 +255,7 @@ def expand(costs, bits, shapes, primitives, headings, nodes, lists, entries, fie
             continue
         if not sweep_free(costs, bits, shape, samples, p, primitive, node.x, node.y, c, s):
             continue
-        h = heuristic(costs, field, ring, table, goals, p, x, y, headings[end].yaw)
+        h = heuristic(costs, field, front, table, goals, p, x, y, headings[end].yaw)
         if h == np.inf:
             continue
         if j < 0:
@@ -276,16 +275,15 @@ def raise_weight(costs, headings, nodes, lists, entries, field, table, goals, p)
 
     Where the heuristic leads into a dead end, the search fills it state by state; with a greater weight, only near its end.
     """
-    heads = lists[1]
-    ring = heads[len(heads) - RING :]
+    _, heads, front = lists
     p.weight, p.patience = max(p.weight, min(GREATEST, GROWTH * p.weight)), 2 * p.patience
-    for bucket in range(len(heads) - RING):
+    for bucket in range(len(heads)):
         heads[bucket] = -1
-    p.entries, p.free_entry, p.queued, p.bucket = 0, -1, 0, len(heads) - RING - 1
+    p.entries, p.free_entry, p.queued, p.bucket = 0, -1, 0, len(heads) - 1
     for i in range(p.nodes):
         node = nodes[i]
         if node.closed == 0:
-            h = heuristic(costs, field, ring, table, goals, p, node.x, node.y, headings[node.heading].yaw)
+            h = heuristic(costs, field, front, table, goals, p, node.x, node.y, headings[node.heading].yaw)
             push(heads, entries, p, i, node.g + p.weight * h)
 
 
@@ -296,8 +294,7 @@ def search(costs, bits, shapes, primitives, headings, nodes, lists, entries, fie
     GROW: call again with larger arrays; PAUSED: call again.
     """
     p = settings[0]
-    slots, heads = lists
-    ring = heads[len(heads) - RING :]
+    slots, heads, front = lists
     goals = shapes[2]
     most = headings[0].count
     for b in range(len(headings)):
@@ -327,7 +324,7 @@ def search(costs, bits, shapes, primitives, headings, nodes, lists, entries, fie
                 end_at_goals(costs, bits, shapes, p, headings, nodes, i)
             elif node.heading == np.int64(goals[k, 3]):
                 p.best_cost, p.best_node, p.best_goal, p.best_is_curve = node.g, i, k, 0
-        h = heuristic(costs, field, ring, table, goals, p, node.x, node.y, yaw)
+        h = heuristic(costs, field, front, table, goals, p, node.x, node.y, yaw)
         p.nearest_h = min(p.nearest_h, np.float64(np.int64(h)))
         period = max(np.float64(np.int64(p.nearest_h / p.expansion_ratio)), math.ceil(p.expansion_ratio))
         p.countdown = min(p.countdown, period) - 1.0

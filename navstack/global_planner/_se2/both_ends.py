@@ -25,7 +25,9 @@ from navstack.global_planner._se2.outcome import Outcome, Pose, turned_around
 from navstack.global_planner._se2.primitives import PrimitiveTable
 
 FIRST: Final = 8192
-"""States that the search from the start expands before that from the goal begins; both go on in turns twice as long."""
+"""States that the search from the start expands at least before that from the goal begins; then turns twice as long follow."""
+PER_CELL: Final = 16
+"""As many states per cell of the least way to the goal: a long way takes more of them although the search gets ahead."""
 SHARE: Final = 4
 """Part of these states that the search from the goal may expand: 1 / SHARE."""
 ENCLOSED: Final = 50_000
@@ -147,7 +149,7 @@ def _about(pose: Pose) -> Pose:
 
 def search_both_ends(engine: PoseSearch, start: Pose, goal: Pose, motions: Motions, *, shorten: bool) -> Outcome:
     """Go on with the search that `engine` has begun; where it takes long, search from the goal in turns with it."""
-    p, turn = engine.settings, FIRST
+    p, turn = engine.settings, max(FIRST, int(PER_CELL * min(engine.obstacle_cost(start[0], start[1]), 1e6)))
     most = int(p["max_expansions"][0])
     status = engine.advance(turn)
     if status != kernels.PAUSED:

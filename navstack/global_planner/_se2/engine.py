@@ -47,8 +47,9 @@ class TimeLimit(NamedTuple):
 class PoseSearch:
     """A search over one costmap at a time. All lengths are in cells.
 
-    Memory: 40 bytes per visited state, 8 per slot of the hash table (at most half full), 8 per queued state; 16 per cell of the
-    obstacle heuristic, 1/8 per cell for packed obstacles, both touched only where the search looks; the table of curve lengths.
+    Memory: 40 bytes per visited state, 8 per slot of the hash table (at most half full), 8 per queued state; 5 per cell of the
+    obstacle heuristic and 8 per cell of its front, 1/8 per cell for packed obstacles, all touched only where the search looks;
+    the table of curve lengths.
     """
 
     def __init__(self, settings: dict[str, Any]) -> None:
@@ -57,8 +58,8 @@ class PoseSearch:
             self.settings[name] = value
         self._nodes, self._entries = np.empty(FIRST_NODES, NODE), np.empty(2 * FIRST_NODES, ENTRY)
         self._slots = np.zeros(4 * FIRST_NODES, np.int32)
-        self._heads = np.empty(BUCKETS + heuristics.RING, np.int32)
-        self._field = np.zeros(0, FIELD)
+        self._heads = np.empty(BUCKETS, np.int32)
+        self._field, self._front = np.zeros(0, FIELD), np.zeros(0, ENTRY)
         self._field_of: tuple[Any, ...] | None = None
         self._read: tuple[Window, NDArray[np.uint8]] | None = None
         self._unchanged = False
@@ -134,14 +135,14 @@ class PoseSearch:
         self._unchanged = known and read is not None and np.array_equal(self.costs[read[0].slices], read[1])
         if self._unchanged or (known and keep):
             return
-        self._field = untouched_zeros(((ny + factor - 1) // factor) * ((nx + factor - 1) // factor), FIELD)
+        cells = ((ny + factor - 1) // factor) * ((nx + factor - 1) // factor)
+        self._field, self._front = untouched_zeros(cells, FIELD), untouched_zeros(heuristics.RING + cells, ENTRY)
         self._field_of = same
-        heuristics.start_field(self.costs, self._field, self._heads[-heuristics.RING :], p[0], x, y, *start)
+        heuristics.start_field(self.costs, self._field, self._front, p[0], x, y, *start)
 
     def obstacle_cost(self, x: float, y: float) -> float:
         """The obstacle heuristic at a point; infinite if no cells connect it with the goal."""
-        ring = self._heads[-heuristics.RING :]
-        return float(heuristics.obstacle_cost(self.costs, self._field, ring, self.settings[0], int(x), int(y)))
+        return float(heuristics.obstacle_cost(self.costs, self._field, self._front, self.settings[0], int(x), int(y)))
 
     def open_curve(self, start: Pose, goals: NDArray[np.float64], *, shorten: bool) -> Outcome | None:
         """The shortest curve to a goal, if it leads over cells of cost 0 only; with `shorten`, stretches of it are replaced.
@@ -178,7 +179,7 @@ class PoseSearch:
         h = min(self.obstacle_cost(start[0], start[1]), 1e6)
         self._clear_queue(h)
         p["nodes"], p["entries"], p["free_entry"], p["queued"] = 1, 0, -1, 0
-        p["bucket"] = len(self._heads) - heuristics.RING - 1
+        p["bucket"] = len(self._heads) - 1
         p["expanded"], p["countdown"], p["nearest_h"] = 0, 0.0, np.inf
         p["best_node"], p["best_goal"], p["best_cost"], p["best_is_curve"] = -1, -1, np.inf, 0
         p["weight"] = self._weight
@@ -209,7 +210,7 @@ class PoseSearch:
                     table.primitives,
                     table.headings,
                     self._nodes,
-                    (self._slots, self._heads),
+                    (self._slots, self._heads, self._front),
                     self._entries,
                     self._field,
                     self._table,
@@ -318,12 +319,10 @@ class PoseSearch:
 
     def _clear_queue(self, estimate: float) -> None:
         """Empty the queue; lengthen it for costs of this order."""
-        needed, count = 2.0 * max(self._weight, kernels.GREATEST) * estimate, len(self._heads) - heuristics.RING
+        needed, count = 2.0 * max(self._weight, kernels.GREATEST) * estimate, len(self._heads)
         while count * kernels.BUCKET < needed and count < MOST_BUCKETS:
             count *= 2
-        if count > len(self._heads) - heuristics.RING:
-            self._heads = np.concatenate([np.empty(count, np.int32), self._heads[-heuristics.RING :]])
-        self._heads[: -heuristics.RING] = -1
+        self._heads = np.full(count, -1, np.int32)
 
     def _grow(self) -> None:
         """Double the arrays of the nodes."""

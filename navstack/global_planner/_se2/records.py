@@ -38,10 +38,9 @@ NODE: Final = np.dtype(
 )
 """A visited state: 40 bytes."""
 ENTRY: Final = np.dtype([("next_entry", "i4"), ("node", "i4")])
-"""An entry of the queue of the search: a linked list per bucket."""
-FIELD: Final = np.dtype([("cost", "f4"), ("weight", "f4"), ("next", "i4"), ("previous", "i4")])
-"""A cell of the obstacle heuristic: cost 0 untouched, negative open, positive closed; cost of a step into it; its neighbors in
-the list of a bucket."""
+"""An entry of the queue of the search, or of the obstacle heuristic: a linked list per bucket."""
+FIELD: Final = np.dtype([("cost", "f4"), ("code", "u1")])
+"""A cell of the obstacle heuristic, in 5 bytes: cost 0 untouched, negative open, positive closed; code of a step into it."""
 SEGMENT: Final = np.dtype(
     [
         ("x", "f8"),
@@ -106,6 +105,9 @@ SETTINGS: Final = np.dtype(
         ("level", "i8"),
         ("open_cells", "i8"),
         ("closed_cells", "i8"),
+        ("step_weights", "f4", (256,)),  # cost of a step into a cell, by its code
+        ("front_used", "i8"),  # entries of its queue, the buckets included
+        ("front_free", "i8"),  # first one of those that are free again
         ("low_x", "i8"),  # the box around them
         ("high_x", "i8"),
         ("low_y", "i8"),
