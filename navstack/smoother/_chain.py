@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,18 +17,8 @@ Array = NDArray[np.float64]
 _SHORTEST: Final = 1e-4
 
 
-class Fit(NamedTuple):
-    """How headings and poses between the optimized points are found."""
-
-    handle: float
-    """Control points of a Bezier curve between two poses, as a share of their distance."""
-    straight_m2: float
-    """See `tangents`."""
-
-
-NAV2_FIT: Final = Fit(0.4, STRAIGHT_M2)
-ARC_FIT: Final = Fit(1.0 / 3.0, 1e-12)
-"""Headings and curves close to arcs, however short the steps are."""
+_HANDLE: Final = 0.4
+"""Control points of a Bezier curve between two poses, as a share of their distance (as Nav2)."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +40,12 @@ class Chain:
     def backward(self) -> NDArray[np.bool_]:
         """(m,) poses that are left backward."""
         return self.direction < 0.0
+
+    def part(self, first: int, last: int) -> Chain:
+        """The chain of the poses `first` to `last`, where all poses are kept."""
+        at = slice(first, last + 1)
+        kept = list(range(last + 1 - first))
+        return Chain(kept, self.direction[at], self.ratio[at], self.cost_weight[at], self.cusp[at])
 
     @property
     def bounds(self) -> list[int]:
@@ -120,59 +116,71 @@ def _cost_weights(length: Array, cusp: NDArray[np.bool_], p: Any) -> Array:
     return weights
 
 
-def upsampled(poses: Array, points: Array, chain: Chain, p: Any, fit: Fit) -> tuple[Array, dict[int, int]]:
+def headings(poses: Array, points: Array, chain: Chain, p: Any, straight_m2: float) -> Array:
+    """Return the headings at the optimized points (m, 2) as unit vectors (m, 2): tangents of circles through three points.
+
+    At the ends: those of the path (n, 3), or of the steps. `straight_m2`: see `kernels.tangent`.
+    """
+    out = np.column_stack((np.cos(poses[chain.kept, 2]), np.sin(poses[chain.kept, 2])))
+    if len(points) > 2:
+        turns = chain.direction[:-2] * chain.direction[1:-1] < 0.0
+        inner = tangents(np.ascontiguousarray(points), turns, straight_m2)
+        out[1:-1] = _units_along(inner, (points[2:] - points[1:-1]) * chain.direction[1:-1, None])
+    steps = np.diff(points, axis=0) * chain.direction[:-1, None]
+    if not p.keep_start_orientation:
+        out[:1] = _units_along(steps[:1], steps[:1])
+    if not p.keep_goal_orientation:
+        out[-1:] = _units_along(steps[-1:], steps[-1:])
+    return out
+
+
+def with_yaws(points: Array, heading: Array) -> Array:
+    """Return poses (m, 3) of points and unit vectors (m, 2)."""
+    yaws = np.arctan2(heading[:, 1], heading[:, 0])
+    return np.column_stack((points, np.where(yaws <= -np.pi, np.pi, yaws)))
+
+
+def upsampled(poses: Array, points: Array, chain: Chain, p: Any) -> tuple[Array, dict[int, int]]:
     """Return the path through the optimized points (m, 2), and the row of each kept pose in it.
 
-    Headings are tangents of circles through three points; poses between are on cubic Bezier curves.
+    Poses between them are on cubic Bezier curves.
     """
-    m = len(points)
-    heading = np.zeros((m, 2))
-    heading[0] = math.cos(poses[0, 2]), math.sin(poses[0, 2])
-    heading[-1] = math.cos(poses[-1, 2]), math.sin(poses[-1, 2])
-    if m > 2:
-        turns = chain.direction[:-2] * chain.direction[1:-1] < 0.0
-        inner = tangents(np.ascontiguousarray(points), turns, fit.straight_m2)
-        ahead = (points[2:] - points[1:-1]) * chain.direction[1:-1, None]
-        inner *= np.where((inner * ahead).sum(axis=1) >= 0.0, 1.0, -1.0)[:, None]
-        heading[1:-1] = inner / np.maximum(np.hypot(*inner.T), 1e-12)[:, None]
-    if not p.keep_start_orientation:
-        heading[0] = _unit((points[1] - points[0]) * chain.direction[0])
-    if not p.keep_goal_orientation:
-        heading[-1] = _unit((points[-1] - points[-2]) * chain.direction[-1])
-    yaws = np.arctan2(heading[:, 1], heading[:, 0])
-    out = [np.array([[*points[0], yaws[0]]])]
-    rows = {chain.kept[0]: 0}
-    count = 1
-    for k in range(1, m):
+    heading = headings(poses, points, chain, p, STRAIGHT_M2)
+    kept = with_yaws(points, heading)
+    out, rows, count = [kept[:1]], {chain.kept[0]: 0}, 1
+    for k in range(1, len(points)):
         between = (chain.kept[k] - chain.kept[k - 1]) * p.path_upsampling_factor - 1
         if between > 0:
             ends = slice(k - 1, k + 1)
-            out.append(_bezier(points[ends], heading[ends], float(chain.direction[k - 1]), fit, between))
+            out.append(_bezier(points[ends], heading[ends], float(chain.direction[k - 1]), between))
             count += between
-        out.append(np.array([[*points[k], yaws[k]]]))
+        out.append(kept[k : k + 1])
         rows[chain.kept[k]] = count
         count += 1
-    path = np.concatenate(out)
-    path[:, 2] = np.where(path[:, 2] <= -np.pi, np.pi, path[:, 2])
+    return with_kept_ends(np.concatenate(out), poses, p), rows
+
+
+def with_kept_ends(path: Array, poses: Array, p: Any) -> Array:
+    """Set the ends of a path whose headings are kept to those of the path before it, to the bit."""
     if p.keep_start_orientation:
         path[0] = poses[0]
     if p.keep_goal_orientation:
         path[-1] = poses[-1]
-    return path, rows
+    return path
 
 
-def _unit(v: Array) -> Array:
-    return v / max(1e-12, float(np.hypot(*v)))
+def _units_along(directions: Array, ahead: Array) -> Array:
+    """Unit vectors of directions (k, 2) of any sign and length that look ahead, not back."""
+    signs = np.where((directions * ahead).sum(axis=1) >= 0.0, 1.0, -1.0)
+    return directions * (signs / np.maximum(np.hypot(*directions.T), 1e-12))[:, None]
 
 
-def _bezier(ends: Array, headings: Array, direction: float, fit: Fit, count: int) -> Array:
+def _bezier(ends: Array, heading: Array, direction: float, count: int) -> Array:
     """`count` poses between two points (2, 2) with headings (2, 2); `direction`: 1 forward, -1 backward."""
-    reach = fit.handle * direction * float(np.hypot(*(ends[1] - ends[0])))
-    a, b, c, d = ends[0], ends[0] + reach * headings[0], ends[1] - reach * headings[1], ends[1]
+    reach = _HANDLE * direction * float(np.hypot(*(ends[1] - ends[0])))
+    a, b, c, d = ends[0], ends[0] + reach * heading[0], ends[1] - reach * heading[1], ends[1]
     t = (np.arange(1, count + 1) / (count + 1))[:, None]
     points = (1 - t) ** 3 * a + 3 * t * (1 - t) ** 2 * b + 3 * t * t * (1 - t) * c + t**3 * d
     chain = np.concatenate([a[None], points, d[None]])
-    inner = tangents(chain, np.zeros(count, np.bool_), fit.straight_m2)
-    ahead = (chain[2:] - chain[1:-1]) * direction
-    inner *= np.where((inner * ahead).sum(axis=1) >= 0.0, 1.0, -1.0)[:, None]
-    return np.column_stack((points, np.arctan2(inner[:, 1], inner[:, 0])))
+    inner = tangents(chain, np.zeros(count, np.bool_), STRAIGHT_M2)
+    return with_yaws(points, _units_along(inner, (chain[2:] - chain[1:-1]) * direction))

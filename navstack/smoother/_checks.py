@@ -26,25 +26,25 @@ _DISCRETE: Final = 0.02
 
 def smooth_where_good(
     before: Array,
-    smoothed: Callable[[NDArray[np.bool_]], tuple[Array, NDArray[np.int64]]],
+    smoothed: Callable[[NDArray[np.bool_]], Array],
     costmap: Costmap,
     footprint: Footprint | None,
     radius: float,
 ) -> Array:
     """Return a piece (n, 3) smoothed except where the result is not good, with as few poses as possible that stay.
 
-    `smoothed` returns the piece with the given poses (n,) free to move, and the new numbers of its poses. Where there are
-    `bad_poses`, they stay with those around them, and the rest is smoothed again, until none is left.
+    `smoothed` returns the piece (n, 3) with the given poses (n,) free to move. Where there are `bad_poses`, they stay with those
+    around them, and the rest is smoothed again, until none is left.
     """
     free = np.ones(len(before), np.bool_)
     free[[0, -1]] = False
     margin = 0
     while free.any():
-        after, numbers = smoothed(free)
+        after = smoothed(free)
         bad = bad_poses(before, after, costmap, footprint, radius)
         if not bad.any():
             return after
-        for k in np.searchsorted(numbers, np.flatnonzero(bad)).tolist():
+        for k in np.flatnonzero(bad).tolist():
             free[max(0, k - margin) : k + margin + 1] = False
         margin = max(1, 2 * margin)
     return before

@@ -72,12 +72,12 @@ class PointSmoother(Smoother):
         if len(before) - 1 <= self.shortest:
             return before
 
-        def smoothed(free: NDArray[np.bool_]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        def smoothed(free: NDArray[np.bool_]) -> NDArray[np.float64]:
             after = self._moved(before, free, None)
             stay = ~(free | np.append(free[1:], False))
             stay[0] = True
             after[stay, 2] = before[stay, 2]
-            return after, np.arange(len(after))
+            return after
 
         return smooth_where_good(before, smoothed, costmap, footprint, self.params.minimum_turning_radius)
 

@@ -15,19 +15,19 @@ from navstack.core.parameter_checks import CheckContext, Issue
 from navstack.core.parameters import ParamModel, param
 from navstack.interfaces import Smoother
 from navstack.plugins import SMOOTHERS
-from navstack.smoother._chain import ARC_FIT, NAV2_FIT, Chain, kept_poses, upsampled
-from navstack.smoother._checks import curvatures, is_good, smooth_where_good
+from navstack.smoother._chain import Chain, headings, kept_poses, upsampled, with_kept_ends, with_yaws
+from navstack.smoother._checks import SAME_M, curvatures, is_good, smooth_where_good
 from navstack.smoother._least_squares import Problem, Stops, Weights, minimize
 from navstack.smoother.base import require_finite
 
-_SAME_M: Final = 1e-4
 _STIFF: Final = 1e4
 """Factor on w_curve where the turning radius is a bound."""
 _ROUNDS: Final = 8
 """Limit on the minimizations until it is kept."""
 _SHARE: Final = 0.999
-_SHARE_BETWEEN: Final = 0.97
-"""Shares of the curvature that the points may have; the poses between them on Bezier curves turn a little more sharply."""
+"""Share of the curvature that it aims at, so that rounds end."""
+_STRAIGHT_M2: Final = 1e-12
+"""See `headings`: exact ones, however short the steps are."""
 
 
 class ConstrainedOptimizerParams(ParamModel):
@@ -111,9 +111,9 @@ class ConstrainedSmootherParams(ParamModel):
 class ConstrainedSmoother(Smoother):
     """constrained: nonlinear least squares over the positions (Levenberg-Marquardt), away from costs, with a turning radius.
 
-    Cusps move with the path. `unchecked` is Nav2's result. `smooth` checks it: where it collides or turns too sharply, the
-    optimization is repeated with all poses, cusps that stay, and greater weights of curvature and distance from the path; pieces
-    between cusps that are still not free stay as they were.
+    Cusps move with the path. `unchecked` is Nav2's result. `smooth` checks it: where it collides or turns too sharply, the pieces
+    between cusps are optimized on their own, with all poses and with the turning radius as a bound; poses where the result is
+    still not good stay as they were.
     """
 
     Params = ConstrainedSmootherParams
@@ -161,7 +161,13 @@ class ConstrainedSmoother(Smoother):
             is_good(poses[a : b + 1], out[starts[a] : starts[b] + 1], costmap, footprint, radius) for a, b in pieces
         ):
             return out
-        return joined([self._within(a > 0, b < last)._piece(poses[a : b + 1], costmap, footprint) for a, b in pieces])
+        chain = kept_poses(poses, self.params, 1)
+        return joined(
+            [
+                self._within(a > 0, b < last)._piece(poses[a : b + 1], chain.part(a, b), costmap, footprint)
+                for a, b in pieces
+            ]
+        )
 
     def _as_nav2(
         self, poses: NDArray[np.float64], costmap: Costmap
@@ -172,48 +178,47 @@ class ConstrainedSmoother(Smoother):
         points = poses[chain.kept, :2]
         limit = np.full(len(points), 1.0 / p.minimum_turning_radius if p.minimum_turning_radius > 0.0 else math.inf)
         problem = self._problem(points, chain, costmap, self._free(len(points)), p.w_curve, limit)
-        return *upsampled(poses, self._minimum(problem, points), chain, p, NAV2_FIT), chain
+        return *upsampled(poses, self._minimum(problem, points), chain, p), chain
 
-    def _piece(self, poses: NDArray[np.float64], costmap: Costmap, footprint: Footprint | None) -> NDArray[np.float64]:
+    def _piece(
+        self, poses: NDArray[np.float64], chain: Chain, costmap: Costmap, footprint: Footprint | None
+    ) -> NDArray[np.float64]:
         """Smooth a piece between two cusps, where the result is good."""
         inner = self._free(len(poses))
         return smooth_where_good(
             poses,
-            lambda free: self._bounded(poses, costmap, free & inner),
+            lambda free: self._bounded(poses, chain, costmap, free & inner),
             costmap,
             footprint,
             self.params.minimum_turning_radius,
         )
 
     def _bounded(
-        self, poses: NDArray[np.float64], costmap: Costmap, free: NDArray[np.bool_]
-    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Optimize the free poses of a piece within the turning radius; return it, and the new numbers of its poses.
+        self, poses: NDArray[np.float64], chain: Chain, costmap: Costmap, free: NDArray[np.bool_]
+    ) -> NDArray[np.float64]:
+        """Optimize the free poses of a piece (n, 3) within the turning radius.
 
         The bound is kept by the method of multipliers (M. Hestenes, 1969): where the curvature exceeds it, it counts from a lower
         limit on, and the sum is minimized again.
         """
         p = self.params
-        chain = kept_poses(poses, p, 1)
         points = poses[:, :2]
         radius = p.minimum_turning_radius
-        share = _SHARE if p.path_upsampling_factor == 1 else _SHARE_BETWEEN
-        bound = share / radius if radius > 0.0 else math.inf
+        bound = _SHARE / radius if radius > 0.0 else math.inf
         limit = np.full(len(points), bound)
-        for _ in range(_ROUNDS if radius > 0.0 else 1):
+        for _ in range(_ROUNDS if radius > 0.0 and p.w_curve > 0.0 else 1):
             problem = self._problem(poses[:, :2], chain, costmap, free, _STIFF * p.w_curve, limit)
             points = self._minimum(problem, points)
             over = np.zeros(len(points))
             over[1:-1] = curvatures(points) - bound
             over[~free] = 0.0
-            if over.max() * radius <= 1.0 - share:
+            if over.max() * radius <= 1.0 - _SHARE:
                 break
             limit = np.minimum(bound, limit - over)
-        out, rows = upsampled(poses, points, chain, p, ARC_FIT)
-        numbers = np.array([rows[k] for k in chain.kept])
+        out = with_yaws(points, headings(poses, points, chain, p, _STRAIGHT_M2))
         stay = np.flatnonzero(~(free[:-2] | free[1:-1] | free[2:])) + 1
-        out[numbers[stay], 2] = poses[stay, 2]
-        return out, numbers
+        out[stay, 2] = poses[stay, 2]
+        return with_kept_ends(out, poses, p)
 
     def _free(self, count: int) -> NDArray[np.bool_]:
         """Which of the poses may move: not the ends, nor the poses beside them if the headings there stay."""
@@ -254,7 +259,7 @@ def stretches(poses: NDArray[np.float64]) -> list[tuple[int, int]]:
     """Return first and last pose of each stretch; steps without a distance, as in turns in place, are stretches of their own."""
     if len(poses) < 2:
         return []
-    still = (np.abs(np.diff(poses[:, :2], axis=0)) < _SAME_M).all(axis=1)
+    still = (np.abs(np.diff(poses[:, :2], axis=0)) < SAME_M).all(axis=1)
     cuts = {0, len(poses) - 1}
     for i in np.flatnonzero(still).tolist():
         cuts |= {i, i + 1}
