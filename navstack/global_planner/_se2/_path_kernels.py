@@ -206,15 +206,31 @@ def pieces_cost(costs, p, segments, out):
 
 
 @plain_kernel
-def replace_pieces(segments, values, count, first, last, added, fresh):
-    """Replace pieces first .. last - 1 by the first `fresh` rows of `added`; return the new number of pieces."""
+def stretch_cost(segments, values, first, last):
+    """Return the sum of the costs of pieces first .. last - 1, and whether one of them is driven backward."""
+    total, backward = 0.0, False
+    for k in range(first, last):
+        total += values[k]
+        backward = backward or direction_of(segments[k]) < 0
+    return total, backward
+
+
+@plain_kernel
+def replace_pieces(costs, p, segments, values, count, first, last, added, fresh):
+    """Replace pieces first .. last - 1 by the first `fresh` rows of `added`; return the new number of pieces.
+
+    Without room, nothing is replaced and -1 is returned.
+    """
     moved, tail = fresh - (last - first), count - last
+    if fresh >= len(added) or count + moved >= len(segments):
+        return -1
     for n in range(tail):
         k = last + (n if moved < 0 else tail - 1 - n)  # in the order in which nothing is overwritten before it is moved
         segments[k + moved] = segments[k]
         values[k + moved] = values[k]
     for k in range(fresh):
         segments[first + k] = added[k]
+    pieces_cost(costs, p, segments[first : first + fresh], values[first : first + fresh])
     return count + moved
 
 
@@ -277,21 +293,17 @@ def shorten(costs, bits, shape, p, segments, added, values, count, goal):
         i = 0
         while i + span <= count:
             j = i + span
-            old = 0.0
-            has_reverse = False
-            for k in range(i, j):
-                old += values[k]
-                has_reverse = has_reverse or (segments[k].kind_ > 0 and segments[k].size < 0.0)
+            old, backward = stretch_cost(segments, values, i, j)
             start, end = pose_at(segments, i, count, goal), pose_at(segments, j, count, goal)
-            p.reeds_shepp = both if has_reverse else FORWARD
+            p.reeds_shepp = both if backward else FORWARD
             before, after, changes = directions_around(segments, i, j, count)
             old, ends = old + p.cusp * changes, (before, after)
             _, best_radius = best_curve(costs, bits, shape, p, start, end, ends, old * 0.999 - 1e-6, RADII)
             if best_radius != 0.0:
                 fresh = write_best(added, 0, p, start, end, best_radius, ends)
-                if fresh < len(added) and count - span + fresh < len(segments):
-                    count = replace_pieces(segments, values, count, i, j, added, fresh)
-                    pieces_cost(costs, p, segments[i : i + fresh], values[i : i + fresh])
+                replaced = replace_pieces(costs, p, segments, values, count, i, j, added, fresh)
+                if replaced >= 0:
+                    count = replaced
                     i += max(1, fresh // 2)
                     continue
             i += max(1, span // 4)
@@ -324,12 +336,8 @@ def relax(costs, bits, shape, p, segments, added, values, count, goal, reach):
     j = 1
     while j < count:
         first, last = max(0, j - reach), min(count, j + reach)
-        old = 0.0
-        has_reverse = False
-        for k in range(first, last):
-            old += values[k]
-            has_reverse = has_reverse or (segments[k].kind_ > 0 and segments[k].size < 0.0)
-        p.reeds_shepp = both if has_reverse else FORWARD
+        old, backward = stretch_cost(segments, values, first, last)
+        p.reeds_shepp = both if backward else FORWARD
         start, end = pose_at(segments, first, count, goal), pose_at(segments, last, count, goal)
         row = segments[j]
         before, after, changes = directions_around(segments, first, last, count)
@@ -354,10 +362,9 @@ def relax(costs, bits, shape, p, segments, added, values, count, goal, reach):
             middle = moved(p, row, best_option, reach)
             fresh = write_best(added, 0, p, start, middle, radius_a, ends_a)
             fresh = write_best(added, fresh, p, middle, end, radius_b, ends_b)
-            if fresh < len(added) and count - (last - first) + fresh < len(segments):
-                count = replace_pieces(segments, values, count, first, last, added, fresh)
-                pieces_cost(costs, p, segments[first : first + fresh], values[first : first + fresh])
-                j = max(j, first + fresh // 2)
+            replaced = replace_pieces(costs, p, segments, values, count, first, last, added, fresh)
+            if replaced >= 0:
+                count, j = replaced, max(j, first + fresh // 2)
         j += 1
     p.reeds_shepp = both
     return count

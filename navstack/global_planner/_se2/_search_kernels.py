@@ -115,22 +115,21 @@ def curve_and_tail_cost(costs, bits, shape, p, start, goal, tail, before, limit)
 
 
 @plain_kernel
-def try_curves(costs, bits, shapes, p, node, yaw):
-    """Try to reach the goals by curves from a node; keep the cheapest path."""
-    shape, goals = shapes[0], shapes[2]
+def try_curves(costs, bits, shapes, p, nodes, i, yaw):
+    """Try to reach the goals by curves from node `i`; keep the cheapest path."""
+    shape, goals, node = shapes[0], shapes[2], nodes[i]
     start, before = (node.x, node.y, yaw), np.int64(node.direction)
     # goal headings that are not multiples of `coarse` are tried if one of the multiples was reached
     for fine in range(2 if p.coarse > 1 else 1):
         reached = False
-        for i in range(len(goals)):
-            if p.coarse > 1 and (i % p.coarse == 0) != (fine == 0):
+        for k in range(len(goals)):
+            if p.coarse > 1 and (k % p.coarse == 0) != (fine == 0):
                 continue
             limit = p.best_cost - node.g
             if limit <= 0.0:
                 return
-            p.curves_tried += 1
-            goal = (goals[i, 0], goals[i, 1], goals[i, 2])
-            near = math.hypot(goals[i, 0] - node.x, goals[i, 1] - node.y) <= p.expansion_length
+            goal = (goals[k, 0], goals[k, 1], goals[k, 2])
+            near = math.hypot(goal[0] - node.x, goal[1] - node.y) <= p.expansion_length
             cost, kind, tail = np.inf, CURVE, 0.0
             if p.holonomic != 0:
                 if near:
@@ -138,8 +137,8 @@ def try_curves(costs, bits, shapes, p, node, yaw):
             else:
                 cost = curve_cost(costs, bits, shape, p, start, goal, p.radius, (before, 0), limit, False)
                 for column in range(4, goals.shape[1]):
-                    if cost == np.inf and goals[i, column] != 0.0:
-                        tail = goals[i, column]
+                    if cost == np.inf and goals[k, column] != 0.0:
+                        tail = goals[k, column]
                         cost = curve_and_tail_cost(costs, bits, shape, p, start, goal, tail, before, limit)
             if near and p.turn_step > 0.0 and p.holonomic == 0:
                 pivot = pivot_cost(costs, bits, shape, p, start, goal, (before, 0), min(cost, limit))
@@ -147,8 +146,8 @@ def try_curves(costs, bits, shapes, p, node, yaw):
                     cost, kind, tail = pivot, PIVOT, 0.0
             if cost < limit:
                 reached = True
-                p.best_cost, p.best_goal, p.best_is_curve, p.best_tail = node.g + cost, i, kind, tail
-                p.best_node, p.best_radius = -2, p.radius
+                p.best_cost, p.best_goal, p.best_is_curve, p.best_tail = node.g + cost, k, kind, tail
+                p.best_node, p.best_radius = i, p.radius
         if not reached:
             return
 
@@ -331,9 +330,7 @@ def search(costs, bits, shapes, primitives, headings, nodes, lists, entries, fie
         if p.countdown < 0.0 or p.expanded == 1:
             p.countdown = period
             if p.expansion_length > 0.0:
-                try_curves(costs, bits, shapes, p, node, yaw)
-                if p.best_node == -2:
-                    p.best_node = i
+                try_curves(costs, bits, shapes, p, nodes, i, yaw)
         waited = p.approach_limit > 0 and p.expanded - p.approach_since > p.approach_limit
         if waited and p.tolerance > 0.0 and p.approach_distance <= p.tolerance and p.best_cost == np.inf:
             return APPROACHED

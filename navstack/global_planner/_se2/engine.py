@@ -184,7 +184,7 @@ class PoseSearch:
         p["best_node"], p["best_goal"], p["best_cost"], p["best_is_curve"] = -1, -1, np.inf, 0
         p["weight"] = self._weight
         p["patience"] = kernels.PATIENCE if self._weight > 1.0 else UNLIMITED
-        self._yaws, p["curves_tried"], p["yaw_offset"] = table.headings["yaw"], 0, table.headings["yaw"][0]
+        self._yaws = table.headings["yaw"]
         p["rotates"], p["bins"], p["turn_step"] = table.rotates, len(table.headings), table.turn_step
         p["goal_x"], p["goal_y"] = goals[0, 0], goals[0, 1]
         p["approach_node"], p["approach_since"], p["approach_distance"] = 0, 0, np.inf

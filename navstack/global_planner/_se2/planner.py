@@ -29,11 +29,12 @@ from navstack.global_planner._se2 import reasons
 from navstack.global_planner._se2.both_ends import Motions, search_both_ends
 from navstack.global_planner._se2.engine import UNLIMITED, PoseSearch, TimeLimit
 from navstack.global_planner._se2.footprint import Shape, shape_of
-from navstack.global_planner._se2.outcome import Outcome, poses_of
+from navstack.global_planner._se2.outcome import Outcome, Pose, poses_of
 from navstack.global_planner._se2.params import PosePlannerParams
 from navstack.global_planner._se2.primitives import PrimitiveTable
 from navstack.global_planner._se2.start import cleared_start, fits
 from navstack.global_planner._se2.tails import with_tails
+from navstack.global_planner._search.cells import cell_coordinates
 from navstack.global_planner._search.plan_cache import PlanCache, Request
 from navstack.global_planner._search.start_goal import cells_of, with_yaw_in_range
 from navstack.interfaces import GlobalPlanner, Plan
@@ -48,7 +49,7 @@ _FINER: Final = 50_000
 class _Ends(NamedTuple):
     """Start and goals of a search, in cells."""
 
-    start: tuple[float, float, float]
+    start: Pose
     goals: NDArray[np.float64]
     """(n, 4 or more): x, y, yaw, room for the heading bin, straight ways into the goal."""
     notes: tuple[str, ...]
@@ -147,16 +148,7 @@ class PosePlanner(GlobalPlanner):
         ends = self._ends(engine, grid, start, goal, footprint)
         plan = self._search(engine, grid, ends, request)
         notes = (*(() if start_note is None else (start_note,)), *ends.notes, *plan.notes)
-        plan = Plan(
-            path=plan.path,
-            cost=plan.cost,
-            goal=plan.goal,
-            goal_moved_m=plan.goal_moved_m,
-            cells_expanded=plan.cells_expanded,
-            notes=notes,
-            for_footprint=True,
-            took_s=time.perf_counter() - began,
-        )
+        plan = replace(plan, notes=notes, for_footprint=True, took_s=time.perf_counter() - began)
         self._cache.store(costmap, request, plan, self._window(engine, costmap))
         return plan
 
@@ -214,63 +206,52 @@ class PosePlanner(GlobalPlanner):
     def _ends(
         self, engine: PoseSearch, grid: Costmap, start: Pose2D, goal: Pose2D, footprint: Footprint | None
     ) -> _Ends:
-        g = grid.geometry
-        sx, sy = (start.x - g.origin_x) / g.resolution, (start.y - g.origin_y) / g.resolution
-        goals: list[tuple[float, float, float]] = []
+        from_cell, to_cell = cell_coordinates(grid.geometry, start), cell_coordinates(grid.geometry, goal)
+        resolution = grid.geometry.resolution
+        goals: list[Pose] = []
 
         def any_goal() -> bool:
-            goals[:] = self._free_goals(engine, grid, goal)
+            goals[:] = self._free_goals(engine, *to_cell, goal.yaw)
             return bool(goals)
 
-        fits(engine, footprint, g.resolution, any_goal)
+        fits(engine, footprint, resolution, any_goal)
         notes: list[str] = []
-        keep = self.params.cache_obstacle_heuristic
         if goals:
-            x, y = goals[0][:2]
-            engine.set_goal(x, y, (sx, sy), keep=keep)
-            if engine.obstacle_cost(sx, sy) == math.inf:
+            engine.set_goal(*to_cell, from_cell, keep=self.params.cache_obstacle_heuristic)
+            if engine.obstacle_cost(*from_cell) == math.inf:
                 raise reasons.no_connection(grid, start, goal, self.params.allow_unknown)
             if len(goals) == 1 and self.params.goal_heading_mode != "DEFAULT":
                 notes.append("the robot fits at one of the accepted goal headings only")
         else:
-            goals = self._goals_nearby(engine, grid, start, goal)
+            goals = self._goals_nearby(engine, from_cell, (*to_cell, goal.yaw), self.params.tolerance / resolution)
             if not goals:
                 raise reasons.goal_occupied(engine, grid, goal, footprint, self.params.tolerance)
         rows = np.array([(x, y, yaw, 0.0) for x, y, yaw in goals], np.float64)
-        moved = math.hypot(
-            goals[0][0] - (goal.x - g.origin_x) / g.resolution, goals[0][1] - (goal.y - g.origin_y) / g.resolution
-        )
-        engine.settings["tolerance"] = max(0.0, self.params.tolerance / g.resolution - moved)
+        moved = math.hypot(goals[0][0] - to_cell[0], goals[0][1] - to_cell[1])
+        engine.settings["tolerance"] = max(0.0, self.params.tolerance / resolution - moved)
         reverse = bool(engine.settings["reeds_shepp"][0])
-        rows = with_tails(engine, rows, footprint, g.resolution, reverse=reverse)
-        return _Ends((sx, sy, start.yaw), rows, tuple(notes))
+        rows = with_tails(engine, rows, footprint, resolution, reverse=reverse)
+        return _Ends((*from_cell, start.yaw), rows, tuple(notes))
 
-    def _free_goals(self, engine: PoseSearch, grid: Costmap, goal: Pose2D) -> list[tuple[float, float, float]]:
-        g = grid.geometry
-        x, y = (goal.x - g.origin_x) / g.resolution, (goal.y - g.origin_y) / g.resolution
-        return [(x, y, yaw) for yaw in self.goal_yaws(goal.yaw) if engine.pose_is_free(x, y, yaw)]
+    def _free_goals(self, engine: PoseSearch, x: float, y: float, yaw: float) -> list[Pose]:
+        """The accepted goals for a goal (cells, rad) where the robot fits."""
+        return [(x, y, accepted) for accepted in self.goal_yaws(yaw) if engine.pose_is_free(x, y, accepted)]
 
-    def _goals_nearby(
-        self, engine: PoseSearch, grid: Costmap, start: Pose2D, goal: Pose2D
-    ) -> list[tuple[float, float, float]]:
-        """The nearest pose within `tolerance` of a blocked goal where the robot fits and that cells connect with the start."""
-        g = grid.geometry
-        reach = self.params.tolerance / g.resolution
+    def _goals_nearby(self, engine: PoseSearch, start: tuple[float, float], goal: Pose, reach: float) -> list[Pose]:
+        """The nearest goals within `reach` of a blocked one where the robot fits and that cells connect with the start."""
         if reach < 1.0:
             return []
-        gx, gy = (goal.x - g.origin_x) / g.resolution, (goal.y - g.origin_y) / g.resolution
-        sx, sy = (start.x - g.origin_x) / g.resolution, (start.y - g.origin_y) / g.resolution
         n = min(math.ceil(reach), 40)
         offsets = np.array([(dx, dy) for dx in range(-n, n + 1) for dy in range(-n, n + 1)], np.float64)
         distance = np.hypot(offsets[:, 0], offsets[:, 1])
         order = np.argsort(distance, kind="stable")
         for k in order[distance[order] <= reach][:_MAX_CANDIDATES]:
-            x, y = gx + offsets[k, 0], gy + offsets[k, 1]
-            yaws = [yaw for yaw in self.goal_yaws(goal.yaw) if engine.pose_is_free(x, y, yaw)]
-            if yaws:
-                engine.set_goal(x, y, (sx, sy), keep=False)
-                if engine.obstacle_cost(sx, sy) < math.inf:
-                    return [(x, y, yaw) for yaw in yaws]
+            x, y = float(goal[0] + offsets[k, 0]), float(goal[1] + offsets[k, 1])
+            goals = self._free_goals(engine, x, y, goal[2])
+            if goals:
+                engine.set_goal(x, y, start, keep=False)
+                if engine.obstacle_cost(*start) < math.inf:
+                    return goals
         return []
 
     def _search(self, engine: PoseSearch, grid: Costmap, ends: _Ends, request: Request) -> Plan:

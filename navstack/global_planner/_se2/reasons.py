@@ -16,6 +16,7 @@ from navstack.global_planner._se2.outcome import Outcome
 from navstack.global_planner._se2.params import PosePlannerParams
 from navstack.global_planner._search import planning_errors
 from navstack.global_planner._search.best_first import BestFirst
+from navstack.global_planner._search.cells import cell_coordinates
 from navstack.global_planner._search.cost_interpreter import CellCosts, cell_costs
 from navstack.global_planner._search.gaps import Gap, gaps, narrowest
 from navstack.global_planner._search.search_space import SearchSpace
@@ -73,8 +74,7 @@ def goal_occupied(
 
 def _free_headings(engine: PoseSearch, grid: Costmap, goal: Pose2D) -> list[float]:
     """Headings (rad) at which the robot fits at the goal, the nearest to the requested one first."""
-    g = grid.geometry
-    x, y = (goal.x - g.origin_x) / g.resolution, (goal.y - g.origin_y) / g.resolution
+    x, y = cell_coordinates(grid.geometry, goal)
     found = [
         math.remainder(goal.yaw + sign * math.radians(10.0 * k), 2.0 * math.pi)
         for k in range(1, 19)

@@ -88,7 +88,6 @@ SETTINGS: Final = np.dtype(
         # --- heuristics
         ("factor", "i8"),  # cells per cell of the obstacle heuristic
         ("half", "i8"),  # half the side of the distance table
-        ("yaw_offset", "f8"),  # of heading 0
         ("weight", "f8"),
         ("patience", "i8"),  # expansions after which it grows
         ("slack", "f8"),  # a curve to the goal is accepted if it costs at most this factor times the least estimate
@@ -130,7 +129,5 @@ SETTINGS: Final = np.dtype(
         ("approach_node", "i8"),
         ("approach_distance", "f8"),
         ("approach_since", "i8"),
-        ("curves_tried", "i8"),
-        ("checks", "i8"),
     ]
 )

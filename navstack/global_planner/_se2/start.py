@@ -12,6 +12,7 @@ from navstack.core.errors import StartOccupiedError
 from navstack.global_planner._se2.engine import PoseSearch
 from navstack.global_planner._se2.footprint import FINE, Shape, shape_of
 from navstack.global_planner._se2.params import PosePlannerParams
+from navstack.global_planner._search.cells import cell_coordinates
 
 _NOTE = "the robot overlaps obstacles at the start; the cells under its footprint were treated as free"
 
@@ -29,9 +30,8 @@ def cleared_start(
     Raises StartOccupiedError if the policy does not allow that.
     """
     engine.place(grid.data, shape)
-    g = grid.geometry
-    x, y = (start.x - g.origin_x) / g.resolution, (start.y - g.origin_y) / g.resolution
-    if fits(engine, footprint, g.resolution, lambda: engine.pose_is_free(x, y, start.yaw)):
+    x, y = cell_coordinates(grid.geometry, start)
+    if fits(engine, footprint, grid.geometry.resolution, lambda: engine.pose_is_free(x, y, start.yaw)):
         return grid, None
     cost = int(grid.data[int(y), int(x)])
     if params.start_policy in ("refuse", "nearest_free"):

@@ -13,12 +13,15 @@ def start_fronts(cell: Cell) -> list[Cell]:
     return [(x + 1, y), (x - 1, y), (x, y - 1), (x, y + 1)]
 
 
+def cell_coordinates(geometry: GridGeometry, pose: Pose2D) -> tuple[float, float]:
+    """Position of a pose in units of cells; cell i covers [i, i + 1)."""
+    return (pose.x - geometry.origin_x) / geometry.resolution, (pose.y - geometry.origin_y) / geometry.resolution
+
+
 def position_in_cells(geometry: GridGeometry, pose: Pose2D) -> tuple[float, float]:
     """Position of a pose in units of cells; cell centres are at whole numbers."""
-    return (
-        (pose.x - geometry.origin_x) / geometry.resolution - 0.5,
-        (pose.y - geometry.origin_y) / geometry.resolution - 0.5,
-    )
+    x, y = cell_coordinates(geometry, pose)
+    return x - 0.5, y - 0.5
 
 
 def union(a: Window, b: Window) -> Window:
