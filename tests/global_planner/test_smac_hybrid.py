@@ -218,6 +218,20 @@ def test_without_curves_paths_end_within_the_tolerance(tolerance: float) -> None
     assert found >= 16
 
 
+def test_a_goal_that_obstacles_enclose() -> None:
+    """Of a goal that is free but enclosed, the plan ends within the tolerance, beside the walls; when they open, at the goal."""
+    costmap = empty()
+    costmap.data[80:101, 80:101] = 254
+    costmap.data[82:99, 82:99] = 0
+    search, goal = planner(tolerance=0.6), Pose2D(4.4, 4.525, 0.0)
+    plan = search.make_plan(costmap, Pose2D(1.0, 4.5, 0.0), goal)
+    assert 0.3 < plan.goal_moved_m <= 0.6
+    with pytest.raises(NoValidPathError, match="no path connects the start"):
+        planner(tolerance=0.3).make_plan(costmap, Pose2D(1.0, 4.5, 0.0), goal)
+    costmap.data[88:94, 80:82] = 0
+    assert search.make_plan(costmap, Pose2D(1.0, 4.5, 0.0), goal).path[-1] == goal
+
+
 def test_limits() -> None:
     costmap = inflated(rooms(), RESOLUTION, 0.3)
     start, goal = Pose2D(1.0, 1.0, 0.0), Pose2D(6.0, 1.0, 0.0)

@@ -149,7 +149,8 @@ class PosePlanner(GlobalPlanner):
         plan = self._search(engine, grid, ends, request)
         notes = (*(() if start_note is None else (start_note,)), *ends.notes, *plan.notes)
         plan = replace(plan, notes=notes, for_footprint=True, took_s=time.perf_counter() - began)
-        self._cache.store(costmap, request, plan, self._window(engine, costmap))
+        if plan.goal_moved_m == 0.0:  # otherwise it depends on why the goal cannot be reached, too
+            self._cache.store(costmap, request, plan, self._window(engine, costmap))
         return plan
 
     def _window(self, engine: PoseSearch, costmap: Costmap) -> Window:
@@ -214,18 +215,20 @@ class PosePlanner(GlobalPlanner):
             goals[:] = self._free_goals(engine, *to_cell, goal.yaw)
             return bool(goals)
 
-        fits(engine, footprint, resolution, any_goal)
+        free = fits(engine, footprint, resolution, any_goal)
         notes: list[str] = []
-        if goals:
+        if free:
             engine.set_goal(*to_cell, from_cell, keep=self.params.cache_obstacle_heuristic)
-            if engine.obstacle_cost(*from_cell) == math.inf:
-                raise reasons.no_connection(grid, start, goal, self.params.allow_unknown)
             if len(goals) == 1 and self.params.goal_heading_mode != "DEFAULT":
                 notes.append("the robot fits at one of the accepted goal headings only")
-        else:
+        if not free or engine.obstacle_cost(*from_cell) == math.inf:
             goals = self._goals_nearby(engine, from_cell, (*to_cell, goal.yaw), self.params.tolerance / resolution)
-            if not goals:
-                raise reasons.goal_occupied(engine, grid, goal, footprint, self.params.tolerance)
+        if not goals:
+            raise (
+                reasons.no_connection(grid, start, goal, self.params.allow_unknown)
+                if free
+                else reasons.goal_occupied(engine, grid, goal, footprint, self.params.tolerance)
+            )
         rows = np.array([(x, y, yaw, 0.0) for x, y, yaw in goals], np.float64)
         moved = math.hypot(goals[0][0] - to_cell[0], goals[0][1] - to_cell[1])
         engine.settings["tolerance"] = max(0.0, self.params.tolerance / resolution - moved)
@@ -238,20 +241,23 @@ class PosePlanner(GlobalPlanner):
         return [(x, y, accepted) for accepted in self.goal_yaws(yaw) if engine.pose_is_free(x, y, accepted)]
 
     def _goals_nearby(self, engine: PoseSearch, start: tuple[float, float], goal: Pose, reach: float) -> list[Pose]:
-        """The nearest goals within `reach` of a blocked one where the robot fits and that cells connect with the start."""
+        """The nearest goals within `reach` of one out of reach where the robot fits and that cells connect with the start."""
         if reach < 1.0:
             return []
         n = min(math.ceil(reach), 40)
         offsets = np.array([(dx, dy) for dx in range(-n, n + 1) for dy in range(-n, n + 1)], np.float64)
         distance = np.hypot(offsets[:, 0], offsets[:, 1])
-        order = np.argsort(distance, kind="stable")
+        order, flooded = np.argsort(distance, kind="stable"), False
         for k in order[distance[order] <= reach][:_MAX_CANDIDATES]:
             x, y = float(goal[0] + offsets[k, 0]), float(goal[1] + offsets[k, 1])
             goals = self._free_goals(engine, x, y, goal[2])
-            if goals:
-                engine.set_goal(x, y, start, keep=False)
-                if engine.obstacle_cost(*start) < math.inf:
-                    return goals
+            # what is connected with a goal tried before is not connected with the start, either
+            if not goals or (flooded and engine.obstacle_cost(x, y) < math.inf):
+                continue
+            engine.set_goal(x, y, start, keep=False)
+            if engine.obstacle_cost(*start) < math.inf:
+                return goals
+            flooded = True
         return []
 
     def _search(self, engine: PoseSearch, grid: Costmap, ends: _Ends, request: Request) -> Plan:
