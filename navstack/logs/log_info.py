@@ -246,7 +246,7 @@ class _Collector:
 def _needs(log: Log, info: LogInfo) -> list[Need]:
     """Return what navigation needs, and whether the log has it."""
     by_topic = {topic.topic: topic for topic in info.topics}
-    sensors = log.topics_of(ros.SCAN, ros.CLOUD, ros.RANGE)
+    sensors = log.topics_of(ros.SCAN, *ros.CLOUDS, ros.RANGE)
     odometry = [topic for topic in log.topics_of(ros.ODOMETRY) if topic != "/base_pose_ground_truth"]
     maps = [topic for topic in log.topics_of(ros.MAP) if "costmap" not in topic]
     goals = [t for t in log.topics_of(ros.POSE, ros.ACTION_GOAL) if t.endswith("goal") or t == "/goal_pose"]

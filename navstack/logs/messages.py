@@ -32,6 +32,8 @@ R = TypeVar("R")
 
 SCAN: Final = "sensor_msgs/msg/LaserScan"
 CLOUD: Final = "sensor_msgs/msg/PointCloud2"
+OLD_CLOUD: Final = "sensor_msgs/msg/PointCloud"
+CLOUDS: Final = (CLOUD, OLD_CLOUD)
 RANGE: Final = "sensor_msgs/msg/Range"
 ODOMETRY: Final = "nav_msgs/msg/Odometry"
 MAP: Final = "nav_msgs/msg/OccupancyGrid"
@@ -265,7 +267,9 @@ def range_of(message: Any, topic: str, stamp: float, fields: RangeFields | None 
 
 @checked
 def points_of(message: Any) -> NDArray[np.float32]:
-    """Return the points (n, 3) of a sensor_msgs/PointCloud2, in its frame. Raises LogError."""
+    """Return the points (n, 3) of a sensor_msgs/PointCloud2 or PointCloud, in its frame. Raises LogError."""
+    if hasattr(message, "points"):
+        return np.array([(point.x, point.y, point.z) for point in message.points], np.float32).reshape(-1, 3)
     fields = {field.name: field for field in message.fields}
     order = ">" if message.is_bigendian else "<"
     try:

@@ -170,7 +170,7 @@ class Player:
             return
         frame = ros.frame_of(data)
         mounting = self.frames.mounting(frame)
-        if sensor.type == ros.CLOUD:
+        if sensor.type in ros.CLOUDS:
             points = np.ascontiguousarray(mounting.levelled(ros.points_of(data)))
             self.robot.add_scan(PointCloud(points, stamp, frame, sensor.name))
             return

@@ -11,7 +11,7 @@ from navstack.logs import Log, topic_name
 from navstack.logs import messages as ros
 from navstack.parameters.configuration import Configuration
 
-DATA_TYPES: Final = {"LaserScan": ros.SCAN, "PointCloud2": ros.CLOUD, "PointCloud": ros.CLOUD, "Range": ros.RANGE}
+DATA_TYPES: Final = {"LaserScan": ros.SCAN, "PointCloud2": ros.CLOUD, "PointCloud": ros.OLD_CLOUD, "Range": ros.RANGE}
 """Type of the messages by data_type of an observation source."""
 LOCAL_PLANS: Final = ("local_plan", "global_plan", "transformed_global_plan", "local_plan_smoothed")
 """Last parts of topics of paths that are not plans of a global planner."""
@@ -24,6 +24,11 @@ class SensorTopic:
     name: str
     """Name in the parameters."""
     type: str
+
+    @property
+    def types(self) -> tuple[str, ...]:
+        """Types that can be read for it: clouds of either kind."""
+        return ros.CLOUDS if self.type in ros.CLOUDS else (self.type,)
 
 
 def sensor_topics(configuration: Configuration) -> dict[str, SensorTopic]:
@@ -118,13 +123,13 @@ def _goals(log: Log, names: Mapping[str, str]) -> tuple[str, ...]:
 
 def _find_sensors(log: Log, expected: Mapping[str, SensorTopic], names: Mapping[str, str], topics: Topics) -> None:
     """Find the topics of the sensors; one with another name is used if there is no doubt, with a note."""
-    free: dict[str, list[str]] = {}
-    for kind in {sensor.type for sensor in expected.values()}:
-        free[kind] = [t for t in log.topics_of(kind) if t not in expected and t not in names.values()]
+    free: dict[tuple[str, ...], list[str]] = {}
+    for kinds in {sensor.types for sensor in expected.values()}:
+        free[kinds] = [t for t in log.topics_of(*kinds) if t not in expected and t not in names.values()]
     missing: list[tuple[str, SensorTopic]] = []
     for topic, sensor in expected.items():
         source = names.get(topic, topic)
-        if source in log.topics_of(sensor.type):
+        if source in log.topics_of(*sensor.types):
             topics.sensors[source] = sensor
         elif topic in names:
             kinds = sorted({channel.type for channel in log.channels if channel.topic == source})
@@ -134,8 +139,8 @@ def _find_sensors(log: Log, expected: Mapping[str, SensorTopic], names: Mapping[
         else:
             missing.append((topic, sensor))
     for topic, sensor in missing:
-        others = free[sensor.type]
-        alone = sum(1 for _, other in missing if other.type == sensor.type) == 1
+        others = free[sensor.types]
+        alone = sum(1 for _, other in missing if other.types == sensor.types) == 1
         if len(others) == 1 and alone:
             topics.sensors[others[0]] = sensor
             topics.notes.append(f"the log has no {topic}; its only {_short(sensor.type)} {others[0]} is used for it")

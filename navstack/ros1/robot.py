@@ -105,7 +105,7 @@ class RosRobot:
         self._add(scan, topic)
 
     def receive_cloud(self, message: Any, topic: str) -> None:
-        """Receive a sensor_msgs/PointCloud2."""
+        """Receive a sensor_msgs/PointCloud2 or PointCloud."""
         frame = ros.frame_of(message)
         try:
             points = self._logged.mounting(frame).levelled(ros.points_of(message))
@@ -162,6 +162,7 @@ class RosRobot:
 RECEIVERS: Mapping[str, tuple[str, str]] = {
     ros.SCAN: ("sensor_msgs/LaserScan", "receive_scan"),
     ros.CLOUD: ("sensor_msgs/PointCloud2", "receive_cloud"),
+    ros.OLD_CLOUD: ("sensor_msgs/PointCloud", "receive_cloud"),
     ros.RANGE: ("sensor_msgs/Range", "receive_range"),
 }
 """Message and method of `RosRobot` for each type of sensor data."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,8 @@ from navstack.logs import messages as ros
 from navstack.logs.builder import MessageBuilder, published_costs
 from navstack.logs.messages import Clock
 from navstack.logs.writer import typestore
+from navstack.parameters.configuration import load_configuration
+from navstack.replay.topics import sensor_topics
 
 START_NS = 1_700_000_000_000_000_000
 CLOCK = Clock(START_NS)
@@ -39,6 +43,18 @@ def test_cloud(build: MessageBuilder) -> None:
     points = np.arange(12, dtype=np.float32).reshape(4, 3)
     assert np.array_equal(ros.points_of(build.cloud(START_NS, PointCloud(points))), points)
     assert ros.points_of(build.cloud(START_NS, PointCloud(np.empty((0, 3), np.float32)))).shape == (0, 3)
+
+
+def test_cloud_of_the_older_kind() -> None:
+    """A sensor_msgs/PointCloud has a list of points, in place of fields."""
+    points = [SimpleNamespace(x=0.5 * k, y=-1.0, z=0.1) for k in range(3)]
+    found = ros.points_of(SimpleNamespace(points=points, channels=[]))
+    assert found.dtype == np.float32
+    assert np.array_equal(found, np.array([(0.0, -1.0, 0.1), (0.5, -1.0, 0.1), (1.0, -1.0, 0.1)], np.float32))
+    assert ros.points_of(SimpleNamespace(points=[])).shape == (0, 3)
+    assert sensor_topics(
+        load_configuration(["turtlebot"], overrides=["local_costmap/obstacle_layer/bump/data_type=PointCloud"])
+    )["/mobile_base/sensors/bumper_pointcloud"].types == (ros.CLOUD, ros.OLD_CLOUD)
 
 
 def test_cloud_with_padding_and_doubles(build: MessageBuilder) -> None:

@@ -13,7 +13,7 @@ from tests.ros1.conftest import PYTHON, TIMEOUT_S, new_graph, paced, wait_for
 from tests.ros1.rig import Rig
 
 CLIENT = """
-import json, struct, sys, rospy, actionlib, genpy.dynamic
+import json, math, struct, sys, rospy, actionlib, genpy.dynamic
 from geometry_msgs.msg import Point32, Polygon, PolygonStamped, PoseStamped
 from map_msgs.msg import OccupancyGridUpdate
 from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
@@ -100,6 +100,27 @@ found["voxels"] = [header["type"], header["md5sum"], voxels.header.frame_id, vox
 ends = latest[ENDS]
 found["ends"] = [ends.header.frame_id, len(ends.points) > 50]
 
+# a cloud of the older kind marks a ring around the robot, which is in the middle of the local costmap
+rim = [(0.8 * math.cos(math.radians(5 * k)), 0.8 * math.sin(math.radians(5 * k))) for k in range(72)]
+clouds = rospy.Publisher("/old_cloud", PointCloud, queue_size=1)
+wait(lambda: clouds.get_num_connections() > 0, "a subscriber of clouds")
+
+def marked_points():
+    grid = rospy.wait_for_message("/move_base/local_costmap/costmap", OccupancyGrid)
+    n, size = grid.info.width, grid.info.resolution
+    near = lambda x, y: any(grid.data[(n // 2 + round(y / size) + j) * n + n // 2 + round(x / size) + i] == 100
+                            for i in (-1, 0, 1) for j in (-1, 0, 1))
+    return sum(near(x, y) for x, y in rim)
+
+def publish_and_count():
+    message = PointCloud(points=[Point32(x, y, 0.1) for x, y in rim])
+    message.header.frame_id, message.header.stamp = "base_link", rospy.Time.now()
+    clouds.publish(message)
+    return marked_points() >= 65
+
+found["ring before"] = marked_points()
+wait(publish_and_count, "the marks of a cloud")
+
 # another footprint
 setter = rospy.Publisher("/move_base/local_costmap/footprint", Polygon, queue_size=1)
 wait(lambda: setter.get_num_connections() > 0, "a subscriber of footprints")
@@ -134,6 +155,8 @@ SETTINGS = (
     "local_costmap.obstacle_layer.publish_voxel_map=true",
     "global_costmap.static_layer.subscribe_to_updates=true",
     "NavfnROS.visualize_potential=true",
+    "local_costmap.obstacle_layer.bump.data_type=PointCloud",
+    "local_costmap.obstacle_layer.bump.topic=old_cloud",
 )
 
 
@@ -159,6 +182,11 @@ def test_plans_of_the_planner_during_a_goal(found: dict[str, Any]) -> None:
     assert before == during > 50 and frame == "map" and is_stamped
     assert found["other frame"] == [0, "map"]
     assert found["busy"]
+
+
+def test_a_cloud_of_the_older_kind_marks(found: dict[str, Any]) -> None:
+    """`data_type: PointCloud` is a sensor_msgs/PointCloud; the client has waited for its marks."""
+    assert found["ring before"] < 65
 
 
 def test_clouds(found: dict[str, Any]) -> None:
