@@ -36,9 +36,9 @@ class PlanOptions(NamedTuple):
         str | None,
         typer.Option(
             "--compare",
-            metavar="NAME[:PARAMS|:KEY=VALUE..],..",
-            help="Compare planners, each with parameters of its own: a file over those of --params, a packaged set or folder "
-            "in their place, values of the planner. One table, one picture; --json prints a list.",
+            metavar="NAME[+SMOOTHER][:PARAMS|:KEY=VALUE..],..",
+            help="Compare planners, each with a smoother and parameters of its own: a file over those of --params, a packaged "
+            "set or folder in their place, values of the planner. One table, one picture; --json prints a list.",
         ),
     ] = None
     set_: options.Set = []

@@ -35,10 +35,10 @@ class Parameters(NamedTuple):
         from navstack.parameters.configuration import load_configuration
         from navstack.parameters.sources import Override
 
-        overrides = [*self.overrides, *values]
+        overrides = list(self.overrides)
         if self.smoother is not None:
             overrides.append(Override(f"base_smoother={self.smoother}", f"--smoother {self.smoother}"))
-        return load_configuration(sources, overrides=overrides, allow_missing=self.allow_missing)
+        return load_configuration(sources, overrides=[*overrides, *values], allow_missing=self.allow_missing)
 
 
 def single(parameters: Parameters, planner: str | None) -> Candidate:
@@ -47,10 +47,11 @@ def single(parameters: Parameters, planner: str | None) -> Candidate:
 
 
 def compared(parameters: Parameters, compare: str) -> list[Candidate]:
-    """The candidates of `--compare`, each once: `PLANNER[:PARAMS][:KEY=VALUE]..` with commas between them.
+    """The candidates of `--compare`, each once: `PLANNER[+SMOOTHER][:PARAMS][:KEY=VALUE]..` with commas between them.
 
-    PARAMS is a file over those of `--params`, or a packaged set or folder in their place; `:PARAMS` stands for the planner of
-    these parameters. KEY is a parameter of the planner. Raises InputError or ParameterError.
+    SMOOTHER stands in the place of that of `--smoother`. PARAMS is a file over those of `--params`, or a packaged set or folder
+    in their place; `:PARAMS` stands for the planner of these parameters. KEY is a parameter of the planner. Raises InputError or
+    ParameterError.
     """
     from navstack.core.errors import InputError
 
@@ -70,20 +71,23 @@ def _entry(parameters: Parameters, loaded: Configuration, entry: str) -> Candida
     from navstack.core.errors import InputError
     from navstack.parameters.sources import Override
 
-    name, *parts = (part.strip() for part in entry.replace("::", "/").split(":"))
+    first, *parts = (part.strip() for part in entry.replace("::", "/").split(":"))
+    name, plus, smoother = (part.strip() for part in first.partition("+"))
     values = [part for part in parts if "=" in part]
     sets = [part for part in parts if "=" not in part]
-    if len(sets) > 1 or not all(part.partition("=")[0] for part in parts) or not (name or sets):
+    wrong = len(sets) > 1 or not all(part.partition("=")[0] for part in parts) or not (name or sets)
+    if wrong or bool(plus) != bool(smoother):
         raise InputError(
-            f'--compare "{entry}" is not PLANNER[:PARAMS][:KEY=VALUE]..; '
-            "give for example smac_hybrid:car_mppi or smac_hybrid:minimum_turning_radius=0.8",
+            f'--compare "{entry}" is not PLANNER[+SMOOTHER][:PARAMS][:KEY=VALUE]..; '
+            "give for example smac_hybrid:car_mppi, smac_hybrid:minimum_turning_radius=0.8 or navfn+simple",
             argument="--compare",
         )
     sources = _sources(parameters.sources, sets[0]) if sets else parameters.sources
-    configuration = parameters.load(sources) if sets else loaded
+    overrides = [Override(f"base_smoother={smoother}", f"--compare {entry}")] if smoother else []
+    configuration = parameters.load(sources, overrides) if sets or overrides else loaded
     if values:
         namespace = _candidate(configuration, name or None, "").planner.namespace
-        overrides = [Override(f"{namespace}/{value}", f"--compare {entry}") for value in values]
+        overrides += [Override(f"{namespace}/{value}", f"--compare {entry}") for value in values]
         configuration = parameters.load(sources, overrides)
     return _candidate(configuration, name or None, "".join(f":{part}" for part in parts))
 

@@ -95,6 +95,12 @@ def test_invalid_input_gives_one_message(arguments: list[str], capfd: pytest.Cap
             'cannot be used: footprint = "[[0,0],[1,1],[2" is not a list of points',
         ),
         (["--footprint", "[[1,1],[1,2],[2,2],[2,1]]"], 0, "warning: --footprint: the footprint does not contain"),
+        (
+            ["--compare", "navfn,navfn+simpel"],
+            2,
+            '--compare navfn+simpel: unknown smoother "simpel"; did you mean "simple"?',
+        ),
+        (["--compare", "navfn+"], 2, '--compare "navfn+" is not PLANNER[+SMOOTHER]'),
         (["--smoother", "simpel"], 2, 'unknown smoother "simpel"; did you mean "simple"?'),
     ],
 )
@@ -105,6 +111,14 @@ def test_messages_name_the_option(
     err = capfd.readouterr().err
     assert " ".join(err.split()).count(message) == 1
     assert "--set" not in err
+
+
+def test_each_entry_may_have_a_smoother(capfd: pytest.CaptureFixture[str]) -> None:
+    compare = "navfn+simple,navfn + constrained:default_tolerance=0.1,navfn"
+    assert run([*QUERY, "--compare", compare, "--smoother", "savitzky_golay", "--json"]) == 0
+    documents = json.loads(capfd.readouterr().out)
+    assert [d["smoother"] for d in documents] == ["simple", "constrained", "savitzky_golay"]
+    assert len({d["length_m"] for d in documents}) == 3
 
 
 def test_the_smoother_is_named_and_timed(capfd: pytest.CaptureFixture[str]) -> None:
