@@ -33,14 +33,14 @@ class PlanOptions(NamedTuple):
     ] = None
     footprint: options.Footprint = None
     compare: Annotated[
-        str | None,
+        list[str],
         typer.Option(
             "--compare",
             metavar="NAME[+SMOOTHER][:PARAMS|:KEY=VALUE..],..",
             help="Compare planners, each with a smoother and parameters of its own: a file over those of --params, a packaged "
-            "set or folder in their place, values of the planner. One table, one picture; --json prints a list.",
+            "set or folder in their place, values of the planner (repeatable). One table, one picture; --json prints a list.",
         ),
-    ] = None
+    ] = []
     set_: options.Set = []
     allow_missing: options.AllowMissing = False
 
@@ -69,7 +69,7 @@ def plan(
 
     query, candidates = _load(chosen)
     files = chosen_files(out, {"picture": "plan.png", "plan": "plan.json"}) if out is not None else {}
-    if chosen.compare is not None:
+    if chosen.compare:
         _compare(query, candidates, files, json_)
     else:
         _plan(query, candidates[0], files, json_)
@@ -86,17 +86,17 @@ def _load(chosen: PlanOptions) -> tuple[_Query, list[Candidate]]:
 
     start, goal = parse_pose(chosen.start, "--start"), parse_pose(chosen.goal, "--goal")
     path, grid = map_of(chosen.map_)
-    if chosen.compare is not None and chosen.planner is not None:
+    if chosen.compare and chosen.planner is not None:
         raise InputError(
-            f'--compare "{chosen.compare}" and --planner "{chosen.planner}" exclude each other; give one of them',
+            f'--compare "{",".join(chosen.compare)}" and --planner "{chosen.planner}" exclude each other; give one of them',
             argument="--compare",
         )
     overrides = [*chosen.set_, *footprint_overrides(chosen.footprint)]
     parameters = Parameters(chosen.params, overrides, chosen.smoother, chosen.allow_missing)
-    if chosen.compare is None:
-        candidates = [single(parameters, chosen.planner)]
+    if chosen.compare:
+        candidates = compared(parameters, ",".join(chosen.compare))
     else:
-        candidates = compared(parameters, chosen.compare)
+        candidates = [single(parameters, chosen.planner)]
     print_findings(list(dict.fromkeys(f for c in candidates for f in c.configuration.findings)))
     note_off_the_map(grid, start, [goal])
     return _Query(grid, start, goal, path), candidates

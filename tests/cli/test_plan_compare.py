@@ -45,7 +45,8 @@ def test_parameter_sets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: 
     assert omni["length_m"] != plain["length_m"]
     assert [d["cusps"] for d in documents] == [None] * 4
     assert [d["smoother"] for d in documents] == [None] * 4
-    assert run([*QUERY, "--compare", ",".join(entries)]) == 0
+    repeated = [word for entry in entries for word in ("--compare", entry)]
+    assert run([*QUERY, *repeated]) == 0
     assert "\n :scale.yaml " in capfd.readouterr().out
 
 
