@@ -21,7 +21,7 @@ from navstack.map_io import load_map, map_names, map_path
 from navstack.places import load_places
 from navstack.sim import World
 
-NAMES = ["maze", "office", "warehouse"]
+NAMES = ["clinic", "maze", "office", "warehouse"]
 ROBOT_RADIUS = 0.25
 
 
@@ -53,7 +53,7 @@ def script() -> ModuleType:
 
 def test_names() -> None:
     assert map_names() == NAMES
-    with pytest.raises(MapError, match=r'unknown packaged map "ofice"; choose one of maze, office, warehouse'):
+    with pytest.raises(MapError, match=r'unknown packaged map "ofice"; choose one of clinic, maze, office, warehouse'):
         map_path("ofice")
 
 

@@ -348,7 +348,39 @@ def warehouse() -> Plan:
     return plan
 
 
-PLANS = (office, maze, warehouse)
+def clinic() -> Plan:
+    """Wards on both sides of a service corridor of 1.3 m, behind doors of 1.0 m: a trolley fits, but hardly turns."""
+    plan = Plan("clinic", "Clinic: wards along a corridor 1.3 m wide, doors 1.0 m wide", (15.0, 11.0), (-0.5, -0.5))
+    width, height = 14.0, 10.0
+    west, east, south, north = 1.85, 12.65, 2.05, 5.95  # centrelines of the inner block's walls
+    corridor = 7.35  # centreline of the wall between corridor and northern wards
+    plan.outer_walls(width, height)
+    plan.wall(west, south, east, south)
+    plan.wall(west, north, east, north)
+    plan.wall(west, south, west, north)
+    plan.wall(east, south, east, north)
+    plan.wall(7.0, south, 7.0, north)
+    plan.wall(0, corridor, width, corridor)
+    for x in (5.0, 9.5):
+        plan.wall(x, corridor, x, height)
+    for x, y in ((3.5, south), (9.5, south), (8.4, north), (3.2, corridor), (7.6, corridor)):
+        plan.door(x, y, along="x", width=1.0)
+    plan.places = {
+        "hall": (8.0, 1.0, WEST),
+        "hall_east": (12.8, 1.0, WEST),
+        "corridor_west": (1.6, 6.65, EAST),
+        "corridor_east": (11.0, 6.65, WEST),
+        "ward_1": (4.0, 4.4, NORTH),
+        "ward_2": (9.8, 4.0, SOUTH),
+        "ward_3": (2.6, 8.9, NORTH),
+        "ward_4": (7.0, 8.9, NORTH),
+    }
+    plan.start = "corridor_west"
+    plan.goals = ("ward_3", "ward_4", "ward_2")
+    return plan
+
+
+PLANS = (office, maze, warehouse, clinic)
 
 
 def draw(folder: Path, plans: Sequence[Plan]) -> list[Path]:

@@ -112,7 +112,7 @@ def test_info(capfd: pytest.CaptureFixture[str]) -> None:
     assert run(["info", "--json"]) == 0
     found = json.loads(capfd.readouterr().out)
     assert found["versions"]["navstack"] == __version__
-    assert {"office", "maze", "warehouse"} <= set(found["maps"])
+    assert {"clinic", "office", "maze", "warehouse"} <= set(found["maps"])
     assert "turtlebot" in found["parameters"]
     planners = {p["name"]: p["aliases"] for p in found["plugins"]["global planner"]}
     assert "navfn/NavfnROS" in planners["navfn"]

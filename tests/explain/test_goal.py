@@ -13,9 +13,10 @@ import pytest
 from PIL import Image
 
 from navstack.cli.app import run
-from navstack.core import Pose2D
+from navstack.core import Event, Pose2D
 from navstack.core.errors import InputError, RecordError
 from navstack.explain.goal import GoalReport, TimelineEntry, explain_goal, explain_goals
+from navstack.explain.goal.plans import plan_lines
 from navstack.map_io import load_map, map_path
 from navstack.parameters.configuration import load_configuration
 from navstack.record import Record
@@ -150,6 +151,20 @@ def test_no_valid_command() -> None:
     lines = of(report, "control_failed")
     assert sum(line.count for line in lines) == len(report.failed_commands) > 2
     assert lines[-1].text.endswith("; controller patience exhausted (controller_patience 1)")
+
+
+def test_plans_between_failures_of_the_controller_share_a_line() -> None:
+    def event(kind: str, time: float, length: float = 2.0) -> Event:
+        return Event(time, kind, "", {"length_m": length} if kind == "plan" else {})
+
+    kinds = ["plan", "plan", "control_failed", "plan", "control_failed", "plan", "recovery", "plan"]
+    lines = plan_lines([event(kind, 0.1 * k, 2.0 - 0.1 * k) for k, kind in enumerate(kinds)])
+    assert [line.text for line in lines] == [
+        "plan found: 2.00 m",
+        "replanned: 1.90 m",
+        "replanned 2 times: from 1.70 m to 1.50 m",
+        "plan found: 1.30 m",
+    ]
 
 
 def test_cancelled_and_replaced_goals() -> None:

@@ -28,7 +28,7 @@ CASES = {
     "nothing": (
         "",
         f"1:1: goals are missing; add `goals: [..]`, a list of {POSE}",
-        "1:1: map is missing; add `map: FILE.yaml`, relative to this file, or a packaged map (maze, office, warehouse)",
+        "1:1: map is missing; add `map: FILE.yaml`, relative to this file, or a packaged map (clinic, maze, office, warehouse)",
         f"1:1: start is missing; add `start: {POSE}`",
     ),
     "not yaml": (
@@ -70,7 +70,7 @@ CASES = {
     ),
     "map is a list": (
         "map: [office]\nstart: [1, 1]\ngoals: [[2, 2]]\n",
-        "1:6: map is a list; write the file of a map, relative to this file, or a packaged map (maze, office, warehouse)",
+        "1:6: map is a list; write the file of a map, relative to this file, or a packaged map (clinic, maze, office, warehouse)",
     ),
     "place misspelt": (
         GOOD.replace("office_2", "ofice_2"),

@@ -21,6 +21,8 @@ from typing import Any
 
 import numpy as np
 
+from navstack.map_io import map_names
+
 CLICKS = 40
 
 
@@ -29,7 +31,7 @@ class Server:
 
     def __init__(self, arguments: argparse.Namespace, *more: str) -> None:
         where = [arguments.map, "--start", arguments.start, *(f"--goal={goal}" for goal in arguments.goal)]
-        if arguments.map in ("office", "maze", "warehouse"):
+        if arguments.map in map_names():
             where = [arguments.map]
         command = [sys.executable, "-m", "navstack", "live", *where, "--no-open", "--port", "0", *more]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)

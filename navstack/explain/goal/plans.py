@@ -13,15 +13,21 @@ NEW_ROUTE_M = 0.5
 
 
 def plan_lines(events: Sequence[Event]) -> list[TimelineEntry]:
-    """Lines for the first plan, every plan after a failure and every new route; other replans share a line."""
+    """Lines for the first plan, every plan after a failure and every new route; other replans share a line.
+
+    Replans before the first failure of the controller have a line of their own; those between its failures share one.
+    """
     lines: list[TimelineEntry] = []
     replans: list[Event] = []
     previous: Event | None = None
+    control_fails = False
     for event in events:
-        if event.kind in ("plan_failed", "recovery", "control_failed"):
+        if event.kind in ("plan_failed", "recovery"):
             lines += _take(replans)
-            if event.kind != "control_failed":
-                previous = None
+            previous, control_fails = None, False
+        elif event.kind == "control_failed" and not control_fails:
+            lines += _take(replans)
+            control_fails = True
         if event.kind != "plan":
             continue
         if previous is None:
