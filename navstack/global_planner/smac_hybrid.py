@@ -48,7 +48,6 @@ class SmacHybridPlanner(PosePlanner):
     Params = SmacHybridParams
     params: SmacHybridParams
     finer_headings = (2, 4)
-    shortest_in_the_open = True
 
     def __init__(self, params: SmacHybridParams | None = None) -> None:
         super().__init__(params or SmacHybridParams())

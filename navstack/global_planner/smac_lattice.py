@@ -88,6 +88,11 @@ class SmacLatticePlanner(PosePlanner):
     def _reverse(self) -> bool:
         return self.params.allow_reverse_expansion
 
+    @property
+    def shortest_in_the_open(self) -> bool:
+        """Whether the robot steers: one that turns in place, or drives in any direction, has shorter ways than curves."""
+        return next(iter(self._lattices.values())).motion_model == "ackermann"
+
     def settings(self, resolution: float) -> dict[str, Any]:
         """Return the settings of the search for these primitives."""
         lattice = self.lattice(resolution)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from navstack.core import Costmap, Footprint, GridGeometry, Path, Pose2D
 from navstack.core.errors import PlanningError
 from navstack.interfaces import GlobalPlanner, Plan
+from tests.curves import brute_force
 
 TOLERANCE = 1e-6
 
@@ -164,6 +165,21 @@ class Referee:
                 xy = a[:2] + part[:, None] * np.column_stack((np.cos(angle), np.sin(angle)))
             out.append(np.column_stack((xy, a[2] + turn * k)))
         return np.concatenate(out)
+
+
+def weighted_length(path: Path, backward: float) -> float:
+    """Length (m) of a path, in which driving backward counts `backward` times."""
+    step = np.hypot(*np.diff(path.poses[:, :2], axis=0).T)
+    return float((step * np.where(path.directions[:-1] < 0, backward, 1.0)).sum())
+
+
+def shortest_word(start: Pose2D, goal: Pose2D, radius: float, backward: float) -> float:
+    """Length (m) of the shortest word of Reeds and Shepp by the same measure, by brute force; of Dubins if it is infinite."""
+    there = complex(goal.x - start.x, goal.y - start.y) * np.exp(-1j * start.yaw) / radius
+    x, y, yaw = (np.array([v]) for v in (there.real, there.imag, goal.yaw - start.yaw))
+    if math.isinf(backward):
+        return radius * float(brute_force.dubins(x, y, yaw)[0])
+    return radius * float(brute_force.reeds_shepp(x, y, yaw, backward)[0])
 
 
 def random_queries(

@@ -17,9 +17,8 @@ from navstack.core.errors import (
     StartOccupiedError,
 )
 from navstack.global_planner import SmacHybridParams, SmacHybridPlanner
-from tests.curves import brute_force
 from tests.global_planner.fuzz_poses import run
-from tests.global_planner.pose_referee import Referee, inflated, random_queries
+from tests.global_planner.pose_referee import Referee, inflated, random_queries, shortest_word, weighted_length
 
 BOX = Footprint(np.array([[0.45, 0.3], [0.45, -0.3], [-0.25, -0.3], [-0.25, 0.3]]))
 ROUND = Footprint.from_radius(0.22)
@@ -67,15 +66,9 @@ def test_length_in_empty_space(model: str, penalty: float, resolution: float) ->
             for d in (-half, half)
         )
         search = planner(motion_model_for_search=model, reverse_penalty=penalty, minimum_turning_radius=radius)
-        path = search.make_plan(costmap, start, goal).path
-        step = np.hypot(*np.diff(path.poses[:, :2], axis=0).T)
-        length = float((step * np.where(path.directions[:-1] < 0, penalty, 1.0)).sum())
-        there = complex(goal.x - start.x, goal.y - start.y) * np.exp(-1j * start.yaw) / radius
-        x, y, yaw = (np.array([v]) for v in (there.real, there.imag, goal.yaw - start.yaw))
-        if model == "DUBIN":
-            least = most = radius * brute_force.dubins(x, y, yaw)[0]
-        else:
-            least, most = (radius * brute_force.reeds_shepp(x, y, yaw, p)[0] for p in (1.0, penalty))
+        length = weighted_length(search.make_plan(costmap, start, goal).path, penalty)
+        penalties = (math.inf, math.inf) if model == "DUBIN" else (1.0, penalty)
+        least, most = (shortest_word(start, goal, radius, p) for p in penalties)
         assert 0.99 * least - 1e-9 <= length <= 1.03 * most + 1e-9
 
 

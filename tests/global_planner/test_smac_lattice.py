@@ -15,7 +15,7 @@ from navstack.global_planner import SmacLatticeParams, SmacLatticePlanner
 from navstack.lattice import generate_lattice, write_lattice
 from navstack.parameters.configuration import load_configuration
 from tests.global_planner.fuzz_poses import run
-from tests.global_planner.pose_referee import Referee, inflated, random_queries
+from tests.global_planner.pose_referee import Referee, inflated, random_queries, shortest_word, weighted_length
 from tests.global_planner.test_smac_hybrid import BOX, RESOLUTION, ROUND, empty, rooms
 
 FILE = "5cm_resolution/0.5m_turning_radius/{}/output.json"
@@ -78,15 +78,14 @@ def test_an_omnidirectional_robot_slides() -> None:
 
 def test_length_in_empty_space() -> None:
     """The shortest curve of the turning radius, from any heading to any heading."""
-    from navstack.curves import reeds_shepp_curve
-
     rng = np.random.default_rng(6)
-    search = planner(allow_reverse_expansion=True, reverse_penalty=1.0)
-    for _ in range(8):
+    searches = {penalty: planner(allow_reverse_expansion=True, reverse_penalty=penalty) for penalty in (1.0, 2.0)}
+    for _ in range(20):
         start, goal = (Pose2D(*(float(v) for v in rng.uniform((2.5, 2.5, -3.1), (5.5, 5.5, 3.1)))) for _ in range(2))
-        length = search.make_plan(empty(), start, goal).length_m
-        curve = reeds_shepp_curve(start, goal, 0.5).length
-        assert 0.997 * curve - 1e-9 <= length <= 1.03 * curve + 1e-9
+        least = shortest_word(start, goal, 0.5, 1.0)
+        for penalty, search in searches.items():
+            length = weighted_length(search.make_plan(empty(), start, goal).path, penalty)
+            assert 0.997 * least - 1e-9 <= length <= 1.03 * shortest_word(start, goal, 0.5, penalty) + 1e-9
 
 
 def test_primitive_files(tmp_path: Path) -> None:

@@ -99,8 +99,10 @@ class PosePlanner(GlobalPlanner):
     finer_headings: ClassVar[tuple[int, ...]] = ()
     """Where no path is found: how many times as many headings are tried, one after the other."""
 
-    shortest_in_the_open: ClassVar[bool] = False
-    """Whether the shortest curve is the plan where it leads over cells of cost 0 only."""
+    @property
+    def shortest_in_the_open(self) -> bool:
+        """Whether the shortest curve is the plan where it leads over cells of cost 0 only."""
+        return True
 
     @property
     def downsampling(self) -> int:
@@ -271,7 +273,7 @@ class PosePlanner(GlobalPlanner):
             poses = np.array([start, start], np.float64)
             return Plan(Path(poses, request.frame), 0.0, goal if moved == 0.0 else start, moved, notes=notes)
         outcome = engine.follow(ends.start, ends.goals)
-        if outcome is None and self.shortest_in_the_open:
+        if outcome is None and self.shortest_in_the_open and self.params.analytic_expansion_max_length > 0.0:
             outcome = engine.open_curve(ends.start, ends.goals, shorten=self.params.smooth_path)
         if outcome is None:
             outcome = self._outcome(engine, grid.geometry.resolution, ends)
