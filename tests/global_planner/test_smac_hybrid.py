@@ -191,6 +191,11 @@ def test_a_goal_in_an_obstacle() -> None:
     plan = planner(tolerance=0.5).make_plan(costmap, Pose2D(1.0, 3.5, 0.0), near, footprint=BOX)
     assert 0.0 < plan.goal_moved_m <= 0.5
     assert any("tolerance" in note for note in plan.notes)
+    with pytest.raises(
+        PlanningTimeoutError, match=r"no path .* nor to \(1\.985, 2\.045\) within the tolerance, found within"
+    ):
+        beside = Pose2D(1.985, 1.995, 0.3)
+        planner(max_iterations=1000).make_plan(costmap, Pose2D(1.0, 4.0, 0.0), beside)
 
 
 @pytest.mark.parametrize("tolerance", [0.0, 0.15])

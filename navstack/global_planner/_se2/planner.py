@@ -279,7 +279,11 @@ class PosePlanner(GlobalPlanner):
             outcome = self._outcome(engine, grid.geometry.resolution, ends)
         engine.remember(outcome)
         if not outcome.found:
-            raise reasons.no_path(engine, grid, start, goal, outcome, self.params)
+            x, y, yaw = (float(v) for v in ends.goals[0, :3])
+            g = grid.geometry
+            searched = Pose2D(x * g.resolution + g.origin_x, y * g.resolution + g.origin_y, yaw)
+            moved_to = None if searched.distance_to(goal) < 1e-9 else searched
+            raise reasons.no_path(engine, grid, (start, goal, moved_to), outcome, self.params)
         return self._plan(outcome, grid, request)
 
     def _outcome(self, engine: PoseSearch, resolution: float, ends: _Ends) -> Outcome:
@@ -338,7 +342,7 @@ class PosePlanner(GlobalPlanner):
         moved = goal.distance_to(end)
         notes: list[str] = []
         if moved > 0.0 or (end != goal and not outcome.reached):
-            turned = abs(normalize_angle(end.yaw - goal.yaw))
+            turned = min(abs(normalize_angle(end.yaw - yaw)) for yaw in self.goal_yaws(goal.yaw))
             notes.append(
                 f"the goal itself cannot be reached; the plan ends {moved:.2f} m and {turned:.2f} rad from it (tolerance)"
             )

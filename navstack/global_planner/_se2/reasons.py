@@ -117,13 +117,21 @@ def no_connection(grid: Costmap, start: Pose2D, goal: Pose2D, allow_unknown: boo
 
 
 def no_path(
-    engine: PoseSearch, grid: Costmap, start: Pose2D, goal: Pose2D, outcome: Outcome, params: PosePlannerParams
+    engine: PoseSearch,
+    grid: Costmap,
+    ends: tuple[Pose2D, Pose2D, Pose2D | None],
+    outcome: Outcome,
+    params: PosePlannerParams,
 ) -> PlanningError:
-    """The error for a search that found no path: where the passage is too narrow, or where there is no room to turn."""
+    """The error for a search that found no path: where the passage is too narrow, or where there is no room to turn.
+
+    `ends`: start, goal, and the pose within the tolerance that was searched for instead of the goal.
+    """
     g = grid.geometry
+    start, goal, moved_to = ends
     near = (outcome.nearest[0] * g.resolution + g.origin_x, outcome.nearest[1] * g.resolution + g.origin_y)
     distance = math.hypot(near[0] - goal.x, near[1] - goal.y)
-    narrow = narrow_stretches(engine, grid, start, goal, params.allow_unknown)
+    narrow = narrow_stretches(engine, grid, start, moved_to or goal, params.allow_unknown)
     if narrow is None:  # the heuristic, with larger cells, saw a way
         return no_connection(grid, start, goal, params.allow_unknown)
     data: dict[str, Any] = {
@@ -134,13 +142,15 @@ def no_path(
         "narrow": narrow,
     }
     where = f"the nearest state reached is at ({near[0]:.2f}, {near[1]:.2f}), {distance:.2f} m from the goal"
-    ends = f"from ({start.x:.3f}, {start.y:.3f}) to ({goal.x:.3f}, {goal.y:.3f})"
+    way = f"from ({start.x:.3f}, {start.y:.3f}) to ({goal.x:.3f}, {goal.y:.3f})"
+    if moved_to is not None:
+        way += f", nor to ({moved_to.x:.3f}, {moved_to.y:.3f}) within the tolerance,"
     if outcome.status == kernels.LIMIT:
         limit = f"max_iterations = {params.max_iterations}"
         if outcome.timed_out:
             limit = f"max_planning_time = {params.max_planning_time} s"
         return PlanningTimeoutError(
-            f"no path {ends} found within {limit}, after {outcome.expanded:,} states; {where}{_narrow_text(narrow)}; "
+            f"no path {way} found within {limit}, after {outcome.expanded:,} states; {where}{_narrow_text(narrow)}; "
             + (
                 "another way needs a higher limit"
                 if narrow
@@ -164,7 +174,7 @@ def no_path(
             f"{yaw:.2f} rad it cannot go on; the turning radius is too large there, or the goal can be reached at another "
             "heading only"
         )
-    return NoValidPathError(f"no path {ends} for this footprint and turning radius; {where}{text}", **data)
+    return NoValidPathError(f"no path {way} for this footprint and turning radius; {where}{text}", **data)
 
 
 def _narrow_text(narrow: list[dict[str, Any]]) -> str:
