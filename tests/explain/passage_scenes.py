@@ -28,7 +28,7 @@ from tests.global_planner.pose_referee import Referee
 
 RESOLUTION: Final = 0.05
 SIZE_M: Final = 11.0
-KINDS: Final = ("door", "slanted door", "two walls", "corridor behind", "niche behind", "posts")
+KINDS: Final = ("door", "slanted door", "two walls", "corridor behind", "niche behind", "posts", "clutter")
 MARGIN_M: Final = 0.002
 """m: a pose is surely free if the footprint padded by this is free, and surely not if it is not free shrunk by it."""
 STEP: Final = math.radians(2.0)
@@ -158,6 +158,12 @@ def scene(seed: int) -> Scene:
     elif kind == "posts":
         wall = np.abs(np.abs(v) - 0.5 * width - 0.1) <= 0.1
         wall &= np.abs(u) <= 0.1
+    elif kind == "clutter":
+        for bx, by in rng.uniform(-3.0, 3.0, (40, 2)):
+            half = float(rng.uniform(0.05, 0.3))
+            # the way straight through stays free for 1.3 times the length of the robot
+            beside = max(abs(by) - half - 0.5 * width, abs(bx) - half - 1.3 * footprint.circumscribed_radius)
+            wall |= (np.abs(u - bx) < half) & (np.abs(v - by) < half) if beside > 0.0 else False
     wall |= (np.abs(x) > 0.5 * SIZE_M - 0.1) | (np.abs(y) > 0.5 * SIZE_M - 0.1)
     data = np.where(wall, 100, 0).astype(np.int8)
     geometry = GridGeometry(n, n, RESOLUTION, -0.5 * SIZE_M, -0.5 * SIZE_M)
@@ -286,6 +292,10 @@ def way_faults(scene: Scene, report: PassageReport, passage: Passage, shape: Sha
     assert shape.path is not None
     referee = Referee(report.costmap, scene.footprint, False, scene.radius, True)
     found = referee.faults_of_path(shape.path)
+    bar = shapely.LineString(passage.ends)
+    for end in (0, len(shape.path) - 1):
+        if shapely.Polygon(scene.footprint.at(shape.path[end])).intersects(bar):
+            found.append("an end is still in the opening")
     if len(crossings(shape.path.poses, passage)) % 2 == 0:
         found.append("the way does not cross the opening")
     signs = shape.path.directions

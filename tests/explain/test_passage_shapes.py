@@ -15,7 +15,7 @@ from navstack.explain.passages import ShapePassage
 from navstack.explain.passages.crossing import crossings
 from navstack.parameters.configuration import Configuration, load_configuration
 from navstack.plan_once import plan_on_map
-from tests.explain.passage_scenes import disagreements
+from tests.explain.passage_scenes import KINDS, disagreements
 from tests.explain.passage_scenes import scene as random_scene
 from tests.explain.rooms import RESOLUTION, two_rooms
 
@@ -93,7 +93,7 @@ def test_unknown_walls_are_walls_for_a_shape(long_robot: Configuration) -> None:
     assert only(found).verdict == "blocked"
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(len(KINDS)))
 def test_random_openings_agree_with_the_brute_force(seed: int) -> None:
     assert disagreements(random_scene(seed)) == []
 

@@ -1,28 +1,50 @@
-"""How a robot with a turning radius gets through an opening: a motion from one side to the other, by smac_hybrid."""
+"""How a robot with a turning radius gets through an opening: the motion with the fewest changes of direction.
+
+The search is over all poses in the opening, i.e. with a part of the robot on the line between the two obstacles: first from the
+line to both sides, which shows where the robot can be out of the opening, then from one side to the other. So it is small,
+and complete up to its steps.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
-from navstack.core import INSCRIBED, UNKNOWN, Costmap, Footprint, GridGeometry, Path, Pose2D
-from navstack.core.errors import PlanningError
-from navstack.explain.passages.headings import HeadingRange
+from navstack.core import Costmap, Footprint, Path
+from navstack.explain.passages import _crossing_kernels as kernels
+from navstack.explain.passages.headings import HeadingRange, along_line, padded_corners
 from navstack.explain.passages.report import Passage
-from navstack.global_planner.smac_hybrid import SmacHybridParams, SmacHybridPlanner
 
-_CUSP_M: Final = 5.0
-"""m: a change of direction is avoided if a detour of this length does."""
-_STATES: Final = 20_000
-_RANGES: Final = 4
-_STARTS: Final = 4
-"""Headings at which a way may begin beside the opening, one turn apart in all."""
+_STEP: Final = 2.0
+"""Length of a motion in cells of the search: a motion leads to another cell."""
+_CHECK: Final = 0.25
+"""Distance of the poses that are checked along a motion, in cells of the costmap."""
+_STATES: Final = 1_000_000
+"""Poses of one search, at most: 32 MB."""
+
+
+class _Fineness(NamedTuple):
+    """Steps of a search; it keeps one pose per cell, heading and direction of travel."""
+
+    per_radius: int
+    """Cells per circumscribed radius."""
+    headings: int
+    every: int
+    """Of the points on the line between the obstacles, from which the search begins."""
+    turn: float
+    """Step of the headings there (rad)."""
+    changes: int
+    """Most changes of direction."""
+
+
+_QUICK: Final = _Fineness(36, 180, 8, math.radians(10.0), 0)
+"""Finds most ways without a change of direction."""
+_FULL: Final = (_Fineness(36, 180, 1, math.radians(1.0), 99), _Fineness(72, 360, 1, math.radians(0.5), 99))
+"""The second one where the first one finds nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,129 +57,105 @@ class Crossing:
     """Changes between driving forward and backward."""
 
 
+class _Window(NamedTuple):
+    """The poses around an opening. Lengths in cells of the costmap."""
+
+    bar: NDArray[np.float64]
+    settings: NDArray[np.void]
+    shape: tuple[int, ...]
+    """(2, headings, ny, nx) of the cells of the search: directions of travel, headings, positions."""
+
+
 class CrossingSearch:
     """Searches motions through openings of one costmap, for one footprint and turning radius (m)."""
 
     def __init__(self, costmap: Costmap, footprint: Footprint, radius: float) -> None:
-        self.costmap, self.footprint = costmap, footprint
-        self.reach = 2.0 * footprint.circumscribed_radius + 3.0 * radius
-        turned = Footprint(-footprint.vertices).polygon
-        self.symmetric = footprint.polygon.symmetric_difference(turned).area < 1e-9 * turned.area
-        """Forward and backward are the same: a way is also one for the opposite headings."""
-        self.planner = SmacHybridPlanner(
-            SmacHybridParams(
-                motion_model_for_search="REEDS_SHEPP",
-                minimum_turning_radius=radius,
-                goal_heading_mode="ALL_DIRECTION",
-                max_iterations=_STATES,
-                start_policy="refuse",
-                cost_penalty=0.0,
-                reverse_penalty=1.0,
-                non_straight_penalty=1.0,
-                cusp_penalty=_CUSP_M,
-            )
-        )
-        self.free: NDArray[np.bool_] = (costmap.data < INSCRIBED) | (costmap.data == UNKNOWN)
+        g = costmap.geometry
+        self.costmap, self.costs = costmap, np.ascontiguousarray(costmap.data)
+        self.corners = padded_corners(footprint, g.resolution) / g.resolution
+        self.hull = _hull_with_base(self.corners)
+        self.reach = float(np.hypot(*self.corners).max())
+        self.curvature = g.resolution / radius
+        self.nodes, self.ends = np.empty(_STATES, kernels.NODE), np.empty((_STATES, 2), np.int32)
 
     def through(self, passage: Passage, headings: tuple[HeadingRange, ...]) -> Crossing | None:
-        """The way with the fewest changes of direction among those found; None if none is found."""
-        window = self._window(passage)
-        best: Crossing | None = None
-        for path in self._ways(window, passage, headings):
-            if best is None or path.cusps < best.changes:
-                best = Crossing(path, path.cusps)
-            if best.changes == 0:
-                break
-        return best
+        """The way with the fewest changes of direction; None if none is found."""
+        found = (self._with(fineness, passage, headings) for fineness in (_QUICK, *_FULL))
+        return next((way for way in found if way is not None), None)
 
-    def _ways(self, window: Costmap, passage: Passage, headings: tuple[HeadingRange, ...]) -> Iterator[Path]:
-        """Ways between wide places on both sides, far and near: through the middle of a range of headings, then any."""
-        for reach in (self.reach, self.footprint.circumscribed_radius):
-            before, beyond = (self._target(window, passage, side, reach) for side in (-1.0, 1.0))
-            if before is None or beyond is None:
-                continue
-            for chosen in self._distinct(headings)[:_RANGES]:
-                first = self._leg(window, chosen.pose, before)
-                second = self._leg(window, chosen.pose, beyond) if len(first) else first
-                if _ends_beyond(first, passage, before) and _ends_beyond(second, passage, beyond):
-                    # Reeds-Shepp motions can be reversed: in by the first leg, out by the second
-                    yield Path(np.concatenate((first[::-1], second[1:])), window.frame)
-            for k in range(_STARTS // 2 if self.symmetric else _STARTS):
-                poses = self._leg(window, Pose2D(*before, 2.0 * math.pi * k / _STARTS), beyond)
-                if len(crossings(poses, passage)) % 2:
-                    yield Path(poses, window.frame)
-
-    def _distinct(self, headings: tuple[HeadingRange, ...]) -> list[HeadingRange]:
-        """The ranges without those that are, for a symmetric footprint, the opposite of an earlier one."""
-        found: list[HeadingRange] = []
-        for r in headings:
-            if not (self.symmetric and any(abs(math.cos(r.pose.yaw - f.pose.yaw)) > 1.0 - 1e-9 for f in found)):
-                found.append(r)
-        return found
-
-    def _window(self, passage: Passage) -> Costmap:
-        """The costmap around a passage; the world ends at its border."""
+    def _with(self, fineness: _Fineness, passage: Passage, headings: tuple[HeadingRange, ...]) -> Crossing | None:
+        window = self._window(passage, fineness)
+        seen = np.zeros(window.shape, np.bool_)
         g = self.costmap.geometry
-        half = math.ceil((self.reach + 0.5 * math.dist(*passage.ends)) / g.resolution)
-        ix, iy = g.world_to_cell_unbounded(passage.x, passage.y)
-        x0, y0, x1, y1 = max(0, ix - half), max(0, iy - half), min(g.nx, ix + half + 1), min(g.ny, iy + half + 1)
-        x, y = g.origin_x + x0 * g.resolution, g.origin_y + y0 * g.resolution
-        geometry = GridGeometry(x1 - x0, y1 - y0, g.resolution, x, y)
-        self._here = np.ascontiguousarray(self.free[y0:y1, x0:x1])
-        return Costmap(geometry, np.ascontiguousarray(self.costmap.data[y0:y1, x0:x1]), self.costmap.frame)
+        points = (along_line(passage, 0.0, g.resolution)[:: fineness.every] - (g.origin_x, g.origin_y)) / g.resolution
+        yaws = np.concatenate(
+            [[0.5 * (r.low + r.high), *np.arange(r.low, r.high + 1e-9, fineness.turn)] for r in headings]
+        )
+        count = kernels.add_seeds(self.costs, self.corners, window.settings, points, yaws, seen, self.nodes)
+        found = self._search(window, seen, count, 0)
+        ends = self.ends[:found]
+        out, sides = self.nodes[ends[:, 0]], ends[:, 1].copy()
+        out["parent"], out["direction"] = -1, 0
+        for side in (1, -1):
+            starts = out[sides == -side]
+            if len(starts) in (0, found):
+                return None
+            self.nodes[: len(starts)] = starts
+            if self._search(window, np.zeros(window.shape, np.bool_), len(starts), side):
+                path = self._path(int(self.ends[0, 0]))
+                return Crossing(path, path.cusps)
+        return None
 
-    def _target(self, window: Costmap, passage: Passage, side: float, reach: float) -> tuple[float, float] | None:
-        """The widest place on one side of an opening that its middle leads to, at most `reach` (m) from its sides."""
-        g = window.geometry
-        x = g.origin_x + (np.arange(g.nx) + 0.5) * g.resolution
-        y = g.origin_y + (np.arange(g.ny) + 0.5) * g.resolution
-        beyond = self._here & (side * _across(passage, *np.meshgrid(x, y)) > 0.0)
-        label: Any = ndimage.label
-        labels, _ = label(beyond, np.ones((3, 3), int))
-        near = np.hypot(x[None, :] - passage.x, y[:, None] - passage.y)
-        at_bar = beyond & (near <= 0.5 * math.dist(*passage.ends) + g.resolution)
-        if not at_bar.any():
-            return None
-        leads = np.unique(labels[at_bar])
-        room: Any = ndimage.distance_transform_edt(np.pad(np.isin(labels, leads), 1))
-        room = np.where(near <= reach + 0.5 * math.dist(*passage.ends), room[1:-1, 1:-1], 0.0)
-        best = int(np.lexsort((near.ravel(), -np.round(room.ravel(), 6)))[0])
-        iy, ix = divmod(best, g.nx)
-        return float(x[ix]), float(y[iy])
+    def _search(self, window: _Window, seen: NDArray[np.bool_], count: int, side: int) -> int:
+        """Search from the first `count` nodes to one side of the line, or to both (0); return how many poses are out."""
+        return kernels.search(
+            self.costs, self.corners, self.hull, window.bar, window.settings, seen, self.nodes, count, side, self.ends
+        )
 
-    def _leg(self, window: Costmap, start: Pose2D, end: tuple[float, float]) -> NDArray[np.float64]:
-        """The poses (n, 3) from a pose to a place at any heading, (0, 3) without a plan."""
-        try:
-            plan = self.planner.make_plan(window, start, Pose2D(*end, start.yaw), footprint=self.footprint)
-        except PlanningError:
-            return np.empty((0, 3))
-        return plan.path.poses
+    def _window(self, passage: Passage, fineness: _Fineness) -> _Window:
+        g = self.costmap.geometry
+        bar = (np.array(passage.ends) - (g.origin_x, g.origin_y)) / g.resolution
+        half = 0.5 * math.dist(*bar) + self.reach
+        cell = self.reach / fineness.per_radius
+        settings = np.zeros(1, kernels.SETTINGS)
+        settings["x"], settings["y"] = bar.mean(axis=0) - half
+        settings["cell"], settings["step"], settings["curvature"] = cell, _STEP * cell, self.curvature
+        settings["changes"] = fineness.changes
+        settings["checks"] = math.ceil(_STEP * cell * self._fastest() / _CHECK)
+        return _Window(bar.ravel(), settings, (2, fineness.headings, *[math.ceil(2.0 * half / cell)] * 2))
+
+    def _fastest(self) -> float:
+        """How far a corner moves per distance along the tightest arc, at most."""
+        return float(np.hypot(1.0 + np.abs(self.corners[1]) * self.curvature, self.corners[0] * self.curvature).max())
+
+    def _path(self, last: int) -> Path:
+        """The poses that lead to a node."""
+        chain = [last]
+        while (parent := int(self.nodes[chain[-1]]["parent"])) >= 0:
+            chain.append(parent)
+        way: Any = self.nodes[chain[::-1]]
+        g = self.costmap.geometry
+        x, y = way["x"] * g.resolution + g.origin_x, way["y"] * g.resolution + g.origin_y
+        yaw = np.remainder(way["yaw"] + np.pi, 2.0 * np.pi) - np.pi
+        return Path(np.column_stack((x, y, yaw)), self.costmap.frame)
 
 
-def _across(passage: Passage, x: Any, y: Any) -> Any:
-    """Signed distance (m) of points from the line through the ends of a passage."""
-    (ax, ay), (bx, by) = passage.ends
-    return ((bx - ax) * (y - ay) - (by - ay) * (x - ax)) / math.dist(*passage.ends)
+def _hull_with_base(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The convex hull (2, n) of corners (2, m) and the base, counterclockwise."""
+    import shapely
+
+    hull: Any = shapely.convex_hull(shapely.MultiPoint(np.vstack((corners.T, (0.0, 0.0)))))
+    outline = np.asarray(shapely.geometry.polygon.orient(hull).exterior.coords)[:-1]
+    return np.ascontiguousarray(outline.T)
 
 
 def crossings(poses: NDArray[np.float64], passage: Passage) -> NDArray[np.int64]:
     """Indices i at which a path (n, 3) crosses the line between the ends of a passage between pose i and i + 1."""
     (ax, ay), (bx, by) = passage.ends
-    side = _across(passage, poses[:, 0], poses[:, 1])
-    share = ((poses[:, 0] - ax) * (bx - ax) + (poses[:, 1] - ay) * (by - ay)) / math.dist(*passage.ends) ** 2
+    length = math.dist(*passage.ends)
+    side = ((bx - ax) * (poses[:, 1] - ay) - (by - ay) * (poses[:, 0] - ax)) / length
+    share = ((poses[:, 0] - ax) * (bx - ax) + (poses[:, 1] - ay) * (by - ay)) / length**2
     at = np.flatnonzero((side[1:] > 0.0) != (side[:-1] > 0.0))
     weight = side[at] / (side[at] - side[at + 1])
     where = share[at] + weight * (share[at + 1] - share[at])
     return at[(where >= 0.0) & (where <= 1.0)]
-
-
-def _ends_beyond(poses: NDArray[np.float64], passage: Passage, end: tuple[float, float]) -> bool:
-    """Whether a path from the opening ends on the side of `end` by way of the opening, and not around its obstacles."""
-    side = _across(passage, poses[1:, 0], poses[1:, 1])
-    away = np.flatnonzero(np.abs(side) > 1e-9)
-    if not len(away):
-        return False  # no plan, or no motion
-    first = int(away[0])
-    changes = len(crossings(poses[first + 1 :], passage))
-    local = math.copysign(1.0, side[first]) * (-1.0) ** changes
-    return local == math.copysign(1.0, float(_across(passage, *end)))

@@ -37,18 +37,31 @@ def free_headings(costmap: Costmap, footprint: Footprint, passage: Passage) -> t
 
     Every motion through the opening has the base on that line once, at one of these headings.
     """
+    # the inscribed circle around the base does not reach the centres of the two cells
+    points = along_line(
+        passage, footprint.inscribed_radius if footprint.contains_center else 0.0, costmap.geometry.resolution
+    )
+    if not len(points):
+        return ()
+    fit = _Fit(costmap, footprint, points)
+    return next((found for found in map(fit.ranges, _STEPS) if found), ())
+
+
+def along_line(passage: Passage, margin: float, resolution: float) -> NDArray[np.float64]:
+    """Points (n, 2) on the line between the two obstacles, from the middle outward, up to `margin` (m) before its ends."""
     a, b = np.array(passage.ends)
     length = math.dist(a, b)
-    # the inscribed circle around the base does not reach the centres of the two cells
-    reach = 0.5 * length - (footprint.inscribed_radius if footprint.contains_center else 0.0)
-    if reach < 0.0:
-        return ()
-    step = costmap.geometry.resolution / _PER_CELL
-    half = math.floor(reach / step)
+    step = resolution / _PER_CELL
+    half = math.floor((0.5 * length - margin) / step)
     along = np.arange(-half, half + 1) * (step / length)
-    along = along[np.argsort(np.abs(along), kind="stable")]  # from the middle outward
-    fit = _Fit(costmap, footprint, 0.5 * (a + b) + (b - a) * along[:, None])
-    return next((found for found in map(fit.ranges, _STEPS) if found), ())
+    along = along[np.argsort(np.abs(along), kind="stable")]
+    return 0.5 * (a + b) + (b - a) * along[:, None]
+
+
+def padded_corners(footprint: Footprint, resolution: float) -> NDArray[np.float64]:
+    """The corners (2, n) of a footprint in metres, with the room that the planners keep around it."""
+    padded = footprint.polygon.buffer(_ROOM * resolution, join_style="mitre")
+    return np.ascontiguousarray(np.asarray(padded.exterior.coords)[:-1].T)
 
 
 class _Fit:
@@ -57,8 +70,7 @@ class _Fit:
     def __init__(self, costmap: Costmap, footprint: Footprint, positions: NDArray[np.float64]) -> None:
         g = costmap.geometry
         self.costs, self.grid, self.positions = costmap.data, (g.origin_x, g.origin_y, g.resolution), positions
-        padded = footprint.polygon.buffer(_ROOM * g.resolution, join_style="mitre")
-        self.corners = np.ascontiguousarray(np.asarray(padded.exterior.coords)[:-1].T)
+        self.corners = padded_corners(footprint, g.resolution)
 
     def at(self, yaws: NDArray[np.float64]) -> NDArray[np.int64]:
         """For each heading (k,) the first position where the footprint is free, -1 without one."""

@@ -27,7 +27,9 @@ class ShapePassage:
 
     @property
     def verdict(self) -> Verdict:
-        """Whether the robot passes: `blocked` and the ways of `free` and `turns` are exact, `stuck` may miss a way.
+        """Whether the robot passes: from wholly on one side of the opening to wholly on the other.
+
+        `blocked` and the ways of `free` and `turns` are exact; `stuck` may miss a way that needs finer steps than the search.
 
         `fits`: without a turning radius no way is searched.
         """
