@@ -107,6 +107,20 @@ def sweep_is_free(costs, corners, node, length, curvature, checks, placed):
 
 
 @kernel
+def way_is_free(costs, corners, settings, nodes, last, checks):
+    """Return True if the footprint is free along the motions to the node `last`, at `checks` poses of each."""
+    placed = np.empty(corners.shape)
+    step, child, parent = settings[0]["step"], last, nodes[last]["parent"]
+    while parent >= 0:
+        length = nodes[child]["direction"] * step
+        curvature = (nodes[child]["yaw"] - nodes[parent]["yaw"]) / length
+        if not sweep_is_free(costs, corners, nodes[parent], length, curvature, checks, placed):
+            return False
+        child, parent = parent, nodes[parent]["parent"]
+    return True
+
+
+@kernel
 def passes_beside(bar, x, y, to_x, to_y):
     """Return True if a motion crosses the line through `bar` beyond one of its ends."""
     dx, dy = bar[2] - bar[0], bar[3] - bar[1]
@@ -120,7 +134,7 @@ def passes_beside(bar, x, y, to_x, to_y):
 
 @kernel
 def enter(hull, bar, settings, seen, node):
-    """Mark the cell of a node in `seen`; return NEW, SEEN if it was marked, or the side of `bar` (1, -1) where the robot is out."""
+    """Mark the cell of a node in `seen`; return NEW, SEEN if it was marked, or the side of `bar`, 1 or -1, if it is out."""
     iy, ix, heading = slot(seen, settings, node["x"], node["y"], node["yaw"])
     backward = np.int64(node["direction"] < 0)
     if seen[backward, heading, iy, ix]:

@@ -23,6 +23,8 @@ _STEP: Final = 2.0
 """Length of a motion in cells of the search: a motion leads to another cell."""
 _CHECK: Final = 0.25
 """Distance of the poses that are checked along a motion, in cells of the costmap."""
+_FINER: Final = 8
+"""Times as many poses are checked along the way that is found."""
 _STATES: Final = 1_000_000
 """Poses of one search, at most: 32 MB."""
 
@@ -100,10 +102,23 @@ class CrossingSearch:
             starts = out[sides == -side]
             if len(starts) in (0, found):
                 return None
-            self.nodes[: len(starts)] = starts
-            if self._search(window, np.zeros(window.shape, np.bool_), len(starts), side):
-                path = self._path(int(self.ends[0, 0]))
+            path = self._from(starts, window, side)
+            if path is not None:
                 return Crossing(path, path.cusps)
+        return None
+
+    def _from(self, starts: NDArray[np.void], window: _Window, side: int) -> Path | None:
+        """A way from one of the poses `starts` to one side; with more checks if the first one is not free between its checks."""
+        window = window._replace(settings=window.settings.copy())
+        coarse = int(window.settings["checks"][0])
+        for checks in (coarse, _FINER * coarse):
+            window.settings["checks"] = checks
+            self.nodes[: len(starts)] = starts
+            if not self._search(window, np.zeros(window.shape, np.bool_), len(starts), side):
+                return None
+            last = int(self.ends[0, 0])
+            if kernels.way_is_free(self.costs, self.corners, window.settings, self.nodes, last, _FINER * coarse):
+                return self._path(last)
         return None
 
     def _search(self, window: _Window, seen: NDArray[np.bool_], count: int, side: int) -> int:
