@@ -76,13 +76,13 @@ def bend_faults(before: Array, after: Array, radius: float) -> NDArray[np.bool_]
     bad = np.zeros(len(after), np.bool_)
     if len(after) < 2:
         return bad
-    folded, folds = _folds(before), _folds(after)
-    if folds.sum() > folded.sum():
-        bad[1:-1] |= folds
+    folded, folds_after = folds(before), folds(after)
+    if folds_after.sum() > folded.sum():
+        bad[1:-1] |= folds_after
     bad |= _exceeds(heading_errors(before), heading_errors(after), _OFF)
-    motions = _exceeds(_turns(before), _turns(after), _SHARP)
+    motions = _exceeds(turns(before), turns(after), _SHARP)
     if radius > 0.0:
-        bad[1:-1] |= ~folds & (
+        bad[1:-1] |= ~folds_after & (
             curvatures(after) > max(1.0 / radius, curvatures(before)[~folded].max(initial=0.0)) + 1e-6
         )
         motions |= _exceeds(heading_rates(before), heading_rates(after), 1.0 / radius, 1.0 + _DISCRETE)
@@ -124,8 +124,8 @@ def _corners(footprint: Footprint | None, padding: float) -> Array:
     return np.ascontiguousarray(np.asarray(padded.exterior.coords)[:-1].T)
 
 
-def _turns(poses: Array) -> Array:
-    """The angles (rad) between the headings of successive poses."""
+def turns(poses: Array) -> Array:
+    """Return the angles (rad) between the headings of successive poses."""
     return np.abs(np.remainder(np.diff(poses[:, 2]) + np.pi, 2.0 * np.pi) - np.pi)
 
 
@@ -142,7 +142,7 @@ def heading_errors(poses: Array) -> Array:
     return errors
 
 
-def _folds(poses: Array) -> NDArray[np.bool_]:
+def folds(poses: Array) -> NDArray[np.bool_]:
     """Return the inner poses at which the direction of the steps turns by more than a right angle."""
     steps = np.diff(poses[:, :2], axis=0)
     return np.einsum("ij,ij->i", steps[:-1], steps[1:]) < 0.0
@@ -156,7 +156,7 @@ def heading_rates(poses: Array) -> Array:
     """
     length = np.hypot(*np.diff(poses[:, :2], axis=0).T)
     length = np.maximum(length, 0.5 * (length + np.append(length[1:], 0.0)))
-    return np.where(length > SAME_M, 2.0 * np.sin(0.5 * _turns(poses)) / np.maximum(length, SAME_M), 0.0)
+    return np.where(length > SAME_M, 2.0 * np.sin(0.5 * turns(poses)) / np.maximum(length, SAME_M), 0.0)
 
 
 def curvatures(poses: Array) -> Array:

@@ -14,7 +14,7 @@ from navstack.core import Costmap, Footprint, Path
 from navstack.core.errors import InputError
 from navstack.core.parameters import ParamModel, param
 from navstack.interfaces import Smoother
-from navstack.smoother._checks import SAME_M, smooth_where_good
+from navstack.smoother._checks import SAME_M, folds, smooth_where_good, turns
 
 
 class PointSmootherParams(ParamModel):
@@ -117,14 +117,9 @@ def require_finite(path: Path) -> None:
 
 def cusp_indices(poses: NDArray[np.float64]) -> list[int]:
     """Return the poses at which the direction of the steps turns by more than a right angle, or the robot turns in place."""
-    found: list[int] = []
-    steps = np.diff(poses[:, :2], axis=0)
-    for i in range(1, len(poses) - 1):
-        turn = abs(math.remainder(poses[i, 2] - poses[i - 1, 2], 2.0 * math.pi))
-        in_place = (np.abs(steps[i - 1]) < SAME_M).all() and turn > SAME_M
-        if float(steps[i - 1] @ steps[i]) < 0.0 or in_place:
-            found.append(i)
-    return found
+    still = (np.abs(np.diff(poses[:, :2], axis=0)) < SAME_M).all(axis=1)
+    in_place = still & (turns(poses) > SAME_M)
+    return (np.flatnonzero(folds(poses) | in_place[:-1]) + 1).tolist()
 
 
 def set_headings(poses: NDArray[np.float64]) -> None:
