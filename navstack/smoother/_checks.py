@@ -85,6 +85,7 @@ def bend_faults(before: Array, after: Array, radius: float) -> NDArray[np.bool_]
         bad[1:-1] |= ~folds_after & (
             curvatures(after) > max(1.0 / radius, curvatures(before)[~folded].max(initial=0.0)) + 1e-6
         )
+        bad[[0, -1]] |= _end_curvatures(after) > np.maximum(1.0 / radius, _end_curvatures(before)) * (1.0 + _DISCRETE)
         motions |= _exceeds(heading_rates(before), heading_rates(after), 1.0 / radius, 1.0 + _DISCRETE)
     _mark_motions(bad, motions)
     return bad
@@ -140,6 +141,12 @@ def heading_errors(poses: Array) -> Array:
     between = to[:-1] * onward[1:] <= 0.0
     errors[1:-1] = np.where(between, 0.0, np.minimum(errors[1:-1], np.abs(onward[1:])))
     return errors
+
+
+def _end_curvatures(poses: Array) -> Array:
+    """The curvatures (1/m) of the circles that leave the first pose, and reach the last one, with its heading."""
+    chords = np.hypot(*np.diff(poses[:, :2], axis=0)[[0, -1]].T)
+    return np.where(chords > SAME_M, 2.0 * np.sin(heading_errors(poses)[[0, -1]]) / np.maximum(chords, SAME_M), 0.0)
 
 
 def folds(poses: Array) -> NDArray[np.bool_]:

@@ -207,6 +207,10 @@ def faults(case: Case, after: NDArray[np.float64]) -> list[str]:
             limit = max(1.0 / case.radius, measure(before).max(initial=0.0)) * (1.0 + slack)
             if (value := measure(after)[inner].max(initial=0.0)) > limit:
                 found.append(f"curvature {value:.3f} by {name}, limit {limit:.3f} 1/m")
+        if case.follows_headings:
+            leaves = [2.0 * math.sin(slips(p)[0]) / math.hypot(*(p[1] - p[0])[:2]) for p in (before, after)]
+            if leaves[1] > max(1.0 / case.radius, leaves[0]) * 1.021:
+                found.append(f"it leaves the start with a curvature of {leaves[1]:.3f} 1/m")
     off, was = slips(after), slips(before)
     limits = np.full(len(after), max(0.15, was[1:-1].max(initial=0.0))) + 1e-5
     limits[[0, -1]] = np.maximum(0.15, was[[0, -1]]) + 1e-5  # those of start and goal stay, wherever the path leads
