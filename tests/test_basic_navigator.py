@@ -13,6 +13,7 @@ from navstack.core import Bounds, Path, Pose2D, Twist2D
 from navstack.core.costs import LETHAL
 from navstack.core.errors import InputError, InvalidPathError, NotSupportedError, StartOccupiedError
 from navstack.costmap.obstacle_layer import ObstacleLayer
+from navstack.smoother import SimpleSmoother, SimpleSmootherParams, SmoothedPlanner
 from tests.move_base.world import Bench, StraightPlanner, occupied
 
 
@@ -452,6 +453,20 @@ def test_what_navstack_cannot_do_names_an_alternative(
         getattr(navigator, name)(*arguments)
     for word in alternative.split("."):
         assert hasattr(navigator, word) or word == "theta_star"
+
+
+def test_smooth_path_takes_the_smoother_of_the_parameters() -> None:
+    navigator = NavigatorBench().navigator
+    x = np.linspace(0.5, 1.5, 21)
+    path = Path(np.column_stack((x, 0.02 * np.sin(20.0 * x), np.arctan(0.4 * np.cos(20.0 * x)))))
+    moved = navigator.smoothPath(path).poses - path.poses
+    assert np.abs(moved[:, 1]).max() > 1e-3
+    stiff = SimpleSmoother(SimpleSmootherParams(w_data=1.0, w_smooth=0.0))
+    planner = navigator.move_base.global_planner
+    navigator.move_base.reconfigure(global_planner=SmoothedPlanner(planner, stiff))
+    for name in ("", "simple"):
+        assert navigator.smoothPath(path, name).poses[:, :2] == pytest.approx(path.poses[:, :2], abs=1e-12)
+    assert np.abs(navigator.smoothPath(path, "savitzky_golay").poses - path.poses)[:, 1].max() > 1e-4
 
 
 def test_behavior_trees_are_not_supported() -> None:

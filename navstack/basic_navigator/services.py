@@ -209,15 +209,21 @@ class NavigatorServices(ABC):
     # --- what navstack cannot do --------------------------------------------------------------------------------------
 
     def smoothPath(self, path: Path, smoother_id: str = "", *_: Any, **__: Any) -> Path:
-        """Return a smoother path over the global costmap; `smoother_id`: simple (default), savitzky_golay or another plugin.
+        """Return a smoother path over the global costmap; `smoother_id`: simple, savitzky_golay, constrained or another plugin.
 
-        Raises UnknownPluginError.
+        Without one, the smoother of the parameters (`base_smoother`), or simple. The smoother of the parameters keeps its own;
+        others have defaults. Raises UnknownPluginError.
         """
         from navstack.plugins import SMOOTHERS
+        from navstack.smoother import SmoothedPlanner
 
-        entry = SMOOTHERS.get(smoother_id or "simple")
+        planner = self.move_base.global_planner
+        smoother = planner.smoother if isinstance(planner, SmoothedPlanner) else None
+        cls = SMOOTHERS.get(smoother_id or "simple").cls
+        if smoother is None or (smoother_id and type(smoother) is not cls):
+            smoother = cls(cls.Params())
         costmap = self.move_base.global_costmap
-        return entry.cls(entry.cls.Params()).smooth(path, costmap.master, footprint=costmap.footprint)
+        return smoother.smooth(path, costmap.master, footprint=costmap.footprint)
 
     def assistedTeleop(self, time_allowance: float = 30.0) -> NoReturn:
         """Raise NotSupportedError."""
