@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from navstack.bench.limits import LIMIT_CASES, Limits, excess, search_excess
-from navstack.core import Footprint, Path, Pose2D, RobotState, Transform2D, Twist2D
+from navstack.core import LETHAL, Footprint, Path, Pose2D, RobotState, Transform2D, Twist2D
 from navstack.core.errors import NoValidControlError
+from navstack.core.grid import grid_record
+from navstack.core.overlap_kernels import lethal_cells_under, place_scaled
 from navstack.interfaces import LocalPath
 from navstack.local_planner import (
     GracefulController,
@@ -364,6 +367,42 @@ def test_the_control_law() -> None:
         a = law(1.0, 0.0, phi, 0.0, 0.0, delta, False, p)
         b = law(1.0, 0.0, -phi, 0.0, 0.0, -delta, False, p)
         assert a == (pytest.approx(b[0]), pytest.approx(-b[1]))
+
+
+def under_the_footprint(trajectory: Any, steps: int) -> set[tuple[float, float]]:
+    """Centers (m) of the cells under the long footprint on a trajectory (n, 3), at `steps` poses per pose of it."""
+    index = np.linspace(0.0, len(trajectory) - 1, steps * (len(trajectory) - 1) + 1)
+    poses = np.column_stack([np.interp(index, np.arange(len(trajectory)), column) for column in trajectory.T])
+    geometry = local_costmap(Pose2D(0.0, 0.0)).geometry
+    everywhere, cells = np.full((geometry.ny, geometry.nx), LETHAL, np.uint8), np.empty((2000, 2), np.int64)
+    corners, placed, found = LONG.vertices.T.copy(), np.empty((2, 4)), set[tuple[float, float]]()
+    for pose in poses:
+        place_scaled(corners, 1.0, pose, grid_record(geometry), placed)
+        number = lethal_cells_under(everywhere, placed, cells)
+        found |= {geometry.cell_to_world(ix, iy) for ix, iy in cells[:number].tolist()}
+    return found
+
+
+def test_graceful_sees_what_is_between_its_poses() -> None:
+    """In the initial turn, corners of a long robot move by up to four cells per simulated step."""
+    controller = GracefulController(GracefulParams(v_angular_max=2.0))
+    plan = Path(np.array([(-0.05 * k, 0.015 * k, 2.8) for k in range(21)]), "odom")
+
+    def trajectory(*marks: tuple[float, float]) -> Any:
+        controller.reset()
+        controller.set_plan(plan, Pose2D(*plan.poses[-1].tolist()))
+        inputs = replace(control_input(Pose2D(0.0, 0.0), Twist2D(), marks), footprint=LONG)
+        try:
+            return controller.compute_command(inputs).trajectory
+        except NoValidControlError:
+            return None
+
+    free = trajectory()
+    between = under_the_footprint(free, 4) - under_the_footprint(free, 1)
+    assert len(between) > 5
+    for mark in between:
+        driven = trajectory(mark)
+        assert driven is None or mark not in under_the_footprint(driven, 4)
 
 
 def test_cruise_is_the_highest_speed() -> None:

@@ -10,7 +10,14 @@ import math
 
 import numpy as np
 
-from navstack.core.footprint_kernels import OUTSIDE, edge_cost, overlapped_cost, place_footprint, pose_cost
+from navstack.core.footprint_kernels import (
+    OUTSIDE,
+    edge_cost,
+    fastest_corner,
+    overlapped_cost,
+    place_footprint,
+    pose_cost,
+)
 from navstack.core.jit import kernel
 
 LAW = np.dtype(
@@ -35,6 +42,7 @@ LAW = np.dtype(
         ("turn_first", "?"),
         ("backward", "?"),
         ("checked", "?"),
+        ("corners_count", "?"),  # no corner of the footprint moves by more than a cell from check to check
         ("unknown_free", "?"),
         ("as_nav2", "?"),
     ],
@@ -179,6 +187,7 @@ def simulate(costs, grid, corners, start, target, settings, out, command):
     highest = np.int64(0)
     v, w, seconds = 0.0, 0.0, 0.0
     for i in range(most):
+        was_x, was_y, was_yaw = x, y, yaw
         if turning:
             error = wrapped(heading - yaw)
             if i == 0 or not p.as_nav2:
@@ -191,12 +200,11 @@ def simulate(costs, grid, corners, start, target, settings, out, command):
             v, w = law(to_x, to_y, to_yaw, x, y, yaw, p.backward, p)
             if i == 0:
                 command[0], command[1] = v, w
-            before_x, before_y = x, y
             x += v * dt * math.cos(yaw)
             y += v * dt * math.sin(yaw)
             yaw += w * dt
             if i > 0:
-                seconds += math.hypot(x - before_x, y - before_y) / max(abs(v), 1e-3)
+                seconds += math.hypot(x - was_x, y - was_y) / max(abs(v), 1e-3)
         at_x = frame_x + frame_cos * x - frame_sin * y
         at_y = frame_y + frame_sin * x + frame_cos * y
         at_yaw = yaw + frame_yaw
@@ -208,6 +216,15 @@ def simulate(costs, grid, corners, start, target, settings, out, command):
                 growth += p.scaling_factor * ((fast - p.scaling_speed) / (p.v_full - p.scaling_speed))
             for j in range(corners.shape[1]):
                 scaled[0, j], scaled[1, j] = growth * corners[0, j], growth * corners[1, j]
+            if p.corners_count:
+                parts = math.ceil(dt * fastest_corner(scaled, v, 0.0, w) / resolution - 1e-9)
+                for k in range(1, parts):
+                    share = k / parts
+                    between = was_yaw + share * (yaw - was_yaw)
+                    px, py = was_x + share * (x - was_x), was_y + share * (y - was_y)
+                    cost = pose_cost(costs, grid[0], grid[1], resolution, scaled.T, px, py, between, True)
+                    if cost == 254 or cost == OUTSIDE or (cost == 255 and not p.unknown_free):
+                        return -1, cost, 0.0
             cx, cy = (at_x - grid[0]) / resolution, (at_y - grid[1]) / resolution
             if cx >= 0.0 and cy >= 0.0 and cx < nx and cy < ny:
                 if p.as_nav2:

@@ -18,7 +18,7 @@ from navstack.core import Path, Pose2D, Twist2D, angle_between
 from navstack.core.collision import footprint_cost, overlaps_obstacle
 from navstack.core.costs import LETHAL, UNKNOWN
 from navstack.core.errors import NoValidControlError
-from navstack.core.overlap import leads_away, without_lethal
+from navstack.core.overlap import is_nearly_round, leads_away, without_lethal
 from navstack.core.parameters import ParamModel
 from navstack.interfaces import LocalPlan, VelocityLimits
 from navstack.local_planner._carrot_kernels import point_ahead
@@ -235,6 +235,10 @@ class GracefulController(PathFollower):
         if self.as_nav2 and now.costmap.cost_at(pose.x, pose.y) is None:
             return True
         count = max(1, int(abs(error) / p.in_place_collision_resolution))
+        if not (self.as_nav2 or is_nearly_round(now.footprint)):
+            # ROS differs: no corner moves by more than a cell from check to check
+            way = abs(error) * now.footprint.circumscribed_radius
+            count = max(count, math.ceil(way / now.costmap.geometry.resolution))
         for i in range(1, count + 1):
             at = Pose2D(pose.x, pose.y, pose.yaw + error * i / count)
             cost = footprint_cost(now.costmap, now.footprint, at, interior=not self.as_nav2)
@@ -250,6 +254,7 @@ class GracefulController(PathFollower):
         self._start[:] = now.state.pose
         self._corners = np.ascontiguousarray(now.footprint.vertices.T)
         self._law["unknown_free"] = now.track_unknown_space
+        self._law["corners_count"] = not (self.as_nav2 or is_nearly_round(now.footprint))
 
     def _targets(
         self, now: Following, poses: NDArray[np.float64]
