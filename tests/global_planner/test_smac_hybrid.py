@@ -198,6 +198,23 @@ def test_a_goal_in_an_obstacle() -> None:
         planner(max_iterations=1000).make_plan(costmap, Pose2D(1.0, 4.0, 0.0), beside)
 
 
+def test_a_blocked_goal_names_the_headings_that_fit() -> None:
+    """Beside a wall, those along it; in unknown space, that the map is unknown there."""
+    lethal = np.zeros((120, 120), bool)
+    lethal[:, 60:] = True
+    costmap = inflated(lethal, 0.05, 0.2)
+    slim = Footprint(np.array([[0.5, 0.2], [-0.5, 0.2], [-0.5, -0.2], [0.5, -0.2]]))
+    start, goal = Pose2D(1.0, 1.0, 0.0), Pose2D(2.72, 3.0, 0.0)
+    # 0.28 m to the wall: the corners of the box, turned by 10 degrees, are 0.284 m to its side
+    headings = r"it fits there at other headings: 1\.57 rad, -1\.57 rad"
+    with pytest.raises(GoalOccupiedError, match=headings):
+        planner(tolerance=0.0).make_plan(costmap, start, goal, footprint=slim)
+    costmap.data[40:80, 20:50] = 255
+    unknown = planner(tolerance=0.0, allow_unknown=False)
+    with pytest.raises(GoalOccupiedError, match="the map is unknown there; choose a goal in known space"):
+        unknown.make_plan(costmap, start, Pose2D(1.8, 3.0, 0.0), footprint=slim)
+
+
 @pytest.mark.parametrize("tolerance", [0.0, 0.15])
 def test_without_curves_paths_end_within_the_tolerance(tolerance: float) -> None:
     """Of the goal itself, also where a blocked one was moved: a state in the cell of the other goal may be farther away."""

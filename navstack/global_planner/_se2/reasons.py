@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Costmap, Footprint, Pose2D, describe_cost
+from navstack.core import UNKNOWN, Costmap, Footprint, Pose2D, describe_cost
 from navstack.core.errors import GoalOccupiedError, NoValidPathError, PlanningError, PlanningTimeoutError
 from navstack.global_planner._se2 import _search_kernels as kernels
 from navstack.global_planner._se2.engine import PoseSearch
@@ -26,6 +26,8 @@ _AHEAD: Final = 6
 """Cells: distance over which the direction of a path of cells is taken."""
 _TURN: Final = math.radians(15.0)
 """Deviation from the direction of a path at which the footprint is tried, too."""
+_STEP: Final = math.radians(10.0)
+"""Step of the headings that are tried at a blocked goal."""
 _TURNS: Final = np.radians([0.0, 5.0, -5.0, 10.0, -10.0, 15.0, -15.0])
 """Deviations from the direction of a gap at which the footprint is tried."""
 
@@ -55,7 +57,9 @@ def goal_occupied(
     data: dict[str, Any] = {**occupied, "x": goal.x, "y": goal.y, "yaw": goal.yaw}
     blocking = _blocking_cell(grid, goal, footprint)
     if cost == 254 or blocking is None:
-        why = f"its centre is in a cell of cost {describe_cost(cost)}"
+        why = (
+            "the map is unknown there" if cost == UNKNOWN else f"its centre is in a cell of cost {describe_cost(cost)}"
+        )
     else:
         x, y = grid.geometry.cell_to_world(*blocking)
         data["blocked_by"] = [x, y]
@@ -63,7 +67,9 @@ def goal_occupied(
     headings = _free_headings(engine, grid, goal)
     data["free_headings"] = headings
     if headings:
-        hint = f"it fits there at headings such as {headings[0]:.2f} rad"
+        hint = f"it fits there at other headings: {_ranges_text(headings)}"
+    elif cost == UNKNOWN:
+        hint = "choose a goal in known space, or set allow_unknown: true"
     else:
         hint = "it fits there at no heading; choose a goal further from obstacles"
     return GoalOccupiedError(
@@ -75,12 +81,25 @@ def goal_occupied(
 def _free_headings(engine: PoseSearch, grid: Costmap, goal: Pose2D) -> list[float]:
     """Headings (rad) at which the robot fits at the goal, the nearest to the requested one first."""
     x, y = cell_coordinates(grid.geometry, goal)
-    found = [
-        math.remainder(goal.yaw + sign * math.radians(10.0 * k), 2.0 * math.pi)
-        for k in range(1, 19)
-        for sign in (1.0, -1.0)
-    ]
+    found = [math.remainder(goal.yaw + sign * k * _STEP, 2.0 * math.pi) for k in range(1, 19) for sign in (1.0, -1.0)]
     return [yaw for yaw in found if engine.pose_is_free(x, y, yaw)]
+
+
+def _ranges_text(headings: list[float]) -> str:
+    """Headings in steps of 10 degrees as ranges, the one with the first of them first."""
+    left, ranges = set(headings), list[str]()
+    for heading in headings:
+        if heading not in left:
+            continue
+        ends = [heading, heading]
+        left.discard(heading)
+        for k, sign in ((0, -1.0), (1, 1.0)):
+            while near := [h for h in left if abs(math.remainder(h - ends[k] - sign * _STEP, 2.0 * math.pi)) < 1e-6]:
+                ends[k] = near[0]
+                left.discard(near[0])
+        low, high = (f"{end:.2f}" for end in ends)
+        ranges.append(f"{low} to {high} rad" if low != high else f"{low} rad")
+    return ", ".join(ranges)
 
 
 def _blocking_cell(grid: Costmap, pose: Pose2D, footprint: Footprint | None) -> tuple[int, int] | None:
@@ -172,7 +191,7 @@ def no_path(
         text = (
             f"; the way is wide enough for the footprint, but not for the turns: from ({x:.2f}, {y:.2f}) with heading "
             f"{yaw:.2f} rad it cannot go on; the turning radius is too large there, or the goal can be reached at another "
-            "heading only"
+            "heading only" + ("" if engine.settings["reeds_shepp"][0] else "; reversing may help")
         )
     return NoValidPathError(f"no path {way} for this footprint and turning radius; {where}{text}", **data)
 
