@@ -13,7 +13,7 @@ from tests.smoother.test_smoothers import empty
 
 def test_smoothed_plans() -> None:
     """No faults by shapely and closed forms, and most plans become smoother, at least in parts."""
-    tallies, found = check(list(random_cases(16, 5, ("astar", "smac_hybrid RS raw"))))
+    tallies, found = check(random_cases(16, 5, ("astar", "smac_hybrid RS raw")))
     assert found == []
     for name, least in (("simple", 9), ("savitzky_golay", 11), ("constrained", 12)):
         assert tallies[name].changed >= least, name
