@@ -108,7 +108,7 @@ def test_a_base_that_turns_in_place_has_none_of_these() -> None:
             "car_rpp",
             (PATH, "PathHandler/enforce_path_inversion=false"),
             "path-under-footprint",
-            ("at (2.00, 0.00)", "overlap under the footprint of 0.84 x 0.54 m", "enforce_path_inversion to true"),
+            ("at (2.00, 0.00)", "overlap under the footprint of 0.82 x 0.52 m", "enforce_path_inversion to true"),
         ),
         (
             "car_rpp",
