@@ -15,6 +15,7 @@ from navstack.global_planner import SmacHybridParams, SmacHybridPlanner, SmacLat
 from navstack.global_planner._se2 import both_ends
 from navstack.global_planner._se2 import outcome as outcomes
 from navstack.global_planner._se2._search_kernels import FOUND
+from navstack.global_planner._se2.footprint import shape_of
 from navstack.global_planner._se2.records import SEGMENT
 from navstack.lattice import MotionModel, generate_lattice, write_lattice
 from tests.global_planner.pose_referee import Referee
@@ -122,3 +123,35 @@ def test_a_pose_within_the_tolerance_of_a_goal_that_cannot_be_entered() -> None:
     end = plan.path[-1]
     assert 0.0 < plan.goal_moved_m + abs(end.yaw - SLANTED.yaw) <= 0.8 + 1e-9
     assert not Referee(room(), LOPSIDED, False, 1.0, False).faults(plan, START, end)
+
+
+@pytest.mark.parametrize("kind", ["REEDS_SHEPP", "diff"])
+def test_a_gap_narrower_than_the_robot(kind: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """The search ends when it takes long, with the place of the gap, and not where the robot fits through."""
+    monkeypatch.setattr(both_ends, "FIRST", 400)
+    monkeypatch.setattr(both_ends, "PER_CELL", 0)
+    box = Footprint(np.array([[0.5, 0.25], [0.5, -0.25], [-0.3, -0.25], [-0.3, 0.25]]))
+    planner = hybrid(motion_model_for_search=kind) if kind.isupper() else lattice(kind, tmp_path)
+    costs = np.zeros((60, 230), np.uint8)
+    costs[:, 110:114] = costs[10:50, 70] = 254
+    costs[30:34, 110:114] = 0
+    costmap = Costmap(GridGeometry(230, 60, 0.1), costs)
+    with pytest.raises(NoValidPathError, match=r"too narrow for the footprint at \(11.\d+, 3.20\)") as error:
+        planner.make_plan(costmap, START, GOAL, footprint=box)
+    assert error.value.data["states_expanded"] == 400
+    costs[34, 110:114] = 0  # as wide as the robot, and then wider
+    assert tried(planner, costmap, box)
+    costs[35, 110:114] = 0
+    plan = planner.make_plan(costmap, START, GOAL, footprint=box)
+    assert plan.path[-1] == GOAL
+    assert tried(planner, costmap, box)
+
+
+def tried(planner: Any, costmap: Costmap, footprint: Footprint) -> bool:
+    """Whether a search may find a path, as far as is known before it."""
+    engine = planner._engine(0.1)
+    engine.place(costmap.data, shape_of(footprint, 0.1))
+    start, goal = (10.0, 30.0, 0.0), (162.0, 30.0)
+    engine.set_goal(*goal, start[:2], keep=False)
+    engine.settings["goal_x"], engine.settings["goal_y"] = goal
+    return engine.may_connect(start)

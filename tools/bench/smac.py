@@ -148,9 +148,18 @@ def main() -> None:
     )
     print(f"medians of the ratios: raw {np.median(raw):.3f}, smoothed {np.median(path):.3f}")
     print(f"speed {speed:.2f} x C++, {speed * scale:.2f} x scaled by the calibration")
+    again = np.exp(np.mean([np.log(r["ms"] / r["again"]) for r in both]))
+    print(f"replanning {again:.1f} x as fast as planning (geometric mean)")
     spread = f"{min(calibrations):.1f} to {max(calibrations):.1f}"
     print(f"calibration {now:.1f} ms of processor time ({spread} between the jobs); C++ {reference}")
     print_slowest(everything)
+    for radius in ("r0.4", "r1.0"):
+        ms = [r["ms"] for r in everything if r["job"].startswith(f"willow_hybrid_dubin_{radius}")]
+        if ms:
+            p50, p95 = np.percentile(ms, (50, 95))
+            print(
+                f"Willow Garage, Dubins, {radius}: median {p50:.1f} ms, 95th percentile {p95:.1f} ms ({len(ms)} queries)"
+            )
 
 
 if __name__ == "__main__":

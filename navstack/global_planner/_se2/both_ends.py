@@ -154,6 +154,8 @@ def search_both_ends(engine: PoseSearch, start: Pose, goal: Pose, motions: Motio
     status = engine.advance(turn)
     if status != kernels.PAUSED:
         return engine.outcome(status, shorten=shorten)
+    if p["best_cost"][0] == np.inf and not engine.may_connect(start):
+        return replace(engine.outcome(kernels.EXHAUSTED, shorten=False), impossible=True)
     other = FromGoal(engine, start, goal, motions)
     left = most
     while status in (kernels.PAUSED, kernels.LIMIT):

@@ -17,6 +17,7 @@ from navstack.global_planner._se2 import _path_kernels as paths
 from navstack.global_planner._se2 import _search_kernels as kernels
 from navstack.global_planner._se2 import _shape_kernels as shapes
 from navstack.global_planner._se2._rejoin_kernels import rejoin
+from navstack.global_planner._se2.connection import may_connect
 from navstack.global_planner._se2.footprint import Shape
 from navstack.global_planner._se2.memory import curve_table, untouched_zeros
 from navstack.global_planner._se2.outcome import Outcome, Pose
@@ -62,16 +63,13 @@ class PoseSearch:
         self._field, self._front = np.zeros(0, FIELD), np.zeros(0, ENTRY)
         self._field_of: tuple[Any, ...] | None = None
         self._read: tuple[Window, NDArray[np.uint8]] | None = None
-        self._unchanged = False
-        self.timed_out = False
+        self._unchanged = self.timed_out = False
         self.time_limit: TimeLimit | None = None
         self.read_beside: Window | None = None
         """Cells that the last search depends on although it has not read them itself."""
         self._last: tuple[NDArray[np.void], Pose, NDArray[np.float64]] | None = None
         self._margin = 0.0
-        self._bits = np.zeros((0, 0), np.uint64)
-        self._yaws = np.zeros(0)
-        self._added = np.zeros(256, SEGMENT)
+        self._bits, self._yaws, self._added = np.zeros((0, 0), np.uint64), np.zeros(0), np.zeros(256, SEGMENT)
         p = self.settings[0]
         if p["cusp"] > 0.0 and p["reeds_shepp"] != curves.FORWARD:
             p["reeds_shepp"] = curves.CHEAPEST
@@ -226,6 +224,10 @@ class PoseSearch:
                 return kernels.FOUND if p["best_cost"][0] < np.inf else kernels.LIMIT
             else:
                 p["pause_at"] = min(upto, int(p["expanded"][0]) + (upto if limit is None else limit.interval))
+
+    def may_connect(self, start: Pose) -> bool:
+        """Return False if it is certain that no path leads from `start` to the goal, for this footprint at any heading."""
+        return may_connect(self.costs, self._bits, self.shape, (self._field, self._front), self.settings, start)
 
     def _write_root(self, start: Pose, start_bin: int) -> None:
         """Write the node of the start."""

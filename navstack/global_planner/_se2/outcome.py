@@ -34,6 +34,8 @@ class Outcome:
     timed_out: bool
     enclosed: float | None = None
     """How far from the goal all poses are from which it can be reached (cells); None if that is not known."""
+    impossible: bool = False
+    """Whether the footprint itself does not fit through to the goal, whatever the turning radius."""
 
     @property
     def reached(self) -> bool:

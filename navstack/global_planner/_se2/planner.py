@@ -318,7 +318,7 @@ class PosePlanner(GlobalPlanner):
                 first = outcome
                 break
             first = first or outcome
-            if outcome.timed_out:
+            if outcome.timed_out or outcome.impossible:
                 break
         assert first is not None
         return replace(first, expanded=used)

@@ -185,6 +185,8 @@ def no_path(
             f"{outcome.enclosed * g.resolution:.2f} m away; choose another heading, a goal farther from obstacles, or a "
             "larger tolerance"
         )
+    elif outcome.impossible:
+        text = text or "; every way is too narrow for the footprint somewhere"
     elif not text:
         x, y, yaw = engine.furthest(g.resolution, g.origin_x, g.origin_y)
         data["furthest"] = [x, y, yaw]
