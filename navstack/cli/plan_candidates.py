@@ -43,7 +43,10 @@ class Parameters(NamedTuple):
 
 def single(parameters: Parameters, planner: str | None) -> Candidate:
     """The planner of the parameters, or the named one. Raises InputError or ParameterError."""
-    return _candidate(parameters.load(parameters.sources), planner, "")
+    from navstack.parameters.sources import Override
+
+    named = [] if planner is None else [Override(f"base_global_planner={planner}", f"--planner {planner}")]
+    return _candidate(parameters.load(parameters.sources, named), "")
 
 
 def compared(parameters: Parameters, compare: str) -> list[Candidate]:
@@ -61,13 +64,12 @@ def compared(parameters: Parameters, compare: str) -> list[Candidate]:
             f'--compare "{compare}" contains no planner; give names such as navfn,astar,theta_star',
             argument="--compare",
         )
-    loaded = parameters.load(parameters.sources)
-    found = [_entry(parameters, loaded, entry) for entry in entries]
+    found = [_entry(parameters, entry) for entry in entries]
     return list({candidate.label: candidate for candidate in found}.values())
 
 
-def _entry(parameters: Parameters, loaded: Configuration, entry: str) -> Candidate:
-    """The candidate of one entry; `loaded` are the parameters of the command line."""
+def _entry(parameters: Parameters, entry: str) -> Candidate:
+    """The candidate of one entry."""
     from navstack.core.errors import InputError
     from navstack.parameters.sources import Override
 
@@ -83,13 +85,14 @@ def _entry(parameters: Parameters, loaded: Configuration, entry: str) -> Candida
             argument="--compare",
         )
     sources = _sources(parameters.sources, sets[0]) if sets else parameters.sources
-    overrides = [Override(f"base_smoother={smoother}", f"--compare {entry}")] if smoother else []
-    configuration = parameters.load(sources, overrides) if sets or overrides else loaded
+    plugins = {"base_global_planner": name, "base_smoother": smoother}
+    overrides = [Override(f"{key}={plugin}", f"--compare {entry}") for key, plugin in plugins.items() if plugin]
+    configuration = parameters.load(sources, overrides)
     if values:
-        namespace = _candidate(configuration, name or None, "").planner.namespace
+        namespace = configuration.global_planner.namespace
         overrides += [Override(f"{namespace}/{value}", f"--compare {entry}") for value in values]
         configuration = parameters.load(sources, overrides)
-    return _candidate(configuration, name or None, "".join(f":{part}" for part in parts))
+    return _candidate(configuration, "".join(f":{part}" for part in parts))
 
 
 def _sources(sources: Sequence[str], named: str) -> list[str]:
@@ -100,9 +103,7 @@ def _sources(sources: Sequence[str], named: str) -> list[str]:
     return [named] if whole else [*sources, named]
 
 
-def _candidate(configuration: Configuration, name: str | None, suffix: str) -> Candidate:
-    from navstack.parameters.configuration import choose_global_planner
-
-    planner = configuration.global_planner if name is None else choose_global_planner(configuration, name)
+def _candidate(configuration: Configuration, suffix: str) -> Candidate:
+    planner = configuration.global_planner
     smoother = f" + {configuration.smoother.name}" if configuration.smoother is not None else ""
     return Candidate(planner.name + suffix + smoother, planner, configuration)
