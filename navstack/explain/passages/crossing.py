@@ -25,6 +25,8 @@ _CHECK: Final = 0.25
 """Distance of the poses that are checked along a motion, in cells of the costmap."""
 _FINER: Final = 8
 """Times as many poses are checked along the way that is found."""
+_WIDE: Final = 1.8
+"""Circumscribed radii: half of the side of the square from which on its cells grow with the opening instead of the robot."""
 _STATES: Final = 1_000_000
 """Poses of one search, at most: 32 MB."""
 
@@ -43,8 +45,8 @@ class _Fineness(NamedTuple):
     """Most changes of direction."""
 
 
-_QUICK: Final = _Fineness(36, 180, 8, math.radians(10.0), 0)
-"""Finds most ways without a change of direction."""
+_QUICK: Final = (_Fineness(36, 180, 64, math.radians(45.0), 0), _Fineness(36, 180, 8, math.radians(10.0), 0))
+"""Find most ways without a change of direction; the first one also where the robot has much room, and so many poses."""
 _FULL: Final = (_Fineness(36, 180, 1, math.radians(1.0), 99), _Fineness(72, 360, 1, math.radians(0.5), 99))
 """The second one where the first one finds nothing."""
 
@@ -82,7 +84,7 @@ class CrossingSearch:
 
     def through(self, passage: Passage, headings: tuple[HeadingRange, ...]) -> Crossing | None:
         """The way with the fewest changes of direction; None if none is found."""
-        found = (self._with(fineness, passage, headings) for fineness in (_QUICK, *_FULL))
+        found = (self._with(fineness, passage, headings) for fineness in (*_QUICK, *_FULL))
         return next((way for way in found if way is not None), None)
 
     def _with(self, fineness: _Fineness, passage: Passage, headings: tuple[HeadingRange, ...]) -> Crossing | None:
@@ -131,7 +133,7 @@ class CrossingSearch:
         g = self.costmap.geometry
         bar = (np.array(passage.ends) - (g.origin_x, g.origin_y)) / g.resolution
         half = 0.5 * math.dist(*bar) + self.reach
-        cell = self.reach / fineness.per_radius
+        cell = max(self.reach, half / _WIDE) / fineness.per_radius
         settings = np.zeros(1, kernels.SETTINGS)
         settings["x"], settings["y"] = bar.mean(axis=0) - half
         settings["cell"], settings["step"], settings["curvature"] = cell, _STEP * cell, self.curvature
