@@ -223,9 +223,9 @@ def _print_shapes(out: Console, report: PassageReport, only: int | None) -> None
     for number, shape in enumerate(report.shapes, 1):
         if only is not None and number != only:
             continue
-        changes = f" ({shape.changes})" if shape.changes else ""
+        detail = f" ({shape.changes})" if shape.changes else " (limit of the search)" if shape.limited else ""
         style = _SHAPE_STYLE[shape.verdict]
-        table.add_row(str(number), f"[{style}]{VERDICT_TEXTS[shape.verdict]}{changes}[/]", heading_text(shape))
+        table.add_row(str(number), f"[{style}]{VERDICT_TEXTS[shape.verdict]}{detail}[/]", heading_text(shape))
     out.print(table)
     counts = ", ".join(
         f"{number} {VERDICT_TEXTS[verdict]}" for verdict, number in report.shape_counts.items() if number

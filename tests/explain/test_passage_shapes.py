@@ -11,7 +11,7 @@ import shapely
 from navstack.core import OccupancyGrid, Pose2D
 from navstack.core.errors import PlanningError
 from navstack.explain import PassageReport, find_passages
-from navstack.explain.passages import ShapePassage
+from navstack.explain.passages import ShapePassage, crossing
 from navstack.explain.passages.crossing import crossings
 from navstack.parameters.configuration import Configuration, load_configuration
 from navstack.plan_once import plan_on_map
@@ -114,6 +114,17 @@ def test_a_failed_plan_names_the_gap_that_is_too_narrow(angle: float) -> None:
     assert math.dist((spot["x"], spot["y"]), door) < 0.1
     assert abs(math.remainder(spot["heading"] - angle, math.pi)) == pytest.approx(0.5 * math.pi, abs=math.radians(8.0))
     assert spot["width_m"] == pytest.approx(0.6, abs=0.08)
+
+
+def test_a_search_that_ends_at_its_limit_says_so(long_robot: Configuration, monkeypatch: pytest.MonkeyPatch) -> None:
+    rooms = two_rooms({0.0: 0.9})
+    whole = only(shapes(long_robot, rooms, RADIUS))
+    assert (whole.verdict, whole.limited) == ("free", False)
+    monkeypatch.setattr(crossing, "_STATES", 100)
+    part = only(shapes(long_robot, rooms, RADIUS))
+    assert (part.verdict, part.limited) == ("stuck", True) and part.as_dict()["limit_reached"]
+    blocked = only(shapes(long_robot, two_rooms({0.0: 0.6}), RADIUS))
+    assert (blocked.verdict, blocked.limited) == ("blocked", False)
 
 
 def test_progress_and_counts(long_robot: Configuration) -> None:

@@ -24,10 +24,11 @@ SETTINGS = np.dtype(
         ("checks", "i8"),
         ("curvature", "f8"),
         ("changes", "i8"),
+        ("full", "i8"),
     ]
 )
 """Low corner of the searched square, side of its cells, length of a motion, checks along it, greatest curvature, most changes
-of direction."""
+of direction; written by `search`: 1 if it ended because `nodes` was full."""
 NEW, SEEN = 0, 2
 """What `enter` finds of a pose in the opening, and of one that was there before."""
 
@@ -189,6 +190,7 @@ def search(costs, corners, hull, bar, settings, seen, nodes, count, side, ends):
                 if not sweep_is_free(costs, corners, here, length, curvature, checks, placed):
                     continue
                 if count == len(nodes):
+                    settings[0]["full"] = 1
                     return found
                 node = nodes[count]
                 node["x"], node["y"], node["yaw"], node["direction"] = x, y, yaw, sign

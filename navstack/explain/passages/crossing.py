@@ -81,9 +81,12 @@ class CrossingSearch:
         self.reach = float(np.hypot(*self.corners).max())
         self.curvature = g.resolution / radius
         self.nodes, self.ends = np.empty(_STATES, kernels.NODE), np.empty((_STATES, 2), np.int32)
+        self.limited = False
+        """Whether a search for the last passage ended at the limit of poses."""
 
     def through(self, passage: Passage, headings: tuple[HeadingRange, ...]) -> Crossing | None:
         """The way with the fewest changes of direction; None if none is found."""
+        self.limited = False
         found = (self._with(fineness, passage, headings) for fineness in (*_QUICK, *_FULL))
         return next((way for way in found if way is not None), None)
 
@@ -125,9 +128,11 @@ class CrossingSearch:
 
     def _search(self, window: _Window, seen: NDArray[np.bool_], count: int, side: int) -> int:
         """Search from the first `count` nodes to one side of the line, or to both (0); return how many poses are out."""
-        return kernels.search(
+        found = kernels.search(
             self.costs, self.corners, self.hull, window.bar, window.settings, seen, self.nodes, count, side, self.ends
         )
+        self.limited = self.limited or bool(window.settings["full"][0])
+        return found
 
     def _window(self, passage: Passage, fineness: _Fineness) -> _Window:
         g = self.costmap.geometry

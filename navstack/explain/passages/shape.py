@@ -24,6 +24,8 @@ class ShapePassage:
     """That way."""
     searched: bool
     """Whether a way was searched: with a turning radius only."""
+    limited: bool = False
+    """Whether no way was found, and a search ended at its limit of poses."""
 
     @property
     def verdict(self) -> Verdict:
@@ -45,6 +47,7 @@ class ShapePassage:
             "verdict": self.verdict,
             "headings": [[r.low, r.high] for r in self.headings],
             "changes_of_direction": self.changes,
+            "limit_reached": self.limited,
             "path": None if self.path is None else self.path.poses.tolist(),
         }
 
@@ -61,7 +64,7 @@ class Shape:
     def passages(
         self, costmap: Costmap, passages: tuple[Passage, ...], progress: Callable[[int, int], None] | None = None
     ) -> tuple[ShapePassage, ...]:
-        """The answers for the passages of a costmap in which all walls are lethal; `progress(done, total)` is told of each."""
+        """The answers for the passages of a costmap in which all walls are lethal; `progress(done, total)` follows each."""
         search = None
         if self.turning_radius > 0.0:
             search = CrossingSearch(costmap, self.footprint, self.turning_radius)
@@ -70,7 +73,8 @@ class Shape:
             headings = free_headings(costmap, self.footprint, passage)
             crossing = search.through(passage, headings) if search is not None and headings else None
             changes, path = (None, None) if crossing is None else (crossing.changes, crossing.path)
-            found.append(ShapePassage(headings, changes, path, search is not None))
+            limited = search is not None and crossing is None and bool(headings) and search.limited
+            found.append(ShapePassage(headings, changes, path, search is not None, limited))
             if progress is not None:
                 progress(len(found), len(passages))
         return tuple(found)

@@ -124,7 +124,7 @@ class PosePlannerParams(ParamModel):
     heuristic_weight: float = param(
         1.2,
         "factor on the heuristic: 1 = the cheapest path that the states allow; above 1 faster, at a higher cost. Above 1, "
-        "searches of more than 8,192 states go on from the goal as well, and the factor grows in searches of more than 100,000 "
+        "long searches (8,192 states or more) go on from the goal as well, and the factor grows in searches of more than 100,000 "
         "states, up to 5",
         ge=1.0,
         le=10.0,
