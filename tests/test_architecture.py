@@ -10,6 +10,7 @@ import sys
 from functools import cache
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 
@@ -61,6 +62,7 @@ def package_of(file: Path) -> str:
     return relative.parts[0].removesuffix(".py")
 
 
+@cache
 def imports_of(file: Path) -> list[tuple[str, int]]:
     found: list[tuple[str, int]] = []
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
@@ -154,30 +156,31 @@ def metrics() -> ModuleType:
     return module
 
 
+@cache
+def functions_of(file: Path) -> list[Any]:
+    """The functions of a file (`code_metrics.Function`)."""
+    return list(metrics().functions_of(file))
+
+
 ALL_FILES = sorted(PACKAGE.rglob("*.py"))
 each_file = pytest.mark.parametrize("file", ALL_FILES, ids=lambda f: str(f.relative_to(PACKAGE)))
 
 
 @each_file
-def test_files_and_functions_are_short(file: Path) -> None:
+def test_files_functions_and_argument_lists_are_short(file: Path) -> None:
     limits = metrics()
     assert len(file.read_text(encoding="utf-8").splitlines()) <= limits.MAX_FILE_LINES
-    for function in limits.functions_of(file):
+    for function in functions_of(file):
         limit = limits.MAX_KERNEL_LINES if function.is_kernel else limits.MAX_FUNCTION_LINES
         assert function.lines <= limit, f"{file}:{function.line} {function.name}"
-
-
-@each_file
-def test_kernels_take_few_arguments(file: Path) -> None:
-    for function in metrics().functions_of(file):
         name = f"{file.relative_to(PACKAGE)}:{function.name}"
         if function.is_kernel and name not in KERNEL_EXCEPTIONS:
-            assert function.arguments <= metrics().MAX_KERNEL_ARGUMENTS, name
+            assert function.arguments <= limits.MAX_KERNEL_ARGUMENTS, name
 
 
 def test_at_most_three_kernels_are_exceptions() -> None:
     assert len(KERNEL_EXCEPTIONS) <= 3
-    there = {f"{f.file.relative_to(PACKAGE)}:{f.name}" for file in ALL_FILES for f in metrics().functions_of(file)}
+    there = {f"{f.file.relative_to(PACKAGE)}:{f.name}" for file in ALL_FILES for f in functions_of(file)}
     assert there >= KERNEL_EXCEPTIONS
 
 
@@ -213,9 +216,8 @@ def module_of(file: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-def runtime_imports(file: Path) -> set[str]:
-    """Modules that are imported when this one is: not those below TYPE_CHECKING or inside functions."""
-    modules = {module_of(f) for f in ALL_FILES}
+def runtime_imports(file: Path, modules: set[str]) -> set[str]:
+    """Those of `modules` that are imported when this one is: not those below TYPE_CHECKING or inside functions."""
     found: set[str] = set()
     body = list(ast.parse(file.read_text(encoding="utf-8")).body)
     while body:
@@ -234,7 +236,8 @@ def runtime_imports(file: Path) -> set[str]:
 
 
 def test_no_import_circles() -> None:
-    graph = {module_of(file): runtime_imports(file) for file in ALL_FILES}
+    modules = {module_of(file) for file in ALL_FILES}
+    graph = {module_of(file): runtime_imports(file, modules) for file in ALL_FILES}
     done: set[str] = set()
     path: list[str] = []
 

@@ -17,6 +17,7 @@ from typing import Any
 
 import pytest
 
+from navstack.cli.app import run
 from navstack.scenario import load_scenario, run_scenario
 
 pytest.importorskip("aiohttp")
@@ -105,25 +106,32 @@ def test_a_recorded_run_shows_a_time_line(server: tuple[subprocess.Popen[str], s
     assert "there is no display here; open the address in a browser" in " ".join(err.split())
 
 
-def test_wrong_input_gets_one_sentence(recorded: Path) -> None:
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["nowhere"], '"nowhere"'),
+        (["RUN", "--versus", "turtlebot"], "--versus needs a scenario or a map, not a recorded run"),
+        (
+            ["office", "--versus", "turtlebat"],
+            '"turtlebat" is not a file, folder or packaged set; did you mean "turtlebot"',
+        ),
+        (["office", "--speed", "0"], "is not a factor above 0"),
+    ],
+)
+def test_wrong_input_gets_one_sentence(
+    arguments: list[str], sentence: str, recorded: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["live", *(str(recorded) if word == "RUN" else word for word in arguments)]) == 2
+    said = " ".join(capfd.readouterr().err.split())
+    assert sentence in said and "Traceback" not in said
+
+
+def test_a_used_port_gets_one_sentence(recorded: Path) -> None:
     with socket.socket() as used:
         used.bind(("127.0.0.1", 0))
         used.listen()
         port = used.getsockname()[1]
-        wrong = {
-            ("nowhere",): '"nowhere"',
-            (str(recorded), "--versus", "turtlebot"): "--versus needs a scenario or a map, not a recorded run",
-            (
-                "office",
-                "--versus",
-                "turtlebat",
-            ): '"turtlebat" is not a file, folder or packaged set; did you mean "turtlebot"',
-            ("office", "--speed", "0"): "is not a factor above 0",
-            (str(recorded), "--no-open", "--port", str(port)): f"port {port} is in use",
-        }
-        for arguments, sentence in wrong.items():
-            command = [sys.executable, "-m", "navstack", "live", *arguments]
-            done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
-            assert done.returncode == 2
-            said = " ".join(done.stderr.split())
-            assert sentence in said and "Traceback" not in said
+        command = [sys.executable, "-m", "navstack", "live", str(recorded), "--no-open", "--port", str(port)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    said = " ".join(done.stderr.split())
+    assert done.returncode == 2 and f"port {port} is in use" in said and "Traceback" not in said

@@ -11,13 +11,19 @@ import pytest
 from navstack.scenario import check_scenario, load_scenario, run_scenario, shipped_scenarios
 
 NAMES = sorted(shipped_scenarios())
+DRIVEN_ELSEWHERE = {"car_park", "car_reverse_out", "omni_office"}
+"""test_cars.py drives these, with their own parameters."""
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_shipped_scenario_is_sound_and_succeeds(name: str) -> None:
-    path = shipped_scenarios()[name]
-    assert [str(f) for f in check_scenario(path) if f.severity != "info"] == []
-    result = run_scenario(load_scenario(path), record=False)
+def test_a_shipped_scenario_is_sound(name: str) -> None:
+    findings = check_scenario(shipped_scenarios()[name])
+    assert [str(f) for f in findings if f.severity != "info"] == []
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if name not in DRIVEN_ELSEWHERE])
+def test_a_shipped_scenario_succeeds(name: str) -> None:
+    result = run_scenario(load_scenario(shipped_scenarios()[name]), record=False)
     assert [str(v) for v in result.conditions if not v.holds] == []
     assert result.succeeded
 
