@@ -20,6 +20,7 @@ ROUND = 0.95
 PASSABLE = 252
 """Cost of the cells under the footprint while it leaves them, and of inscribed cells: the footprint itself is checked."""
 MAX_CELLS = 4096
+"""Lethal cells under the footprint, at most, for which a way out is looked for."""
 
 
 def is_nearly_round(footprint: Footprint) -> bool:
