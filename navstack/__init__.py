@@ -4,167 +4,81 @@ Everything a script needs is here; it is imported when it is first used.
 
     import navstack as nav
 
-    grid = nav.load_map(nav.map_path("office"))
-    robot_yaml = nav.load_configuration(["turtlebot"])
-    start, goal = nav.load_places("office").start, nav.load_places("office").goals[0]
-    print(nav.plan_on_map(robot_yaml, grid, start, goal).plan.path.length)
+    result = nav.simulate("office", robot="turtlebot", goals=["kitchen"], seed=0)
+    print(result)                                  # 1/1 goals, 36.4 s, 14.6 m, 0 collisions
+    print(result.explain(goal=1)); result.plot("run.png")
+    print(nav.plan("office", "corridor_west", "kitchen", planner="astar").path.length)
 
-    robot = nav.simulated_robot(robot_yaml, grid, start)
-    move_base = nav.build_move_base(robot_yaml, robot, static_map=grid)
-    handle = move_base.send_goal(goal)
+Wherever a map, a robot, a place or a scenario is wanted, its packaged name, its file and the object itself work. The parts
+below, for other programs than the simulator:
+
+    robot = nav.simulated_robot(nav.load_robot("turtlebot"), nav.load_map("office"), nav.load_places("office").start)
+    move_base = nav.build_move_base(nav.load_robot("turtlebot"), robot, static_map=nav.load_map("office"))
+    handle = move_base.send_goal(nav.load_places("office").goals[0])
     while not handle.is_done:
         robot.advance_to(move_base.next_due(robot.time))
         move_base.tick(robot.time)
     print(handle.status.name, handle.text)
 """
 
-from __future__ import annotations
+from typing import TYPE_CHECKING
 
-import importlib
-from typing import TYPE_CHECKING, Any
-
-__version__ = "0.1.0"
-
-_WHERE = {
-    "navstack.core": (
-        "Costmap",
-        "Event",
-        "Footprint",
-        "FrameTree",
-        "GridGeometry",
-        "LaserScan",
-        "Listener",
-        "OccupancyGrid",
-        "Path",
-        "PointCloud",
-        "Pose2D",
-        "RobotState",
-        "Transform2D",
-        "Twist2D",
-    ),
-    "navstack.core.errors": ("NavError",),
-    "navstack.parameters.configuration": ("Configuration", "check_parameters", "load_configuration"),
-    "navstack.costmap": ("LayeredCostmap",),
-    "navstack.map_io": ("load_map", "map_names", "map_path", "save_map"),
-    "navstack.places": ("load_places",),
-    "navstack.move_base": ("GoalHandle", "GoalStatus", "MoveBase"),
-    "navstack.bringup": ("build_costmap", "build_move_base", "simulated_robot"),
-    "navstack.plan_once": ("plan", "plan_on_map"),
-    "navstack.plugins": (
-        "CRITICS",
-        "GLOBAL_PLANNERS",
-        "LAYERS",
-        "LOCALIZERS",
-        "LOCAL_PLANNERS",
-        "RECOVERY_BEHAVIORS",
-        "SMOOTHERS",
-    ),
-    "navstack.record": ("Record",),
-    "navstack.scenario": ("RunResult", "Scenario", "run_scenario"),
-    "navstack.sim": ("Shape", "SimulatedRobot", "World"),
-}
-_MODULE_OF = {name: module for module, names in _WHERE.items() for name in names}
+__version__ = "0.2.0"
 
 if TYPE_CHECKING:
     from navstack import logs as logs
-    from navstack.bringup import build_costmap, build_move_base, simulated_robot
-    from navstack.core import (
-        Costmap,
-        Event,
-        Footprint,
-        FrameTree,
-        GridGeometry,
-        LaserScan,
-        Listener,
-        OccupancyGrid,
-        Path,
-        PointCloud,
-        Pose2D,
-        RobotState,
-        Transform2D,
-        Twist2D,
-    )
-    from navstack.core.errors import NavError
-    from navstack.costmap import LayeredCostmap
-    from navstack.map_io import load_map, map_names, map_path, save_map
-    from navstack.move_base import GoalHandle, GoalStatus, MoveBase
-    from navstack.parameters.configuration import Configuration, check_parameters, load_configuration
-    from navstack.places import load_places
-    from navstack.plan_once import plan, plan_on_map
-    from navstack.plugins import (
-        CRITICS,
-        GLOBAL_PLANNERS,
-        LAYERS,
-        LOCAL_PLANNERS,
-        LOCALIZERS,
-        RECOVERY_BEHAVIORS,
-        SMOOTHERS,
-    )
-    from navstack.record import Record
-    from navstack.scenario import RunResult, Scenario, run_scenario
-    from navstack.sim import Shape, SimulatedRobot, World
+    from navstack.bringup import build_costmap as build_costmap
+    from navstack.bringup import build_move_base as build_move_base
+    from navstack.bringup import plan_on_map as plan_on_map
+    from navstack.bringup import simulated_robot as simulated_robot
+    from navstack.core import Costmap as Costmap
+    from navstack.core import Event as Event
+    from navstack.core import Footprint as Footprint
+    from navstack.core import FrameTree as FrameTree
+    from navstack.core import GridGeometry as GridGeometry
+    from navstack.core import LaserScan as LaserScan
+    from navstack.core import Listener as Listener
+    from navstack.core import NavError as NavError
+    from navstack.core import OccupancyGrid as OccupancyGrid
+    from navstack.core import Path as Path
+    from navstack.core import PointCloud as PointCloud
+    from navstack.core import Pose2D as Pose2D
+    from navstack.core import RobotState as RobotState
+    from navstack.core import Transform2D as Transform2D
+    from navstack.core import Twist2D as Twist2D
+    from navstack.costmap import LayeredCostmap as LayeredCostmap
+    from navstack.map_io import load_map as load_map
+    from navstack.map_io import map_names as map_names
+    from navstack.map_io import map_path as map_path
+    from navstack.map_io import save_map as save_map
+    from navstack.move_base import GoalHandle as GoalHandle
+    from navstack.move_base import GoalStatus as GoalStatus
+    from navstack.move_base import MoveBase as MoveBase
+    from navstack.parameters import Configuration as Configuration
+    from navstack.parameters import check_parameters as check_parameters
+    from navstack.plugins import CRITICS as CRITICS
+    from navstack.plugins import GLOBAL_PLANNERS as GLOBAL_PLANNERS
+    from navstack.plugins import LAYERS as LAYERS
+    from navstack.plugins import LOCAL_PLANNERS as LOCAL_PLANNERS
+    from navstack.plugins import LOCALIZERS as LOCALIZERS
+    from navstack.plugins import RECOVERY_BEHAVIORS as RECOVERY_BEHAVIORS
+    from navstack.plugins import SMOOTHERS as SMOOTHERS
+    from navstack.record import Record as Record
+    from navstack.scenario import RunResult as RunResult
+    from navstack.scenario import Scenario as Scenario
+    from navstack.scenario import load_places as load_places
+    from navstack.scenario import run_scenario as run_scenario
+    from navstack.shortcuts import ParameterWarning as ParameterWarning
+    from navstack.shortcuts import load_configuration as load_configuration
+    from navstack.shortcuts import load_robot as load_robot
+    from navstack.shortcuts import plan as plan
+    from navstack.shortcuts import simulate as simulate
+    from navstack.shortcuts import simulate_many as simulate_many
+    from navstack.sim import Shape as Shape
+    from navstack.sim import SimulatedRobot as SimulatedRobot
+    from navstack.sim import World as World
+else:
+    from navstack._lazy import lazy_face
 
-__all__ = [
-    "CRITICS",
-    "GLOBAL_PLANNERS",
-    "LAYERS",
-    "LOCALIZERS",
-    "LOCAL_PLANNERS",
-    "RECOVERY_BEHAVIORS",
-    "SMOOTHERS",
-    "Configuration",
-    "Costmap",
-    "Event",
-    "Footprint",
-    "FrameTree",
-    "GoalHandle",
-    "GoalStatus",
-    "GridGeometry",
-    "LaserScan",
-    "LayeredCostmap",
-    "Listener",
-    "MoveBase",
-    "NavError",
-    "OccupancyGrid",
-    "Path",
-    "PointCloud",
-    "Pose2D",
-    "Record",
-    "RobotState",
-    "RunResult",
-    "Scenario",
-    "Shape",
-    "SimulatedRobot",
-    "Transform2D",
-    "Twist2D",
-    "World",
-    "__version__",
-    "build_costmap",
-    "build_move_base",
-    "check_parameters",
-    "load_configuration",
-    "load_map",
-    "load_places",
-    "map_names",
-    "map_path",
-    "plan",
-    "plan_on_map",
-    "run_scenario",
-    "save_map",
-    "simulated_robot",
-]
-
-
-def __getattr__(name: str) -> Any:
-    if name == "logs":
-        return importlib.import_module("navstack.logs")
-    module = _MODULE_OF.get(name)
-    if module is None:
-        raise AttributeError(f"module 'navstack' has no attribute {name!r}")
-    value = getattr(importlib.import_module(module), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+    __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)
+    __all__.append("__version__")

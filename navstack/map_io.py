@@ -16,12 +16,21 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import GridGeometry, OccupancyGrid
-from navstack.core.bounded_reading import NotRegularFileError, TooLargeError, open_regular, read_bytes, short_repr
-from navstack.core.data_files import data_folder
-from navstack.core.errors import MapError
-from navstack.core.files import atomic_write, ensure_directory, write_text
-from navstack.parameters.yaml_reader import DictNode, parse_value, plain
+from navstack.core import (
+    GridGeometry,
+    MapError,
+    NotRegularFileError,
+    OccupancyGrid,
+    TooLargeError,
+    atomic_write,
+    data_folder,
+    ensure_directory,
+    open_regular,
+    read_bytes,
+    short_repr,
+    write_text,
+)
+from navstack.parameters import DictNode, parse_value, plain
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -101,12 +110,18 @@ class _Yaml:
 
 
 def load_map(path: str | Path) -> OccupancyGrid:
-    """Return the occupancy grid that map_server publishes for the YAML file at `path`, in the frame `map`.
+    """Return the occupancy grid that map_server publishes for a YAML file, or a packaged map by name, in the frame `map`.
 
     The path of the image (pgm, png, bmp, ..) is relative to the YAML file. Supports the modes trinary, scale and raw, `negate`,
     and the yaw of `origin`. Raises MapError with file and line for an invalid map.
     """
-    return _load(path, lowest=1.0, highest=99.0)
+    return _load(_file_of(path), lowest=1.0, highest=99.0)
+
+
+def _file_of(path: str | Path) -> Path:
+    """Return the file of a map: a packaged one if there is no file of this name."""
+    file = Path(path)
+    return map_path(str(path)) if str(path) in map_names() and not file.is_file() else file
 
 
 def load_mask(path: str | Path) -> OccupancyGrid:

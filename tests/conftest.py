@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import hypothesis
@@ -17,17 +19,22 @@ GOLDEN_PART = Path(__file__).resolve().parent / "golden" / "data"
 """The part of the golden data that is in the repository."""
 
 
-def pytest_configure() -> None:
-    """Let Ctrl-C through: processes that a script starts in the background ignore it, and so would all their children."""
+def pytest_configure(config: pytest.Config) -> None:
+    """Compile the kernels before workers start, which would compile the same ones at once.
+
+    Let Ctrl-C through: processes that a script starts in the background ignore it, and so would all their children.
+    """
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    if not hasattr(config, "workerinput") and config.getoption("numprocesses", None):
+        subprocess.run([sys.executable, "-m", "navstack", "compile"], stdout=subprocess.DEVNULL, check=False)
 
 
 CI_PARTS = {
     "browser": "NAVSTACK_BROWSER_TESTS",
     "ros1": "NAVSTACK_ROS1_TESTS",
     "explain/test_passage_shapes.py": "NAVSTACK_LONG_TESTS",
-    "tune/test_localization.py": "NAVSTACK_LONG_TESTS",
+    "studies/test_localization.py": "NAVSTACK_LONG_TESTS",
     "test_docs.py": "NAVSTACK_LONG_TESTS",
     "test_examples.py": "NAVSTACK_LONG_TESTS",
     "test_packaging.py": "NAVSTACK_LONG_TESTS",

@@ -8,12 +8,21 @@ import numpy as np
 import pytest
 
 import navstack as nav
-from navstack.basic_navigator import BasicNavigator, TaskResult
-from navstack.core import Bounds, Path, Pose2D, Twist2D
-from navstack.core.costs import LETHAL
-from navstack.core.errors import InputError, InvalidPathError, NotSupportedError, StartOccupiedError
-from navstack.costmap.obstacle_layer import ObstacleLayer
-from navstack.smoother import SimpleSmoother, SimpleSmootherParams, SmoothedPlanner
+from navstack.bringup import BasicNavigator, TaskResult
+from navstack.core import (
+    LETHAL,
+    Bounds,
+    InputError,
+    InvalidPathError,
+    NotSupportedError,
+    Path,
+    Pose2D,
+    StartOccupiedError,
+    Twist2D,
+)
+from navstack.costmap import ObstacleLayer
+from navstack.global_planner import SmoothedPlanner
+from navstack.global_planner.smoothers import SimpleSmoother, SimpleSmootherParams
 from tests.move_base.world import Bench, StraightPlanner, occupied
 
 

@@ -11,8 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from navstack.core import GridGeometry, OccupancyGrid
-from navstack.core.errors import OutputError
+from navstack.core import GridGeometry, OccupancyGrid, OutputError
 from navstack.map_io import load_map, save_map
 
 

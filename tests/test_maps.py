@@ -15,10 +15,9 @@ from PIL import Image
 from scipy.ndimage import label
 
 from navstack.cli.arguments import map_of
-from navstack.core import GridGeometry, OccupancyGrid
-from navstack.core.errors import MapError
+from navstack.core import GridGeometry, MapError, OccupancyGrid
 from navstack.map_io import load_map, map_names, map_path
-from navstack.places import load_places
+from navstack.scenario import load_places
 from navstack.sim import World
 
 NAMES = ["clinic", "maze", "office", "warehouse"]

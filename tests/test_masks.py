@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 import navstack as nav
-from navstack.bringup import build_costmap, build_move_base, simulated_robot
+from navstack.bringup import build_costmap, build_move_base, plan_on_map, simulated_robot
 from navstack.core import Event, GridGeometry, OccupancyGrid, Pose2D, Transform2D
 from navstack.map_io import load_map, load_mask
-from navstack.move_base.speed_limiter import SpeedLimiter
-from navstack.plan_once import plan_on_map
+from navstack.move_base import SpeedLimiter
 
 STATIC = {"name": "static_layer", "type": "costmap_2d::StaticLayer"}
 OBSTACLES = {"name": "obstacle_layer", "type": "costmap_2d::VoxelLayer"}

@@ -131,7 +131,7 @@ def test_an_import_from_a_zip_archive_is_refused(tmp_path: Path, wheel: Path, ar
 
 
 def test_a_checkout_uses_the_data_at_the_top() -> None:
-    from navstack.core.data_files import data_folder
+    from navstack.core import data_folder
 
     for name in DATA:
         kind = "params" if name.startswith("params") else "maps"

@@ -1,9 +1,14 @@
 from __future__ import annotations
 
+import subprocess
+import sys
+from importlib.metadata import EntryPoint, EntryPoints
+from pathlib import Path
+
 import pytest
 
-from navstack.core.errors import UnknownPluginError
-from navstack.plugins import GLOBAL_PLANNERS, REGISTRIES, Registry, normalize
+from navstack.core import UnknownPluginError
+from navstack.plugins import BUILTIN, GLOBAL_PLANNERS, REGISTRIES, Plugin, Registry, normalize
 
 
 class Thing:
@@ -15,7 +20,7 @@ class Other:
 
 
 def registry() -> Registry[object]:
-    fresh: Registry[object] = Registry("thing", "navstack.no_such_group", "navstack.core")
+    fresh: Registry[object] = Registry("thing", "navstack.no_such_group")
     fresh.add("thing", Thing, aliases=("things/ThingROS",))
     return fresh
 
@@ -48,15 +53,44 @@ def test_every_kind_has_plugins_that_ros_names_find() -> None:
 
 
 def test_plugins_by_entry_point(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Point:
-        name = "theirs"
-        dist = None
-
-        @staticmethod
-        def load() -> type:
-            return Other
-
-    monkeypatch.setattr("navstack.plugins.entry_points", lambda group: [Point()] if group == "g" else [])
-    things: Registry[object] = Registry("thing", "g", "navstack.core")
+    points = [EntryPoint("theirs", "tests.test_plugins:Other", "g"), EntryPoint("not_theirs", "nowhere:Nothing", "h")]
+    monkeypatch.setattr("navstack.plugins.registry._entry_points", lambda: EntryPoints(points))
+    things: Registry[object] = Registry("thing", "g")
     assert things.get("theirs").cls is Other
     assert things.get("theirs").origin == "entry point"
+
+
+def test_the_table_of_built_in_plugins_agrees_with_their_decorators() -> None:
+    """`python tools/builtin_plugins.py` writes the table."""
+    for registry in REGISTRIES:
+        table = {name: tuple(values) for name, values in BUILTIN[registry.kind].items()}
+        registered = {p.name: (p.cls.__module__, *p.aliases) for p in registry if p.origin == "navstack"}
+        assert {name: registered[name] for name in table} == table
+        own = {name for name, (module, *_) in registered.items() if module.startswith("navstack.")}
+        assert own == set(table), registry.kind
+    tool = Path(__file__).parents[1] / "tools" / "builtin_plugins.py"
+    assert subprocess.run([sys.executable, str(tool), "--check"], check=False).returncode == 0
+
+
+def test_a_look_up_imports_no_other_plugin() -> None:
+    program = (
+        "import sys; from navstack.plugins import CRITICS; from navstack.plugins.builtin import BUILTIN; "
+        "before = set(sys.modules); assert 'path' in CRITICS and CRITICS.names(); "
+        "print(*[m for m in set(sys.modules) - before if m.startswith('navstack.')])"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []
+
+
+def test_a_configured_plugin_says_its_instance() -> None:
+    thing = registry().get("thing")
+    made = thing.configured({"a": 1}, "things/first", "first")
+    assert (made.name, made.cls, made.params, made.namespace) == ("first", Thing, {"a": 1}, "things/first")
+    assert made.ros_name == thing.ros_name == "things/ThingROS"
+    assert (thing.name, thing.params, thing.namespace) == ("thing", None, "")
+
+
+def test_a_plugin_is_made_with_its_type() -> None:
+    made = Plugin[Thing]("thing", Thing, {"a": 1})
+    assert (made.name, made.cls, made.params, made.origin) == ("thing", Thing, {"a": 1}, "navstack")
+    assert made == Plugin("thing", Thing, {"a": 1}, aliases=("x",))

@@ -10,7 +10,7 @@ import pytest
 import shapely
 
 import navstack as nav
-from navstack.core.errors import InputError, MapError
+from navstack.core import InputError, MapError
 
 TUPLE: Any = (6.2, 12.0)
 

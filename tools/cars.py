@@ -19,7 +19,7 @@ from statistics import median
 from navstack.core import Pose2D
 from navstack.map_io import map_path
 from navstack.scenario import Run, RunResult
-from navstack.scenario.suites.generated import single_goal_spec
+from navstack.scenario.spec import single_goal_spec
 from navstack.sim import Shape
 
 EAST, NORTH, SOUTH, WEST = 0.0, math.pi / 2, -math.pi / 2, math.pi

@@ -51,7 +51,7 @@ def _read_one(plan: Plan, number: int) -> int:
     import random
     import tempfile
 
-    from navstack.core.errors import NavError
+    from navstack.core import NavError
     from tools.fuzz.inputs import Inputs
     from tools.fuzz.measure import measured
 

@@ -19,11 +19,7 @@ from typing import Any
 
 import aiohttp
 
-from navstack.live import messages
-from navstack.live.security import Gate
-from navstack.live.server import LiveServer, serve
-from navstack.live.session import Session
-from navstack.live.stage import Options, Stage
+from navstack.live import Gate, LiveServer, Options, Session, Stage, messages, serve
 
 TYPES = [key for key in messages.schema()["request"]["discriminator"]["mapping"] if key != "hello"]
 VALUES: list[Any] = [
@@ -182,7 +178,7 @@ class Fuzzer:
 async def _main(arguments: argparse.Namespace) -> int:
     from navstack.core import Pose2D
     from navstack.map_io import load_map, map_path
-    from navstack.parameters.configuration import load_configuration
+    from navstack.parameters import load_configuration
     from navstack.scenario import Scenario
 
     scenario = Scenario(load_map(map_path("office")), load_configuration(["turtlebot"]), Pose2D(0.8, 7.45, 0.0), ())

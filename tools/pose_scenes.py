@@ -17,9 +17,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from navstack.core.errors import PlanningError
+from navstack.core import PlanningError
 from navstack.global_planner import SmacHybridParams, SmacHybridPlanner
-from navstack.interfaces import Plan
+from navstack.plugins import Plan
 from tests.global_planner.pose_scenes import KINDS, RESOLUTION, UNSOLVABLE, Scene, solvable, unsolvable
 
 

@@ -21,13 +21,12 @@ import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
-from navstack.bench.barn import barn_configuration, barn_scenario
 from navstack.core import Pose2D
 from navstack.map_io import load_map
-from navstack.parameters.configuration import load_configuration
-from navstack.record.recorder import RunRecorder
-from navstack.scenario import Scenario, load_suite, read_scenario, run_scenario, shipped_scenarios
-from navstack.scenario.suites.barn_worlds import load_worlds
+from navstack.parameters import load_configuration
+from navstack.record import RunRecorder
+from navstack.scenario import Scenario, load_suite, load_worlds, read_scenario, run_scenario, shipped_scenarios
+from navstack.studies.barn import barn_configuration, barn_scenario
 
 DATA = Path(os.environ.get("NAVSTACK_DATA") or Path(__file__).resolve().parents[2] / "shared" / "data")
 

@@ -24,7 +24,7 @@ sys.path.insert(0, str(ROOT))
 
 from navstack.core import Pose2D  # noqa: E402
 from navstack.map_io import load_map  # noqa: E402
-from navstack.parameters.configuration import load_configuration  # noqa: E402
+from navstack.parameters import load_configuration  # noqa: E402
 from navstack.scenario import Scenario, run_scenario  # noqa: E402
 from tests.ros1.conftest import Graph  # noqa: E402
 from tests.ros1.rig import Rig  # noqa: E402

@@ -3,7 +3,8 @@
     python tools/search_limits.py [--cycles 1000000] [--seed 0] [CONTROLLER..]
 
 Every controller drives through random scenes: paths with corners and cusps, obstacles, replans, goals near and far, robots that
-follow late. Prints the largest excess over each limit, negative where it is kept; exits with 1 if one is exceeded.
+follow late. Prints the largest excess over each limit, negative where it is kept; exits with 1 if one is exceeded. Run it
+in the repository: it uses the tests.
 """
 
 from __future__ import annotations
@@ -11,8 +12,11 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from pathlib import Path
 
-from navstack.bench.limits import LIMIT_CASES, search_excess
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from tests.local_planner.limits import LIMIT_CASES, search_excess
 
 
 def main() -> int:

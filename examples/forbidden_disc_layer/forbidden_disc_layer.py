@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from navstack.core import LETHAL, Bounds
-from navstack.core.parameters import ParamModel, param
-from navstack.interfaces import Layer
+from navstack.plugins import Layer, ParamModel, param
 
 
 class ForbiddenDiscParams(ParamModel):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from navstack.plugin import (
+from navstack.plugins import (
     LETHAL,
     ParamModel,
     RecoveryBehavior,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-import navstack.plugin as nav
+import navstack.plugins as nav
 
 
 class PursuitParams(nav.ParamModel):

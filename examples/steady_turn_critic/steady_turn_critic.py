@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.plugin import Critic, ParamModel, Pose2D, Rollouts, Twist2D, param
+from navstack.plugins import Critic, ParamModel, Pose2D, Rollouts, Twist2D, param
 
 
 class SteadyTurnParams(ParamModel):
@@ -14,7 +14,7 @@ class SteadyTurnParams(ParamModel):
     scale: float = param(1.0, "weight of this critic in the sum", ge=0.0)
 
 
-class SteadyTurnCritic(Critic):
+class SteadyTurnCritic(Critic[SteadyTurnParams]):
     """Scores the change of the turning speed (rad/s) since the previous command."""
 
     Params = SteadyTurnParams

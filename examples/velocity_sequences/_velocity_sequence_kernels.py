@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 
-from navstack.core.jit import kernel
+from navstack.core import kernel
 
 
 @kernel

@@ -15,10 +15,9 @@ import numpy as np
 from _velocity_sequence_kernels import constrain, integrate
 from numpy.typing import NDArray
 
-from navstack.core import RobotState
-from navstack.core.errors import InputError
-from navstack.interfaces import Rollouts, VelocityLimits
+from navstack.core import InputError, RobotState
 from navstack.local_planner.rollouts import check_points
+from navstack.plugins import Rollouts, VelocityLimits
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from navstack.plugin import (
+from navstack.plugins import (
     GLOBAL_PLANNERS,
     Costmap,
     Footprint,

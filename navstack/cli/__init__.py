@@ -1,5 +1,10 @@
 """The command line. Heavy modules are imported by the command that needs them."""
 
-from navstack.cli.entry_point import main
+from typing import TYPE_CHECKING
 
-__all__ = ["main"]
+if TYPE_CHECKING:
+    from navstack.cli.app import main as main
+else:
+    from navstack._lazy import lazy_face
+
+    __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

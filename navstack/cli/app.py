@@ -15,33 +15,11 @@ import time
 from typing import Annotated, Any, Final
 
 import typer
+import typer.main
 
-from navstack.cli import (
-    bag,
-    bench,
-    check,
-    explain,
-    info,
-    internal_error,
-    lattice,
-    live,
-    localize,
-    map_commands,
-    motions,
-    params,
-    plan,
-    plot,
-    replay,
-    ros1,
-    ros1_helpers,
-    ros1_install,
-    simulate,
-    sweep,
-    teleop,
-    tour,
-    tune,
-)
+from navstack.cli import interrupts as internal_error
 from navstack.cli.interrupts import raised_terminations
+from navstack.cli.lazy_group import NEGATIVE_NUMBERS, LazyCommand, group_of
 
 EXIT_GOAL_FAILED = 1
 EXIT_WRONG_INPUT = 2
@@ -52,8 +30,184 @@ _CODE, _NAME = 9001, "INVALID_INPUT"
 _LONGEST_NAME: Final = 200
 """Longest file name that a message quotes in full (characters)."""
 
+COMMANDS: Final = {
+    "plan": LazyCommand("plan", "plan", "Plan a path on a map with the global costmap and planner of a parameter set."),
+    "simulate": LazyCommand(
+        "simulate", "simulate", "Drive a simulated robot to its goals on a map, or through a scenario file."
+    ),
+    "live": LazyCommand(
+        "live",
+        "live",
+        "Watch a robot drive in the browser, and take part: goals, obstacles, parameters, driving by hand, why.",
+    ),
+    "tour": LazyCommand(
+        "tour",
+        "tour",
+        "Drive a simulated robot to named places. Ctrl-C, SIGTERM and SIGHUP stop the robot and keep record and log.",
+    ),
+    "move": LazyCommand(
+        "motions",
+        "move",
+        "Drive a simulated robot straight ahead or backwards. It stops before obstacles.",
+        NEGATIVE_NUMBERS,
+    ),
+    "turn": LazyCommand(
+        "motions",
+        "turn",
+        "Turn a simulated robot in place, by more than a full turn too. It stops before obstacles.",
+        NEGATIVE_NUMBERS,
+    ),
+    "drive-to": LazyCommand(
+        "motions",
+        "drive_to",
+        "Drive a simulated robot straight to a pose, without a planner: face it, drive, turn to its heading.",
+        NEGATIVE_NUMBERS,
+    ),
+    "follow": LazyCommand(
+        "motions",
+        "follow",
+        "Follow a timed trajectory with a simulated robot; print, draw and write the errors over time.",
+    ),
+    "teleop": LazyCommand(
+        "teleop", "teleop", "Drive a simulated robot with the keyboard; Ctrl-C quits, and the run is recorded."
+    ),
+    "plot": LazyCommand(
+        "plot",
+        "plot",
+        "Draw a recorded run (map, costmaps, paths, footprints, goals), or a map with its places, grid and coordinates.",
+    ),
+    "replay": LazyCommand(
+        "replay",
+        "replay",
+        "Replay a log through costmaps, planners and controller, open loop: the robot does what the log says.",
+    ),
+    "check": LazyCommand(
+        "check",
+        "check",
+        "Check parameters or a scenario file, and report every finding with file, line and column.",
+    ),
+    "info": LazyCommand(
+        "info",
+        "info",
+        "List versions, registered plugins with their ROS names, packaged maps, parameter sets, scenarios and suites.",
+    ),
+    "compile": LazyCommand(
+        "compile", "compile_", "Compile the kernels of all commands, or of some plugins, into the cache."
+    ),
+    "sweep": LazyCommand(
+        "sweep", "sweep", "Drive a grid or a sample of parameter values over scenarios: a line of JSON per run."
+    ),
+    "tune": LazyCommand(
+        "tune", "tune", "Search for better parameters and validate them on scenarios that the search has not seen."
+    ),
+    "bag": LazyCommand("bag", "app", "Read and write bags: ROS 1 (.bag), ROS 2 (folder, .db3, .mcap)."),
+    "localize": LazyCommand(
+        "localize",
+        "localize",
+        "Find the robot's pose along a log: trajectory, errors against the log's reference, particles.",
+    ),
+    "map": LazyCommand("map_commands", "app", "Make maps."),
+    "lattice": LazyCommand("lattice", "app", "Generate and check motion primitives for smac_lattice."),
+    "bench": LazyCommand(
+        "app", "bench", "Benchmark published tasks, planners, speed, and one parameter set against another."
+    ),
+    "explain": LazyCommand(
+        "app",
+        "explain",
+        "Diagnose a run or a parameter set: goals, commands, cell costs, tracking, passages, inflation.",
+    ),
+    "params": LazyCommand("params", "app", "Show, compare, document and migrate parameters."),
+    "ros1": LazyCommand(
+        "ros1", "app", "Nodes for ROS 1 (Debian's packages): move_base, the simulated robot, map_server, amcl."
+    ),
+}
+
+BENCH_COMMANDS: Final = {
+    "barn": LazyCommand(
+        "bench.barn",
+        "barn",
+        "Drive through the BARN worlds, scored as in the BARN Challenge: a table per world, totals with confidence "
+        "intervals.",
+    ),
+    "movingai": LazyCommand(
+        "bench.movingai",
+        "movingai",
+        "Solve N. Sturtevant's grid path finding problems and compare path lengths with the published optima.",
+    ),
+    "planners": LazyCommand(
+        "bench.planners",
+        "planners",
+        "Plan between random reachable pairs: success, collisions, length, cost, clearance, expanded cells and times.",
+    ),
+    "speed": LazyCommand(
+        "bench.speed",
+        "speed",
+        "Measure the real-time factor of the whole stack, its share by stage, and single stages, on one core.",
+    ),
+    "compare": LazyCommand(
+        "bench.compare",
+        "compare",
+        "Compare two parameter sets on the same scenarios and seeds: paired differences with confidence intervals.",
+    ),
+    "controllers": LazyCommand(
+        "bench.controllers",
+        "controllers",
+        "Drive all controllers through the same scenarios, each with its packaged tuning.",
+    ),
+    "random": LazyCommand(
+        "bench.random",
+        "random",
+        "Run random scenarios (maps, robots, parameters, noise, obstacles) and check the invariants: no exception, "
+        "every goal ends in a terminal state, no success with a collision. The exit code is 1 if a scenario violates "
+        "one of them.",
+    ),
+    "safety": LazyCommand(
+        "bench.safety",
+        "safety",
+        "Drive three robots by random velocities among people who walk and boxes that appear, with and without the "
+        "collision monitor. Each contact with the monitor is explained; the exit code is 1 if one of them cannot be.",
+    ),
+}
+
+EXPLAIN_COMMANDS: Final = {
+    "command": LazyCommand(
+        "explain.command",
+        "command",
+        "Explain a velocity command: the samples, which critic rejected them and where, and the costs of the others.",
+    ),
+    "goal": LazyCommand(
+        "explain.goal",
+        "goal",
+        "Explain the outcome of a goal: states, plans, failures with their reasons, recoveries, times without progress.",
+    ),
+    "cell": LazyCommand(
+        "explain.cell",
+        "cell",
+        "Explain the cost of a cell: the layer and sensor that set it, the time, and the share of every layer.",
+    ),
+    "tracking": LazyCommand(
+        "explain.tracking",
+        "tracking",
+        "Explain how well a trajectory was followed: errors along, across and of the heading, mean and worst, over time.",
+    ),
+    "passages": LazyCommand(
+        "explain.passages",
+        "passages",
+        "List the doors, corridors and gaps between obstacles of a map: passable, passable at high cost, or not passable.",
+    ),
+    "inflation": LazyCommand(
+        "explain.inflation",
+        "inflation",
+        "Print cost against distance to the nearest obstacle for both costmaps of a parameter set.",
+    ),
+    "costmap": LazyCommand(
+        "explain.costmap", "costmap", "Draw a costmap of a run at a given time, with its cost bands."
+    ),
+}
+
 app = typer.Typer(
     name="navstack",
+    cls=group_of(COMMANDS),
     no_args_is_help=True,
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
@@ -61,33 +215,28 @@ app = typer.Typer(
     epilog="Exit codes: 0 success; 1 a goal failed or a success condition was not met; 2 invalid input; "
     "70 internal error; 130 interrupted.",
 )
-app.command("plan")(plan.plan)
-app.command("simulate")(simulate.simulate)
-app.command("live")(live.live)
-app.command("tour")(tour.tour)
-# a negative distance, angle or coordinate is an argument, not an option
-_NEGATIVE: Final[dict[str, Any]] = {"ignore_unknown_options": True}
-app.command("move", context_settings=_NEGATIVE)(motions.move)
-app.command("turn", context_settings=_NEGATIVE)(motions.turn)
-app.command("drive-to", context_settings=_NEGATIVE)(motions.drive_to)
-app.command("follow")(motions.follow)
-app.command("teleop")(teleop.teleop)
-app.command("plot")(plot.plot)
-app.command("replay")(replay.replay)
-app.command("check")(check.check)
-app.command("info")(info.info)
-app.command("sweep")(sweep.sweep)
-app.command("tune")(tune.tune)
-app.add_typer(bag.app, name="bag")
-app.command("localize")(localize.localize)
-app.add_typer(map_commands.app, name="map")
-app.add_typer(lattice.app, name="lattice")
-app.add_typer(bench.app, name="bench")
-app.add_typer(explain.app, name="explain")
-app.add_typer(params.app, name="params")
-ros1_helpers.add_to(ros1.app)
-ros1_install.add_to(ros1.app)
-app.add_typer(ros1.app, name="ros1")
+bench = typer.Typer(
+    cls=group_of(BENCH_COMMANDS),
+    no_args_is_help=True,
+    rich_markup_mode="markdown",
+    help=COMMANDS["bench"].help,
+    epilog="With --out, results are saved as they arrive; --resume continues an interrupted benchmark. "
+    "Exit codes: 0 all runs finished, 1 some runs gave no result, 2 invalid input, 130 interrupted.",
+)
+explain = typer.Typer(
+    cls=group_of(EXPLAIN_COMMANDS), no_args_is_help=True, rich_markup_mode="markdown", help=COMMANDS["explain"].help
+)
+
+
+@bench.callback()
+@explain.callback()
+def _group() -> None:
+    """Keep a group of one command a group."""
+
+
+def command_tree() -> Any:
+    """Return the click command `navstack` with all commands loaded: for documentation and tests."""
+    return typer.main.get_group(app).load_all()
 
 
 def _print_version(value: bool) -> None:
@@ -216,7 +365,7 @@ def _discard_output(message: str) -> None:
 
 def _navstack_error(exc: Exception, as_json: bool) -> int:
     """Reports a NavError. Raises every other exception."""
-    from navstack.core.errors import NavError
+    from navstack.core import NavError
 
     if not isinstance(exc, NavError):
         raise exc
@@ -226,7 +375,7 @@ def _navstack_error(exc: Exception, as_json: bool) -> int:
 
 def exit_code_of(error: Exception) -> int:
     """1 for a planner that finds no path between valid poses (a failed goal), 2 for every other error."""
-    from navstack.core.errors import NoValidPathError, PlanningTimeoutError
+    from navstack.core import NoValidPathError, PlanningTimeoutError
 
     return EXIT_GOAL_FAILED if isinstance(error, (NoValidPathError, PlanningTimeoutError)) else EXIT_WRONG_INPUT
 
@@ -246,3 +395,12 @@ def _report(
 
         print_error(message, hint)
     return exit_code
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Entry point of the `navstack` command.
+
+
+def main() -> None:
+    """Runs the command line of this process and exits with its exit code."""
+    sys.exit(run(sys.argv[1:]))

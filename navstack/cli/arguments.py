@@ -8,13 +8,16 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from navstack.core.bounded_reading import open_regular
-from navstack.core.errors import InputError, MapError
+from navstack.cli.output import print_note
+from navstack.core import Footprint, InputError, MapError, Pose2D, is_file, normalize_angle, open_regular
+from navstack.map_io import load_map, map_names, map_path
+from navstack.parameters import Override, parse_footprint
+from navstack.scenario import is_scenario_file, shipped_scenarios
+from navstack.sim import low_disc
 
 if TYPE_CHECKING:
-    from navstack.core import OccupancyGrid, Pose2D
-    from navstack.parameters.sources import Override
-    from navstack.sim.shapes import Shape
+    from navstack.core import OccupancyGrid
+    from navstack.sim import Shape
 
 _MAP_KEY: Final = re.compile(
     rb"""^\W*(image|resolution|origin|negate|occupied_thresh|free_thresh)["']?[ \t]*:""", re.MULTILINE
@@ -50,8 +53,6 @@ def parse_numbers(text: str, argument: str, shape: str, counts: tuple[int, ...])
 
 def parse_pose(text: str, argument: str) -> Pose2D:
     """`x,y` or `x,y,yaw` -> pose (m, rad); the default yaw is 0. Raises InputError."""
-    from navstack.core import Pose2D, normalize_angle
-
     values = parse_numbers(text, argument, "x,y or x,y,yaw in metres and radians, such as 29.75,7.95,1.57", (2, 3))
     return Pose2D(values[0], values[1], normalize_angle(values[2]) if len(values) == 3 else 0.0)
 
@@ -81,7 +82,6 @@ def parse_obstacles(
     low_ones = [disc for disc, low in parsed if low]
     if not low_ones:
         return tuple(disc for disc, _ in parsed), ()
-    from navstack.sim.shapes import low_disc
 
     return tuple(disc for disc, low in parsed if not low), tuple(low_disc(*disc) for disc in low_ones)
 
@@ -91,9 +91,6 @@ def map_of(name: str, *, others: Iterable[str] = (), what: str = "") -> tuple[Pa
 
     `others` are further names that the argument accepts (`what`: "scenario", ..); the error lists them.
     """
-    from navstack.core.files import is_file
-    from navstack.map_io import load_map, map_names, map_path
-
     path = Path(name)
     # is_file: a folder called "office" must not hide the packaged map
     if not is_file(path) and path.suffix == "" and path.parent == Path():
@@ -105,8 +102,6 @@ def map_of(name: str, *, others: Iterable[str] = (), what: str = "") -> tuple[Pa
 
 def _unknown_map(name: str, others: list[str], what: str) -> MapError:
     import difflib
-
-    from navstack.map_io import map_names
 
     known = map_names()
     close = difflib.get_close_matches(name, [*known, *others], n=1)
@@ -131,8 +126,6 @@ def note_off_the_map(grid: OccupancyGrid, start: Pose2D, goals: Sequence[Pose2D]
 
     A start outside the map is an error later. A goal outside the map is sent nevertheless, as in move_base.
     """
-    from navstack.cli.output import print_note
-
     if grid.origin_yaw != 0.0:
         return
     for what, pose in [("start", start), *(("goal", goal) for goal in goals)]:
@@ -151,11 +144,6 @@ def scenario_file(name: str) -> Path | None:
     A YAML file without a key of a map counts as a scenario file even if it is broken: the scenario reader then reports
     the errors.
     """
-    from navstack.core.files import is_file
-    from navstack.map_io import map_names
-    from navstack.scenario import shipped_scenarios
-    from navstack.scenario.file.spec import is_scenario_file
-
     path = Path(name)
     if is_scenario_file(path) or (path.suffix in (".yaml", ".yml") and is_file(path) and not _has_map_key(path)):
         return path
@@ -183,11 +171,6 @@ def parse_costmap_name(text: str) -> str:
 def footprint_overrides(text: str | None) -> list[Override]:
     """Overrides that set the footprint of both costmaps. Raises InputError."""
     import numpy as np
-
-    from navstack.core import Footprint
-    from navstack.core.errors import InputError
-    from navstack.parameters.footprint import parse_footprint
-    from navstack.parameters.sources import Override
 
     if text is None:
         return []

@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.markup import escape
+from rich.tree import Tree
 
 from navstack.cli import options
-from navstack.cli.out_path import file_in
-from navstack.cli.replay_options import LogFile, Partial, ReplayInput
+from navstack.cli.log_options import BagFile as LogFile
+from navstack.cli.log_options import PartialBag as Partial
+from navstack.cli.log_options import ReplayInput, reading_bar, seconds_bar
+from navstack.cli.options import file_in
+from navstack.cli.output import loading_kernels, print_files, print_json, print_note, stdout
+from navstack.core import ensure_directory, write_json
+from navstack.logs import log_info, open_log
+from navstack.record import Record
+from navstack.replay import export_run, foxglove_layout, snapshot
+from navstack.scenario import write_scenario
 
 if TYPE_CHECKING:
-    from navstack.logs.log_info import LogInfo, TopicInfo
+    from navstack.logs import LogInfo, TopicInfo
 
 app = typer.Typer(
     name="bag",
@@ -28,11 +39,6 @@ def info(log: LogFile, partial: Partial = False, json_: options.Json = False) ->
 
     Exit codes: 0, 2 the file cannot be read.
     """
-    from navstack.cli.output import print_json
-    from navstack.cli.replay_options import reading_bar
-    from navstack.logs import open_log
-    from navstack.logs.log_info import log_info
-
     with open_log(log, partial=partial) as opened, reading_bar(opened, quiet=json_) as progress:
         found = log_info(opened, progress)
         problem = opened.problem
@@ -48,12 +54,6 @@ def info(log: LogFile, partial: Partial = False, json_: options.Json = False) ->
 
 
 def _print_info(found: LogInfo) -> None:
-    from datetime import UTC, datetime
-
-    from rich.markup import escape
-
-    from navstack.cli.output import stdout
-
     out = stdout()
     start = datetime.fromtimestamp(found.start_ns / 1e9, UTC).strftime("%Y-%m-%d %H:%M:%S")
     out.print(
@@ -84,11 +84,6 @@ def _rate_text(topic: TopicInfo) -> str:
 
 
 def _print_transforms(found: LogInfo) -> None:
-    from rich.markup import escape
-    from rich.tree import Tree
-
-    from navstack.cli.output import stdout
-
     if not found.transforms:
         return
     roots = found.roots
@@ -102,9 +97,6 @@ def _print_transforms(found: LogInfo) -> None:
 
 
 def _add_children(tree: object, parent: str, found: LogInfo, seen: set[str]) -> None:
-    from rich.markup import escape
-    from rich.tree import Tree
-
     assert isinstance(tree, Tree)
     for edge in found.transforms:
         if edge.parent != parent or edge.child in seen:
@@ -145,13 +137,6 @@ def export(
 
     The run is simulated again, which gives the same run. Exit codes: 0, 2 invalid input.
     """
-    from navstack.cli.output import print_files, print_json, stdout
-    from navstack.cli.replay_options import seconds_bar
-    from navstack.core.files import ensure_directory, write_json
-    from navstack.record import Record
-    from navstack.replay.export import export_run
-    from navstack.replay.foxglove import foxglove_layout
-
     record = Record.load(run)
     ensure_directory(to.parent)
     with seconds_bar("exporting", record.duration, quiet=json_) as progress:
@@ -193,10 +178,6 @@ def scenario(
 
     Simulate from there with other parameters: `navstack simulate scenario.yaml --params ..`. Exit codes: 0, 2 invalid input.
     """
-    from navstack.cli.output import loading_kernels, print_files, print_json, print_note, stdout
-    from navstack.replay.snapshot import snapshot
-    from navstack.scenario.file.writer import write_scenario
-
     with chosen.opened() as opened, loading_kernels(quiet=json_):
         found = snapshot(opened.log, opened.configuration, opened.static_map, at, opened.options)
     if not found.goals:

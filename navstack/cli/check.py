@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.markup import escape
 
 from navstack.cli import options
+from navstack.cli.output import print_json, print_note, stdout
+from navstack.core import InputError, is_file
+from navstack.parameters import check_parameters, fix_keys, packaged_sets
+from navstack.scenario import check_scenario, is_scenario_file, shipped_scenarios
 
 if TYPE_CHECKING:
-    from navstack.parameters.findings import Finding
-    from navstack.parameters.fix import KeyFixes
+    from navstack.parameters import Finding, KeyFixes
 
 
 class Severity(StrEnum):
@@ -60,8 +64,6 @@ def check(
 
     Exit codes: 0 no errors, 2 errors; with --fix those that remain.
     """
-    from navstack.cli.output import print_json
-
     document: dict[str, Any] = {}
     if fix or diff:
         fixes = _fixes(params, set_, distro, allow_missing)
@@ -85,24 +87,17 @@ def check(
 
 
 def _fixes(params: list[str], overrides: list[str], distro: str | None, allow_missing: bool) -> KeyFixes:
-    from navstack.core.errors import InputError
-    from navstack.parameters.fix import fix_keys
-
     if len(params) == 1 and _scenario(params[0]) is not None:
         raise InputError(f"--fix corrects parameter files, but {params[0]} is a scenario; name its parameters")
     return fix_keys(params, overrides=overrides, distro=distro, allow_missing=allow_missing)
 
 
 def _document(fixes: KeyFixes) -> dict[str, Any]:
-    from dataclasses import asdict
-
     return {"fixes": [asdict(f) for f in fixes.fixes], "kept": [asdict(k) for k in fixes.kept], "diff": fixes.diff()}
 
 
 def _print_fixes(fixes: KeyFixes, *, diff: bool) -> None:
     """Prints the corrections (or the diff), and to stderr why other keys stay."""
-    from navstack.cli.output import print_note, stdout
-
     out = stdout()
     if diff:
         out.print(fixes.diff(), markup=False, end="")
@@ -116,9 +111,6 @@ def _print_fixes(fixes: KeyFixes, *, diff: bool) -> None:
 
 
 def _findings(params: list[str], overrides: list[str], distro: str | None, allow_missing: bool) -> list[Finding]:
-    from navstack.parameters.configuration import check_parameters
-    from navstack.scenario import check_scenario
-
     file = _scenario(params[0]) if len(params) == 1 else None
     if file is not None:
         return check_scenario(file, overrides=overrides, distro=distro, allow_missing=allow_missing)
@@ -126,10 +118,6 @@ def _findings(params: list[str], overrides: list[str], distro: str | None, allow
 
 
 def _print(findings: list[Finding]) -> None:
-    from rich.markup import escape
-
-    from navstack.cli.output import stdout
-
     out = stdout()
     for f in findings:
         style = SEVERITY_STYLE[f.severity]
@@ -146,16 +134,11 @@ def _print(findings: list[Finding]) -> None:
 
 def _scenario(name: str) -> Path | None:
     """The scenario file of that path, or the packaged scenario of that name; None if the name means parameters."""
-    from navstack.core.files import is_file
-    from navstack.parameters.sources import packaged_sets
-    from navstack.scenario.file.spec import is_scenario_file
-
     path = Path(name)
     if is_scenario_file(path):
         return path
     if is_file(path) or name in packaged_sets():
         return None
-    from navstack.scenario import shipped_scenarios
 
     return shipped_scenarios().get(name)
 

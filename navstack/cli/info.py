@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich.box import SIMPLE_HEAD
+from rich.table import Table
 
+from navstack import __version__
 from navstack.cli import options
+from navstack.cli.output import print_files, print_json, stdout
+from navstack.core import OutputError
+from navstack.map_io import map_names
+from navstack.parameters import packaged_sets
+from navstack.plot import FORMATS
+from navstack.plugins import REGISTRIES
+from navstack.scenario import shipped_scenarios, suite_names
 
 _DEPENDENCIES = ("numpy", "numba", "scipy", "shapely", "matplotlib", "pydantic", "pillow", "pyyaml", "typer", "rich")
 
 
 def collect() -> dict[str, Any]:
     """Versions, plugins by kind, packaged maps, parameter sets, scenarios and suites."""
-    from navstack.map_io import map_names
-    from navstack.parameters import packaged_sets
-    from navstack.plugins import REGISTRIES
-    from navstack.scenario import shipped_scenarios, suite_names
-
     plugins = {
         registry.kind: [
             {"name": entry.name, "aliases": list(entry.aliases), "origin": entry.origin} for entry in registry
@@ -37,9 +43,6 @@ def collect() -> dict[str, Any]:
 
 def _versions() -> dict[str, str]:
     import platform
-    from importlib.metadata import PackageNotFoundError, version
-
-    from navstack import __version__
 
     versions = {"navstack": __version__, "python": platform.python_version()}
     for name in _DEPENDENCIES:
@@ -62,8 +65,6 @@ def info(
     ] = None,
 ) -> None:
     """List versions, registered plugins with their ROS names, packaged maps, parameter sets, scenarios and suites."""
-    from navstack.cli.output import print_files, print_json
-
     if states is not None:
         _write_states(states)
         if json_:
@@ -79,11 +80,6 @@ def info(
 
 
 def _print(found: dict[str, Any]) -> None:
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-
-    from navstack.cli.output import stdout
-
     out = stdout()
     out.print("  ".join(f"{name} {number}" for name, number in found["versions"].items()))
     table = Table("plugin", box=SIMPLE_HEAD, pad_edge=False)
@@ -100,16 +96,13 @@ def _print(found: dict[str, Any]) -> None:
 
 
 def _write_states(file: Path) -> None:
-    from navstack.core.errors import OutputError
-    from navstack.plot.canvas import FORMATS
-
     if file.suffix == ".md":
-        from navstack.core.files import write_text
-        from navstack.move_base.state_document import document_markdown
+        from navstack.core import write_text
+        from navstack.move_base import document_markdown
 
         write_text(file, document_markdown())
     elif file.suffix.lower() in FORMATS:
-        from navstack.plot.states import plot_states
+        from navstack.plot import plot_states
 
         plot_states(file)
     else:

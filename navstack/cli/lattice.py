@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from navstack.cli import options
-from navstack.cli.out_path import file_in
+from navstack.cli.options import file_in
+from navstack.cli.output import print_files, print_json
+from navstack.global_planner import generate_lattice, read_lattice, write_lattice
 
 if TYPE_CHECKING:
-    from navstack.lattice import Lattice
+    from navstack.global_planner import Lattice
 
 app = typer.Typer(
     no_args_is_help=True, rich_markup_mode="markdown", help="Generate and check motion primitives for smac_lattice."
@@ -57,8 +59,6 @@ def generate(
     The sets are those of Nav2's generator, and more where a heading would have no turn to the left or to the right.
     smac_lattice reads the file: `lattice_filepath: primitives.json`.
     """
-    from navstack.lattice import generate_lattice, write_lattice
-
     lattice = generate_lattice(
         radius,
         resolution,
@@ -81,16 +81,12 @@ def check(
 
     Warns of headings from which the robot cannot turn. Exit codes: 0 it can be used, 2 it cannot; the message has file and line.
     """
-    from navstack.lattice import read_lattice
-
     _report(read_lattice(file), {}, picture, json_=json_)
 
 
 def _report(lattice: Lattice, files: dict[str, str], picture: Path | None, *, json_: bool) -> None:
-    from navstack.cli.output import print_files, print_json
-
     if picture is not None:
-        from navstack.plot.lattice import plot_lattice
+        from navstack.plot import plot_lattice
 
         files["picture"] = str(plot_lattice(lattice, picture))
     driven = [p for p in lattice.primitives if p.length > 0.0]

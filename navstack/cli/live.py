@@ -6,16 +6,22 @@ import contextlib
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import typer
 
 from navstack.cli import options
+from navstack.cli.arguments import map_of, scenario_file
+from navstack.cli.output import loading_kernels, print_note, stdout
 from navstack.cli.scenario_options import ScenarioOptions
-
-if TYPE_CHECKING:
-    from navstack.live.session import Origin, Session
-    from navstack.scenario import Scenario
+from navstack.core import InputError, require
+from navstack.explain import replay
+from navstack.live import MAX_SPEED, Gate, LiveServer, LoggedSession, Options, Origin, Session, Stage, serve
+from navstack.map_io import map_names
+from navstack.parameters import short_name
+from navstack.record import Record
+from navstack.replay import is_of_log
+from navstack.scenario import Scenario, read_scenario, shipped_scenarios, warm_up
 
 PORT = 8765
 
@@ -54,17 +60,11 @@ def live(chosen: ScenarioOptions, live: LiveOptions) -> int:
 
     Exit codes: 0 stopped by the user, 2 invalid input.
     """
-    from navstack.core.optional_dependencies import require
-
     require("aiohttp", "navstack live")
-    from navstack.cli.output import loading_kernels
-    from navstack.live.logged import LoggedSession
-    from navstack.live.stage import Options, Stage
-    from navstack.scenario import warm_up
 
     sessions, fixed = _sessions(chosen, live)
     if not isinstance(sessions[0], LoggedSession):  # which has run its first cycle
-        with loading_kernels():
+        with loading_kernels(sessions[0].scenario.configuration.planner_names):
             warm_up(sessions[0].scenario)
     labels = ("",) if len(sessions) == 1 else tuple(_label(session) for session in sessions)
     named = tuple(session.origin.sources for session in sessions)
@@ -73,16 +73,11 @@ def live(chosen: ScenarioOptions, live: LiveOptions) -> int:
 
 
 def _label(session: Session) -> str:
-    from navstack.parameters.sources import short_name
-
     return ", ".join(short_name(name) for name in session.origin.sources) or "the scenario's parameters"
 
 
 def _sessions(chosen: ScenarioOptions, live: LiveOptions) -> tuple[list[Session], bool]:
     """The sessions, and True for a recorded run."""
-    from navstack.core.errors import InputError
-    from navstack.live.session import Session
-
     speed = _speed(live.speed)
     run = Path(chosen.map_)
     if run.suffix == ".npz" or run.joinpath("run.npz").is_file():
@@ -99,13 +94,6 @@ def _sessions(chosen: ScenarioOptions, live: LiveOptions) -> tuple[list[Session]
 
 def _recorded(run: Path, speed: float | None) -> Session:
     """A session of a recorded run, which is simulated or replayed again. Raises RecordError if that gives another run."""
-    from navstack.explain import replay
-    from navstack.live.logged import LoggedSession
-    from navstack.live.session import Session
-    from navstack.record import Record
-    from navstack.replay import is_of_log
-    from navstack.scenario import Scenario
-
     record = Record.load(run)
     if is_of_log(record):
         return LoggedSession(record, speed=speed)
@@ -117,19 +105,14 @@ def _recorded(run: Path, speed: float | None) -> Session:
 
 
 def _open(chosen: ScenarioOptions) -> tuple[Scenario, Origin]:
-    from navstack.cli.arguments import map_of, scenario_file
-    from navstack.live.session import Origin
-    from navstack.map_io import map_names
-    from navstack.scenario import read_scenario, shipped_scenarios
-
     file = scenario_file(chosen.map_)
     if file is not None:
-        parts = read_scenario(file).parts
-        sources = chosen.params or [source for source in parts.sources if isinstance(source, str)]
-        return chosen.build(), Origin(parts.map_file, tuple(sources))
+        spec = read_scenario(file)
+        sources = chosen.params or [source for source in spec.sources if isinstance(source, str)]
+        return chosen.build(), Origin(spec.map_file, tuple(sources))
     path, grid = map_of(chosen.map_, others=shipped_scenarios(), what="scenario")
     if chosen.map_ not in map_names() and chosen.start is None:
-        from navstack.live.start import free_pose
+        from navstack.live import free_pose
 
         x, y = free_pose(grid)
         chosen = chosen._replace(start=f"{x!r},{y!r}")
@@ -137,9 +120,6 @@ def _open(chosen: ScenarioOptions) -> tuple[Scenario, Origin]:
 
 
 def _speed(text: str) -> float | None:
-    from navstack.core.errors import InputError
-    from navstack.live.session import MAX_SPEED
-
     if text == "max":
         return None
     try:
@@ -154,9 +134,6 @@ def _speed(text: str) -> float | None:
 def _serve(stage: Any, live: LiveOptions) -> int:
     import asyncio
     import signal
-
-    from navstack.live.security import Gate
-    from navstack.live.server import LiveServer, serve
 
     server = LiveServer(stage, Gate(live.host), read_only=live.read_only)
 
@@ -174,8 +151,6 @@ def _serve(stage: Any, live: LiveOptions) -> int:
 
 
 def _ready(address: str, live: LiveOptions) -> None:
-    from navstack.cli.output import print_note, stdout
-
     stdout().print(f"navstack live: {address}", markup=False)
     sys.stdout.flush()
     if live.no_open:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from navstack.cli import options
-from navstack.cli.drive_options import (
+from navstack.cli.log_options import (
     LogFile,
     Mount,
     Partial,
@@ -19,7 +19,11 @@ from navstack.cli.drive_options import (
     drive_options,
     print_drive_notes,
 )
-from navstack.cli.out_path import file_in
+from navstack.cli.options import file_in
+from navstack.cli.output import loading_kernels, print_files, print_json
+from navstack.core import InputError
+from navstack.logs import MappingModel, logged_scans, map_from_frames, open_scan_log
+from navstack.map_io import save_map
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="markdown", help="Make maps.")
 
@@ -52,21 +56,15 @@ def from_log(
 
     Each scan raises the log-odds of the cells where beams end and lowers those of the cells before them.
     """
-    from navstack.cli.output import loading_kernels, print_files, print_json
-    from navstack.core.errors import InputError
-    from navstack.drives import drive_frames, open_drive
-    from navstack.drives.mapping import MappingModel, map_from_frames
-    from navstack.map_io import save_map
-
     for name, value in (("--resolution", resolution), ("--max-range", max_range)):
         if not 1e-3 <= value <= 1e3:
             raise InputError(f"{name} must be a length between 0.001 and 1000 m, not {value:g}", argument=name)
-    drive = open_drive(log, drive_options(topic, mount, reference=reference, partial=partial))
+    drive = open_scan_log(log, drive_options(topic, mount, reference=reference, partial=partial))
     every, first = chosen_scans(scans)
     model = MappingModel(max_range=max_range, clear_without_return=clear)
     with loading_kernels(quiet=json_):
         grid, count = map_from_frames(
-            lambda: drive_frames(drive, every=every, first=first), resolution=resolution, model=model
+            lambda: logged_scans(drive, every=every, first=first), resolution=resolution, model=model
         )
     files = save_map(grid, out)
     g = grid.geometry

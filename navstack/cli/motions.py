@@ -2,19 +2,123 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
+from rich.markup import escape
 
+from navstack.behaviors import Trajectory, parse_angle, parse_length, read_step, trajectory_of
 from navstack.cli import options
-from navstack.cli.motion_options import MotionOptions, World
+from navstack.cli.arguments import extent_text, map_of, note_off_the_map, parse_obstacles, parse_pose, scenario_file
+from navstack.cli.explain.tracking import draw, print_tracking
+from navstack.cli.interrupts import interrupt_flag
+from navstack.cli.output import loading_kernels, print_json, print_note, print_warnings, stdout, titled_table
+from navstack.core import InputError, Pose2D, RecordError, ensure_directory, locked_folder, write_json, write_text
+from navstack.explain import explain_tracking
+from navstack.map_io import map_names
+from navstack.parameters import load_configuration, short_name
+from navstack.plot import plot_run
+from navstack.scenario import (
+    Scenario,
+    SuccessConditions,
+    load_places,
+    read_scenario,
+    run_scenario,
+    shipped_scenarios,
+    warm_up,
+)
 
 if TYPE_CHECKING:
-    from navstack.core import Pose2D
-    from navstack.motion.steps import FollowStep
-    from navstack.scenario import Scenario
+    from navstack.behaviors import FollowStep, Step
+    from navstack.cli.interrupts import Interrupt
+    from navstack.record import Record
+    from navstack.scenario import Places, RunResult
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The options of `navstack move`, `turn`, `follow` and `teleop` that choose the world and the robot.
+
+
+TIME_LIMIT_S = 3600.0
+"""Time limit of a motion, besides its own (simulated s)."""
+
+World = Annotated[
+    str,
+    typer.Argument(
+        metavar="[MAP|SCENARIO]",
+        help="Scenario file or map_server YAML file, or name of a packaged scenario or map.",
+        show_default="office",
+    ),
+]
+
+
+class MotionOptions(NamedTuple):
+    """A map with a start, or a scenario file, of which goals and interactions are not used."""
+
+    start: options.Start = None
+    params: options.ParamsOrScenario = []
+    set_: options.Set = []
+    distro: options.Distro = None
+    seed: Annotated[
+        int | None, typer.Option("--seed", help="Random seed of the simulated noise. [default: 0]", min=0)
+    ] = None
+    obstacle: options.Obstacles = []
+
+    def build(self, world: str, steps: tuple[Step, ...], *, start: Pose2D | None = None) -> Scenario:
+        """Returns a scenario with these steps instead of goals; `start` counts if `--start` is not given.
+
+        Prints the warnings of the parameters. Raises InputError, MapError, ParameterError or ScenarioError.
+        """
+        if world.startswith("-"):  # negative numbers are allowed as arguments, so unknown options arrive here
+            raise InputError(f'there is no option "{world}"; `--help` lists the options', argument=world)
+        begin = parse_pose(self.start, "--start") if self.start is not None else start
+        file = scenario_file(world)
+        scenario = self._from_map(world, begin) if file is None else self._from_file(file, begin)
+        return replace(scenario, goals=(), steps=steps, interactions=(), success=SuccessConditions())
+
+    def _from_file(self, file: Path, start: Pose2D | None) -> Scenario:
+        obstacles, shapes = parse_obstacles(self.obstacle)
+        scenario = read_scenario(file).build(
+            params=self.params or None,
+            overrides=self.set_,
+            distro=self.distro,
+            seed=self.seed,
+            start=start,
+            time_limit_s=TIME_LIMIT_S,
+            obstacles=obstacles,
+            shapes=shapes,
+        )
+        print_warnings(scenario.configuration)
+        return scenario
+
+    def _from_map(self, name: str, start: Pose2D | None) -> Scenario:
+        path, grid = map_of(name, others=shipped_scenarios(), what="scenario")
+        if start is None and name in map_names():
+            start = load_places(name).start
+        if start is None:
+            raise InputError(
+                f"{path.name} defines no start; give --start x,y[,yaw] (m, rad); the map covers {extent_text(grid)}",
+                argument="--start",
+            )
+        params = self.params or ["turtlebot"]
+        configuration = load_configuration(params, overrides=self.set_, distro=self.distro)
+        print_warnings(configuration)
+        note_off_the_map(grid, start, ())
+        obstacles, shapes = parse_obstacles(self.obstacle)
+        return Scenario(
+            map=grid,
+            configuration=configuration,
+            start=start,
+            goals=(),
+            obstacles=obstacles,
+            shapes=shapes,
+            seed=self.seed or 0,
+            time_limit_s=TIME_LIMIT_S,
+            names={"map": path.name, "params": [short_name(p) for p in params], "overrides": list(self.set_)},
+        )
 
 
 class Frame(StrEnum):
@@ -54,9 +158,6 @@ def move(
 
     Exit codes: 0 the distance was driven, 1 it was not, 2 invalid input, 130 interrupted.
     """
-    from navstack.cli.motion_run import run_motions
-    from navstack.motion.steps import parse_length, read_step
-
     values = {"speed": speed, "tolerance": tolerance, "frame": frame}
     step = read_step({"move": parse_length(distance), **_given(values)})
     return run_motions(chosen.build(world, (step,)), out, json_=json_)
@@ -82,9 +183,6 @@ def turn(
 
     Exit codes: 0 the angle was turned, 1 it was not, 2 invalid input, 130 interrupted.
     """
-    from navstack.cli.motion_run import run_motions
-    from navstack.motion.steps import parse_angle, read_step
-
     values = {"speed": speed, "tolerance": tolerance, "frame": frame, "shortest": shortest}
     step = read_step({"turn": parse_angle(angle), **_given(values)})
     return run_motions(chosen.build(world, (step,)), out, json_=json_)
@@ -112,9 +210,6 @@ def drive_to(
 
     Exit codes: 0 the pose was reached, 1 it was not, 2 invalid input, 130 interrupted.
     """
-    from navstack.cli.motion_run import run_motions
-    from navstack.motion.steps import read_step
-
     target = _pose_or_place(pose, world)
     values = {"speed": speed, "tolerance": tolerance, "backwards": backwards or None}
     step = read_step({"drive_to": target, **_given(values)})
@@ -162,9 +257,6 @@ def follow(
 
     Exit codes: 0 it was followed to its end, 1 it was not, 2 invalid input or infeasible, 130 interrupted.
     """
-    from navstack.cli.motion_run import run_motions
-    from navstack.motion.steps import read_step
-
     values = {"speed": speed, "here": here, "fit": fit, "frame": frame, "tracking": tracking, "size": size}
     step: Any = read_step({"follow": trajectory, **_given(values)})
     scenario = chosen.build(world, (step,), start=_start_of(step))
@@ -175,11 +267,6 @@ def follow(
 
 def _pose_or_place(text: str, world: str) -> list[float]:
     """Pose of an argument. Raises InputError."""
-    from navstack.cli.arguments import parse_pose
-    from navstack.core.errors import InputError
-    from navstack.map_io import map_names
-    from navstack.places import load_places
-
     if "," in text:
         return list(parse_pose(text, "the pose"))
     places = load_places(world).places if world in map_names() else {}
@@ -194,14 +281,6 @@ def _pose_or_place(text: str, world: str) -> list[float]:
 
 def _with_room(scenario: Scenario, world: str, step: FollowStep) -> Scenario:
     """The scenario with a start that has room for the shape, on a packaged map."""
-    from dataclasses import replace
-
-    from navstack.cli.motion_fit import roomy_start
-    from navstack.cli.output import print_note
-    from navstack.map_io import map_names
-    from navstack.motion.steps import trajectory_of
-    from navstack.places import load_places
-
     if step.trajectory is not None or step.here is False or world not in map_names():
         return scenario
     found = roomy_start(scenario, trajectory_of(step), load_places(world))
@@ -218,8 +297,6 @@ def _with_room(scenario: Scenario, world: str, step: FollowStep) -> Scenario:
 
 def _start_of(step: FollowStep) -> Pose2D | None:
     """Start of a trajectory that does not begin at the robot."""
-    from navstack.motion import Trajectory
-
     if step.trajectory is None or step.here:
         return None
     return Trajectory.from_dict(step.trajectory).start
@@ -228,3 +305,112 @@ def _start_of(step: FollowStep) -> Pose2D | None:
 def _given(values: dict[str, Any]) -> dict[str, Any]:
     """The options that were given, as text or numbers."""
     return {key: str(v) if isinstance(v, StrEnum) else v for key, v in values.items() if v is not None}
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Where on a packaged map a shape has room.
+
+
+HEADINGS = tuple(k * math.pi / 6.0 for k in range(12))
+"""Headings that are tried at each place (rad)."""
+CHECKS = 120
+"""Number of poses of the trajectory that are checked."""
+ROOM_M = 0.15
+"""Distance that the footprint keeps from walls: a robot with slip leaves the trajectory by some centimetres."""
+
+
+def roomy_start(scenario: Scenario, trajectory: Trajectory, places: Places) -> tuple[str, Pose2D] | None:
+    """Returns the first place, with a heading, at which the footprint has ROOM_M along the trajectory; None if there is none.
+
+    The start of the map comes first, with its own heading.
+    """
+    first = next((name for name, pose in places.places.items() if pose == places.start_pose), "the start")
+    candidates = [(first, places.start)]
+    candidates += [(name, Pose2D(p.x, p.y, yaw)) for name, p in places.places.items() for yaw in HEADINGS]
+    return next(((name, pose) for name, pose in candidates if _is_free(scenario, trajectory, pose)), None)
+
+
+def _is_free(scenario: Scenario, trajectory: Trajectory, start: Pose2D) -> bool:
+    import numpy as np
+
+    world, footprint = scenario.world(), scenario.configuration.global_costmap.true_footprint
+    poses = trajectory.moved_to(start, "map").poses(np.linspace(0.0, trajectory.duration, CHECKS))
+    if not all(world.contains(Pose2D(*pose)) for pose in poses.tolist()):
+        return False
+    return bool((world.clearances(poses, footprint, world.solids_at(0.0)) >= ROOM_M).all())
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Runs a scenario of motions, writes its files and prints its outcome.
+
+
+def run_motions(scenario: Scenario, folder: Path, *, json_: bool) -> int:
+    """Drives the steps of a scenario; returns the exit code. Ctrl-C and SIGTERM stop the robot and keep the record."""
+    with locked_folder(ensure_directory(folder)), interrupt_flag() as interrupt:
+        return _run(scenario, folder, interrupt, json_=json_)
+
+
+def _run(scenario: Scenario, folder: Path, interrupt: Interrupt, *, json_: bool) -> int:
+    with loading_kernels(scenario.configuration.planner_names, quiet=json_):
+        warm_up(scenario)
+    result = run_scenario(scenario, stop=interrupt)
+    assert result.recorder is not None
+    files = {what: str(name) for what, name in result.recorder.save(folder).items()}
+    record = result.recorder.record()
+    plot_run(record, folder / "run.png")
+    files["picture"] = str(folder / "run.png")
+    if not json_:
+        print_steps(result)
+    files |= _tracking(record, folder, quiet=json_)
+    files["summary"] = str(folder / "summary.json")
+    document = {**result.as_dict(), "files": files}
+    write_json(folder / "summary.json", document)
+    if json_:
+        print_json(document)
+    else:
+        from navstack.cli.output import print_files
+
+        print_files(files)
+    if interrupt():
+        return interrupt.exit_code
+    return 0 if result.succeeded else 1
+
+
+def print_steps(result: RunResult) -> None:
+    """Prints the outcome of every step."""
+    out = stdout()
+    table = titled_table("steps", left=("step", "state"), right=("time", "driven", "remaining"))
+    for goal in result.goals:
+        style = "green" if goal.succeeded else "bold red"
+        table.add_row(
+            escape(goal.step or f"{goal.goal.x:g}, {goal.goal.y:g}, {goal.goal.yaw:.2f}"),
+            f"[{style}]{goal.state}[/]",
+            f"{goal.time_s:.1f} s",
+            f"{goal.path_length_m:.3f} m",
+            f"{goal.distance_left_m:.3f} m",
+        )
+    out.print(table)
+    for goal in result.goals:
+        reason = goal.text if goal.succeeded else f"{goal.error_name} ({goal.error_code}): {goal.message}"
+        out.print(escape(reason))
+    if result.collisions:
+        out.print(f"[bold red]{result.collisions} collisions[/]")
+
+
+def _tracking(record: Record, folder: Path, *, quiet: bool) -> dict[str, str]:
+    """Prints, draws and writes how the trajectories of a run were followed; returns the files."""
+    for old in (*folder.glob("tracking*.png"), *folder.glob("tracking*.csv")):  # of an earlier run
+        old.unlink(missing_ok=True)
+    try:
+        reports = explain_tracking(record)
+    except RecordError:
+        return {}
+    files: dict[str, str] = {}
+    for number, report in enumerate(reports, 1):
+        name = "tracking" if len(reports) == 1 else f"tracking_{number}"
+        files[name] = str(draw(report, folder / f"{name}.png"))
+        write_text(folder / f"{name}.csv", report.table())
+        files[f"{name} table"] = str(folder / f"{name}.csv")
+        if not quiet:
+            print_tracking(report)
+    return files

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import json
+import signal
 import sys
+import threading
 from collections.abc import Callable, Generator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager, nullcontext
 from enum import IntEnum
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from navstack.parameters.configuration import Configuration
-    from navstack.parameters.findings import Finding
+    from navstack.parameters import Configuration, Finding
     from navstack.scenario import GoalOutcome, RunResult
 
 
@@ -29,6 +30,7 @@ class Verbosity(IntEnum):
 
 
 _verbosity = Verbosity.NORMAL
+COMPILING: Final = "compiling kernels (first use only, up to 30 s)"
 
 
 def set_verbosity(verbosity: Verbosity) -> None:
@@ -128,31 +130,71 @@ def print_advice(result: RunResult) -> None:
 
 def print_json(document: Mapping[str, Any]) -> None:
     """Prints one JSON document to stdout; NaN and infinity become null."""
-    from navstack.core.errors import jsonable
+    from navstack.core import jsonable
 
     json.dump(jsonable(dict(document)), sys.stdout, allow_nan=False)
     sys.stdout.write("\n")
 
 
 @contextmanager
-def loading_kernels(*, quiet: bool = False) -> Generator[None]:
-    """Shows a status on stderr while kernels are loaded, and says if they are compiled.
+def loading_kernels(uses: Sequence[str] = (), *, quiet: bool = False) -> Generator[None]:
+    """Compiles the kernels of these plugins ahead, and shows a status on stderr while kernels are loaded or compiled.
 
     Compilation is long, so it is also announced, by a note, with `quiet` or without a terminal.
     """
-    from navstack.core.jit import compilation_reported
+    from navstack.core import compilation_reported
 
+    announced = compile_kernels(uses, quiet=quiet) > 0
     status = None if quiet or _verbosity < Verbosity.NORMAL else stderr().status("loading the kernels")
 
     def announce() -> None:
-        what = "compiling kernels (first use only, up to 30 s)"
         if status is not None and stderr().is_terminal:
-            status.update(what)
-        else:
-            print_note(what)
+            status.update(COMPILING)
+        elif not announced:
+            print_note(COMPILING)
 
     with status or nullcontext(), compilation_reported(announce):
         yield
+
+
+def compile_kernels(uses: Sequence[str] | None, *, quiet: bool = False) -> int:
+    """Compiles the missing kernels of these uses (None: all) in parallel; shows a bar, or a note without a terminal.
+
+    Returns the number of specializations that were missing.
+    """
+    from navstack.core import compile_ahead
+
+    with _interruptible(), ExitStack() as opened:
+        update: Callable[[int, int], None] | None = None
+
+        def show(done: int, total: int) -> None:
+            nonlocal update
+            if update is None and shows_progress(quiet=quiet):
+                update = opened.enter_context(counting_bar("compiling kernels, once per machine", quiet=quiet))
+            elif update is None:
+                print_note(COMPILING)
+                update = _shows_nothing
+            update(done, total)
+
+        return compile_ahead(uses, show)
+
+
+def _shows_nothing(done: int, total: int) -> None:
+    del done, total
+
+
+@contextmanager
+def _interruptible() -> Generator[None]:
+    """Lets Ctrl-C raise KeyboardInterrupt also where a command notes it for later: nothing has begun."""
+    before = signal.getsignal(signal.SIGINT)
+    if before in (None, signal.SIG_IGN) or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def shows_progress(*, quiet: bool = False) -> bool:

@@ -6,11 +6,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.markup import escape
 
 from navstack.cli import options
+from navstack.cli.output import print_json, print_note, stdout
+from navstack.core import InputError, OutputError, ensure_directory, write_text
+from navstack.parameters import as_dict, as_yaml, json_schema, load_configuration, parameters_of, value_text
+from navstack.parameters import migrate as migrated
+from navstack.parameters import reference as text
 
 if TYPE_CHECKING:
-    from navstack.parameters.report import Parameter
+    from navstack.parameters import Parameter
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -28,10 +34,6 @@ def show(
     json_: options.Json = False,
 ) -> None:
     """Print the effective parameters of every component as YAML that loads back, each with its origin."""
-    from navstack.cli.output import print_json
-    from navstack.parameters.configuration import load_configuration
-    from navstack.parameters.report import as_dict, as_yaml, parameters_of
-
     configuration = load_configuration(params, overrides=set_, distro=distro, allow_missing=allow_missing)
     found = parameters_of(configuration)
     if json_:
@@ -52,10 +54,6 @@ def diff(
 
     Defaults written out, former names and the layout of the files make no difference.
     """
-    from navstack.cli.output import print_json
-    from navstack.parameters.configuration import load_configuration
-    from navstack.parameters.report import as_dict, parameters_of
-
     one, other = (
         {p.name: p for p in parameters_of(load_configuration([s], allow_missing=allow_missing))}
         for s in (first, second)
@@ -69,10 +67,6 @@ def diff(
 
 
 def _print_differences(pairs: dict[str, tuple[Parameter | None, Parameter | None]]) -> None:
-    from rich.markup import escape
-
-    from navstack.cli.output import stdout
-
     out = stdout()
     for name, (a, b) in pairs.items():
         out.print(f"[bold]{escape(name)}[/]")
@@ -88,8 +82,6 @@ def _differ(a: Parameter | None, b: Parameter | None) -> bool:
 
 
 def _value(p: Parameter) -> str:
-    from navstack.parameters.report.document import value_text
-
     text = "not set" if p.value is None else value_text(p.value)
     return f"{text} {p.unit}" if p.unit and p.value is not None else text
 
@@ -105,8 +97,6 @@ def schema(
     """Print the JSON Schema of the YAML for editors: names, types, ranges, descriptions."""
     import json
 
-    from navstack.parameters.report import json_schema
-
     document = json_schema()
     if namespace is not None:
         part = _part_of_schema(document, namespace)
@@ -116,8 +106,6 @@ def schema(
 
 def _part_of_schema(document: dict[str, Any], namespace: str) -> dict[str, Any]:
     """The schema of a namespace such as local_costmap/inflation_layer. Raises InputError."""
-    from navstack.core.errors import InputError
-
     at = document
     for part in [p for p in namespace.split("/") if p]:
         below: dict[str, Any] = at.get("properties", {}).get(part, {})
@@ -132,8 +120,6 @@ def _part_of_schema(document: dict[str, Any], namespace: str) -> dict[str, Any]:
 @app.command("reference")
 def reference(out: Annotated[Path | None, options.text_file("parameters.md")] = None) -> None:
     """Print the parameter reference as Markdown: default, unit, range, meaning, differences from ROS."""
-    from navstack.parameters.report import reference as text
-
     _write(text(), out)
 
 
@@ -149,18 +135,13 @@ def migrate(
     allow_missing: options.AllowMissing = False,
 ) -> None:
     """Write the same configuration with current parameter names; comments are kept unless the layout changes."""
-    from navstack.cli.output import print_note, stdout
-    from navstack.core.errors import OutputError
-    from navstack.core.files import ensure_directory, write_text
-    from navstack.parameters.report import migrate as migrated
-
     migration = migrated(params, overrides=set_, distro=distro, allow_missing=allow_missing)
     if out.is_dir() and any(out.iterdir()):
         raise OutputError(f"--out {out} is not empty; give a new folder, so that no file is overwritten")
     folder = ensure_directory(out)
-    for name, text in migration.files.items():
+    for name, content in migration.files.items():
         ensure_directory((folder / name).parent)
-        write_text(folder / name, text)
+        write_text(folder / name, content)
     for old, new in migration.renamed:
         stdout().print(f"{old} -> {new}")
     count = len(migration.files)
@@ -173,7 +154,6 @@ def _write(text: str, out: Path | None) -> None:
     if out is None:
         print(text, end="")
         return
-    from navstack.core.files import ensure_directory, write_text
 
     ensure_directory(out.parent)
     write_text(out, text)

@@ -7,13 +7,31 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
+from navstack.bringup import costmap_on_map, plan_on_map
 from navstack.cli import options
+from navstack.cli.arguments import footprint_overrides, map_of, note_off_the_map, parse_pose
+from navstack.cli.options import chosen_files
+from navstack.cli.output import (
+    loading_kernels,
+    print_files,
+    print_findings,
+    print_json,
+    print_note,
+    stdout,
+    titled_table,
+)
+from navstack.core import InputError, PlanningError, jsonable, write_json
+from navstack.global_planner import smoothed
+from navstack.parameters import Override, load_configuration, packaged_sets
+from navstack.plot import plot_plan
 
 if TYPE_CHECKING:
-    from navstack.cli.plan_candidates import Candidate
+    from collections.abc import Sequence
+
+    from navstack.bringup import PlannedPath
     from navstack.core import OccupancyGrid, Pose2D
-    from navstack.core.errors import PlanningError
-    from navstack.plan_once import PlannedPath
+    from navstack.parameters import Configuration
+    from navstack.plugins import GlobalPlanner, Plugin
 
 
 class PlanOptions(NamedTuple):
@@ -64,9 +82,6 @@ def plan(
 
     Exit codes: 0 a path was found, 1 no path was found between valid poses, 2 invalid input.
     """
-    from navstack.cli.out_path import chosen_files
-    from navstack.cli.output import print_note
-
     query, candidates = _load(chosen)
     files = chosen_files(out, {"picture": "plan.png", "plan": "plan.json"}) if out is not None else {}
     if chosen.compare:
@@ -79,11 +94,6 @@ def plan(
 
 def _load(chosen: PlanOptions) -> tuple[_Query, list[Candidate]]:
     """The query, and what plans. Raises InputError, MapError or ParameterError."""
-    from navstack.cli.arguments import footprint_overrides, map_of, note_off_the_map, parse_pose
-    from navstack.cli.output import print_findings
-    from navstack.cli.plan_candidates import Parameters, compared, single
-    from navstack.core.errors import InputError
-
     start, goal = parse_pose(chosen.start, "--start"), parse_pose(chosen.goal, "--goal")
     path, grid = map_of(chosen.map_)
     if chosen.compare and chosen.planner is not None:
@@ -103,12 +113,8 @@ def _load(chosen: PlanOptions) -> tuple[_Query, list[Candidate]]:
 
 
 def _plan(query: _Query, candidate: Candidate, chosen: dict[str, Path], json_: bool) -> None:
-    from navstack.cli.output import loading_kernels, print_files, print_json, print_note
-    from navstack.core.errors import PlanningError
-    from navstack.core.files import write_json
-
     try:
-        with loading_kernels(quiet=json_):
+        with loading_kernels([candidate.planner.name], quiet=json_):
             found = _planned(query, candidate, keep_potential=bool(chosen))
     except PlanningError as error:
         if "picture" in chosen:
@@ -133,10 +139,6 @@ def _compare(query: _Query, candidates: list[Candidate], chosen: dict[str, Path]
     """Plans with every candidate. Raises the first error if all of them fail."""
     import json
 
-    from navstack.cli.output import print_files, print_note
-    from navstack.core.errors import jsonable
-    from navstack.core.files import write_json
-
     found, documents = _plans(query, candidates, keep_potential=bool(chosen), quiet=json_)
     files: dict[str, str] = {}
     if chosen:
@@ -157,15 +159,12 @@ def _plans(
     query: _Query, candidates: list[Candidate], *, keep_potential: bool, quiet: bool
 ) -> tuple[dict[str, PlannedPath], list[dict[str, Any]]]:
     """The plans that were found, by label, and a document for every candidate, also for those that failed."""
-    from navstack.cli.output import loading_kernels
-    from navstack.core.errors import InputError, PlanningError
-
     found: dict[str, PlannedPath] = {}
     errors: list[PlanningError | InputError] = []
     documents: list[dict[str, Any]] = []
     for candidate in candidates:
         try:
-            with loading_kernels(quiet=quiet or bool(found)):
+            with loading_kernels([candidate.planner.name], quiet=quiet or bool(found)):
                 one = _planned(query, candidate, keep_potential=keep_potential and not found)
         except (PlanningError, InputError) as error:  # such as primitives for cells of another size
             errors.append(error)
@@ -180,8 +179,6 @@ def _plans(
 
 
 def _planned(query: _Query, candidate: Candidate, *, keep_potential: bool) -> PlannedPath:
-    from navstack.plan_once import plan_on_map
-
     return plan_on_map(
         candidate.configuration,
         query.grid,
@@ -195,8 +192,6 @@ def _planned(query: _Query, candidate: Candidate, *, keep_potential: bool) -> Pl
 def _planning_ms(query: _Query, candidate: Candidate, found: PlannedPath) -> float:
     """Time of a new planner without caches, and of its smoother, with the kernels loaded (ms)."""
     import time
-
-    from navstack.smoother import smoothed
 
     fresh = smoothed(candidate.planner.cls(candidate.planner.params), candidate.configuration.smoother)
     began = time.perf_counter()
@@ -214,8 +209,6 @@ def _write(
 
 
 def _draw(query: _Query, found: dict[str, PlannedPath], documents: list[dict[str, Any]], picture: Path) -> None:
-    from navstack.plot import plot_plan
-
     first = next(iter(found.values()))
     # the footprint drawn is that of the plan whose sweep is drawn
     swept = next((one for one in found.values() if one.plan.for_footprint), first)
@@ -233,9 +226,6 @@ def _draw(query: _Query, found: dict[str, PlannedPath], documents: list[dict[str
 
 
 def _draw_failure(query: _Query, candidate: Candidate, error: PlanningError, picture: Path) -> None:
-    from navstack.plan_once import costmap_on_map
-    from navstack.plot import plot_plan
-
     costmap = costmap_on_map(candidate.configuration, query.grid, query.start)
     plot_plan(
         costmap.master,
@@ -261,8 +251,6 @@ def _legend_text(document: dict[str, Any]) -> str:
 
 
 def _print_table(documents: list[dict[str, Any]], title: str) -> None:
-    from navstack.cli.output import stdout, titled_table
-
     table = titled_table(title, left=("planner",), right=("length", "clearance", "cusps", "cost", "expanded", "time"))
     table.columns[0].no_wrap, table.columns[0].overflow = False, "fold"
     for d in documents:
@@ -305,3 +293,91 @@ def _document(query: _Query, candidate: Candidate, found: PlannedPath) -> dict[s
         "notes": list(plan.notes),
         "poses": plan.path.poses.tolist(),
     }
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What `navstack plan` plans with: a planner with its parameters, or several to compare.
+
+
+class Candidate(NamedTuple):
+    """A planner and the parameters that it plans with."""
+
+    label: str
+    """What tables and pictures call it: `smac_hybrid`, `smac_hybrid:car.yaml`, `navfn + simple` with a smoother."""
+    planner: Plugin[GlobalPlanner]
+    configuration: Configuration
+
+
+class Parameters(NamedTuple):
+    """The parameters of the command line: what `--params`, `--set`, `--smoother` and `--allow-missing` say."""
+
+    sources: Sequence[str]
+    overrides: Sequence[str | Override]
+    smoother: str | None
+    allow_missing: bool
+
+    def load(self, sources: Sequence[str], values: Sequence[Override] = ()) -> Configuration:
+        """Load sources with the overrides and `values`. Raises ParameterError."""
+        overrides = list(self.overrides)
+        if self.smoother is not None:
+            overrides.append(Override(f"base_smoother={self.smoother}", f"--smoother {self.smoother}"))
+        return load_configuration(sources, overrides=[*overrides, *values], allow_missing=self.allow_missing)
+
+
+def single(parameters: Parameters, planner: str | None) -> Candidate:
+    """The planner of the parameters, or the named one. Raises InputError or ParameterError."""
+    named = [] if planner is None else [Override(f"base_global_planner={planner}", f"--planner {planner}")]
+    return _candidate(parameters.load(parameters.sources, named), "")
+
+
+def compared(parameters: Parameters, compare: str) -> list[Candidate]:
+    """The candidates of `--compare`, each once: `PLANNER[+SMOOTHER][:PARAMS][:KEY=VALUE]..` with commas between them.
+
+    SMOOTHER stands in the place of that of `--smoother`. PARAMS is a file over those of `--params`, or a packaged set or folder
+    in their place; `:PARAMS` stands for the planner of these parameters. KEY is a parameter of the planner. Raises InputError or
+    ParameterError.
+    """
+    entries = [entry.strip() for entry in compare.split(",") if entry.strip()]
+    if not entries:
+        raise InputError(
+            f'--compare "{compare}" contains no planner; give names such as navfn,astar,theta_star',
+            argument="--compare",
+        )
+    found = [_entry(parameters, entry) for entry in entries]
+    return list({candidate.label: candidate for candidate in found}.values())
+
+
+def _entry(parameters: Parameters, entry: str) -> Candidate:
+    """The candidate of one entry."""
+    first, *parts = (part.strip() for part in entry.replace("::", "/").split(":"))
+    name, plus, smoother = (part.strip() for part in first.partition("+"))
+    values = [part for part in parts if "=" in part]
+    sets = [part for part in parts if "=" not in part]
+    wrong = len(sets) > 1 or not all(part.partition("=")[0] for part in parts) or not (name or sets)
+    if wrong or bool(plus) != bool(smoother):
+        raise InputError(
+            f'--compare "{entry}" is not PLANNER[+SMOOTHER][:PARAMS][:KEY=VALUE]..; '
+            "give for example smac_hybrid:car_mppi, smac_hybrid:minimum_turning_radius=0.8 or navfn+simple",
+            argument="--compare",
+        )
+    sources = _sources(parameters.sources, sets[0]) if sets else parameters.sources
+    plugins = {"base_global_planner": name, "base_smoother": smoother}
+    overrides = [Override(f"{key}={plugin}", f"--compare {entry}") for key, plugin in plugins.items() if plugin]
+    configuration = parameters.load(sources, overrides)
+    if values:
+        namespace = configuration.global_planner.namespace
+        overrides += [Override(f"{namespace}/{value}", f"--compare {entry}") for value in values]
+        configuration = parameters.load(sources, overrides)
+    return _candidate(configuration, "".join(f":{part}" for part in parts))
+
+
+def _sources(sources: Sequence[str], named: str) -> list[str]:
+    """A file is read over the sources, a packaged set or folder stands in their place."""
+    whole = named in packaged_sets() or Path(named).is_dir()
+    return [named] if whole else [*sources, named]
+
+
+def _candidate(configuration: Configuration, suffix: str) -> Candidate:
+    planner = configuration.global_planner
+    smoother = f" + {configuration.smoother.name}" if configuration.smoother is not None else ""
+    return Candidate(planner.name + suffix + smoother, planner, configuration)

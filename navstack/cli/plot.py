@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from navstack.cli import options
-
-if TYPE_CHECKING:
-    from navstack.record import Record
+from navstack.cli.arguments import map_of
+from navstack.cli.options import file_in
+from navstack.cli.output import counting_bar, print_files, print_json
+from navstack.core import InputError, is_file
+from navstack.map_io import map_names
+from navstack.plot import animate_run, plot_commands, plot_estimate, plot_map, plot_run, plot_steering
+from navstack.record import Record
+from navstack.scenario import load_places
 
 _Animation = Annotated[
     Path | None,
@@ -74,13 +79,6 @@ def plot(
     json_: options.Json = False,
 ) -> None:
     """Draw a recorded run (map, costmaps, paths, footprints, goals), or a map with its places, grid and coordinates."""
-    from navstack.cli.out_path import file_in
-    from navstack.cli.output import counting_bar, print_files, print_json
-    from navstack.core.errors import InputError
-    from navstack.map_io import map_names
-    from navstack.plot import animate_run, plot_run
-    from navstack.record import Record
-
     run = Path(source)
     if run.suffix in (".yaml", ".yml") or (source in map_names() and not (run / "run.npz").exists()):
         if animate or animation is not None:
@@ -108,10 +106,6 @@ def _draw_others(
     record: Record, commands: Path | None, steering: Path | None, localization: Path | None, time: float | None
 ) -> dict[str, str]:
     """Draws the pictures that were asked for besides that of the run. Returns their names. Raises InputError."""
-    from navstack.cli.out_path import file_in
-    from navstack.core.errors import InputError
-    from navstack.plot import plot_commands, plot_estimate, plot_steering
-
     files: dict[str, str] = {}
     if commands is not None:
         files["commands"] = str(plot_commands(record, file_in("commands.png")(commands) or commands))
@@ -127,12 +121,6 @@ def _draw_others(
 
 def _draw_map(source: str, out: Path | None) -> Path:
     """Draws a map, with the places of NAME.places.yaml beside it."""
-    from navstack.cli.arguments import map_of
-    from navstack.cli.out_path import file_in
-    from navstack.core.files import is_file
-    from navstack.places import load_places
-    from navstack.plot import plot_map
-
     file, grid = map_of(source)
     beside = file.with_name(f"{file.stem}.places.yaml")
     places = load_places(beside).places if is_file(beside) else {}

@@ -7,14 +7,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
+from rich.markup import escape
 
 from navstack.cli import options
-from navstack.cli.replay_options import OpenedReplay, ReplayInput
+from navstack.cli.interrupts import interrupt_flag
+from navstack.cli.log_options import OpenedReplay, ReplayInput, reading_bar
+from navstack.cli.output import loading_kernels, print_files, print_json, print_note, stdout, titled_table
+from navstack.core import InputError, ensure_directory, locked_folder, write_json
+from navstack.parameters import load_configuration
+from navstack.plot import plot_replay, plot_run
+from navstack.replay import LogReplay, ReplayReport
 
 if TYPE_CHECKING:
     from navstack.cli.interrupts import Interrupt
-    from navstack.parameters.configuration import Configuration
-    from navstack.replay.replay import LogReplay
+    from navstack.parameters import Configuration
 
 WARM_UP_S: Final = 1.0
 """The first second is replayed twice: the first time compiles or loads the kernels."""
@@ -53,12 +59,6 @@ def replay(
     The record opens with `navstack plot`, `explain` and `live`, which need the log again. Exit codes: 0, 2 invalid input, 130
     interrupted: the record ends there.
     """
-    from navstack.cli.interrupts import interrupt_flag
-    from navstack.core.errors import InputError
-    from navstack.core.file_lock import locked_folder
-    from navstack.core.files import ensure_directory
-    from navstack.parameters.configuration import load_configuration
-
     if from_ is not None and to is not None and not from_ < to:
         raise InputError(f"--from {from_:g} is not before --to {to:g}; give a span of the log in seconds")
     with (
@@ -83,10 +83,6 @@ def _replay(
     record: bool,
     json_: bool,
 ) -> int:
-    from navstack.cli.output import print_files, print_json, stdout
-    from navstack.core.files import write_json
-    from navstack.replay.report import ReplayReport
-
     documents: dict[str, Any] = {}
     files: dict[str, str] = {}
     reports: dict[str, ReplayReport] = {}
@@ -115,12 +111,8 @@ def _replay(
 def _run(
     opened: OpenedReplay, configuration: Configuration, interrupt: Interrupt, spool: Path | None, *, quiet: bool
 ) -> LogReplay:
-    from navstack.cli.output import loading_kernels
-    from navstack.cli.replay_options import reading_bar
-    from navstack.replay.replay import LogReplay
-
     first = dataclasses.replace(opened.options, end=(opened.options.start or 0.0) + WARM_UP_S)
-    with loading_kernels(quiet=quiet):
+    with loading_kernels(configuration.planner_names, quiet=quiet):
         LogReplay(opened.log, configuration, opened.static_map, first, record=False).run()
     done = LogReplay(
         opened.log, configuration, opened.static_map, opened.options, record=spool is not None, spool=spool
@@ -132,10 +124,6 @@ def _run(
 
 def _write(done: LogReplay, report: Any, folder: Path) -> dict[str, str]:
     """Write the record and the pictures; return their names."""
-    from navstack.core.files import ensure_directory
-    from navstack.plot import plot_run
-    from navstack.plot.replay import plot_replay
-
     ensure_directory(folder)
     files: dict[str, str] = {}
     recorder = done.run_recorder
@@ -162,10 +150,6 @@ def _write(done: LogReplay, report: Any, folder: Path) -> dict[str, str]:
 
 
 def _print(done: LogReplay, report: Any, opened: OpenedReplay | None) -> None:
-    from rich.markup import escape
-
-    from navstack.cli.output import print_note, stdout, titled_table
-
     out = stdout()
     for note in [*(opened.notes if opened is not None else ()), *done.notes]:
         print_note(note)
@@ -195,7 +179,6 @@ def _print(done: LogReplay, report: Any, opened: OpenedReplay | None) -> None:
 
 def _print_versus(first: Any, second: Any) -> None:
     """Print both replays side by side."""
-    from navstack.cli.output import stdout, titled_table
 
     def values(report: Any) -> list[str]:
         commands, plans = report.commands, report.plans

@@ -7,9 +7,25 @@ from typing import Annotated
 
 import typer
 
-from navstack.cli import options
-from navstack.cli.ros1_node import NODE, Name, NodeCommand, set_param, start_node
+from navstack.cli import options, ros1_install, ros1_nodes
+from navstack.cli.arguments import map_of
+from navstack.cli.output import print_findings, print_warnings, stdout
+from navstack.cli.ros1_nodes import NODE, Name, NodeCommand, set_param, start_node
 from navstack.cli.scenario_options import ScenarioOptions
+from navstack.core import InputError
+from navstack.ros1 import (
+    AmclNode,
+    FakeLocalization,
+    RecordFolder,
+    SimNode,
+    check_thresholds,
+    load_amcl,
+    load_image,
+    move_base_node,
+    parameters,
+    receive_map,
+    serve_map,
+)
 
 app = typer.Typer(
     name="ros1",
@@ -40,10 +56,6 @@ def move_base(
     follow as for every node: `cmd_vel:=/mobile_base/cmd_vel`. With `--record`, `navstack explain goal FOLDER/latest` explains the
     last goal of the running node. Exit codes: 0 shut down, 2 invalid input.
     """
-    from navstack.cli.output import print_warnings
-    from navstack.ros1 import move_base_node, parameters
-    from navstack.ros1.live_record import RecordFolder
-
     start_node(name, context)
     configuration = parameters.load(params, set_, distro=distro)
     print_warnings(configuration)
@@ -68,9 +80,6 @@ def sim(
 
     The robot stops without a command for 0.5 s. `initialpose` puts it somewhere else. Exit codes: 0 shut down, 2 invalid input.
     """
-    from navstack.core.errors import InputError
-    from navstack.ros1.sim_node import SimNode
-
     if speed != 1.0 and not clock:
         raise InputError(f"--speed {speed:g} needs simulated time; add --clock", argument="--speed")
     scenario = chosen.build(goals_needed=False)
@@ -97,13 +106,9 @@ def map_server(
 
     The old form `IMAGE RESOLUTION` puts the origin at (0, 0); ~negate, ~occupied_thresh and ~free_thresh count for it.
     """
-    from navstack.cli.arguments import map_of
-    from navstack.ros1 import map_server as server
-    from navstack.ros1.image_map import load_image
-
     grid = map_of(map_)[1] if resolution is None else None
     start_node(name, context)
-    server.run(load_image(map_, str(resolution)) if grid is None else grid)
+    serve_map(load_image(map_, str(resolution)) if grid is None else grid)
     return 0
 
 
@@ -116,12 +121,9 @@ def map_saver(
     name: Name = "map_saver",
 ) -> int:
     """Write the map of the topic `map` to files, as map_saver. Exit codes: 0 written, 1 shut down before, 2 invalid input."""
-    from navstack.cli.output import stdout
-    from navstack.ros1 import map_saver as node
-
-    node.check_thresholds(occ, free)
+    check_thresholds(occ, free)
     start_node(name, context)
-    written = node.save(file, occ, free)
+    written = receive_map(file, occ, free)
     for path in written:
         stdout().print(str(path), markup=False, soft_wrap=True)
     return 0 if written else 1
@@ -134,12 +136,8 @@ def amcl(context: typer.Context, params: options.Params = [], set_: options.Set 
     Parameters come from the node's namespace on the parameter server, with amcl's names and defaults; the section `amcl` of
     `--params` overlays them (`--set amcl.max_particles=2000`). Exit codes: 0 shut down, 2 invalid input.
     """
-    from navstack.cli.output import print_findings
-    from navstack.ros1 import amcl_parameters
-    from navstack.ros1.amcl_node import AmclNode
-
     start_node(name, context)
-    configuration = amcl_parameters.load(params, set_)
+    configuration = load_amcl(params, set_)
     print_findings(configuration.findings)
     AmclNode(configuration).spin()
     return 0
@@ -152,8 +150,10 @@ def fake_localization(context: typer.Context, name: Name = "fake_localization") 
     Parameters: ~odom_frame_id odom, ~base_frame_id base_link, ~global_frame_id map, ~delta_x, ~delta_y, ~delta_yaw 0,
     ~transform_tolerance 0.1 s. Exit codes: 0 shut down, 2 invalid input.
     """
-    from navstack.ros1.fake_localization import FakeLocalization
-
     start_node(name, context)
     FakeLocalization().spin()
     return 0
+
+
+ros1_nodes.add_to(app)
+ros1_install.add_to(app)

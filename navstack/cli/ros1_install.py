@@ -6,8 +6,13 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.markup import escape
 
-from navstack.cli.ros1_node import NODE, NodeCommand
+from navstack.cli.output import stdout
+from navstack.cli.ros1_nodes import NODE, NodeCommand
+from navstack.core import InputError, resolved
+from navstack.parameters import launch_argument
+from navstack.ros1 import advise
 
 
 def install(
@@ -35,9 +40,6 @@ def install(
     Afterwards: `export ROS_PACKAGE_PATH=DIR` and `roslaunch navstack_ros1 demo.launch`. With `--launch FILE`, arguments of the
     launch file follow as for roslaunch: `model:=burger`. Exit codes: 0 written, 2 invalid input or an existing folder.
     """
-    from navstack.core.errors import InputError
-    from navstack.parameters.launch import launch_argument
-
     if folder is None and not launch:
         raise InputError("nothing to do: name a folder for the packages, or a launch file with --launch")
     extra = [text for text in context.args if launch_argument(text) is None]
@@ -53,19 +55,13 @@ def install(
 
 
 def _advice(file: Path, arguments: dict[str, str]) -> list[str]:
-    from navstack.ros1.launch_advice import advise
-
     return [str(item) for item in advise(file, arguments)]
 
 
 def _install(folder: Path, *, force: bool, drop_in: bool) -> None:
-    from rich.markup import escape
+    from navstack.ros1 import install
 
-    from navstack.cli.output import stdout
-    from navstack.core.files import resolved
-    from navstack.ros1 import package_install
-
-    for path in package_install.install(folder, force=force, drop_in=drop_in):
+    for path in install(folder, force=force, drop_in=drop_in):
         stdout().print(escape(str(path)), soft_wrap=True)
     stdout().print(
         escape(
@@ -77,10 +73,6 @@ def _install(folder: Path, *, force: bool, drop_in: bool) -> None:
 
 
 def _print_advice(file: Path, lines: list[str], *, drop_in: bool) -> None:
-    from rich.markup import escape
-
-    from navstack.cli.output import stdout
-
     out = stdout()
     for line in lines:
         out.print(escape(line), soft_wrap=True, highlight=False)

@@ -8,10 +8,15 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from navstack.cli import options
+from navstack.cli.arguments import extent_text, map_of, note_off_the_map, parse_obstacles, parse_pose, scenario_file
+from navstack.cli.output import print_warnings
+from navstack.core import InputError
+from navstack.map_io import map_names
+from navstack.parameters import load_configuration, short_name
+from navstack.scenario import Scenario, load_places, read_scenario, shipped_scenarios
 
 if TYPE_CHECKING:
     from navstack.core import OccupancyGrid, Pose2D
-    from navstack.scenario import Scenario
 
 TIME_LIMIT_S = 600.0
 """Default time limit of a goal on a map without a scenario (simulated s)."""
@@ -59,8 +64,6 @@ class ScenarioOptions(NamedTuple):
 
         Raises InputError, MapError, ParameterError or ScenarioError.
         """
-        from navstack.cli.arguments import parse_pose, scenario_file
-
         start = parse_pose(self.start, "--start") if self.start is not None else None
         goals = tuple(parse_pose(goal, "--goal") for goal in self.goal)
         file = scenario_file(self.map_)
@@ -69,10 +72,6 @@ class ScenarioOptions(NamedTuple):
         return self._from_map(start, goals, goals_needed)
 
     def _from_file(self, file: Path, start: Pose2D | None, goals: tuple[Pose2D, ...]) -> Scenario:
-        from navstack.cli.arguments import parse_obstacles
-        from navstack.cli.output import print_warnings
-        from navstack.scenario import read_scenario
-
         obstacles, shapes = parse_obstacles(self.obstacle)
         spec = read_scenario(file)
         scenario = spec.build(
@@ -92,13 +91,6 @@ class ScenarioOptions(NamedTuple):
         return scenario
 
     def _from_map(self, start: Pose2D | None, goals: tuple[Pose2D, ...], goals_needed: bool) -> Scenario:
-        from navstack.cli.arguments import map_of, note_off_the_map, parse_obstacles
-        from navstack.cli.output import print_warnings
-        from navstack.map_io import map_names
-        from navstack.parameters.configuration import load_configuration
-        from navstack.parameters.sources import short_name
-        from navstack.scenario import Scenario, shipped_scenarios
-
         obstacles, shapes = parse_obstacles(self.obstacle)
         path, grid = map_of(self.map_, others=shipped_scenarios(), what="scenario")
         if start is None or (not goals and (goals_needed or self.map_ in map_names())):
@@ -125,11 +117,6 @@ class ScenarioOptions(NamedTuple):
         self, path: Path, grid: OccupancyGrid, start: Pose2D | None, goals: tuple[Pose2D, ...]
     ) -> tuple[Pose2D, tuple[Pose2D, ...]]:
         """Start and goals, completed from the places of a packaged map."""
-        from navstack.cli.arguments import extent_text
-        from navstack.core.errors import InputError
-        from navstack.map_io import map_names
-        from navstack.places import load_places
-
         if self.map_ in map_names():
             packaged = load_places(self.map_)
             return start or packaged.start, goals or packaged.goals

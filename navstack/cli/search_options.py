@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from navstack.cli import options
+from navstack.studies import SearchOptions, prepare
 
 if TYPE_CHECKING:
-    from navstack.tune.setup import Setup
+    from navstack.studies import Setup
 
 Workers = Annotated[
     int | None,
@@ -88,8 +89,6 @@ class SearchArguments(NamedTuple):
 
     def prepare(self) -> Setup:
         """Loads and checks everything. Raises InputError, ParameterError, ScenarioError or MapError."""
-        from navstack.tune.setup import SearchOptions, prepare
-
         return prepare(
             SearchOptions(
                 params=tuple(self.params),

@@ -6,9 +6,27 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from navstack.cli import options
+from navstack.cli.interrupts import interrupt_flag
+from navstack.cli.output import (
+    loading_kernels,
+    print_advice,
+    print_files,
+    print_json,
+    print_note,
+    reason_of,
+    shows_progress,
+    stderr,
+    stdout,
+    titled_table,
+)
 from navstack.cli.scenario_options import ScenarioOptions
+from navstack.core import ensure_directory, locked_folder, write_json
+from navstack.plot import plot_run
+from navstack.scenario import run_scenario, warm_up
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -39,10 +57,6 @@ def simulate(
     Exit codes: 0 the run met its success conditions (by default: every goal SUCCEEDED, no collision), 1 it did not,
     2 invalid input, 130 interrupted (143 by SIGTERM, 129 by SIGHUP): the record ends there.
     """
-    from navstack.cli.interrupts import interrupt_flag
-    from navstack.core.file_lock import locked_folder
-    from navstack.core.files import ensure_directory
-
     scenario = chosen.build()
     with locked_folder(ensure_directory(out)), interrupt_flag() as interrupt:
         return _simulate(scenario, out, interrupt, timings=timings, scans=scans, json_=json_)
@@ -51,10 +65,6 @@ def simulate(
 def _simulate(
     scenario: Scenario, folder: Path, interrupt: Interrupt, *, timings: bool, scans: bool, json_: bool
 ) -> int:
-    from navstack.cli.output import print_json, print_note
-    from navstack.core.files import write_json
-    from navstack.plot import plot_run
-
     result = _run(scenario, interrupt, folder, quiet=json_, timings=timings, scans=scans)
     assert result.recorder is not None
     files = {what: str(name) for what, name in result.recorder.save(folder).items()}
@@ -76,12 +86,7 @@ def _simulate(
 def _run(
     scenario: Scenario, interrupt: Interrupt, folder: Path, *, quiet: bool, timings: bool, scans: bool
 ) -> RunResult:
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    from navstack.cli.output import loading_kernels, shows_progress, stderr
-    from navstack.scenario import run_scenario, warm_up
-
-    with loading_kernels(quiet=quiet):
+    with loading_kernels(scenario.configuration.planner_names, quiet=quiet):
         warm_up(scenario)
 
     # the duration of a run is unknown: the bar counts goals, the text shows the simulated time
@@ -105,8 +110,6 @@ def _run(
 
 
 def _print(result: RunResult, files: dict[str, str], limit_s: float) -> None:
-    from navstack.cli.output import print_files, stdout
-
     out = stdout()
     out.print(_goal_table(result))
     _print_reasons(out, result, limit_s)
@@ -124,8 +127,6 @@ def _print(result: RunResult, files: dict[str, str], limit_s: float) -> None:
 
 
 def _goal_table(result: RunResult) -> Any:
-    from navstack.cli.output import titled_table
-
     table = titled_table("goals", left=("goal", "state"), right=("time", "driven", "remaining", "recoveries"))
     for goal in result.goals:
         style = STATE_STYLE.get(goal.state, "bold red")
@@ -142,10 +143,6 @@ def _goal_table(result: RunResult) -> Any:
 
 def _print_reasons(out: Console, result: RunResult, limit_s: float) -> None:
     """Why goals failed, and which conditions the run met."""
-    from rich.markup import escape
-
-    from navstack.cli.output import print_advice, reason_of
-
     for goal in result.goals:
         if not goal.succeeded:
             text = f"{goal.text} " if goal.text else ""

@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import replace
 from pathlib import Path
+from types import TracebackType
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.live import Live
+from rich.text import Text
 
+from navstack.behaviors import HELP, KeyboardTeleop
 from navstack.cli import options
-from navstack.cli.motion_options import MotionOptions, World
+from navstack.cli.interrupts import interrupt_flag
+from navstack.cli.motions import MotionOptions, World
+from navstack.cli.output import loading_kernels, print_files, stdout
+from navstack.cli.terminal import map_lines, single_keys
+from navstack.core import LETHAL, NavError, ensure_directory, locked_folder
+from navstack.plot import plot_run
+from navstack.scenario import INTERACTION, Run, warm_up
 
 if TYPE_CHECKING:
-    from navstack.motion.keyboard import KeyboardTeleop
-    from navstack.scenario import Run, Scenario
+    from navstack.scenario import Scenario
 
 POLL_S = 0.04
 """Time between two looks at the keyboard (s)."""
@@ -57,18 +67,10 @@ def teleop(
     """
     import signal
 
-    from navstack.cli.interrupts import interrupt_flag
-    from navstack.cli.output import loading_kernels
-    from navstack.cli.terminal import single_keys
-    from navstack.core.file_lock import locked_folder
-    from navstack.core.files import ensure_directory
-    from navstack.motion.keyboard import KeyboardTeleop
-    from navstack.scenario import Run, warm_up
-
     scenario = chosen.build(world, ())
     with locked_folder(ensure_directory(out)):
         with interrupt_flag() as interrupt, single_keys() as read:
-            with loading_kernels():
+            with loading_kernels(scenario.configuration.planner_names):
                 warm_up(scenario)
             session = Session(Run(scenario), scenario, KeyboardTeleop(speed, turn), hold or FOREVER_S)
             with _display(session, map_=map_, zoom=zoom) as show:
@@ -92,8 +94,6 @@ class Session:
 
     def press(self, key: str) -> None:
         """Drives as the key says."""
-        from navstack.core.errors import NavError
-
         self.last_key = key
         twist = self.keyboard.press(key)
         now = self.run.robot.time
@@ -122,8 +122,6 @@ class Session:
         recorder.set_scenario(replace(self._scenario, interactions=tuple(self._items)).as_dict())
 
     def _interact(self, kind: str, **values: Any) -> None:
-        from navstack.scenario.interactions import INTERACTION
-
         item = INTERACTION.validate_python({"time": self.run.robot.time, "kind": kind, **values})
         self.run.interact(item)
         self._items.append(item)
@@ -156,9 +154,6 @@ def drive(
 
 
 def _save(session: Session, folder: Path) -> None:
-    from navstack.cli.output import print_files, stdout
-    from navstack.plot import plot_run
-
     run, recorder = session.run, session.run.recorder
     assert recorder is not None
     files = {what: str(name) for what, name in recorder.save(folder).items()}
@@ -172,9 +167,107 @@ def _save(session: Session, folder: Path) -> None:
 
 
 def _display(session: Session, *, map_: bool, zoom: float) -> Any:
-    from navstack.cli.output import stdout
-    from navstack.cli.teleop_display import MapDisplay, plain_display
-
     if map_ and stdout().is_terminal:
         return MapDisplay(session, zoom)
     return plain_display(session)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What `navstack teleop` shows: the map and the state, or a line per key.
+
+
+HEIGHT_OF_TEXT = 11
+"""Lines below the map."""
+MOST_TRAIL = 4000
+
+
+@contextlib.contextmanager
+def plain_display(session: Session) -> Generator[Callable[[], None]]:
+    """Print the help once, then a line for every key."""
+    out = stdout()
+    out.print(HELP, markup=False)
+    out.print(f"ready: {session.keyboard}", markup=False)
+    shown: list[Any] = [None]
+
+    def show() -> None:
+        state = (session.last_key, session.keyboard.twist, session.keyboard.speed, session.keyboard.turn)
+        if session.last_key and state != shown[0]:
+            shown[0] = state
+            out.print(status_of(session), markup=False)
+
+    yield show
+
+
+def status_of(session: Session) -> str:
+    """Return key, command, speeds and pose on one line."""
+    robot, (vx, vy, wz) = session.run.robot, session.keyboard.twist
+    key = session.last_key if session.last_key.isprintable() else repr(session.last_key)
+    text = f"key {key}: vx {vx:.3f}, vy {vy:.3f}, wz {wz:.3f}; {session.keyboard}"
+    x, y, yaw = robot.pose
+    text += f"; {robot.time:.1f} s at ({x:.2f}, {y:.2f}, {yaw:.2f})"
+    return f"{text}; refused: {session.refused}" if session.refused else text
+
+
+class MapDisplay:
+    """The map around the robot, drawn in the terminal."""
+
+    def __init__(self, session: Session, zoom: float) -> None:
+        """`zoom`: width of a character (m)."""
+        self._session, self._zoom = session, zoom
+        self._console = stdout()
+        self._live = Live(console=self._console, auto_refresh=False, transient=True)
+        self._trail: list[tuple[float, float]] = []
+
+    def __enter__(self) -> Callable[[], None]:
+        self._live.__enter__()
+        return self.show
+
+    def __exit__(
+        self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._live.__exit__(kind, exc, trace)
+
+    def show(self) -> None:
+        """Draw the present state."""
+        self._live.update(self._picture(), refresh=True)
+
+    def _picture(self) -> Any:
+        session, size = self._session, self._console.size
+        robot = session.run.robot
+        at = (robot.pose.x, robot.pose.y)
+        if not self._trail or at != self._trail[-1]:
+            self._trail = [*self._trail[-MOST_TRAIL:], at]
+        lines = map_lines(
+            robot.world.map,
+            robot.pose,
+            columns=max(size.width - 1, 20),
+            rows=max(size.height - HEIGHT_OF_TEXT, 5),
+            metres=self._zoom,
+            trail=self._trail,
+            seen=self._seen(),
+        )
+        text = Text("\n".join(lines), no_wrap=True, overflow="crop")
+        collisions = len(robot.collisions)
+        text.append(
+            "\n" + status_of(session) + f"; {collisions} collisions", style="bold red" if collisions else "bold"
+        )
+        text.append("\n" + HELP, style="dim")
+        return text
+
+    def _seen(self) -> list[tuple[float, float]]:
+        """The lethal cells of the local costmap, in the map: what the sensors have marked."""
+        import numpy as np
+
+        robot, costmap = self._session.run.robot, self._session.run.move_base.local_costmap
+        master = costmap.master
+        rows, columns = np.nonzero(master.data == LETHAL)
+        if costmap.frame == robot.map_frame:
+            transform = None
+        else:
+            transform = robot.frames.lookup(robot.map_frame, costmap.frame)
+        g = master.geometry
+        points = np.empty((len(rows), 2))
+        points[:, 0] = g.origin_x + (columns + 0.5) * g.resolution
+        points[:, 1] = g.origin_y + (rows + 0.5) * g.resolution
+        placed = points if transform is None else transform.apply_points(points)
+        return [(float(x), float(y)) for x, y in placed]

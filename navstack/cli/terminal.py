@@ -12,6 +12,8 @@ from collections.abc import Callable, Generator
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
+from navstack.core import Bounds, InputError
+
 if TYPE_CHECKING:
     from navstack.core import OccupancyGrid, Pose2D
 
@@ -27,8 +29,6 @@ def single_keys() -> Generator[Callable[[float], str]]:
     `read(timeout)` returns the keys pressed until `timeout` (s) at the latest, "" for none. Ctrl-C still is a signal. On leaving,
     also by an exception, the terminal is as it was. Raises InputError if stdin is not a terminal.
     """
-    from navstack.core.errors import InputError
-
     try:
         import termios
         import tty
@@ -99,8 +99,6 @@ def map_lines(
     A character is occupied if any cell in it is. `trail` and `seen` (obstacles of the sensors) are points of the map (m).
     """
     import numpy as np
-
-    from navstack.core import Bounds
 
     wide, high = metres, 2.0 * metres
     left, top = robot.x - 0.5 * columns * wide, robot.y + 0.5 * rows * high

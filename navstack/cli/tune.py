@@ -4,18 +4,26 @@ from __future__ import annotations
 
 import shlex
 import sys
+import time
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.box import SIMPLE_HEAD
+from rich.markup import escape
+from rich.table import Table
 
 from navstack.cli import options
 from navstack.cli.options import with_options
+from navstack.cli.output import Verbosity, counting_bar, print_json, print_note, stderr, stdout, verbosity
 from navstack.cli.search_options import Resume, SearchArguments, Workers
+from navstack.core import require
+from navstack.studies import LINE_INTERVAL_S, TuneRequest, run_sensitivity, run_tuning, time_left_bar
 
 if TYPE_CHECKING:
-    from navstack.tune.setup import Setup
-
+    from navstack.studies import Comparison, Setup, Trial, TuneOutput
 
 Trials = Annotated[int, typer.Option("--trials", metavar="N", help="Number of candidates.", min=1)]
 Why = Annotated[
@@ -87,16 +95,12 @@ def tune(
     json_: options.Json = False,
 ) -> int:
     """Search for better parameters and validate them on scenarios that the search has not seen."""
-    from navstack.cli.tune_output import announce, print_result, trial_progress
-    from navstack.core.optional_dependencies import require
-
     require("optuna", "tuning")
     require("ruamel.yaml", "writing tuned parameters")
     setup = search.prepare()
     command = shlex.join(["navstack", *sys.argv[1:]])
     if why:
         return _sensitivity(setup, out, workers, command, json_)
-    from navstack.tune.pipeline import TuneRequest, run_tuning
 
     request = TuneRequest(
         setup=setup,
@@ -121,9 +125,6 @@ def tune(
 
 
 def _sensitivity(setup: Setup, out: Path, workers: int | None, command: str, json_: bool) -> int:
-    from navstack.cli.output import counting_bar, print_json, print_note, stdout
-    from navstack.tune.pipeline import run_sensitivity
-
     if not json_:
         count, runs = len(setup.space), len(setup.evaluation().cases)
         print_note(f"{count} parameter{'s' * (count != 1)}, each halved and doubled over {runs} run{'s' * (runs != 1)}")
@@ -136,3 +137,84 @@ def _sensitivity(setup: Setup, out: Path, workers: int | None, command: str, jso
         stdout().print(f"{number:>3}. {one.sentence}", markup=False)
     stdout().print(f"report: {page}", markup=False)
     return 0
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Output of `navstack tune`: announcement, progress and result.
+
+
+def announce(setup: Setup, *, quiet: bool) -> None:
+    """Prints the search space, and a reminder to check the limits of the robot."""
+    if quiet:
+        return
+    ranges = ", ".join(f"{d.name} {d.range_text()}" for d in setup.space)
+    print_note(f"searching {len(setup.space)} parameters: {ranges}")
+    limits = [f"{d.name.rpartition('/')[2]} up to {d.high:g} {d.unit}" for d in setup.space if d.robot]
+    if limits:
+        print_note(
+            f"{', '.join(limits)}: check that your robot can do this; otherwise set --param NAME=LOW:HIGH or --keep NAME"
+        )
+
+
+@contextmanager
+def trial_progress(
+    trials: int, *, quiet: bool
+) -> Generator[tuple[Callable[[Trial, int], None], Callable[[str], None]]]:
+    """A progress bar; without a terminal, a line from time to time. Two callbacks: for each trial, and for messages."""
+    on_terminal = stderr().is_terminal
+    quiet = quiet or verbosity() is Verbosity.QUIET
+    with time_left_bar(trials, what="trials", shown=on_terminal and not quiet) as move:
+        complete = 0
+        printed = time.monotonic()
+
+        def on_trial(trial: Trial, ended: int) -> None:
+            nonlocal complete, printed
+            complete += trial.complete
+            move(ended, f"last {trial.values[0]:.3f}, {complete} complete")
+            if not quiet and not on_terminal and time.monotonic() - printed >= LINE_INTERVAL_S:
+                printed = time.monotonic()
+                print_note(f"{ended} of {trials} trials, {complete} complete")
+
+        yield on_trial, (lambda text: None) if quiet else print_note
+
+
+def print_result(result: TuneOutput, *, as_json: bool) -> None:
+    """Prints the comparison, the changes, the verdict and the files; or everything as one JSON document."""
+    if as_json:
+        print_json(result.as_dict())
+        return
+    out, tuning = stdout(), result.tuning
+    _print_measures(tuning.validation, f"{len(tuning.validation.cases)} {tuning.validation_name} runs")
+    if result.rewritten is not None:
+        from navstack.parameters import value_text
+
+        out.print("changed parameters:")
+        for c in result.rewritten.changes:
+            before = "default" if c.old is None else value_text(c.old)
+            place = Path(c.place).name if c.place else "new line"
+            out.print(f"  {c.name}: {before} -> {value_text(c.new)}  ({place})", markup=False)
+    out.print(tuning.verdict, markup=False)
+    if tuning.against is not None:
+        out.print(f"compared with the reference: {_against_text(tuning.against)}", markup=False)
+    if result.params:
+        out.print("parameters: " + " ".join(f"--params {p}" for p in result.params), markup=False)
+    out.print(f"report: {result.report}", markup=False)
+
+
+def _print_measures(comparison: Comparison, title: str) -> None:
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
+    for name in ("", "before", "tuned", "difference", ""):
+        table.add_column(name, overflow="fold")
+    for m in comparison.measures:
+        table.add_row(m.label, *(escape(text) for text in m.texts), m.verdict)
+    stdout().print(table)
+
+
+def _against_text(comparison: Comparison) -> str:
+    parts: list[str] = []
+    for name, digits in (("score", 3), ("success", 2), ("time", 1)):
+        m = comparison.find(name)
+        if m is not None and m.before.groups:
+            text = f"{name} {m.before.value:.{digits}f}, tuned {m.after.value:.{digits}f}"
+            parts.append(f"{text} (difference {m.difference.interval.text(digits)})")
+    return ", ".join(parts)

@@ -1,50 +1,145 @@
 """Values that every package uses: poses, grids, footprints, scans, frames, events."""
 
-from navstack.core.angles import angle_between, normalize_angle
-from navstack.core.costs import FREE, INSCRIBED, LETHAL, UNKNOWN, describe_cost
-from navstack.core.events import Event, Listener
-from navstack.core.footprint import Footprint
-from navstack.core.frames import FrameTree
-from navstack.core.geometry import Pose2D, Transform2D, Twist2D
-from navstack.core.grid import Bounds, Costmap, GridGeometry, Window
-from navstack.core.occupancy import OccupancyGrid
-from navstack.core.path import Path
-from navstack.core.sensing import (
-    DeferredScan,
-    ImuReading,
-    LaserScan,
-    PointCloud,
-    RangeReading,
-    RobotState,
-    SensorData,
-)
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "FREE",
-    "INSCRIBED",
-    "LETHAL",
-    "UNKNOWN",
-    "Bounds",
-    "Costmap",
-    "DeferredScan",
-    "Event",
-    "Footprint",
-    "FrameTree",
-    "GridGeometry",
-    "ImuReading",
-    "LaserScan",
-    "Listener",
-    "OccupancyGrid",
-    "Path",
-    "PointCloud",
-    "Pose2D",
-    "RangeReading",
-    "RobotState",
-    "SensorData",
-    "Transform2D",
-    "Twist2D",
-    "Window",
-    "angle_between",
-    "describe_cost",
-    "normalize_angle",
-]
+if TYPE_CHECKING:
+    from navstack.core.angles import angle_between as angle_between
+    from navstack.core.angles import normalize_angle as normalize_angle
+    from navstack.core.bounded_archive import expanded_size as expanded_size
+    from navstack.core.bounded_archive import read_array as read_array
+    from navstack.core.bounded_archive import read_arrays as read_arrays
+    from navstack.core.bounded_archive import read_member as read_member
+    from navstack.core.bounded_reading import CappedFile as CappedFile
+    from navstack.core.bounded_reading import NotRegularFileError as NotRegularFileError
+    from navstack.core.bounded_reading import TooLargeError as TooLargeError
+    from navstack.core.bounded_reading import open_regular as open_regular
+    from navstack.core.bounded_reading import read_bytes as read_bytes
+    from navstack.core.bounded_reading import short_repr as short_repr
+    from navstack.core.bounded_reading import shortened as shortened
+    from navstack.core.bounded_reading import size_text as size_text
+    from navstack.core.clearance import clearance_along as clearance_along
+    from navstack.core.collision import footprint_cost as footprint_cost
+    from navstack.core.collision import overlaps_obstacle as overlaps_obstacle
+    from navstack.core.collision import turn_cost as turn_cost
+    from navstack.core.compilation import compile_ahead as compile_ahead
+    from navstack.core.compilation import import_all_kernels as import_all_kernels
+    from navstack.core.compilation import recorded_specializations as recorded_specializations
+    from navstack.core.costs import FREE as FREE
+    from navstack.core.costs import INSCRIBED as INSCRIBED
+    from navstack.core.costs import LETHAL as LETHAL
+    from navstack.core.costs import UNKNOWN as UNKNOWN
+    from navstack.core.costs import describe_cost as describe_cost
+    from navstack.core.data_files import data_folder as data_folder
+    from navstack.core.errors import CollisionAheadError as CollisionAheadError
+    from navstack.core.errors import ControlError as ControlError
+    from navstack.core.errors import FrameError as FrameError
+    from navstack.core.errors import GoalOccupiedError as GoalOccupiedError
+    from navstack.core.errors import GoalOutsideMapError as GoalOutsideMapError
+    from navstack.core.errors import GoalTransitionError as GoalTransitionError
+    from navstack.core.errors import InputError as InputError
+    from navstack.core.errors import InternalError as InternalError
+    from navstack.core.errors import InvalidPathError as InvalidPathError
+    from navstack.core.errors import LogError as LogError
+    from navstack.core.errors import MapError as MapError
+    from navstack.core.errors import NavError as NavError
+    from navstack.core.errors import NotSupportedError as NotSupportedError
+    from navstack.core.errors import NoValidControlError as NoValidControlError
+    from navstack.core.errors import NoValidPathError as NoValidPathError
+    from navstack.core.errors import OutputError as OutputError
+    from navstack.core.errors import ParameterError as ParameterError
+    from navstack.core.errors import PlanningError as PlanningError
+    from navstack.core.errors import PlanningTimeoutError as PlanningTimeoutError
+    from navstack.core.errors import RecordError as RecordError
+    from navstack.core.errors import RecoveryError as RecoveryError
+    from navstack.core.errors import ScenarioError as ScenarioError
+    from navstack.core.errors import StartOccupiedError as StartOccupiedError
+    from navstack.core.errors import StartOutsideMapError as StartOutsideMapError
+    from navstack.core.errors import UnknownPluginError as UnknownPluginError
+    from navstack.core.errors import jsonable as jsonable
+    from navstack.core.events import Event as Event
+    from navstack.core.events import Listener as Listener
+    from navstack.core.file_lock import locked_folder as locked_folder
+    from navstack.core.file_lock import try_lock as try_lock
+    from navstack.core.files import atomic_write as atomic_write
+    from navstack.core.files import ensure_directory as ensure_directory
+    from navstack.core.files import exists as exists
+    from navstack.core.files import is_dir as is_dir
+    from navstack.core.files import is_file as is_file
+    from navstack.core.files import resolved as resolved
+    from navstack.core.files import write_json as write_json
+    from navstack.core.files import write_text as write_text
+    from navstack.core.footprint import Footprint as Footprint
+    from navstack.core.footprint_kernels import OUTSIDE as OUTSIDE
+    from navstack.core.footprint_kernels import edge_cost as edge_cost
+    from navstack.core.footprint_kernels import fastest_corner as fastest_corner
+    from navstack.core.footprint_kernels import footprint_overlaps_lethal as footprint_overlaps_lethal
+    from navstack.core.footprint_kernels import overlapped_cost as overlapped_cost
+    from navstack.core.footprint_kernels import overlaps_box as overlaps_box
+    from navstack.core.footprint_kernels import overlaps_cell as overlaps_cell
+    from navstack.core.footprint_kernels import overlaps_lethal as overlaps_lethal
+    from navstack.core.footprint_kernels import place_footprint as place_footprint
+    from navstack.core.footprint_kernels import pose_cost as pose_cost
+    from navstack.core.frames import FrameTree as FrameTree
+    from navstack.core.frames import clean_frame as clean_frame
+    from navstack.core.geometry import Pose2D as Pose2D
+    from navstack.core.geometry import Transform2D as Transform2D
+    from navstack.core.geometry import Twist2D as Twist2D
+    from navstack.core.grid import Bounds as Bounds
+    from navstack.core.grid import Costmap as Costmap
+    from navstack.core.grid import GridGeometry as GridGeometry
+    from navstack.core.grid import Window as Window
+    from navstack.core.grid import grid_record as grid_record
+    from navstack.core.jit import compilation_reported as compilation_reported
+    from navstack.core.jit import kernel as kernel
+    from navstack.core.jit import plain_kernel as plain_kernel
+    from navstack.core.kernel_cache import cache_folder as cache_folder
+    from navstack.core.kinematics import DifferentialDrive as DifferentialDrive
+    from navstack.core.kinematics import MecanumDrive as MecanumDrive
+    from navstack.core.kinematics import OmniDrive as OmniDrive
+    from navstack.core.kinematics import WheelDrive as WheelDrive
+    from navstack.core.kinematics import integrate as integrate
+    from navstack.core.line_kernels import FIXED as FIXED
+    from navstack.core.line_kernels import clear_line as clear_line
+    from navstack.core.line_kernels import line_next as line_next
+    from navstack.core.line_kernels import line_start as line_start
+    from navstack.core.occupancy import OccupancyGrid as OccupancyGrid
+    from navstack.core.occupancy import Values as Values
+    from navstack.core.occupancy import is_number as is_number
+    from navstack.core.optional_dependencies import require as require
+    from navstack.core.overlap import MAX_CELLS as MAX_CELLS
+    from navstack.core.overlap import PASSABLE as PASSABLE
+    from navstack.core.overlap import excusing_overlap as excusing_overlap
+    from navstack.core.overlap import is_nearly_round as is_nearly_round
+    from navstack.core.overlap import leads_away as leads_away
+    from navstack.core.overlap import without_lethal as without_lethal
+    from navstack.core.overlap_kernels import comes_nearer as comes_nearer
+    from navstack.core.overlap_kernels import free_scale as free_scale
+    from navstack.core.overlap_kernels import lethal_cells_under as lethal_cells_under
+    from navstack.core.overlap_kernels import overlaps_any as overlaps_any
+    from navstack.core.overlap_kernels import place_scaled as place_scaled
+    from navstack.core.path import Path as Path
+    from navstack.core.path_turns import reversals as reversals
+    from navstack.core.path_turns import turn_note as turn_note
+    from navstack.core.poses import require_finite_pose as require_finite_pose
+    from navstack.core.poses import require_pose as require_pose
+    from navstack.core.poses import start_outside_map as start_outside_map
+    from navstack.core.sensing import DeferredScan as DeferredScan
+    from navstack.core.sensing import ImuReading as ImuReading
+    from navstack.core.sensing import LaserScan as LaserScan
+    from navstack.core.sensing import PointCloud as PointCloud
+    from navstack.core.sensing import RangeReading as RangeReading
+    from navstack.core.sensing import RobotState as RobotState
+    from navstack.core.sensing import SensorData as SensorData
+    from navstack.core.statistics import Correlation as Correlation
+    from navstack.core.statistics import Difference as Difference
+    from navstack.core.statistics import Interval as Interval
+    from navstack.core.statistics import mean as mean
+    from navstack.core.statistics import paired_difference as paired_difference
+    from navstack.core.statistics import paired_share_difference as paired_share_difference
+    from navstack.core.statistics import rank_correlation as rank_correlation
+    from navstack.core.statistics import rate as rate
+    from navstack.core.statistics import share as share
+else:
+    from navstack._lazy import lazy_face
+
+    __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

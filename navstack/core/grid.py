@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from navstack.core.costs import LETHAL
 from navstack.core.errors import InputError
 
 GRID = np.dtype([("origin_x", "f8"), ("origin_y", "f8"), ("resolution", "f8"), ("nx", "i8"), ("ny", "i8")])
@@ -192,3 +193,9 @@ class Costmap:
     def copy(self) -> Costmap:
         """Return an independent copy."""
         return Costmap(self.geometry, self.data.copy(), self.frame)
+
+    def __repr__(self) -> str:
+        nx, ny, size = self.geometry.nx, self.geometry.ny, self.geometry.resolution
+        return (
+            f"Costmap({nx} x {ny} cells of {size:g} m, {int((self.data == LETHAL).sum())} lethal, frame {self.frame!r})"
+        )

@@ -2,32 +2,32 @@
 
 - Importing a module of kernels is cheap: numba (half a second) is imported at the first call of a kernel, and only then are the
   kernels that call each other compiled.
-- The cache is in the user's cache folder. Its key contains the size and time of the kernel's file and of the files of all
-  kernels that it calls (numba checks the file of the caller only). So a change in one file recompiles its callers, and no
-  other kernels.
-- Without a writable folder, each process compiles the kernels again.
-- NAVSTACK_BOUNDSCHECK=1 compiles every kernel with bounds checks, into a separate cache.
+- The cache is in the user's cache folder, one for all installations. Its key is the content of a kernel and of everything that
+  it uses (`fingerprint`), not its place: comments, moved kernels and new installations compile nothing.
+- Without a readable folder, each process compiles the kernels again.
+- NAVSTACK_BOUNDSCHECK=1 compiles every kernel with bounds checks, as other entries of the cache.
+- `navstack.core.compilation` compiles ahead, in parallel processes.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
-import shutil
 import threading
-import time
-from collections.abc import Callable, Generator
+import types
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
-from functools import cache, update_wrapper
-from pathlib import Path
-from typing import Any, Generic, ParamSpec, TypeVar, cast
+from functools import cached_property, update_wrapper
+from typing import TYPE_CHECKING, Any, Generic, ParamSpec, TypeVar, cast
+
+if TYPE_CHECKING:
+    from navstack.core.kernel_cache import KernelDispatcher
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 _LOCK = threading.RLock()
-_OUTDATED_S = 30 * 86400.0
-_PACKAGE = Path(__file__).resolve().parent.parent
+_KERNELS: list[Kernel[..., Any]] = []
 
 
 def boundscheck_enabled() -> bool:
@@ -40,8 +40,9 @@ class Kernel(Generic[P, R]):
 
     def __init__(self, function: Callable[P, R], *, allocates: bool = True) -> None:
         self.function = function
-        self._allocates = allocates
+        self.allocates = allocates
         self._compiled: Callable[P, R] | None = None
+        _KERNELS.append(self)
         update_wrapper(self, function)
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
@@ -53,17 +54,46 @@ class Kernel(Generic[P, R]):
     def compiled(self) -> Callable[P, R]:
         """Return numba's dispatcher, which saves a tenth of a microsecond per call."""
         if self._compiled is None:
+            from navstack.core.kernel_cache import KernelDispatcher
+
             with _LOCK:
                 if self._compiled is None:
-                    dispatcher = _dispatcher(self.function, self._allocates)
-                    self._compiled = dispatcher
-                    # replace the kernels that this one calls by their dispatchers, which numba requires
-                    names = self.function.__globals__
-                    for name in self.function.__code__.co_names:
-                        other = names.get(name)
-                        if isinstance(other, Kernel):
-                            names[name] = cast("Kernel[..., Any]", other).compiled()
+                    self._compiled = cast("Callable[P, R]", KernelDispatcher(self))
         return self._compiled
+
+    @property
+    def dispatcher(self) -> KernelDispatcher:
+        """Numba's dispatcher, with the types of numba."""
+        return cast("KernelDispatcher", self.compiled())
+
+    @property
+    def boundscheck(self) -> bool:
+        """Whether it is compiled with bounds checks."""
+        return boundscheck_enabled()
+
+    @cached_property
+    def name(self) -> str:
+        """The name and the parameters, which identify a kernel wherever it is defined."""
+        code = self.function.__code__
+        return f"{code.co_name}({', '.join(code.co_varnames[: code.co_argcount])})"
+
+    @cached_property
+    def callees(self) -> dict[str, Kernel[..., Any]]:
+        """The kernels that it calls directly, by their names in its module."""
+        names = self.function.__globals__
+        return {name: names[name] for name in _names(self.function.__code__) if isinstance(names.get(name), Kernel)}
+
+    @cached_property
+    def fingerprint(self) -> str | None:
+        """A hash of all that determines the machine code except the types of arguments; None if something has no stable value.
+
+        That is the bytecode without positions and docstring, the constants and kernels that it names, and the options.
+        """
+        try:
+            text = (_description(self.function), self.allocates, boundscheck_enabled())
+        except (_NoStableValueError, RecursionError):
+            return None
+        return hashlib.sha256(repr(text).encode()).hexdigest()
 
 
 def kernel(function: Callable[P, R]) -> Kernel[P, R]:
@@ -79,51 +109,9 @@ def plain_kernel(function: Callable[P, R]) -> Kernel[P, R]:
     return Kernel(function, allocates=False)
 
 
-def _dispatcher(function: Callable[P, R], allocates: bool) -> Callable[P, R]:
-    import numba
-    import numba.core.config
-
-    config: Any = numba.core.config
-
-    options: dict[str, Any] = {"nogil": True, "boundscheck": boundscheck_enabled(), "error_model": "numpy"}
-    options["_nrt"] = allocates  # always given: without it, a kernel inherits it from its caller
-    folder = _cache_folder(_files_behind(function))
-    if folder is not None:
-        before = config.CACHE_DIR
-        config.CACHE_DIR = folder  # read by numba during decoration; restored for other users of numba
-        try:
-            dispatcher: Any = numba.njit(cache=True, **options)(function)
-            _lock_cache_writes(dispatcher, Path(folder))
-            return cast("Callable[P, R]", dispatcher)
-        except (RuntimeError, OSError):
-            pass  # the folder is not usable: compile without a cache
-        finally:
-            config.CACHE_DIR = before
-    return cast("Callable[P, R]", numba.njit(**options)(function))
-
-
-def _lock_cache_writes(dispatcher: Any, folder: Path) -> None:
-    """Serialize the cache writes of all processes.
-
-    numba chooses a free file name and writes the index and the file without a lock. If two processes compile one kernel for
-    different types at the same time, one can store the machine code of the other under its own types.
-    """
-    try:
-        import fcntl
-    except ImportError:  # not available on this system
-        return
-    save = dispatcher._cache.save_overload
-
-    def save_overload(signature: Any, compiled: Any) -> None:
-        try:
-            lock = (folder / "lock").open("w")
-        except OSError:
-            return
-        with lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)
-            save(signature, compiled)
-
-    dispatcher._cache.save_overload = save_overload
+def imported_kernels() -> list[Kernel[..., Any]]:
+    """Return the kernels of all modules that are imported, in the order of their definitions."""
+    return list(_KERNELS)
 
 
 @contextmanager
@@ -146,41 +134,75 @@ def compilation_reported(report: Callable[[], None]) -> Generator[None]:
         yield
 
 
-def _files_behind(function: Callable[..., Any]) -> tuple[str, ...]:
-    """Return the files of a kernel and of all kernels that its module can call, sorted."""
-    files = {function.__code__.co_filename, __file__}
-    modules = [function.__globals__]
-    while modules:
-        for value in list(modules.pop().values()):
-            # a kernel, or the dispatcher that replaced it
-            other: Any = value.function if isinstance(value, Kernel) else getattr(value, "py_func", None)
-            if other is not None and other.__code__.co_filename not in files:
-                files.add(other.__code__.co_filename)
-                modules.append(other.__globals__)
-    return tuple(sorted(files))
+class _NoStableValueError(Exception):
+    """A kernel names an object whose content cannot be described."""
 
 
-@cache
-def _cache_folder(files: tuple[str, ...]) -> str | None:
-    """Return the cache folder for the kernels in these files, in their current state; None if it is not writable."""
-    digest = hashlib.sha256(b"boundscheck" if boundscheck_enabled() else b"")
-    base = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME")
-    try:
-        for file in files:
-            status = Path(file).stat()
-            digest.update(f"{file}:{status.st_size}:{status.st_mtime_ns};".encode())
-        root = Path(base) if base else Path.home() / ".cache"
-        folder = root / "navstack" / f"kernels-{digest.hexdigest()[:16]}"
-        if not folder.is_dir():
-            folder.mkdir(parents=True, exist_ok=True)
-            _remove_outdated(folder)
-    except (OSError, RuntimeError):
-        return None
-    return str(folder) if os.access(folder, os.W_OK | os.X_OK) else None
+def _names(code: types.CodeType) -> Iterator[str]:
+    """The global names and attributes in a function and in those defined in it."""
+    yield from code.co_names
+    for constant in code.co_consts:
+        if isinstance(constant, types.CodeType):
+            yield from _names(constant)
 
 
-def _remove_outdated(present: Path) -> None:
-    """Remove caches of former states of the kernels that were not used for a month."""
-    for other in present.parent.glob("kernels-*"):
-        if other != present and time.time() - other.stat().st_mtime > _OUTDATED_S:
-            shutil.rmtree(other, ignore_errors=True)
+def _description(function: types.FunctionType | Callable[..., Any]) -> Any:
+    """Describe the content of a function, without its place."""
+    function = cast("types.FunctionType", function)
+    names = function.__globals__
+    code = function.__code__
+    return (
+        _code_description(code, function.__doc__),
+        [_value_description(value) for value in function.__defaults__ or ()],
+        [_value_description(cell.cell_contents) for cell in function.__closure__ or ()],
+        [(name, _value_description(names[name], set(_names(code)))) for name in _names(code) if name in names],
+    )
+
+
+def _code_description(code: types.CodeType, doc: str | None = None) -> Any:
+    constants = [
+        _code_description(value) if isinstance(value, types.CodeType) else _value_description(value)
+        for value in code.co_consts
+        if value is not doc
+    ]
+    shape = (code.co_name, code.co_argcount, code.co_kwonlyargcount, code.co_posonlyargcount, code.co_flags)
+    names = (code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars)
+    return code.co_code.hex(), getattr(code, "co_exceptiontable", b"").hex(), constants, shape, names
+
+
+def _value_description(value: Any, attributes: set[str] = frozenset()) -> Any:  # type: ignore[assignment]
+    """Describe a value that a kernel uses; of a module or class of the project, its attributes of these names."""
+    if isinstance(value, Kernel):
+        if value.fingerprint is None:
+            raise _NoStableValueError
+        return value.fingerprint
+    if value is None or value is ... or isinstance(value, (bool, int, float, complex, str, bytes)):
+        return type(value).__name__, repr(value)
+    if isinstance(value, (tuple, list)):
+        return type(value).__name__, [_value_description(item) for item in cast("tuple[Any]", value)]
+    python_function: Any = getattr(value, "py_func", None)  # numba's own decorator
+    if python_function is not None:
+        return _description(python_function), repr(value.targetoptions)
+    if isinstance(value, types.ModuleType):
+        if value.__name__.partition(".")[0] in ("math", "numpy", "numba"):
+            return value.__name__
+        return [(name, _value_description(getattr(value, name))) for name in sorted(attributes) if hasattr(value, name)]
+    if isinstance(value, type) and value.__module__.partition(".")[0] not in ("builtins", "numpy", "numba"):
+        members = {name: vars(value).get(name) for name in ("_fields", "_member_map_")}
+        return value.__qualname__, [_value_description(list(each)) for each in members.values() if each]
+    return _foreign_description(value)
+
+
+def _foreign_description(value: Any) -> Any:
+    """Describe an array, a dtype, or a function or class of the libraries."""
+    import numpy as np
+
+    if isinstance(value, np.ndarray):
+        array = cast("np.ndarray[Any, Any]", value)
+        return str(array.dtype), array.shape, array.strides, hashlib.sha256(array.tobytes()).hexdigest()
+    if isinstance(value, (np.dtype, np.generic)):
+        return repr(cast("Any", value))
+    name = getattr(value, "__qualname__", getattr(value, "__name__", None))
+    if name is None:
+        raise _NoStableValueError
+    return getattr(value, "__module__", ""), name

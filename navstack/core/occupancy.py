@@ -112,6 +112,12 @@ class OccupancyGrid:
         geometry = GridGeometry(nx, ny, float(resolution), x, y)
         return cls(_trinary(cells, meaning), geometry, frame=frame)
 
+    def __repr__(self) -> str:
+        nx, ny, size = self.geometry.nx, self.geometry.ny, self.geometry.resolution
+        known = float((self.data != -1).mean()) if self.data.size else 0.0
+        extent = f"{nx * size:.1f} x {ny * size:.1f} m"
+        return f"OccupancyGrid({nx} x {ny} cells of {size:g} m, {extent}, {known:.0%} known, frame {self.frame!r})"
+
 
 def _cells(array: ArrayLike) -> NDArray[Any]:
     """Return a two-dimensional array of numbers or bools that has cells."""

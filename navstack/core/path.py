@@ -62,3 +62,6 @@ class Path:
     def transformed(self, transform: Transform2D, frame: str) -> Path:
         """Return the path in `frame`; `transform` is the pose of this path's frame in it."""
         return Path(transform.apply_poses(self.poses), frame)
+
+    def __repr__(self) -> str:
+        return f"Path({len(self)} poses, {self.length:.2f} m, frame {self.frame!r})"

@@ -40,6 +40,10 @@ class LaserScan:
     topic: str = "scan"
     height: float = 0.3
 
+    def __repr__(self) -> str:
+        hits = int(np.isfinite(self.ranges).sum())
+        return f"LaserScan({len(self.ranges)} beams, {hits} with a hit, at {self.stamp:.3f} s, frame {self.frame!r})"
+
 
 class DeferredScan(LaserScan):
     """A scan whose ranges are computed at the first access: a costmap with a lower rate than the sensor skips most scans.
@@ -103,6 +107,9 @@ class PointCloud:
     stamp: float = 0.0
     frame: str = "base_link"
     topic: str = "points"
+
+    def __repr__(self) -> str:
+        return f"PointCloud({len(self.points)} points, at {self.stamp:.3f} s, frame {self.frame!r})"
 
 
 @dataclass(frozen=True, slots=True)

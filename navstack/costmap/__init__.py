@@ -1,44 +1,36 @@
 """Layered costmaps and their sensors."""
 
-from navstack.costmap.denoise_layer import DenoiseLayer, DenoiseLayerParams
-from navstack.costmap.inflation_layer import InflationLayer, InflationLayerParams, inflation_cost
-from navstack.costmap.layered_costmap import LayeredCostmap, LayerSpec
-from navstack.costmap.mask_layers import (
-    KeepoutMaskLayer,
-    MaskLayerParams,
-    SpeedLimit,
-    SpeedMaskLayer,
-    SpeedMaskLayerParams,
-)
-from navstack.costmap.observation_buffer import ObservationBuffer, ObservationSourceParams
-from navstack.costmap.obstacle_layer import ObstacleLayer, ObstacleLayerParams
-from navstack.costmap.range_sensor_layer import RangeSensorLayer, RangeSensorLayerParams
-from navstack.costmap.static_layer import StaticLayer, StaticLayerParams
-from navstack.costmap.voxel_layer import VoxelLayer, VoxelLayerParams
-from navstack.parameters.models.costmap import CostmapParams
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "CostmapParams",
-    "DenoiseLayer",
-    "DenoiseLayerParams",
-    "InflationLayer",
-    "InflationLayerParams",
-    "KeepoutMaskLayer",
-    "LayerSpec",
-    "LayeredCostmap",
-    "MaskLayerParams",
-    "ObservationBuffer",
-    "ObservationSourceParams",
-    "ObstacleLayer",
-    "ObstacleLayerParams",
-    "RangeSensorLayer",
-    "RangeSensorLayerParams",
-    "SpeedLimit",
-    "SpeedMaskLayer",
-    "SpeedMaskLayerParams",
-    "StaticLayer",
-    "StaticLayerParams",
-    "VoxelLayer",
-    "VoxelLayerParams",
-    "inflation_cost",
-]
+if TYPE_CHECKING:
+    from navstack.costmap.denoise_layer import DenoiseLayer as DenoiseLayer
+    from navstack.costmap.denoise_layer import DenoiseLayerParams as DenoiseLayerParams
+    from navstack.costmap.inflation_layer import InflationLayer as InflationLayer
+    from navstack.costmap.inflation_layer import InflationLayerParams as InflationLayerParams
+    from navstack.costmap.inflation_layer import inflation_cost as inflation_cost
+    from navstack.costmap.layered_costmap import FIXED as FIXED
+    from navstack.costmap.layered_costmap import LayeredCostmap as LayeredCostmap
+    from navstack.costmap.layered_costmap import apply_reconfigure as apply_reconfigure
+    from navstack.costmap.layered_costmap import check_reconfigure as check_reconfigure
+    from navstack.costmap.layered_costmap import costs_of_occupied as costs_of_occupied
+    from navstack.costmap.mask_layers import KeepoutMaskLayer as KeepoutMaskLayer
+    from navstack.costmap.mask_layers import MaskLayerParams as MaskLayerParams
+    from navstack.costmap.mask_layers import SpeedLimit as SpeedLimit
+    from navstack.costmap.mask_layers import SpeedMaskLayer as SpeedMaskLayer
+    from navstack.costmap.mask_layers import SpeedMaskLayerParams as SpeedMaskLayerParams
+    from navstack.costmap.observation_buffer import ObservationBuffer as ObservationBuffer
+    from navstack.costmap.observation_buffer import ObservationSourceParams as ObservationSourceParams
+    from navstack.costmap.obstacle_layer import ObstacleLayer as ObstacleLayer
+    from navstack.costmap.obstacle_layer import ObstacleLayerParams as ObstacleLayerParams
+    from navstack.costmap.range_sensor_layer import RangeSensorLayer as RangeSensorLayer
+    from navstack.costmap.range_sensor_layer import RangeSensorLayerParams as RangeSensorLayerParams
+    from navstack.costmap.static_layer import StaticLayer as StaticLayer
+    from navstack.costmap.static_layer import StaticLayerParams as StaticLayerParams
+    from navstack.costmap.static_layer import map_from_frame as map_from_frame
+    from navstack.costmap.voxel_layer import VoxelLayer as VoxelLayer
+    from navstack.costmap.voxel_layer import VoxelLayerParams as VoxelLayerParams
+    from navstack.parameters import CostmapParams as CostmapParams
+else:
+    from navstack._lazy import lazy_face
+
+    __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

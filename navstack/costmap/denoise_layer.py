@@ -8,9 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import FREE, LETHAL, Bounds, Costmap, GridGeometry, Pose2D, Window
-from navstack.core.parameters import ParamModel, param
-from navstack.interfaces import CellExplanation, Layer, LayerContext
-from navstack.plugins import LAYERS
+from navstack.plugins import LAYERS, CellExplanation, Layer, LayerContext, ParamModel, param
 
 
 class DenoiseLayerParams(ParamModel):

@@ -6,29 +6,85 @@ Source of the rules: costmap_2d/src/layered_costmap.cpp and costmap_2d_ros.cpp.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Final
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
 
 from navstack.core import (
+    FREE,
+    INSCRIBED,
+    LETHAL,
     UNKNOWN,
     Bounds,
     Costmap,
     Footprint,
     FrameTree,
     GridGeometry,
+    InputError,
+    InternalError,
+    NavError,
     OccupancyGrid,
     Pose2D,
     SensorData,
     Window,
+    clean_frame,
 )
-from navstack.core.errors import InputError, InternalError, NavError
-from navstack.core.frames import clean_frame
-from navstack.costmap._window_kernels import fill_window
-from navstack.costmap.provenance import explain_cell
-from navstack.costmap.regions import shift_cells, window_shift
+from navstack.costmap.inflation_layer import InflationLayer
 from navstack.costmap.static_layer import StaticLayer
-from navstack.interfaces import CellProvenance, Layer, LayerContext
-from navstack.parameters.models.costmap import CostmapParams
-from navstack.plugins import PluginChoice
+from navstack.costmap.windows import fill_window, shift_cells, window_shift
+from navstack.parameters import CostmapParams
+from navstack.plugins import CellProvenance, Layer, LayerContext, LayerShare, Plugin
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Origin of the cost of a cell: which layer and which observation source set it, and when.
+
+
+def explain_cell(costmap: LayeredCostmap, ix: int, iy: int, *, follow: bool = True) -> CellProvenance:
+    """Explain a cell by writing its surroundings again, layer by layer, into a copy of the master grid.
+
+    With `follow`, the explanation of an inflated cell includes that of its obstacle.
+    """
+    master = costmap.master
+    nx, ny = master.geometry.nx, master.geometry.ny
+    # an inflated cost depends on cells up to the inflation radius away
+    reach = 1 + max((x.radius_cells for x in costmap.layers if isinstance(x, InflationLayer)), default=0)
+    window = Window(max(0, ix - reach), max(0, iy - reach), min(nx, ix + reach + 1), min(ny, iy + reach + 1))
+    copy = Costmap(master.geometry, master.data.copy(), master.frame)
+    copy.data[window.slices] = costmap.default_cost
+    shares: list[LayerShare] = []
+    set_by: LayerShare | None = None
+    for layer in costmap.layers:
+        before = int(copy.data[iy, ix])
+        layer.update_costs(copy, window)
+        after = int(copy.data[iy, ix])
+        share = LayerShare(layer.name, type(layer).__name__, before, after, layer.explain(ix, iy, copy))
+        shares.append(share)
+        if after != before:
+            set_by = share
+    found = set_by.explanation if set_by else None
+    obstacle: CellProvenance | None = None
+    if follow and found is not None and "obstacle_cell" in found.data:
+        obstacle = explain_cell(costmap, *found.data["obstacle_cell"], follow=False)
+    origin = obstacle if obstacle is not None else found
+    x, y = master.geometry.cell_to_world(ix, iy)
+    cost = int(master.data[iy, ix])
+    return CellProvenance(
+        costmap.name,
+        ix,
+        iy,
+        x,
+        y,
+        cost,
+        set_by.layer if set_by else None,
+        origin.source if origin else None,
+        origin.stamp if origin else None,
+        costmap.updated_at,
+        tuple(shares),
+        obstacle,
+        stale=cost != int(copy.data[iy, ix]),
+    )
+
 
 EMPTY: Final = Bounds()
 MAX_CELLS: Final = 400_000_000
@@ -36,12 +92,8 @@ FARTHEST: Final = 1e9
 """Largest valid coordinate of the robot (m): float64 cannot resolve cells beyond."""
 
 
-LayerSpec = PluginChoice[Layer]
-"""A layer to be made."""
-
-
 class LayeredCostmap:
-    """The master grid and its layers: the global or the local costmap (`navstack.interfaces.CostmapServer`).
+    """The master grid and its layers: the global or the local costmap (`navstack.plugins.CostmapServer`).
 
     `footprint` includes the padding. Without a rolling window, the master grid has the size of the static layer's map; without
     a static layer, the size in the parameters. Raises InputError for an invalid size.
@@ -51,7 +103,7 @@ class LayeredCostmap:
         self,
         name: str,
         params: CostmapParams,
-        layers: Sequence[LayerSpec],
+        layers: Sequence[Plugin[Layer]],
         *,
         footprint: Footprint,
         frames: FrameTree,
@@ -294,3 +346,82 @@ def _without_drift(summed: float, counted: float) -> float:
 
 def _count(cells: int) -> str:
     return str(cells) if cells <= MAX_CELLS else f"more than {MAX_CELLS:,}"
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Changes of a costmap's parameters at run time, as by dynamic_reconfigure in costmap_2d.
+#
+# Source: costmap_2d/cfg/*.cfg, costmap_2d_ros.cpp (reconfigureCB). Observations are kept unless the size of the grid changes; the
+# master grid is rewritten immediately. Parameters that define the structure of a costmap are fixed.
+
+
+FIXED: Final = frozenset({"global_frame", "robot_base_frame", "rolling_window", "track_unknown_space", "plugins"})
+"""Parameters that a running costmap cannot change."""
+FOOTPRINT: Final = frozenset({"footprint", "robot_radius", "footprint_padding"})
+"""Parameters without a change of which a footprint that a topic has set remains, as in ROS."""
+SIZE: Final = frozenset({"width", "height", "resolution", "origin_x", "origin_y"})
+
+
+def changed(old: Any, new: Any) -> frozenset[str]:
+    """Return the names of the parameters in which two models of one class differ."""
+    return frozenset(name for name in type(old).model_fields if getattr(old, name) != getattr(new, name))
+
+
+def check_reconfigure(costmap: LayeredCostmap, params: CostmapParams, layers: Sequence[Plugin[Layer]]) -> None:
+    """Raise InputError with the names of the parameters that a running costmap cannot change."""
+    current = [(layer.name, type(layer)) for layer in costmap.layers]
+    if current != [(spec.name, spec.cls) for spec in layers]:
+        raise InputError(
+            f"the layers of {costmap.name} cannot be changed at run time; restart with the new parameters",
+            costmap=costmap.name,
+            layers=[name for name, _ in current],
+        )
+    _refuse(costmap.name, "", changed(costmap.params, params) & FIXED)
+    for layer, spec in zip(costmap.layers, layers, strict=True):
+        fixed = changed(layer.params, spec.params) - layer.LIVE
+        if not fixed <= layer.live_parts(spec.params):
+            _refuse(costmap.name, f"{layer.name}/", fixed)
+
+
+def apply_reconfigure(
+    costmap: LayeredCostmap, params: CostmapParams, layers: Sequence[Plugin[Layer]], footprint: Footprint
+) -> bool:
+    """Apply changes that `check_reconfigure` accepted; return False if nothing differs. `footprint` is padded."""
+    differing = changed(costmap.params, params)
+    moved = bool(differing & FOOTPRINT) and footprint != costmap.footprint
+    others = [
+        (layer, spec.params)
+        for layer, spec in zip(costmap.layers, layers, strict=True)
+        if changed(layer.params, spec.params)
+    ]
+    costmap.params = params
+    for layer, layer_params in others:
+        layer.set_params(layer_params)
+    if moved:
+        costmap.set_footprint(footprint)
+    if differing & SIZE:
+        costmap.resize()
+    elif others or moved:
+        costmap.rewrite()
+    return bool(differing or others or moved)
+
+
+def _refuse(costmap: str, layer: str, names: frozenset[str]) -> None:
+    if names:
+        listed = ", ".join(f"{costmap}/{layer}{name}" for name in sorted(names))
+        raise InputError(f"{listed} cannot be changed at run time; restart with the new parameters", parameters=listed)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Costs of an array of occupied cells, without layers.
+
+
+def costs_of_occupied(lethal: NDArray[np.bool_], radius_cells: float) -> NDArray[np.uint8]:
+    """Return (ny, nx) costs: lethal, inscribed where a lethal cell's centre is within the radius, and free."""
+    costs = np.where(lethal, np.uint8(LETHAL), np.uint8(FREE))
+    if radius_cells >= 1.0 and lethal.any():
+        from scipy.ndimage import distance_transform_edt  # slow import, not needed for a point
+
+        distance = np.asarray(distance_transform_edt(~lethal))
+        costs[(distance <= radius_cells + 1e-9) & ~lethal] = INSCRIBED
+    return costs

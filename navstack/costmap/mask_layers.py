@@ -10,14 +10,21 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import LETHAL, UNKNOWN, Bounds, Costmap, GridGeometry, OccupancyGrid, Pose2D, Transform2D, Window
-from navstack.core.errors import InputError
-from navstack.core.parameters import ParamModel, param
-from navstack.costmap._window_kernels import look_up_map, look_up_rotated_map
-from navstack.costmap.regions import EVERYWHERE
+from navstack.core import (
+    LETHAL,
+    UNKNOWN,
+    Bounds,
+    Costmap,
+    GridGeometry,
+    InputError,
+    OccupancyGrid,
+    Pose2D,
+    Transform2D,
+    Window,
+)
 from navstack.costmap.static_layer import cell_affine, map_from_frame
-from navstack.interfaces import CellExplanation, Layer, LayerContext
-from navstack.plugins import LAYERS
+from navstack.costmap.windows import EVERYWHERE, look_up_map, look_up_rotated_map
+from navstack.plugins import LAYERS, CellExplanation, Layer, LayerContext, ParamModel, param
 
 
 class MaskLayerParams(ParamModel):

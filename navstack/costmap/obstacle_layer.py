@@ -3,25 +3,328 @@
 from __future__ import annotations
 
 import math
+from array import array
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import LETHAL, UNKNOWN, Bounds, Costmap, Footprint, GridGeometry, Pose2D, SensorData, Window
-from navstack.core.errors import NavError
-from navstack.core.parameter_checks import CheckContext, Issue, LayerTraits, SensorSource
-from navstack.core.parameters import ParamModel, param
-from navstack.costmap._polygon_kernels import fill_convex, place_footprint
-from navstack.costmap._ray_kernels import GRID, clear_rays, mark_points
-from navstack.costmap._window_kernels import combine_max, combine_overwrite
-from navstack.costmap.convex_parts import convex_parts
-from navstack.costmap.mark_log import MarkLog
+from navstack.core import (
+    LETHAL,
+    UNKNOWN,
+    Bounds,
+    Costmap,
+    Footprint,
+    GridGeometry,
+    NavError,
+    Pose2D,
+    SensorData,
+    Window,
+    clear_line,
+    kernel,
+    line_next,
+    line_start,
+)
 from navstack.costmap.observation_buffer import Observation, ObservationBuffer, ObservationSourceParams
-from navstack.costmap.regions import clear_region, shift_cells, window_shift
-from navstack.interfaces import CellExplanation, Layer, LayerContext
-from navstack.plugins import LAYERS
+from navstack.costmap.windows import clear_region, combine_max, combine_overwrite, shift_cells, window_shift
+from navstack.plugins import (
+    LAYERS,
+    CellExplanation,
+    CheckContext,
+    Issue,
+    Layer,
+    LayerContext,
+    LayerTraits,
+    ParamModel,
+    SensorSource,
+    param,
+)
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Raytracing and marking of the obstacle layer. Points may be NaN, infinite or outside the map.
+
+
+# pyright: basic
+
+
+GRID = np.dtype([("origin_x", "f8"), ("origin_y", "f8"), ("resolution", "f8"), ("max_height", "f8")], align=True)
+"""Settings of the kernels below: the grid (m, m per cell), and the height above which points are ignored (m)."""
+
+
+@kernel
+def line_ends(points, grid, sensor, reach, size, ends, cells):
+    """Compute where the rays from `sensor` (x, y) to the points end: points outside the map are moved along their ray onto its
+    border.
+
+    `size`: columns and rows of the map. Writes to `ends` (2, N): x and y at `reach` at the latest (m); to `cells` (3, N): ix,
+    iy, and whether the ray is inside the map. Without branches and in contiguous arrays, so that the loop is vectorized.
+    """
+    origin_x, origin_y, resolution = grid[0].origin_x, grid[0].origin_y, grid[0].resolution
+    nx, ny = size
+    sx, sy = sensor
+    end_x, end_y = origin_x + nx * resolution, origin_y + ny * resolution
+    number = np.uint64(ends.shape[1])
+    for i in range(number):
+        ends[0, i], ends[1, i] = points[i, 0], points[i, 1]
+    for i in range(number):
+        wx, wy = ends[0, i], ends[1, i]
+        a, b = wx - sx, wy - sy
+        outside = wx < origin_x
+        wy = sy + b * ((origin_x - sx) / a) if outside else wy
+        wx = origin_x if outside else wx
+        outside = wy < origin_y
+        wx = sx + a * ((origin_y - sy) / b) if outside else wx
+        wy = origin_y if outside else wy
+        outside = wx > end_x
+        wy = sy + b * ((end_x - sx) / a) if outside else wy
+        wx = end_x - 0.001 if outside else wx
+        outside = wy > end_y
+        wx = sx + a * ((end_y - sy) / b) if outside else wx
+        wy = end_y - 0.001 if outside else wy
+        fx, fy = (wx - origin_x) / resolution, (wy - origin_y) / resolution
+        inside = (wx >= origin_x) & (wy >= origin_y) & (fx < nx) & (fy < ny)
+        dx, dy = wx - sx, wy - sy
+        squared = dx * dx + dy * dy
+        cut = reach / math.sqrt(squared)
+        far = squared > reach * reach
+        ends[0, i], ends[1, i] = sx + (dx * cut if far else dx), sy + (dy * cut if far else dy)
+        cells[0, i], cells[1, i] = np.int32(fx if inside else 0.0), np.int32(fy if inside else 0.0)
+        cells[2, i] = np.int32(1 if inside else 0)
+
+
+@kernel
+def clear_rays(costs, points, count, grid, sx, sy, reach, reach_cells, bounds):
+    """Clear the cells between the sensor at (sx, sy) and each point, up to `reach` (m; `reach_cells` in cells); grow `bounds`.
+
+    Points outside the map are moved along their ray onto its border (costmap_2d/plugins/obstacle_layer.cpp). Returns False if
+    the sensor is outside the map. `grid`: a record of `GRID`.
+    """
+    ny, nx = costs.shape
+    origin_x, origin_y, resolution = grid[0].origin_x, grid[0].origin_y, grid[0].resolution
+    if not (sx >= origin_x and sy >= origin_y):
+        return False
+    fx, fy = (sx - origin_x) / resolution, (sy - origin_y) / resolution
+    if not (fx < nx and fy < ny):
+        return False
+    x0, y0 = int(fx), int(fy)
+    flat = costs.reshape(-1)
+    ends, cells = np.empty((2, count)), np.empty((3, count), np.int32)
+    line_ends(points, grid, (sx, sy), reach, (float(nx), float(ny)), ends, cells)
+    min_x, min_y, max_x, max_y = min(bounds[0], sx), min(bounds[1], sy), max(bounds[2], sx), max(bounds[3], sy)
+    last_x, last_y = -1, -1
+    for i in range(count):
+        if cells[2, i] == 0:
+            continue
+        min_x, min_y = min(min_x, ends[0, i]), min(min_y, ends[1, i])
+        max_x, max_y = max(max_x, ends[0, i]), max(max_y, ends[1, i])
+        x1, y1 = np.int64(cells[0, i]), np.int64(cells[1, i])
+        # a ray depends on its two end cells only: adjacent beams often end in the same cell
+        if x1 != last_x or y1 != last_y:
+            clear_line(flat, nx, x0, y0, x1, y1, reach_cells)
+            last_x, last_y = x1, y1
+    bounds[0], bounds[1], bounds[2], bounds[3] = min_x, min_y, max_x, max_y
+    return True
+
+
+@kernel
+def mark_points(costs, serials, serial, points, count, grid, sx, sy, sz, reach, bounds):
+    """Mark the cells of the points closer than `reach` (m, 3-D) as lethal, with the observation's `serial`; grow `bounds`.
+
+    `grid`: a record of `GRID`.
+    """
+    ny, nx = costs.shape
+    origin_x, origin_y, resolution = grid[0].origin_x, grid[0].origin_y, grid[0].resolution
+    max_height = grid[0].max_height
+    min_x, min_y, max_x, max_y = bounds[0], bounds[1], bounds[2], bounds[3]
+    reach_squared = reach * reach
+    for i in range(count):
+        px, py, pz = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
+        squared = (px - sx) * (px - sx) + (py - sy) * (py - sy) + (pz - sz) * (pz - sz)
+        if not (squared < reach_squared) or pz > max_height or px < origin_x or py < origin_y:
+            continue
+        fx, fy = (px - origin_x) / resolution, (py - origin_y) / resolution
+        if not (fx < nx and fy < ny):
+            continue
+        ix, iy = int(fx), int(fy)
+        costs[iy, ix] = 254
+        serials[iy, ix] = serial
+        min_x, min_y, max_x, max_y = min(min_x, px), min(min_y, py), max(max_x, px), max(max_y, py)
+    bounds[0], bounds[1], bounds[2], bounds[3] = min_x, min_y, max_x, max_y
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The robot's footprint at a pose, and the cells of convex polygons.
+
+
+# pyright: basic
+
+
+@kernel
+def place_footprint(vertices, x, y, yaw, out, bounds):
+    """Write the footprint `vertices` (n, 2) at a pose into `out`; grow `bounds` to contain it."""
+    c, s = math.cos(yaw), math.sin(yaw)
+    for i in range(vertices.shape[0]):
+        wx = x + (vertices[i, 0] * c - vertices[i, 1] * s)
+        wy = y + (vertices[i, 0] * s + vertices[i, 1] * c)
+        out[i, 0], out[i, 1] = wx, wy
+        bounds[0], bounds[1] = min(bounds[0], wx), min(bounds[1], wy)
+        bounds[2], bounds[3] = max(bounds[2], wx), max(bounds[3], wy)
+
+
+@kernel
+def fill_convex(costs, vertices, first, last, spans, origin_x, origin_y, resolution, value):
+    """Set the cells of a convex polygon: in each column, from the lowest to the highest cell of its edges.
+
+    `vertices[first:last]` are the corners (m), `spans` (2, >= nx) is scratch. Returns False and sets nothing if a corner is
+    outside the map (costmap_2d's setConvexPolygonCost).
+    """
+    ny, nx = costs.shape
+    left, right = nx, -1
+    for i in range(first, last):
+        wx, wy = vertices[i, 0], vertices[i, 1]
+        if not (wx >= origin_x and wy >= origin_y):
+            return False
+        fx, fy = (wx - origin_x) / resolution, (wy - origin_y) / resolution
+        if not (fx < nx and fy < ny):
+            return False
+        left, right = min(left, int(fx)), max(right, int(fx))
+    for x in range(left, right + 1):
+        spans[0, x] = ny
+        spans[1, x] = -1
+    for i in range(first, last):
+        j = i + 1 if i + 1 < last else first
+        x0 = int((vertices[i, 0] - origin_x) / resolution)
+        y0 = int((vertices[i, 1] - origin_y) / resolution)
+        x1 = int((vertices[j, 0] - origin_x) / resolution)
+        y1 = int((vertices[j, 1] - origin_y) / resolution)
+        line = line_start(x0, y0, x1, y1, nx)
+        cell, error = y0 * nx + x0, line[0] // 2
+        for _ in range(line[0] + 1):
+            y = cell // nx
+            x = cell - y * nx
+            spans[0, x] = min(spans[0, x], y)
+            spans[1, x] = max(spans[1, x], y)
+            cell, error = line_next(cell, error, line)
+    for x in range(left, right + 1):
+        for y in range(spans[0, x], spans[1, x] + 1):
+            costs[y, x] = value
+    return True
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Convex parts of a polygon: costmap_2d fills convex polygons only, and fills the notches of others too.
+
+
+def is_convex(vertices: NDArray[np.float64]) -> bool:
+    """Return True if the polygon (n, 2) turns in one direction only."""
+    turns = _turns(vertices)
+    slack = 1e-12 * max(1.0, float(np.abs(turns).max(initial=0.0)))
+    return bool((turns >= -slack).all() or (turns <= slack).all())
+
+
+def convex_parts(vertices: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """Return the polygon itself if it is convex, otherwise a triangulation of it, (3, 2) each, by ear clipping.
+
+    The polygon must not cross itself (`Footprint` checks that).
+    """
+    polygon = np.array(vertices, np.float64)
+    if is_convex(polygon):
+        return [polygon]
+    if _area(polygon) < 0.0:
+        polygon = polygon[::-1].copy()
+    left = list(range(len(polygon)))
+    parts: list[NDArray[np.float64]] = []
+    while len(left) > 3:
+        ear = next((i for i in range(len(left)) if _is_ear(polygon, left, i)), None)
+        if ear is None:  # the remaining corners are collinear
+            break
+        parts.append(polygon[[left[ear - 1], left[ear], left[(ear + 1) % len(left)]]])
+        del left[ear]
+    parts.append(polygon[left])
+    return parts
+
+
+def _turns(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
+    edges = np.roll(vertices, -1, axis=0) - vertices
+    following = np.roll(edges, -1, axis=0)
+    return edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
+
+
+def _area(vertices: NDArray[np.float64]) -> float:
+    x, y = vertices[:, 0], vertices[:, 1]
+    return 0.5 * float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())
+
+
+def _is_ear(polygon: NDArray[np.float64], left: list[int], i: int) -> bool:
+    """Return True if the corner turns left and its triangle with its neighbours contains no other corner."""
+    a, b, c = polygon[left[i - 1]], polygon[left[i]], polygon[left[(i + 1) % len(left)]]
+    if _side(a, b, c) <= 0.0:
+        return False
+    for k in left:
+        p = polygon[k]
+        if any(p is q or (p == q).all() for q in (a, b, c)):
+            continue
+        if _side(a, b, p) >= 0.0 and _side(b, c, p) >= 0.0 and _side(c, a, p) >= 0.0:
+            return False
+    return True
+
+
+def _side(a: NDArray[np.float64], b: NDArray[np.float64], p: NDArray[np.float64]) -> float:
+    return float((b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Origin of marks: serial numbers of observations that fit into the spare bits of a cell.
+
+
+CAPACITY: Final = 4096
+"""Largest number of stored observations."""
+
+
+class MarkLog:
+    """A ring buffer of observations. Serial number 0 means unknown.
+
+    Before half of the ring is used again, `expired` names the serial numbers that are about to get a new meaning: the owner
+    removes them from its cells, so that an old mark never shows a new time.
+    """
+
+    def __init__(self, bits: int) -> None:
+        self._size = min(CAPACITY, 1 << max(bits, 0))
+        self._stamps = array("d", bytes(8 * self._size))
+        self._sources = array("B", bytes(self._size))
+        self._names: list[str] = []
+        self._next = 1
+        self._wrapped = False
+        self.expired: tuple[int, int] | None = None
+        """Serial numbers (first, last) that the last `add` invalidated; None without any."""
+
+    def add(self, source: str, stamp: float) -> int:
+        """Store an observation of `source` at `stamp` (s); return its serial number."""
+        self.expired = None
+        if self._size < 4:  # no spare bits
+            return 0
+        half = self._size // 2
+        serial = self._next
+        if serial == half:
+            self.expired = (half, self._size - 1) if self._wrapped else None
+        elif serial == 1 and self._wrapped:
+            self.expired = (1, half - 1)
+        if source not in self._names:
+            self._names.append(source)
+        self._stamps[serial] = stamp
+        self._sources[serial] = min(self._names.index(source), 255)
+        self._next += 1
+        if self._next == self._size:
+            self._next, self._wrapped = 1, True
+        return serial
+
+    def look_up(self, serial: int) -> tuple[str, float] | None:
+        """Return the source and the stamp (s) of a serial number; None if unknown."""
+        if serial <= 0 or serial >= self._size:
+            return None
+        return self._names[self._sources[serial]], self._stamps[serial]
+
 
 OVERWRITE, MAXIMUM = 0, 1
 

@@ -18,21 +18,19 @@ from navstack.core import (
     UNKNOWN,
     Bounds,
     Costmap,
+    FrameError,
     GridGeometry,
+    InputError,
+    NavError,
     Pose2D,
     RangeReading,
     SensorData,
     Transform2D,
     Window,
 )
-from navstack.core.errors import FrameError, InputError, NavError
-from navstack.core.parameters import ParamModel, param
-from navstack.costmap._window_kernels import combine_max
-from navstack.costmap.observation_buffer import untransformed
-from navstack.costmap.regions import clear_region, shift_cells, window_shift
-from navstack.costmap.sensor_timeout import SensorTimeout
-from navstack.interfaces import CellExplanation, Layer, LayerContext
-from navstack.plugins import LAYERS
+from navstack.costmap.observation_buffer import SensorTimeout, untransformed
+from navstack.costmap.windows import clear_region, combine_max, shift_cells, window_shift
+from navstack.plugins import LAYERS, CellExplanation, Layer, LayerContext, ParamModel, param
 
 PENDING = 50
 TOLERANCE_S = 0.3

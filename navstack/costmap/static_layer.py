@@ -17,19 +17,15 @@ from navstack.core import (
     Costmap,
     FrameTree,
     GridGeometry,
+    InputError,
     OccupancyGrid,
     Pose2D,
     Transform2D,
     Window,
     describe_cost,
 )
-from navstack.core.errors import InputError
-from navstack.core.parameter_checks import LayerTraits
-from navstack.core.parameters import ParamModel, param
-from navstack.costmap._window_kernels import combine_max, look_up_map, look_up_rotated_map
-from navstack.costmap.regions import EVERYWHERE
-from navstack.interfaces import CellExplanation, Layer, LayerContext
-from navstack.plugins import LAYERS
+from navstack.costmap.windows import EVERYWHERE, combine_max, look_up_map, look_up_rotated_map
+from navstack.plugins import LAYERS, CellExplanation, Layer, LayerContext, LayerTraits, ParamModel, param
 
 
 class StaticLayerParams(ParamModel):

@@ -2,18 +2,252 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import GridGeometry
-from navstack.core.parameters import ParamModel, param
-from navstack.costmap._voxel_kernels import VOXEL_GRID, clear_voxel_rays, mark_voxels, ray_ends
+from navstack.core import FIXED, GridGeometry, kernel
 from navstack.costmap.observation_buffer import Observation
 from navstack.costmap.obstacle_layer import ObstacleLayer, ObstacleLayerParams, cells_in
-from navstack.interfaces import LayerContext
-from navstack.plugins import LAYERS
+from navstack.plugins import LAYERS, LayerContext, ParamModel, param
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Raytracing and marking of the voxel layer. Points may be NaN, infinite or outside the map.
+#
+# A column stores its levels as bits: `levels` low bits "seen free", then `levels` bits "marked" (neither: unknown), and in the
+# remaining high bits the serial number of the observation that marked it last. A word of 0 is unknown at all levels.
+
+
+# pyright: basic
+
+
+VOXEL_GRID = np.dtype(
+    [
+        *[(name, "f8") for name in ("origin_x", "origin_y", "origin_z", "resolution", "z_resolution", "max_height")],
+        *[(name, "i8") for name in ("levels", "mark_threshold", "unknown_threshold")],
+    ],
+    align=True,
+)
+"""Settings of the kernels below: the grid (m, m per cell), the height above which points are ignored (m), the thresholds."""
+
+
+@kernel
+def bits_set(n):
+    """Return the number of ones in the binary form of `n`."""
+    count = 0
+    while n:
+        n &= n - 1
+        count += 1
+    return count
+
+
+@kernel
+def clear_level_ray(columns, costs, offset, line, steps, level, levels):
+    """Clear the voxels of a ray that stays in one level, from the column `offset` on, and the costs of columns without marks.
+
+    `line`: see `line_start`. As the general loop of `clear_voxel_rays`, for a mark threshold of 0 and columns that are known
+    however many voxels are not. Each voxel takes one addition and no branch, as in `clear_line`.
+    """
+    length, add, major, minor = line
+    seen = np.uint32(1 << level)
+    kept = ~np.uint32(1 << (level + levels))
+    marks = np.uint32(((1 << levels) - 1) << levels)
+    slope = at = 0
+    if length > 0:
+        scale = (1 << FIXED) / length
+        slope = int(add * scale) + 1
+        at = int((length // 2) * scale) + 1
+    for _ in range(steps + 1):
+        cell = np.uint64(offset + (at >> FIXED) * minor)
+        word = (np.uint32(columns[cell]) | seen) & kept
+        columns[cell] = word
+        costs[cell] = costs[cell] if word & marks else np.uint8(0)
+        offset += major
+        at += slope
+
+
+@kernel
+def ray_ends(points, grid, sensor, reach, size, ends, cells):
+    """Compute where the rays from `sensor` (x, y, z) to the points end: shortened by two cells, clipped to the map and the
+    heights.
+
+    `size`: columns and rows of the map. Writes to `ends` (3, N): x and y at `reach` at the latest (m), length (cells); to `cells`
+    (4, N): ix, iy, iz, and whether the ray is inside the map. Without branches, so that the loop is vectorized.
+    """
+    g = grid[0]
+    origin_x, origin_y, origin_z, resolution, z_resolution = (
+        g.origin_x,
+        g.origin_y,
+        g.origin_z,
+        g.resolution,
+        g.z_resolution,
+    )
+    top, levels = g.max_height, np.float64(g.levels)
+    nx, ny = size
+    sx, sy, sz = sensor
+    x0, y0, z0 = (sx - origin_x) / resolution, (sy - origin_y) / resolution, (sz - origin_z) / z_resolution
+    end_x, end_y = origin_x + (nx - 0.5) * resolution, origin_y + (ny - 0.5) * resolution
+    number = np.uint64(ends.shape[1])
+    for i in range(number):
+        ends[0, i], ends[1, i], ends[2, i] = points[i, 0], points[i, 1], points[i, 2]
+    for i in range(number):
+        a, b, c = ends[0, i] - sx, ends[1, i] - sy, ends[2, i] - sz
+        distance = math.sqrt(a * a + b * b + c * c)
+        finite = distance < np.inf
+        rest = (distance - 2.0 * resolution) / distance
+        short = rest if (distance > 0.0) & (rest > 0.0) else 0.0
+        wx, wy, wz = short * a + sx, short * b + sy, short * c + sz
+        a, b, c = wx - sx, wy - sy, wz - sz
+        above, below = (top - 0.01 - sz) / c, (origin_z - sz) / c
+        above = above if above < 1.0 else 1.0
+        t = 1.0
+        t = (above if above > 0.0 else 0.0) if wz > top else (below if (wz < origin_z) & (below < t) else t)
+        left, right = (origin_x - sx) / a, (end_x - sx) / a
+        low, high = (origin_y - sy) / b, (end_y - sy) / b
+        t = left if (wx < origin_x) & (left < t) else t
+        t = low if (wy < origin_y) & (low < t) else t
+        t = right if (wx > end_x) & (right < t) else t
+        t = high if (wy > end_y) & (high < t) else t
+        wx, wy, wz = sx + a * t, sy + b * t, sz + c * t
+        # ROS differs: there, rounding puts some clipped rays just below the origin, and they are lost
+        wx, wy, wz = (
+            wx if wx > origin_x else origin_x,
+            wy if wy > origin_y else origin_y,
+            wz if wz > origin_z else origin_z,
+        )
+        x1, y1, z1 = (wx - origin_x) / resolution, (wy - origin_y) / resolution, (wz - origin_z) / z_resolution
+        inside = finite & (x1 < nx) & (y1 < ny) & (z1 < levels)
+        dx, dy = wx - sx, wy - sy
+        full = math.sqrt(dx * dx + dy * dy)
+        cut = reach / full
+        dx, dy = dx * cut if full > reach else dx, dy * cut if full > reach else dy
+        ends[0, i], ends[1, i] = sx + dx, sy + dy
+        ends[2, i] = math.sqrt((x0 - x1) * (x0 - x1) + (y0 - y1) * (y0 - y1) + (z0 - z1) * (z0 - z1))
+        cells[0, i], cells[1, i] = np.int32(x1 if inside else 0.0), np.int32(y1 if inside else 0.0)
+        cells[2, i], cells[3, i] = np.int32(z1 if inside else 0.0), np.int32(1 if inside else 0)
+
+
+@kernel
+def clear_voxel_rays(costs, columns, points, count, grid, sx, sy, sz, reach, reach_cells, bounds):
+    """Clear the voxels between the sensor at (sx, sy, sz) and each point, and set the cost of each column on the way.
+
+    Rays are shortened by two cells, then clipped to the map and the heights (costmap_2d/plugins/voxel_layer.cpp,
+    voxel_grid.h); they end at `reach` (m; `reach_cells` in cells). Grows `bounds`. Returns False if the sensor is outside the
+    map. `grid`: a record of `VOXEL_GRID`.
+    """
+    ny, nx = costs.shape
+    g = grid[0]
+    origin_x, origin_y, origin_z, resolution, z_resolution = (
+        g.origin_x,
+        g.origin_y,
+        g.origin_z,
+        g.resolution,
+        g.z_resolution,
+    )
+    levels, mark_threshold, unknown_threshold = g.levels, g.mark_threshold, g.unknown_threshold
+    if not (sx >= origin_x and sy >= origin_y and sz >= origin_z):
+        return False
+    x0, y0 = (sx - origin_x) / resolution, (sy - origin_y) / resolution
+    z0 = (sz - origin_z) / z_resolution
+    if not (x0 < nx and y0 < ny and z0 < levels):
+        return False
+    ix0, iy0, iz0 = int(x0), int(y0), int(z0)
+    flat_columns, flat_costs = columns.reshape(-1), costs.reshape(-1)
+    level_mask = (1 << levels) - 1
+    ends, cells = np.empty((3, count)), np.empty((4, count), np.int32)
+    ray_ends(points, grid, (sx, sy, sz), reach, (float(nx), float(ny)), ends, cells)
+    min_x, min_y, max_x, max_y = bounds[0], bounds[1], bounds[2], bounds[3]
+    last_x, last_y, last_z = -1, -1, -1
+    for i in range(count):
+        if cells[3, i] == 0:
+            continue
+        min_x, min_y = min(min_x, ends[0, i]), min(min_y, ends[1, i])
+        max_x, max_y = max(max_x, ends[0, i]), max(max_y, ends[1, i])
+        ix1, iy1, iz1 = np.int64(cells[0, i]), np.int64(cells[1, i]), np.int64(cells[2, i])
+        span_x, span_y, span_z = abs(ix1 - ix0), abs(iy1 - iy0), abs(iz1 - iz0)
+        dominant = max(span_x, span_y, span_z)
+        length = ends[2, i]
+        steps = dominant
+        if length > reach_cells:
+            steps = int(reach_cells / length * dominant)
+        elif ix1 == last_x and iy1 == last_y and iz1 == last_z:
+            continue  # same voxels as the previous beam
+        else:
+            last_x, last_y, last_z = ix1, iy1, iz1
+        step_x, step_y, step_z = 1 if ix1 > ix0 else -1, nx if iy1 > iy0 else -nx, 1 if iz1 > iz0 else -1
+        error_x = error_y = error_z = dominant // 2
+        offset, level = iy0 * nx + ix0, iz0
+        if span_z == 0 and mark_threshold == 0 and unknown_threshold >= levels:
+            along_x = span_x >= span_y
+            line = dominant, span_y if along_x else span_x, step_x if along_x else step_y, step_y if along_x else step_x
+            clear_level_ray(flat_columns, flat_costs, offset, line, steps, level, levels)
+            continue
+        for _ in range(steps + 1):
+            old = int(flat_columns[np.uint64(offset)])
+            word = (old | (1 << level)) & ~(1 << (level + levels))
+            if word != old:
+                flat_columns[np.uint64(offset)] = word
+            marked = (word >> levels) & level_mask
+            if marked == 0 or bits_set(marked) <= mark_threshold:
+                unknown = level_mask & ~(word | marked)
+                known = unknown_threshold >= levels or bits_set(unknown) <= unknown_threshold
+                flat_costs[np.uint64(offset)] = 0 if known else 255
+            # Bresenham in 3-D: the error of the dominant axis reaches the threshold at each step
+            error_x += span_x
+            error_y += span_y
+            error_z += span_z
+            if error_x >= dominant:
+                error_x -= dominant
+                offset += step_x
+            if error_y >= dominant:
+                error_y -= dominant
+                offset += step_y
+            if error_z >= dominant:
+                error_z -= dominant
+                level += step_z
+    bounds[0], bounds[1], bounds[2], bounds[3] = min_x, min_y, max_x, max_y
+    return True
+
+
+@kernel
+def mark_voxels(costs, columns, serial, points, count, grid, sx, sy, sz, reach, bounds):
+    """Mark the voxels of the points closer than `reach` (m, 3-D), with the observation's `serial`; grow `bounds`.
+
+    Columns with more marked voxels than the threshold become lethal. `grid`: a record of `VOXEL_GRID`.
+    """
+    ny, nx = costs.shape
+    g = grid[0]
+    origin_x, origin_y, origin_z, resolution, z_resolution = (
+        g.origin_x,
+        g.origin_y,
+        g.origin_z,
+        g.resolution,
+        g.z_resolution,
+    )
+    top, levels, mark_threshold = g.max_height, g.levels, g.mark_threshold
+    min_x, min_y, max_x, max_y = bounds[0], bounds[1], bounds[2], bounds[3]
+    reach_squared = reach * reach
+    level_mask = (1 << levels) - 1
+    bits_mask = (1 << (2 * levels)) - 1
+    for i in range(count):
+        px, py, pz = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
+        squared = (px - sx) * (px - sx) + (py - sy) * (py - sy) + (pz - sz) * (pz - sz)
+        if not (squared < reach_squared) or pz > top or px < origin_x or py < origin_y:
+            continue
+        fx, fy = (px - origin_x) / resolution, (py - origin_y) / resolution
+        fz = max(pz - origin_z, 0.0) / z_resolution
+        if not (fx < nx and fy < ny and fz < levels):
+            continue
+        ix, iy, iz = int(fx), int(fy), int(fz)
+        word = (int(columns[iy, ix]) | (1 << (iz + levels))) & ~(1 << iz)
+        columns[iy, ix] = (word & bits_mask) | (serial << (2 * levels))
+        if bits_set((word >> levels) & level_mask) > mark_threshold:
+            costs[iy, ix] = 254
+            min_x, min_y, max_x, max_y = min(min_x, px), min(min_y, py), max(max_x, px), max(max_y, py)
+    bounds[0], bounds[1], bounds[2], bounds[3] = min_x, min_y, max_x, max_y
+
 
 LEVELS = 16
 

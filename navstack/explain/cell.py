@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from navstack.core import FREE, UNKNOWN, Pose2D, describe_cost
-from navstack.core.errors import InputError
-from navstack.explain.replay import Replay
-from navstack.interfaces import CellProvenance, LayerShare
+from navstack.core import FREE, UNKNOWN, InputError, Pose2D, describe_cost
+from navstack.explain.resimulation import Replay
+from navstack.plugins import CellProvenance, LayerShare
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +29,7 @@ class CellReport:
     """The cost and its cause in one sentence."""
 
     def as_dict(self) -> dict[str, Any]:
-        """Returns the report for JSON."""
+        """Return the report for JSON."""
         return {
             "time": self.time,
             "at": list(self.point),
@@ -44,7 +43,7 @@ class CellReport:
 
 
 def explain_cell(replayed: Replay, x: float, y: float, *, costmap: str = "global") -> CellReport:
-    """Explains the cell at a point of the map frame (m) in the `global` or `local` costmap, at the time of the replay.
+    """Explain the cell at a point of the map frame (m) in the `global` or `local` costmap, at the time of the replay.
 
     For a costmap in another frame, the point is transformed with the robot's localization at that time. Raises InputError
     for a point outside the costmap.
@@ -70,7 +69,7 @@ def explain_cell(replayed: Replay, x: float, y: float, *, costmap: str = "global
 
 
 def obstacle_distance(provenance: CellProvenance) -> float | None:
-    """Distance to the obstacle that the cell is inflated from (m); None for a cell without inflation."""
+    """Return the distance to the obstacle that the cell is inflated from (m); None for a cell without inflation."""
     share = _setter(provenance)
     if provenance.obstacle is None or share is None or share.explanation is None:
         return None
@@ -78,7 +77,7 @@ def obstacle_distance(provenance: CellProvenance) -> float | None:
 
 
 def summary_of(provenance: CellProvenance) -> str:
-    """The cost of a cell and its cause, in one sentence."""
+    """Return the cost of a cell and its cause, in one sentence."""
     if not provenance.stale:
         return f"{describe_cost(provenance.cost)}: {_cause(provenance, provenance.cost)}"
     current = provenance.layers[-1].after if provenance.layers else provenance.cost
@@ -123,5 +122,5 @@ def _source(share: LayerShare) -> str:
 
 
 def _setter(provenance: CellProvenance) -> LayerShare | None:
-    """The layer that set the cost."""
+    """Return the layer that set the cost."""
     return next((share for share in provenance.layers if share.layer == provenance.set_by), None)

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core.errors import InputError
-from navstack.costmap.inflation_layer import InflationLayer, inflation_cost
-from navstack.parameters.configuration import Configuration, CostmapConfiguration
+from navstack.core import InputError
+from navstack.costmap import InflationLayer, inflation_cost
+from navstack.parameters import Configuration, CostmapConfiguration
 
 
 @dataclass(frozen=True, slots=True)
 class InflationCurve:
-    """Cost against distance in one costmap, or in both if they agree. Lengths in metres."""
+    """Cost against distance in one costmap, or in both if they agree. Lengths in meters."""
 
     costmaps: tuple[str, ...]
     """`global`, `local` or both."""
@@ -38,7 +38,7 @@ class InflationCurve:
         return costs
 
     def as_dict(self) -> dict[str, Any]:
-        """Returns the curve for JSON."""
+        """Return the curve for JSON."""
         return {
             "costmaps": list(self.costmaps),
             "resolution_m": self.resolution,
@@ -50,12 +50,12 @@ class InflationCurve:
         }
 
     def steps(self) -> list[tuple[float, int]]:
-        """Returns distance (m) and cost for every whole number of cells."""
+        """Return distance (m) and cost for every whole number of cells."""
         return [(round(float(d), 6), int(c)) for d, c in zip(self.cells, self.cell_costs)]
 
 
 def inflation_curves(configuration: Configuration, *, map_resolution: float | None = None) -> list[InflationCurve]:
-    """The curves of the global and the local costmap; one curve for both if they are equal.
+    """Return the curves of the global and the local costmap; one curve for both if they are equal.
 
     `map_resolution` (m) replaces the resolution of a costmap that takes it from its map. Raises InputError if neither
     costmap has an inflation layer.

@@ -10,13 +10,10 @@ from rich.markup import escape
 from rich.table import Table
 
 from navstack.explain.cell import CellReport
-from navstack.explain.command import CommandReport
-from navstack.explain.command_chain import chain_sentence
-from navstack.explain.command_summary import velocity_text
+from navstack.explain.command import CommandReport, SampleReport, chain_sentence, steering_sentence, velocity_text
+from navstack.explain.crossing import VERDICT_TEXTS, ShapePassage
 from navstack.explain.goal import GoalReport
-from navstack.explain.passages import LABELS, RATINGS, VERDICT_TEXTS, PassageReport, ShapePassage
-from navstack.explain.samples import SampleReport
-from navstack.explain.steering import steering_sentence
+from navstack.explain.passages import LABELS, RATINGS, PassageReport
 
 SHOWN = 12
 """Rows of the table without --all."""
@@ -37,7 +34,7 @@ _SHAPE_STYLE = {"free": "blue", "turns": "blue", "fits": "blue", "stuck": "yello
 
 
 def print_cell(out: Console, report: CellReport) -> None:
-    """Prints why a cell has its cost."""
+    """Print why a cell has its cost."""
     found = report.provenance
     robot = report.robot
     out.print(
@@ -57,7 +54,7 @@ def print_cell(out: Console, report: CellReport) -> None:
 
 
 def print_goal(out: Console, report: GoalReport) -> None:
-    """Prints the timeline of a goal."""
+    """Print the timeline of a goal."""
     style = "green" if report.status == "SUCCEEDED" else "red"
     out.print(f"[bold]goal {report.number}:[/] [bold {style}]{escape(report.summary)}[/]")
     states = ("PLANNING", "CONTROLLING", "CLEARING")
@@ -80,7 +77,7 @@ def print_goal(out: Console, report: GoalReport) -> None:
 
 
 def print_command(out: Console, report: CommandReport, *, everything: bool = False) -> None:
-    """Prints why a command was chosen, with the samples; `everything` prints all of them."""
+    """Print why a command was chosen, with the samples; `everything` prints all of them."""
     plan = report.plan
     requested = f" (requested {report.requested:.3f} s)" if report.requested - report.time > 1e-3 else ""
     out.print(
@@ -101,7 +98,7 @@ def print_command(out: Console, report: CommandReport, *, everything: bool = Fal
 
 
 def _shown_samples(report: CommandReport, *, everything: bool) -> tuple[SampleReport, ...]:
-    """The best samples and the chosen one, or all."""
+    """Return the best samples and the chosen one, or all."""
     if everything:
         return report.samples
     shown = report.legal[:SHOWN] or report.samples[:SHOWN]
@@ -171,12 +168,12 @@ def _velocity(value: float) -> str:
 
 
 def passage_counts(report: PassageReport) -> str:
-    """Returns the number of passages by rating, in words."""
+    """Return the number of passages by rating, in words."""
     return ", ".join(f"{report.count(rating)} {LABELS[rating]}" for rating in RATINGS)
 
 
 def print_passages(out: Console, report: PassageReport, name: str, *, only: int | None = None) -> None:
-    """Prints the passages of the map `name`, or only the one with this number (from 1)."""
+    """Print the passages of the map `name`, or only the one with this number (from 1)."""
     table = Table(title=f"passages of {escape(name)}", title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
     for heading in ("no.", "centre (m)", "width", "cost"):
         table.add_column(heading, justify="right", no_wrap=True)
@@ -212,7 +209,7 @@ def print_passages(out: Console, report: PassageReport, name: str, *, only: int 
 
 
 def _print_shapes(out: Console, report: PassageReport, only: int | None) -> None:
-    """Prints what the passages mean for the footprint."""
+    """Print what the passages mean for the footprint."""
     assert report.shapes is not None
     radius = f" and a turning radius of {report.turning_radius:g} m" if report.turning_radius else ""
     title = f"with this footprint{radius}"
@@ -234,7 +231,7 @@ def _print_shapes(out: Console, report: PassageReport, only: int | None) -> None
 
 
 def heading_text(shape: ShapePassage) -> str:
-    """The ranges of headings in degrees."""
+    """Return the ranges of headings in degrees."""
     if not shape.headings:
         return "none"
     if shape.headings[0].high - shape.headings[0].low >= 2.0 * math.pi:

@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Event, Transform2D
-from navstack.core.errors import InputError, RecordError
-from navstack.motion import InvalidTrajectoryError, Trajectory, demands_of
-from navstack.record import Record
+from navstack.behaviors import InvalidTrajectoryError, Trajectory, demands_of
+from navstack.core import Event, InputError, RecordError, Transform2D
+from navstack.record import Record, believed_poses
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -174,17 +173,7 @@ def _report(record: Record, start: Event, clock: float, end: float) -> TrackingR
 
 def _believed(record: Record, rows: slice, reference: NDArray[np.float64], frame: str) -> NDArray[np.float64]:
     """Return (n,) distances from the reference as the robot knew them (m)."""
-    odometry = record.odom_poses[rows]
-    if frame == record.local_frame:
-        at = odometry[:, :2]
-    else:
-        corrections = record.map_to_odom[rows]
-        at = np.array(
-            [
-                Transform2D(*c).apply_points(np.array([p[:2]]))[0]
-                for c, p in zip(corrections.tolist(), odometry.tolist())
-            ]
-        )
+    at = (record.odom_poses if frame == record.local_frame else believed_poses(record))[rows]
     return np.hypot(at[:, 0] - reference[:, 0], at[:, 1] - reference[:, 1])
 
 

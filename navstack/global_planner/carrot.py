@@ -9,15 +9,22 @@ from typing import ClassVar
 
 import numpy as np
 
-from navstack.core import INSCRIBED, LETHAL, UNKNOWN, Costmap, Footprint, Path, Pose2D, angle_between, normalize_angle
-from navstack.core.errors import GoalOccupiedError
-from navstack.core.parameters import ParamModel
-from navstack.global_planner._search.cost_interpreter import navfn_costs
+from navstack.core import (
+    INSCRIBED,
+    LETHAL,
+    UNKNOWN,
+    Costmap,
+    Footprint,
+    GoalOccupiedError,
+    Path,
+    Pose2D,
+    angle_between,
+    normalize_angle,
+)
+from navstack.global_planner._search.cells import SearchSpace, navfn_costs
 from navstack.global_planner._search.planning_errors import occupied_data
-from navstack.global_planner._search.search_space import SearchSpace
 from navstack.global_planner._search.start_goal import cells_of, with_yaw_in_range
-from navstack.interfaces import GlobalPlanner, Plan
-from navstack.plugins import GLOBAL_PLANNERS
+from navstack.plugins import GLOBAL_PLANNERS, GlobalPlanner, ParamModel, Plan
 
 _SCALE_STEP = 0.01  # carrot_planner.cpp, dScale
 

@@ -11,15 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import field_validator
 
-from navstack.core import Costmap, Footprint, Path, Pose2D, Twist2D, normalize_angle
-from navstack.core.collision import footprint_cost
-from navstack.core.errors import NoValidPathError
-from navstack.core.parameter_checks import CheckContext, Issue
-from navstack.core.parameters import ParamModel, param
+from navstack.core import (
+    Costmap,
+    Footprint,
+    NoValidPathError,
+    Path,
+    Pose2D,
+    Twist2D,
+    footprint_cost,
+    integrate,
+    normalize_angle,
+)
 from navstack.global_planner._search.start_goal import cells_of, with_yaw_in_range
-from navstack.interfaces import GlobalPlanner, Plan
-from navstack.kinematics import integrate
-from navstack.plugins import GLOBAL_PLANNERS
+from navstack.plugins import GLOBAL_PLANNERS, CheckContext, GlobalPlanner, Issue, ParamModel, Plan, param
 
 _YAW_WEIGHT_M = 0.3
 """Distance (m) that counts as much as a difference of 1 rad when the pose of the path nearest to the robot is sought."""

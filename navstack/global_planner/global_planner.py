@@ -9,16 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import ClassVar
 
-from navstack.core.parameter_checks import CheckContext, Issue
-from navstack.core.parameters import param
 from navstack.global_planner._search.base import SearchParams, SearchPlanner
-from navstack.global_planner._search.cost_interpreter import global_planner_costs
+from navstack.global_planner._search.cells import global_planner_costs
 from navstack.global_planner._search.orientation_filter import OrientationFilter, OrientationMode
-from navstack.global_planner._search.parameter_checks import unknown_not_tracked
 from navstack.global_planner._search.propagation import SubcellPropagation
+from navstack.global_planner._search.start_goal import unknown_not_tracked
 from navstack.global_planner._search.traceback import GradientTraceback, GridTraceback, Traceback
 from navstack.global_planner._search.wave_search import WaveSearch
-from navstack.plugins import GLOBAL_PLANNERS
+from navstack.plugins import GLOBAL_PLANNERS, CheckContext, Issue, param
 
 
 class GlobalPlannerParams(SearchParams):

@@ -8,15 +8,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import ClassVar
 
-from navstack.core.parameter_checks import CheckContext, Issue
-from navstack.core.parameters import param
 from navstack.global_planner._search.base import SearchParams, SearchPlanner
-from navstack.global_planner._search.cost_interpreter import navfn_costs
-from navstack.global_planner._search.parameter_checks import unknown_not_tracked
+from navstack.global_planner._search.cells import navfn_costs
 from navstack.global_planner._search.propagation import NavfnPropagation
+from navstack.global_planner._search.start_goal import unknown_not_tracked
 from navstack.global_planner._search.traceback import NavfnTraceback
 from navstack.global_planner._search.wave_search import WaveSearch
-from navstack.plugins import GLOBAL_PLANNERS
+from navstack.plugins import GLOBAL_PLANNERS, CheckContext, Issue, param
 
 
 class NavfnParams(SearchParams):

@@ -10,18 +10,14 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from navstack.core import Path
-from navstack.core.parameter_checks import CheckContext, Issue
-from navstack.core.parameters import ParamModel, param
 from navstack.global_planner._search.base import Route, SearchPlanner
 from navstack.global_planner._search.best_first import UNLIMITED
 from navstack.global_planner._search.cell_search import CellSearch, octile_expansion
-from navstack.global_planner._search.cost_interpreter import CellCosts, cell_costs
+from navstack.global_planner._search.cells import CellCosts, cell_costs
 from navstack.global_planner._search.orientation_filter import OrientationFilter, OrientationMode
-from navstack.global_planner._search.parameter_checks import unknown_not_tracked
 from navstack.global_planner._search.plan_cache import Request
-from navstack.global_planner._search.start_goal import SearchStart, StartPolicy
-from navstack.interfaces import Plan
-from navstack.plugins import GLOBAL_PLANNERS
+from navstack.global_planner._search.start_goal import SearchStart, StartPolicy, unknown_not_tracked
+from navstack.plugins import GLOBAL_PLANNERS, CheckContext, Issue, ParamModel, Plan, param
 
 _SMOOTHER_NOTE: Final = 'Nav2\'s smoother is the smoother plugin "simple" (base_smoother: simple)'
 _SMOOTHER_NAMES: Final = ("tolerance", "max_iterations", "w_data", "w_smooth", "do_refinement", "refinement_num")

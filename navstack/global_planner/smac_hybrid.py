@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from typing import Any, Literal
 
-from navstack.core.parameters import param
-from navstack.global_planner._se2.footprint import Shape
 from navstack.global_planner._se2.params import PosePlannerParams
 from navstack.global_planner._se2.planner import PosePlanner
 from navstack.global_planner._se2.primitives import PrimitiveTable, hybrid_arcs, hybrid_table
-from navstack.plugins import GLOBAL_PLANNERS
+from navstack.global_planner._se2.shape import Shape
+from navstack.plugins import GLOBAL_PLANNERS, param
 
 
 class SmacHybridParams(PosePlannerParams):

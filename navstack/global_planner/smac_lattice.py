@@ -7,16 +7,16 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final, cast
 
-from navstack.core.errors import InputError
-from navstack.core.parameter_checks import CheckContext, Issue
-from navstack.core.parameters import param
-from navstack.global_planner._se2.footprint import Shape
+from navstack.core import InputError
+from navstack.global_planner._lattice import Lattice, MotionModel
+from navstack.global_planner._lattice_file import read_lattice
+from navstack.global_planner._lattice_generate import generate_lattice
 from navstack.global_planner._se2.lattice_table import LatticeTables, bins_of
 from navstack.global_planner._se2.params import PosePlannerParams
 from navstack.global_planner._se2.planner import PosePlanner
 from navstack.global_planner._se2.primitives import PrimitiveTable
-from navstack.lattice import Lattice, MotionModel, generate_lattice, read_lattice
-from navstack.plugins import GLOBAL_PLANNERS
+from navstack.global_planner._se2.shape import Shape
+from navstack.plugins import GLOBAL_PLANNERS, CheckContext, Issue, param
 
 _SAMPLE: Final = re.compile(
     r"(?P<old>old_)?(?P<cell>[\d.]+)cm_resolution/(?P<radius>[\d.]+)m_turning_radius/(?P<model>ackermann|diff|omni)/output\.json$"

@@ -3,3 +3,21 @@
 `session.py` and the modules beside it know nothing of the web; `server.py` connects them to pages. Needs aiohttp (extra `live`)
 for the server only.
 """
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from navstack.live.checkpoints import Origin as Origin
+    from navstack.live.logged import LoggedSession as LoggedSession
+    from navstack.live.server import Gate as Gate
+    from navstack.live.server import LiveServer as LiveServer
+    from navstack.live.server import serve as serve
+    from navstack.live.session import MAX_SPEED as MAX_SPEED
+    from navstack.live.session import Session as Session
+    from navstack.live.stage import Options as Options
+    from navstack.live.stage import Stage as Stage
+    from navstack.live.stage import free_pose as free_pose
+else:
+    from navstack._lazy import lazy_face
+
+    __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

@@ -9,15 +9,12 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 from navstack.bringup import true_footprint
-from navstack.core import Pose2D, RobotState, Twist2D
-from navstack.core.errors import InputError, RecordError
+from navstack.core import InputError, Pose2D, RecordError, RobotState, Twist2D
 from navstack.explain import Replayed
-from navstack.live.history import History
-from navstack.live.session import Session
-from navstack.parameters.configuration import Configuration
+from navstack.live.session import History, Session
+from navstack.parameters import Configuration
 from navstack.record import Record
-from navstack.replay import LogReplay, replay_of_log
-from navstack.replay.replay import ReplayedGoal
+from navstack.replay import LogReplay, ReplayedGoal, replay_of_log
 from navstack.scenario import Run, Scenario
 
 

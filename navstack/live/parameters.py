@@ -7,14 +7,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, get_args
 
-from navstack.core.data_files import data_folder
-from navstack.core.errors import InputError
-from navstack.core.files import resolved
-from navstack.costmap.reconfigure import FIXED
+from navstack.core import InputError, data_folder, resolved
+from navstack.costmap import FIXED
 from navstack.live.session import Session
-from navstack.parameters.configuration import Configuration
-from navstack.parameters.report import Parameter, parameters_of
-from navstack.parameters.yaml_rewrite import RewrittenFiles, overwrite, rewrite_parameters
+from navstack.parameters import Configuration, Parameter, RewrittenFiles, overwrite, parameters_of, rewrite_parameters
 from navstack.plugins import GLOBAL_PLANNERS, LOCAL_PLANNERS
 
 _LIVE_NAVSTACK = (

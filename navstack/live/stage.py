@@ -2,19 +2,200 @@
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from navstack.core.errors import InputError, NavError, OutputError
-from navstack.core.files import ensure_directory, write_text
-from navstack.explain import PassageReport
-from navstack.live import answers, messages, parameters
-from navstack.live.own_files import OwnFiles
-from navstack.live.session import Session, Twin
-from navstack.scenario.file.writer import scenario_text
+import numpy as np
+
+from navstack import __version__
+from navstack.behaviors import MOVE_KEYS, SPEED_KEYS, START_SPEED, START_TURN
+from navstack.core import (
+    InputError,
+    NavError,
+    OccupancyGrid,
+    OutputError,
+    ensure_directory,
+    is_dir,
+    is_file,
+    resolved,
+    write_text,
+)
+from navstack.explain import (
+    CommandReport,
+    PassageReport,
+    Replay,
+    explain_cell,
+    explain_command,
+    explain_goal,
+    find_passages,
+    print_cell,
+    print_command,
+    print_goal,
+    print_passages,
+)
+from navstack.live import messages, parameters
+from navstack.live.checkpoints import Twin
+from navstack.live.messages import PROTOCOL, Frame
+from navstack.live.session import Session
+from navstack.map_io import map_names
+from navstack.parameters import Configuration, load_configuration, packaged_sets
+from navstack.record import Record
+from navstack.scenario import load_places, scenario_text
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Why: the texts of `navstack explain` about a running session.
+
+
+WIDTH = 100
+"""Columns of the texts, as in a terminal of this width."""
+NEAR_M = 2.0
+"""A click this far from an opening still asks about it (m)."""
+
+
+def why_cell(session: Session, x: float, y: float, costmap: str) -> str:
+    """Returns why the cell at a point of the map frame (m) has its cost in the `global` or `local` costmap now."""
+    report = explain_cell(Replay(None, session.explained, session.time), x, y, costmap=costmap)
+    return _printed(print_cell, report)
+
+
+def why_command(record: Record, time: float | None) -> str:
+    """Returns why the last command until `time` (s; default: now) was chosen."""
+    return _printed(print_command, explain_command(record, time))
+
+
+def why_sample(record: Record, time: float | None, sample: int) -> str:
+    """Returns the scores of one trajectory of a control cycle, or who rejected it and why."""
+    report: CommandReport = explain_command(record, time)
+    found = next((s for s in report.samples if s.index == sample), None)
+    if found is None:
+        raise InputError(f"the cycle at {report.time:.3f} s has no trajectory {sample}", sample=sample)
+    vx, vy, wz = found.velocity
+    head = f"trajectory {sample} at {report.time:.3f} s: vx {vx:.3f}, vy {vy:.3f}, wz {wz:.3f}"
+    if found.rejected_by is not None:
+        why = found.reason or "no reason given"
+        ahead = found.collision.get("ahead_m")
+        where = "" if ahead is None else f", {ahead:.2f} m ahead"
+        return f"{head}\nrejected by {found.rejected_by}: {why}{where}\n\n{report.summary}"
+    lines = [head, f"rank {found.rank} of {len(report.legal)}, total {found.total:.4g}"]
+    width = max((len(name) for name in found.costs), default=0)
+    for name, cost in found.costs.items():
+        lines.append(f"  {name.ljust(width)}  {found.weighted[name]:.4g} (raw {cost:.4g})")
+    if sample == report.plan.best:
+        lines.append("This one was chosen.")
+    return "\n".join([*lines, "", report.summary])
+
+
+def what_happened(record: Record, number: int, goal_id: str | None = None) -> str:
+    """Returns the timeline of a goal (from 1); `goal_id` as in `explain_goal`."""
+    return _printed(print_goal, explain_goal(record, number, goal_id))
+
+
+def passages_of(configuration: Configuration, grid: OccupancyGrid) -> PassageReport:
+    """Returns the passages of a map for these parameters."""
+    return find_passages(configuration, grid, turning_radius=0.0)  # no search for ways: a page waits
+
+
+def why_passage(report: PassageReport, name: str, x: float, y: float) -> str:
+    """Returns whether the robot passes the opening nearest to a point (m). Raises InputError if none is near."""
+    distances = [(math.hypot(p.x - x, p.y - y), number) for number, p in enumerate(report.passages, 1)]
+    nearest = min(distances, default=(math.inf, 0))
+    if nearest[0] > NEAR_M:
+        raise InputError(
+            f"no opening between {report.narrowest:.2f} and {report.widest:.2f} m wide within {NEAR_M:g} m of "
+            f"({x:.2f}, {y:.2f})"
+        )
+    text = io.StringIO()
+    print_passages(_console(text), report, name, only=nearest[1])
+    return _trimmed(text)
+
+
+def _printed(print_report: Any, report: Any) -> str:
+    text = io.StringIO()
+    print_report(_console(text), report)
+    return _trimmed(text)
+
+
+def _console(text: io.StringIO) -> Any:
+    from rich.console import Console
+
+    return Console(file=text, width=WIDTH, highlight=False, soft_wrap=True, color_system=None)
+
+
+def _trimmed(text: io.StringIO) -> str:
+    return "\n".join(line.rstrip() for line in text.getvalue().splitlines()).strip("\n")
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The parameter sets that a page may switch to: packaged ones, those of the command line, those in the folder of `--save-to`.
+
+
+MAX_FILES = 40
+"""Most files of the folder that are looked at."""
+_SUFFIXES = (".yaml", ".yml")
+
+
+class OwnFiles:
+    """Looks up sets by the names that a page shows. A page never names a path: a name is one of these, or it is refused."""
+
+    def __init__(self, named: Sequence[Sequence[str]] = (), folder: Path | None = None) -> None:
+        """`named` are the `--params` of each robot on the command line; `folder` is that of `--save-to`."""
+        sources = {" + ".join(names): list(names) for names in named if names}
+        self._named = {name: found for name, found in sources.items() if name not in packaged_sets()}
+        self._folder = folder
+
+    def names(self) -> dict[str, list[str]]:
+        """Returns the names by where they come from: `packaged`, `named`, `folder`. Files that are no parameters are left out."""
+        found = [name for name, path in self._in_folder().items() if _is_configuration(path)]
+        return {"packaged": packaged_sets(), "named": list(self._named), "folder": found}
+
+    def load(self, name: str) -> str | dict[str, Any]:
+        """Returns a packaged set's name, or all parameters of the user's files as `SetParameters.params` takes them.
+
+        Raises InputError for another name, ParameterError for files with errors.
+        """
+        if name in packaged_sets():
+            return name
+        sources = self._named.get(name)
+        if sources is None:
+            inside = self._in_folder()
+            if name not in inside:
+                known = ", ".join([*packaged_sets(), *self._named, *inside])
+                raise InputError(f'"{name}" is not one of the sets of this session: {known}')
+            sources = [str(inside[name])]
+        return load_configuration(sources).tree.as_dict()
+
+    def _in_folder(self) -> dict[str, Path]:
+        """Files and folders that may be parameters, directly in the folder, by name; links that lead out of it are left out."""
+        folder = self._folder
+        if folder is None or not is_dir(folder):
+            return {}
+        inside = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
+        return {
+            path.name: path
+            for path in inside[:MAX_FILES]
+            if resolved(path).parent == resolved(folder) and (_is_yaml(path) or _has_yaml(path))
+        }
+
+
+def _is_yaml(path: Path) -> bool:
+    return path.suffix in _SUFFIXES and is_file(path)
+
+
+def _has_yaml(path: Path) -> bool:
+    return is_dir(path) and any(_is_yaml(inner) for inner in path.iterdir())
+
+
+def _is_configuration(path: Path) -> bool:
+    try:
+        load_configuration([str(path)])
+    except (NavError, OSError):
+        return False
+    return True
+
 
 _INTERACTIONS = frozenset({"goal", "queue", "cancel", "put", "remove", "place", "drive", "clear_costmaps", "wait"})
 _TIME = frozenset({"pause", "step", "speed", "seek", "restart"})
@@ -72,7 +253,7 @@ class Stage:
                 text, data = self._set(request)
             case messages.ExplainCell():
                 session = self._session_of(request)
-                text, data = answers.why_cell(session, request.x, request.y, request.costmap), None
+                text, data = why_cell(session, request.x, request.y, request.costmap), None
             case messages.Parameters():
                 text, data = "", parameters.parameter_list(self._session_of(request))
             case messages.Difference():
@@ -108,12 +289,12 @@ class Stage:
         def explain() -> messages.Answer:
             if request.type == "explain_goal":
                 record, goal_id = twin.record_for_goal(request.number)
-                return self._answer(request, answers.what_happened(record, request.number, goal_id))
+                return self._answer(request, what_happened(record, request.number, goal_id))
             time = twin.until if request.time is None else request.time
             record = twin.record_for_command(time)
             if request.sample is not None:
-                return self._answer(request, answers.why_sample(record, time, request.sample))
-            return self._answer(request, answers.why_command(record, time))
+                return self._answer(request, why_sample(record, time, request.sample))
+            return self._answer(request, why_command(record, time))
 
         return explain
 
@@ -202,9 +383,9 @@ class Stage:
     def _why_passage(self, twin: Twin, request: messages.ExplainPassage) -> str:
         configuration = twin.configuration
         if self._passages is None or self._passages[0] is not configuration:
-            self._passages = configuration, answers.passages_of(twin.configuration, twin.scenario.map)
+            self._passages = configuration, passages_of(twin.configuration, twin.scenario.map)
         name = str(twin.scenario.names.get("map", "the map"))
-        return answers.why_passage(self._passages[1], name, request.x, request.y)
+        return why_passage(self._passages[1], name, request.x, request.y)
 
     @staticmethod
     def _answer(request: Any, text: str) -> messages.Answer:
@@ -236,3 +417,81 @@ def _save_places(target: Path, request: messages.Save) -> tuple[str, Any]:
     path = target.with_name(f"{target.name}.yaml")
     write_text(path, scenario_text({"places": poses, "tour": {"places": list(poses)}}))
     return f"saved {path}", str(path)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# A place to start on a map that names none.
+
+
+def free_pose(grid: OccupancyGrid) -> tuple[float, float]:
+    """Returns the position (m) with much space around it that is nearest to the middle of the free area.
+
+    Raises InputError for a map without free cells.
+    """
+    from scipy.ndimage import distance_transform_edt  # slow import
+
+    free = grid.data == 0
+    if not free.any():
+        raise InputError("the map has no free cell; give --start x,y")
+    distance = np.asarray(distance_transform_edt(np.pad(free, 1)))[1:-1, 1:-1]
+    enough = distance >= min(0.6 * float(distance.max()), 1.0 / grid.geometry.resolution)
+    iy, ix = np.nonzero(enough)
+    middle_y, middle_x = np.argwhere(free).mean(axis=0)
+    best = int(np.argmin((iy - middle_y) ** 2 + (ix - middle_x) ** 2))
+    u, v = (ix[best] + 0.5) * grid.geometry.resolution, (iy[best] + 0.5) * grid.geometry.resolution
+    c, s = np.cos(grid.origin_yaw), np.sin(grid.origin_yaw)
+    return float(grid.geometry.origin_x + c * u - s * v), float(grid.geometry.origin_y + s * u + c * v)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# What does not change during a session, for a page that connects: map, robot, names, rights.
+
+
+def world_frame(stage: Stage, *, server: str, read_only: bool) -> Frame:
+    """Returns the first message to a page; `server` identifies this start of the server."""
+    session = stage.main
+    scenario, robot = session.scenario, session.run.robot
+    grid = scenario.map
+    frame = Frame({"type": "world"})
+    limits = session.run.move_base.local_planner.limits
+    frame.header |= {
+        "protocol": PROTOCOL,
+        "version": __version__,
+        "server": server,
+        "name": scenario.name or str(scenario.names.get("map", "map")),
+        "map": {
+            "nx": grid.geometry.nx,
+            "ny": grid.geometry.ny,
+            "resolution": grid.geometry.resolution,
+            "origin": [grid.geometry.origin_x, grid.geometry.origin_y],
+            "yaw": grid.origin_yaw,
+            "blob": frame.blob(grid.data.astype(np.int8)),
+        },
+        "footprint": robot.footprint.vertices.tolist(),
+        "padded": [s.run.move_base.local_costmap.footprint.vertices.tolist() for s in stage.sessions],
+        "wheelbase": robot.params.wheelbase if robot.params.is_steered else None,
+        "holonomic": robot.params.kinematics == "holonomic",
+        "limits": {name: _finite(getattr(limits, name)) for name in limits._fields},
+        "teleop": {"moves": MOVE_KEYS, "speeds": SPEED_KEYS, "speed": START_SPEED, "turn": START_TURN},
+        "places": _places(session.origin.map_file),
+        "labels": list(stage.options.labels),
+        "read_only": read_only,
+        "fixed": stage.options.fixed,
+        "save_to": str(stage.options.save_to) if stage.options.save_to is not None else None,
+    }
+    return frame
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _places(map_file: Any) -> dict[str, list[float]]:
+    if map_file is None:
+        return {}
+    name = map_file.stem
+    source = name if name in map_names() else map_file.with_name(f"{name}.places.yaml")
+    try:
+        return {place: list(pose) for place, pose in load_places(source).places.items()}
+    except (NavError, OSError):
+        return {}

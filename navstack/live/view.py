@@ -8,16 +8,183 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Pose2D, Transform2D
-from navstack.core.errors import NavError
+from navstack.core import Costmap, GridGeometry, NavError, Pose2D, Transform2D, Window
 from navstack.costmap import LayeredCostmap
-from navstack.live.frame import Frame
-from navstack.live.grids import GridView
-from navstack.live.potential import PotentialView
+from navstack.live.messages import Frame
 from navstack.live.session import Session
-from navstack.live.trajectories import trajectories_of
-from navstack.record import SteeredBase
+from navstack.move_base import plugin_calls
+from navstack.plugins import LocalPlanner
+from navstack.record import SteeredBase, copy_changed_window
 from navstack.sim import PedestrianMotion, Shape
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The part of a costmap that has changed since a page saw it last.
+
+
+class GridView:
+    """A costmap as one page knows it."""
+
+    def __init__(self) -> None:
+        self._geometry: GridGeometry | None = None
+        self._cells: NDArray[np.uint8] | None = None
+
+    def clear(self) -> None:
+        """Lets the next update contain the whole grid."""
+        self._geometry = self._cells = None
+
+    def update(self, costmap: Costmap, frame: Frame) -> dict[str, Any] | None:
+        """Returns the entry of the header for what has changed, with its blob; None if nothing has.
+
+        `shift` are the cells (x, y) by which the page moves what it has, before it writes the window `box` (x0, y0, x1, y1).
+        """
+        geometry, data = costmap.geometry, costmap.data
+        shift = self._shift_to(geometry)
+        if shift is None or self._cells is None:
+            self._cells = data.copy()
+            box = geometry.window
+        else:
+            if shift != (0, 0):
+                self._cells = shifted(self._cells, *shift)
+            box = copy_changed_window(data, self._cells)
+        moved = shift is None or shift != (0, 0)
+        self._geometry = geometry
+        if box.is_empty and not moved:
+            return None
+        entry: dict[str, Any] = {
+            "nx": geometry.nx,
+            "ny": geometry.ny,
+            "resolution": geometry.resolution,
+            "origin": [geometry.origin_x, geometry.origin_y],
+            "box": [int(v) for v in box],
+        }
+        if shift is not None and shift != (0, 0):
+            entry["shift"] = list(shift)
+        if not box.is_empty:
+            entry["blob"] = frame.blob(data[box.slices])
+        return entry
+
+    def _shift_to(self, geometry: GridGeometry) -> tuple[int, int] | None:
+        """Returns the whole cells by which the window has moved; None if the grid is another one."""
+        old = self._geometry
+        if old is None or (old.nx, old.ny, old.resolution) != (geometry.nx, geometry.ny, geometry.resolution):
+            return None
+        dx = (geometry.origin_x - old.origin_x) / geometry.resolution
+        dy = (geometry.origin_y - old.origin_y) / geometry.resolution
+        if abs(dx - round(dx)) > 1e-3 or abs(dy - round(dy)) > 1e-3:
+            return None
+        return round(dx), round(dy)
+
+
+def shifted(cells: NDArray[np.uint8], dx: int, dy: int) -> NDArray[np.uint8]:
+    """Returns the cells (ny, nx) of a window that has moved by (dx, dy) cells; new ones are 0."""
+    ny, nx = cells.shape
+    out = np.zeros_like(cells)
+    if abs(dx) >= nx or abs(dy) >= ny:
+        return out
+    source = Window(max(dx, 0), max(dy, 0), min(nx, nx + dx), min(ny, ny + dy))
+    target = Window(max(-dx, 0), max(-dy, 0), min(nx, nx - dx), min(ny, ny - dy))
+    out[target.slices] = cells[source.slices]
+    return out
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The potential of the global planner, on the present costmap, as a small image.
+
+
+LONGEST_SIDE: Final = 256
+"""Cells of the image along its longer side."""
+UNREACHED: Final = 255
+
+
+class PotentialView:
+    """The potential of the present plan as one page knows it."""
+
+    def __init__(self) -> None:
+        self._shown = (-1, -1)
+
+    def update(self, session: Session, frame: Frame) -> dict[str, Any] | None:
+        """Returns the entry of the header after a new plan: an image (ny, nx) u1, 0 lowest .. 254 highest, 255 unreached.
+
+        Plans again with a planner of its own, so that the run is not disturbed. None if the planner has no potential.
+        """
+        key = (session.restarts, session.history.plan_count)
+        move_base = session.run.move_base
+        if key == self._shown or move_base.goal_pose is None or move_base.plan is None:
+            return None
+        self._shown = key
+        planner = type(move_base.global_planner)(move_base.global_planner.params)
+        costmap = move_base.global_costmap
+        start = session.run.robot.pose
+        try:
+            plan = plugin_calls.make_plan(
+                planner, costmap.master, start, move_base.goal_pose, costmap.footprint, keep_potential=True
+            )
+        except NavError:
+            return None
+        if plan.potential is None:
+            return None
+        geometry = costmap.master.geometry
+        stride = -(-max(plan.potential.shape) // LONGEST_SIDE)
+        values = plan.potential[::stride, ::stride].astype(np.float64)
+        reached = np.isfinite(values) & (values < 1e9)
+        highest = float(values[reached].max()) if reached.any() else 1.0
+        image = np.where(reached, np.minimum(values / max(highest, 1e-9) * 254.0, 254.0), UNREACHED)
+        return {
+            "nx": image.shape[1],
+            "ny": image.shape[0],
+            "resolution": geometry.resolution * stride,
+            "origin": [geometry.origin_x, geometry.origin_y],
+            "highest": round(highest, 2),
+            "blob": frame.blob(image.astype(np.uint8)),
+        }
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The trajectories of the last control cycle as a page draws them: coloured by score, the rejected ones apart.
+
+
+POINTS: Final = 6
+"""Points per trajectory."""
+MAX_ROWS: Final = 500
+"""More samples than this are thinned out."""
+
+
+def trajectories_of(planner: LocalPlanner, frame: Frame) -> dict[str, Any] | None:
+    """Returns the entry of the header: rows in the local costmap's frame; None for a planner without rollouts.
+
+    The blob `points` has (rows, POINTS, 2) i2: centimetres relative to `origin`; `scores` (rows,) f4, NaN for rejected rows;
+    `samples` (rows,) u2: the row's number in the table of the cycle.
+    """
+    details = planner.diagnostics()
+    if details is None or details.plan.totals is None:
+        return None
+    rollouts, plan = details.rollouts, details.plan
+    rows = np.flatnonzero(rollouts.counts > 0)
+    best = plan.best
+    if len(rows) > MAX_ROWS:
+        rows = rows[:: -(-len(rows) // MAX_ROWS)]
+        if best >= 0 and best not in rows:
+            rows = np.append(rows, best)
+    if not len(rows):
+        return None
+    steps = np.linspace(0.0, 1.0, POINTS)
+    last = rollouts.counts[rows] - 1
+    index = np.rint(steps[None, :] * last[:, None]).astype(np.int64)
+    points = rollouts.poses[rows[:, None], index, :2]
+    origin = points[0, 0]
+    totals = details.plan.totals[rows]
+    rejected = plan.rejected_by[rows] != -1 if plan.rejected_by is not None else totals < 0.0
+    scores = np.where(rejected, np.nan, totals).astype("<f4")
+    return {
+        "origin": [float(origin[0]), float(origin[1])],
+        "rows": len(rows),
+        "points": POINTS,
+        "best": int(np.flatnonzero(rows == best)[0]) if best >= 0 and best in rows else -1,
+        "blob": frame.blob(np.clip(np.rint((points - origin) * 100.0), -32767, 32767).astype("<i2")),
+        "scores": frame.blob(scores),
+        "samples": frame.blob(rows.astype("<u2")),
+    }
+
 
 LAYERS: Final = ("global", "local", "scan", "trajectories", "potential")
 """Layers that a page asks for; the others are always sent."""

@@ -1,27 +1,27 @@
 """Local planners: velocity commands from a plan, a pose and a costmap. Importing this package registers them and critics."""
 
-from navstack.local_planner import goal_checkers, path_handlers, progress_checkers
-from navstack.local_planner.dwa import DWAParams, DWAPlanner
-from navstack.local_planner.graceful import GracefulController, GracefulParams
-from navstack.local_planner.mppi import MPPIParams, MPPIPlanner
-from navstack.local_planner.regulated_pure_pursuit import RegulatedPurePursuit, RegulatedPurePursuitParams
-from navstack.local_planner.rotation_shim import RotationShim, RotationShimParams
-from navstack.local_planner.trajectory_rollout import TrajectoryPlanner, TrajectoryPlannerParams
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "DWAParams",
-    "DWAPlanner",
-    "GracefulController",
-    "GracefulParams",
-    "MPPIParams",
-    "MPPIPlanner",
-    "RegulatedPurePursuit",
-    "RegulatedPurePursuitParams",
-    "RotationShim",
-    "RotationShimParams",
-    "TrajectoryPlanner",
-    "TrajectoryPlannerParams",
-    "goal_checkers",
-    "path_handlers",
-    "progress_checkers",
-]
+if TYPE_CHECKING:
+    from navstack.local_planner.dwa import DWAParams as DWAParams
+    from navstack.local_planner.dwa import DWAPlanner as DWAPlanner
+    from navstack.local_planner.graceful import GracefulController as GracefulController
+    from navstack.local_planner.graceful import GracefulParams as GracefulParams
+    from navstack.local_planner.mppi.params import ACKERMANN as ACKERMANN
+    from navstack.local_planner.mppi.params import DIFF as DIFF
+    from navstack.local_planner.mppi.params import OMNI as OMNI
+    from navstack.local_planner.mppi.params import MotionModelParams as MotionModelParams
+    from navstack.local_planner.mppi.params import MPPIParams as MPPIParams
+    from navstack.local_planner.mppi.planner import MPPIPlanner as MPPIPlanner
+    from navstack.local_planner.path_follower import PathFollower as PathFollower
+    from navstack.local_planner.regulated_pure_pursuit import RegulatedPurePursuit as RegulatedPurePursuit
+    from navstack.local_planner.regulated_pure_pursuit import RegulatedPurePursuitParams as RegulatedPurePursuitParams
+    from navstack.local_planner.rotation_shim import RotationShim as RotationShim
+    from navstack.local_planner.rotation_shim import RotationShimParams as RotationShimParams
+    from navstack.local_planner.sampling_planner import control_period as control_period
+    from navstack.local_planner.trajectory_rollout.planner import TrajectoryPlanner as TrajectoryPlanner
+    from navstack.local_planner.trajectory_rollout.planner import TrajectoryPlannerParams as TrajectoryPlannerParams
+else:
+    from navstack._lazy import lazy_face
+
+    __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

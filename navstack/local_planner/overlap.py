@@ -1,3 +1,4 @@
+# pyright: basic
 """Leaving lethal cells under the footprint: what a robot may do that touches, or nearly touches, an obstacle.
 
 ROS differs: there, every sample is rejected as long as a lethal cell is on the edges of the footprint, so the robot cannot leave
@@ -7,19 +8,31 @@ marks what the robot has hit.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import LETHAL, Costmap
-from navstack.core.grid import grid_record
-from navstack.core.overlap import MAX_CELLS, PASSABLE, is_nearly_round
-from navstack.core.overlap_kernels import free_scale, lethal_cells_under, place_scaled
-from navstack.interfaces import Rollouts, ScoringContext
-from navstack.local_planner._overlap_kernels import exit_heading, leave_cells
-from navstack.local_planner.critics._kernels import IN_COLLISION
+from navstack.core import (
+    LETHAL,
+    MAX_CELLS,
+    PASSABLE,
+    Costmap,
+    comes_nearer,
+    free_scale,
+    grid_record,
+    is_nearly_round,
+    kernel,
+    lethal_cells_under,
+    overlaps_any,
+    place_scaled,
+)
+from navstack.local_planner.critics.obstacle import IN_COLLISION
 from navstack.local_planner.scoring import ScoreTable
+from navstack.plugins import Rollouts, ScoringContext
+
+TURN_STEP = math.radians(5.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,7 +67,12 @@ class Overlap:
         data[data == 253] = PASSABLE  # the robot's centre may be in one, and the distance grids must lead out of it
         data[self.cells[:, 1], self.cells[:, 0]] = PASSABLE
         return replace(
-            self.context, costmap=Costmap(costmap.geometry, data, costmap.frame), notes=[], cells=None, path_grid=None
+            self.context,
+            costmap=Costmap(costmap.geometry, data, costmap.frame),
+            notes=[],
+            cells=None,
+            path_grid=None,
+            _grid=None,
         )
 
     def select(
@@ -108,3 +126,66 @@ class Overlap:
         number = len(self.cells)
         what = "an obstacle cell" if number == 1 else f"{number} obstacle cells"
         return f"the footprint overlaps {what} at ({x:.2f}, {y:.2f}): only samples that come no nearer are legal"
+
+
+# --- kernels --------------------------------------------------------------------------------------------------------
+
+
+@kernel
+def leave_cells(corners, scale, grid, cells, poses, counts, alive, first_nearer, ends_free):
+    """Examine the rollouts that are alive: do they keep their distance from the `cells` (m, 2) under the footprint?
+
+    Per row: `first_nearer` (K,) is the first point that comes nearer to a cell, -1 without; `ends_free` (K,) says whether
+    the footprint overlaps none of the cells at the last point. `scale`: see `comes_nearer`.
+    """
+    placed = np.empty(corners.shape)
+    for k in range(len(counts)):
+        first_nearer[k] = -1
+        ends_free[k] = False
+        if not alive[k]:
+            continue
+        for i in range(counts[k]):
+            if comes_nearer(corners, scale, poses[k, i], poses[k, 0], grid, cells, placed):
+                first_nearer[k] = i
+                break
+        if first_nearer[k] < 0:
+            place_scaled(corners, 1.0, poses[k, counts[k] - 1], grid, placed)
+            ends_free[k] = not overlaps_any(placed, cells)
+
+
+@kernel
+def exit_heading(costs, corners, scale, grid, cells, start, reach, reverses):
+    """Return the heading (rad) nearest to that of `start` from which a straight motion of up to `reach` (m) leaves the `cells`.
+
+    The turn in place to it and the motion come nearer to none of them and overlap no lethal cell of `costs`, in which the `cells`
+    are passable. `reverses`: the motion may be backwards. NaN without such a heading.
+    """
+    placed = np.empty(corners.shape)
+    at = start.copy()
+    found = np.empty((1, 2), np.int64)
+    step = 0.5 * grid[0].resolution
+    open_left, open_right = True, True
+    for m in range(math.ceil(math.pi / TURN_STEP) + 1):
+        for side in range(2):
+            if not (open_left if side == 0 else open_right):
+                continue
+            at[0], at[1] = start[0], start[1]
+            at[2] = start[2] + (m if side == 0 else -m) * TURN_STEP
+            place_scaled(corners, 1.0, at, grid, placed)
+            free = lethal_cells_under(costs, placed, found) == 0
+            if not free or comes_nearer(corners, scale, at, start, grid, cells, placed):
+                open_left, open_right = open_left and side == 1, open_right and side == 0
+                continue
+            for direction in range(2 if reverses else 1):
+                sign = 1.0 - 2.0 * direction
+                for i in range(1, math.ceil(reach / step) + 1):
+                    at[0] = start[0] + sign * i * step * math.cos(at[2])
+                    at[1] = start[1] + sign * i * step * math.sin(at[2])
+                    if comes_nearer(corners, scale, at, start, grid, cells, placed):
+                        break
+                    place_scaled(corners, 1.0, at, grid, placed)
+                    if lethal_cells_under(costs, placed, found) > 0:
+                        break
+                    if not overlaps_any(placed, cells):
+                        return at[2]
+    return np.nan

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-from navstack.core.parameter_checks import CheckContext, Issue
+from navstack.plugins import CheckContext, Issue
 
 INSCRIBED_COST = 252.0
 """Cost of a cell just outside the inscribed radius."""

@@ -1,3 +1,4 @@
+# pyright: basic
 """What local planners need beside their own simulation: size checks, single points, and the cells of rollouts."""
 
 from __future__ import annotations
@@ -5,10 +6,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core.errors import InputError
-from navstack.core.grid import GridGeometry, grid_record
-from navstack.interfaces import RolloutCells, Rollouts, ScoringContext
-from navstack.local_planner._rollout_kernels import point_cells
+from navstack.core import InputError, plain_kernel
+from navstack.plugins import RolloutCells, Rollouts, ScoringContext
 
 MAX_POINTS = 20_000_000
 """More points per cycle (about half a gigabyte) indicate a mistake in the granularities or the limits."""
@@ -32,18 +31,56 @@ def single_points(rollouts: Rollouts, point: int | NDArray[np.int64]) -> Rollout
     return Rollouts(rollouts.commands, poses, np.minimum(rollouts.counts, 1), rollouts.alive)
 
 
-def compute_cells(rollouts: Rollouts, geometry: GridGeometry) -> RolloutCells:
-    """Cells of all points of `rollouts` in a grid."""
-    k, t = rollouts.poses.shape[:2]
-    cells = RolloutCells(
-        np.empty((k, t), np.int32), np.empty((k, t), np.int32), np.empty((k + 1, 4), np.int32), rollouts.poses
-    )
-    point_cells(rollouts.poses, rollouts.counts, grid_record(geometry), cells.flat, cells.padded, cells.boxes)
+def shared_cells(context: ScoringContext, rollouts: Rollouts) -> RolloutCells:
+    """Cells of `rollouts`: computed for the first critic that needs them, then shared."""
+    cells = context.cells
+    if cells is None or cells.poses is not rollouts.poses:
+        k, t = rollouts.poses.shape[:2]
+        both, boxes = np.empty((2, k, t), np.int32), np.empty((k + 1, 4), np.int32)
+        cells = context.cells = RolloutCells(both[0], both[1], boxes, rollouts.poses)
+        scratch = np.empty((2, t))
+        point_cells(rollouts.poses, rollouts.counts, context.grid, cells.flat, cells.padded, boxes, scratch)
     return cells
 
 
-def shared_cells(context: ScoringContext, rollouts: Rollouts) -> RolloutCells:
-    """Cells of `rollouts`: computed for the first critic that needs them, then shared."""
-    if context.cells is None or context.cells.poses is not rollouts.poses:
-        context.cells = compute_cells(rollouts, context.costmap.geometry)
-    return context.cells
+@plain_kernel
+def point_cells(poses, counts, grid, cells, padded, boxes, scratch):
+    """Write the cells of all points to `cells` and `padded` (K, T) int32; -1 off the map.
+
+    `cells`: flat index in the costmap. `padded`: flat index in a grid with a border of one cell. `grid`: see `grid_record`.
+    `boxes` (K + 1, 4) int32: lowest ix, iy and highest ix, iy of each row's points. The lowest are -1 where a point is off
+    the map; a row without points gets nx, ny, -1, -1. The last row is the half-open box around all points, clipped to the
+    map: x0, y0, x1, y1; empty without points. `scratch` (2, T).
+    """
+    nx, ny = grid[0].nx, grid[0].ny
+    origin_x, origin_y, resolution = grid[0].origin_x, grid[0].origin_y, grid[0].resolution
+    columns, width, one = np.int32(nx), np.int32(nx + 2), np.int32(1)
+    x0, y0, x1, y1 = nx, ny, np.int64(0), np.int64(0)
+    xs, ys = scratch[0], scratch[1]
+    for k in range(len(counts)):
+        low_x, low_y, high_x, high_y = np.int32(nx), np.int32(ny), np.int32(-1), np.int32(-1)
+        row, padded_row = cells[k], padded[k]
+        number = np.uint64(counts[k])
+        for i in range(number):
+            xs[i], ys[i] = poses[k, i, 0], poses[k, i, 1]
+        for i in range(number):
+            fx, fy = (xs[i] - origin_x) / resolution, (ys[i] - origin_y) / resolution
+            # branchless, in contiguous arrays and in 32 bits, so that the loop is vectorized; NaN counts as off the map
+            inside = (fx >= 0.0) & (fy >= 0.0) & (fx < nx) & (fy < ny)
+            ix = np.int32(fx if inside else -1.0)
+            iy = np.int32(fy if inside else -1.0)
+            row[i] = iy * columns + ix if inside else -one
+            padded_row[i] = (iy + one) * width + ix + one if inside else -one
+            low_x, high_x = min(low_x, ix), max(high_x, ix)
+            low_y, high_y = min(low_y, iy), max(high_y, iy)
+        boxes[k, 0] = low_x
+        boxes[k, 1] = low_y
+        boxes[k, 2] = high_x
+        boxes[k, 3] = high_y
+        x0, y0 = min(x0, max(low_x, 0)), min(y0, max(low_y, 0))
+        x1, y1 = max(x1, high_x + 1), max(y1, high_y + 1)
+    last = len(counts)
+    boxes[last, 0] = x0
+    boxes[last, 1] = y0
+    boxes[last, 2] = x1
+    boxes[last, 3] = y1

@@ -13,19 +13,41 @@ from typing import Any, ClassVar
 import numpy as np
 from pydantic import create_model
 
-from navstack.core import LETHAL, Path, Pose2D, Twist2D, angle_between, normalize_angle
-from navstack.core.collision import footprint_cost
-from navstack.core.costs import UNKNOWN
-from navstack.core.footprint_kernels import fastest_corner
-from navstack.core.overlap import is_nearly_round
-from navstack.core.parameter_checks import CheckContext, Issue
-from navstack.core.parameters import ParamModel, param
-from navstack.interfaces import ControlDiagnostics, ControlInput, LocalPlan, LocalPlanner, VelocityLimits
-from navstack.kinematics import integrate
-from navstack.local_planner.path_follower import Following, PathFollower, PathFollowerParams, check_speed
-from navstack.local_planner.turning import limited_turning_speed, turning_speed
-from navstack.parameters.sections import section_model
-from navstack.plugins import LOCAL_PLANNERS, PluginEntry
+from navstack.core import (
+    LETHAL,
+    UNKNOWN,
+    Path,
+    Pose2D,
+    Twist2D,
+    angle_between,
+    fastest_corner,
+    footprint_cost,
+    integrate,
+    is_nearly_round,
+    normalize_angle,
+)
+from navstack.local_planner.path_follower import (
+    Following,
+    PathFollower,
+    PathFollowerParams,
+    check_speed,
+    limited_turning_speed,
+    turning_speed,
+)
+from navstack.parameters import section_model
+from navstack.plugins import (
+    LOCAL_PLANNERS,
+    CheckContext,
+    ControlDiagnostics,
+    ControlInput,
+    Issue,
+    LocalPlan,
+    LocalPlanner,
+    ParamModel,
+    Plugin,
+    VelocityLimits,
+    param,
+)
 
 DEFAULT_PRIMARY = "regulated_pure_pursuit"
 SHIM = "nav2_rotation_shim_controller/RotationShimController"
@@ -83,7 +105,7 @@ class RotationShimParams(PathFollowerParams):
         return False
 
     @property
-    def primary(self) -> tuple[PluginEntry[LocalPlanner], Any]:
+    def primary(self) -> tuple[Plugin[LocalPlanner], Any]:
         """The other controller and its parameters."""
         params = self.sections.get("primary_controller")
         for entry in LOCAL_PLANNERS:

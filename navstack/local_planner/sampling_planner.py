@@ -9,9 +9,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Costmap, Footprint, Path, Pose2D, RobotState, Twist2D, angle_between
-from navstack.core.errors import ControlError, InvalidPathError, NoValidControlError
-from navstack.interfaces import (
+from navstack.core import (
+    ControlError,
+    Costmap,
+    Footprint,
+    InvalidPathError,
+    NoValidControlError,
+    Path,
+    Pose2D,
+    RobotState,
+    Twist2D,
+    angle_between,
+)
+from navstack.local_planner.critics.obstacle import ObstacleCritic
+from navstack.local_planner.path_handlers import NearbyPlan
+from navstack.local_planner.scoring import ScoreTable, rejection_details, rejection_report, score
+from navstack.plugins import (
     Approach,
     ControlDiagnostics,
     ControlInput,
@@ -24,11 +37,6 @@ from navstack.interfaces import (
     TrajectoryGenerator,
     VelocityLimits,
 )
-from navstack.local_planner.critics.obstacle import ObstacleCritic
-from navstack.local_planner.nearby_plan import NearbyPlan
-from navstack.local_planner.rejection_report import rejection_details, rejection_report
-from navstack.local_planner.scoring import ScoreTable, score
-from navstack.local_planner.stop_rotate import braking_twist, turning_twist
 
 DEFAULT_PERIOD_S = 0.05
 """Control period if controller_frequency is 0."""
@@ -157,9 +165,6 @@ class SamplingPlanner(LocalPlanner):
     ) -> LocalPlan:
         """Select a sample for following `plan` (n, 3), all in the costmap's frame; raises NoValidControlError."""
 
-    def finish_scoring(self) -> None:
-        """Called before critics explain the last search, or score outside of `search`."""
-
     def context(
         self, state: RobotState, costmap: Costmap, footprint: Footprint, plan: NDArray[np.float64], goal: Pose2D
     ) -> ScoringContext:
@@ -181,7 +186,6 @@ class SamplingPlanner(LocalPlanner):
         """The command with its table; raises NoValidControlError with the table if no sample is legal."""
         plan = self._local_plan(command, samples, table, rollouts, context, mode)
         if table.best < 0:
-            self.finish_scoring()
             text, data = rejection_report(table, self.critics, samples)
             raise NoValidControlError(text, **data, plan=plan)
         for critic in self.critics:
@@ -221,7 +225,6 @@ class SamplingPlanner(LocalPlanner):
         """Diagnostics of the last cycle, legal or not; None before the first, without a search, and on arrival."""
         if self._last is None:
             return None
-        self.finish_scoring()
         context, rollouts, table, plan = self._last
         at_goal = plan.mode not in ("follow", "escape")
         critics: list[Critic] = [self._collision_check] if at_goal else self.critics
@@ -276,7 +279,6 @@ class SamplingPlanner(LocalPlanner):
         self, command: Twist2D, mode: str, action: str, inputs: ControlInput, plan: NDArray[np.float64], goal: Pose2D
     ) -> LocalPlan:
         """`command` if its rollout is free of collisions; raises NoValidControlError otherwise."""
-        self.finish_scoring()
         self.reset_critics()
         context = self.context(inputs.state, inputs.costmap, inputs.footprint, plan, goal)
         samples = np.array([command])
@@ -319,3 +321,34 @@ def control_period(controller_frequency: float) -> float:
 def without_speed_limits(limits: VelocityLimits) -> VelocityLimits:
     """Limits without lowest and highest speeds: a braking command may be slower or faster than samples may be."""
     return limits._replace(min_vel_trans=0.0, min_vel_theta=0.0, max_vel_trans=math.inf)
+
+
+# --- commands at the goal's position: base_local_planner's LatchedStopRotateController -------------------------------
+
+
+def braking_twist(velocity: Twist2D, limits: VelocityLimits, period: float) -> Twist2D:
+    """`velocity` reduced towards zero by one period's deceleration on every axis."""
+
+    def slower(value: float, deceleration: float) -> float:
+        return math.copysign(max(0.0, abs(value) - deceleration * period), value)
+
+    return Twist2D(
+        slower(velocity.vx, limits.acc_lim_x),
+        slower(velocity.vy, limits.acc_lim_y),
+        slower(velocity.wz, limits.acc_lim_theta),
+    )
+
+
+def turning_twist(error: float, turning: float, limits: VelocityLimits, period: float, slowest: float) -> Twist2D:
+    """A turn in place that reduces the heading error `error` (rad), at the current turning speed `turning` (rad/s).
+
+    The speed equals the error, within one period's acceleration of the current speed and low enough to stop in time. It is
+    finally clamped between `slowest`, below which the base would not turn, and the limit.
+    """
+    fastest = limits.max_vel_theta
+    speed = min(fastest, max(slowest, abs(error)))
+    change = limits.acc_lim_theta * period
+    speed = min(max(speed, abs(turning) - change), abs(turning) + change)
+    speed = min(math.sqrt(2.0 * limits.acc_lim_theta * abs(error)), speed)
+    speed = min(fastest, max(slowest, speed))
+    return Twist2D(0.0, 0.0, -speed if error < 0.0 else speed)

@@ -8,14 +8,10 @@ from typing import Any
 import numpy as np
 
 from navstack.core import OccupancyGrid, Pose2D, Transform2D
-from navstack.interfaces import Localizer
-from navstack.localization.ekf.filtered_odometry import FilteredOdometry
+from navstack.localization.ekf import FilteredOdometry
 from navstack.localization.searching import SearchingLocalizer
-from navstack.parameters.localization_sections import LocalizationConfiguration, default_filter
-from navstack.parameters.models.amcl import AmclParams
-from navstack.parameters.models.sim import SimParams
-from navstack.parameters.models.supervision import SearchingParams
-from navstack.plugins import LOCALIZERS
+from navstack.parameters import AmclParams, LocalizationConfiguration, SearchingParams, SimParams, default_filter
+from navstack.plugins import LOCALIZERS, Localizer
 
 
 def make_localizer(

@@ -8,11 +8,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import LaserScan, OccupancyGrid, Pose2D, Transform2D
-from navstack.core.errors import InputError
-from navstack.core.parameters import ParamModel
-from navstack.interfaces import Localizer, PoseEstimate
-from navstack.plugins import LOCALIZERS
+from navstack.core import InputError, LaserScan, OccupancyGrid, Pose2D, Transform2D
+from navstack.plugins import LOCALIZERS, Localizer, ParamModel, PoseEstimate
 
 
 class DeadReckoningParams(ParamModel):

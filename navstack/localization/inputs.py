@@ -9,8 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import LaserScan, Pose2D, Transform2D
-from navstack.core.errors import InputError
+from navstack.core import InputError, LaserScan, Pose2D, Transform2D
 
 FARTHEST_M: Final = 1e7
 """Odometry beyond this (m) is not that of a robot on earth; and near it, float64 still resolves nanometres."""

@@ -12,16 +12,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import LaserScan, OccupancyGrid, Pose2D, Transform2D
-from navstack.core.errors import InputError
-from navstack.interfaces import Localizer, PoseEstimate
-from navstack.localization.beams import scan_beams
+from navstack.core import InputError, LaserScan, OccupancyGrid, Pose2D, Transform2D
+from navstack.localization.global_search import MatchMap, scan_beams, search_scan
 from navstack.localization.hypotheses import Frame, Hypotheses, MatchSettings
 from navstack.localization.inputs import InputCheck, require_covariance
-from navstack.localization.match_map import MatchMap
-from navstack.localization.scan_search import search_scan
-from navstack.parameters.models.supervision import ScanMatcherParams
-from navstack.plugins import LOCALIZERS
+from navstack.parameters import ScanMatcherParams
+from navstack.plugins import LOCALIZERS, Localizer, PoseEstimate
 
 _MARGIN: Final = 15.0
 """Hypotheses whose likelihood is smaller than the best one's by this much (natural logarithm) are dropped."""

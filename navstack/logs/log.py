@@ -2,30 +2,17 @@
 
 from __future__ import annotations
 
+import heapq
 import weakref
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Protocol
+from typing import Any, Final, Protocol, TypeVar
 
-from navstack.core.errors import LogError
-
-NS_PER_S = 1_000_000_000
-
-
-def topic_name(topic: str) -> str:
-    """Return a topic with a leading slash and no repeated ones: `scan` and `//scan` are `/scan`."""
-    return "/" + "/".join(part for part in topic.split("/") if part)
-
-
-def seconds(nanoseconds: int, since: int = 0) -> float:
-    """Return a time in seconds since `since`, correctly rounded; both in nanoseconds.
-
-    A time that was a multiple of a microsecond before it was written keeps its value to the bit.
-    """
-    return (nanoseconds - since) / NS_PER_S
+from navstack.core import LogError, require, shortened, size_text
+from navstack.ros_messages import NS_PER_S, seconds, topic_name
 
 
 def damaged(
@@ -178,6 +165,14 @@ class Log:
         """Time between the first and the last message (s)."""
         return seconds(self.end_ns, self.start_ns)
 
+    @property
+    def types(self) -> dict[str, set[str]]:
+        """The types of each topic: more than one if its publishers do not agree."""
+        found: dict[str, set[str]] = {}
+        for channel in self.channels:
+            found.setdefault(channel.topic, set()).add(channel.type)
+        return found
+
     def has(self, topic: str) -> bool:
         """Return True if the log has this topic."""
         return any(channel.topic == topic_name(topic) for channel in self.channels)
@@ -207,3 +202,143 @@ class Log:
         decode = self._source.decode
         for channel, time_ns, raw in self._source.raw_messages(channels, first, last):
             yield LogMessage(channel, time_ns, raw, decode)
+
+
+# --- decodes messages with rosbags: the types come from the definitions in the file -----------------------------------
+
+
+MOST_TYPES: Final = 500
+"""Largest number of definitions whose decoders are kept."""
+
+Decode = Callable[[bytes, str], Any]
+
+
+class Decoder:
+    """Decodes the messages of one log. Types with the same name and another definition do not disturb each other."""
+
+    def __init__(self, *, ros1: bool) -> None:
+        """`ros1`: messages are serialized as in ROS 1, else as CDR. Raises InputError if rosbags is not installed."""
+        require("rosbags.typesys", "reading a log")
+        self._ros1 = ros1
+        self._decoders: dict[tuple[str, str], Decode] = {}
+
+    def decode(self, channel: Channel, raw: bytes) -> Any:
+        """Return a message. Raises LogError."""
+        key = channel.type, channel.definition
+        decode = self._decoders.get(key)
+        if decode is None:
+            decode = self._decoders[key] = self._decoder(channel)
+        try:
+            return decode(raw, channel.type)
+        except Exception as exc:
+            # any error of generated code on damaged bytes
+            raise LogError(
+                f"a message of {channel.topic} cannot be decoded as {channel.type}: {_reason(exc)}",
+                topic=channel.topic,
+                type=channel.type,
+            ) from exc
+
+    def _decoder(self, channel: Channel) -> Decode:
+        """Return the function that decodes a channel's messages. Raises LogError for a definition that is not valid."""
+        try:
+            return _decode_of(channel.type, channel.definition, self._ros1)
+        except Exception as exc:
+            # any error of the parser of definitions
+            raise LogError(
+                f"the definition of {channel.type}, the type of {channel.topic}, is not valid: {_reason(exc)}",
+                topic=channel.topic,
+                type=channel.type,
+            ) from exc
+
+
+@lru_cache(MOST_TYPES)
+def _decode_of(kind: str, definition: str, ros1: bool) -> Decode:
+    """Return the function of a type; code is generated for it, which takes some milliseconds."""
+    typesys = require("rosbags.typesys", "reading a log")
+    if definition:
+        store = typesys.get_typestore(typesys.Stores.EMPTY)
+        store.register(typesys.get_types_from_msg(definition, kind))
+    else:
+        store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC if ros1 else typesys.Stores.ROS2_HUMBLE)
+    store.get_msgdef(kind)
+    return store.deserialize_ros1 if ros1 else store.deserialize_cdr
+
+
+def _reason(exc: Exception) -> str:
+    return shortened(" ".join(str(exc).split()) or type(exc).__name__, 120)
+
+
+# --- messages of many chunks, ordered by time; only the chunks that overlap in time are in memory at once -------------
+
+
+MAX_WAITING: Final = 300_000_000
+"""Largest number of bytes that wait because chunks overlap in time."""
+
+
+class Chunk(Protocol):
+    """A part of a file whose messages are read together."""
+
+    @property
+    def offset(self) -> int:
+        """Position in the file."""
+        ...
+
+    @property
+    def start_ns(self) -> int:
+        """Time of the first message (ns)."""
+        ...
+
+    @property
+    def end_ns(self) -> int:
+        """Time of the last message (ns)."""
+        ...
+
+    @property
+    def counts(self) -> Mapping[int, int]:
+        """Number of messages by channel number; without some of the channels, the chunk is not read for them."""
+        ...
+
+
+C = TypeVar("C", bound=Chunk)
+
+
+def ordered_messages(
+    path: Path,
+    chunks: Sequence[C],
+    messages_of: Callable[[C], Iterator[tuple[int, int, int, bytes]]],
+    wanted: Mapping[int, Channel],
+    start_ns: int | None,
+    end_ns: int | None,
+) -> Iterator[tuple[Channel, int, bytes]]:
+    """Yield the messages of the `wanted` channels (by number) in a range of time (ns), ordered by time, then by position.
+
+    `messages_of` yields position, channel number, time (ns) and data of each message of a chunk. Raises LogError if chunks
+    overlap so much that `MAX_WAITING` bytes would wait.
+    """
+    first = -1 if start_ns is None else start_ns
+    last = 1 << 64 if end_ns is None else end_ns
+    chosen = [
+        chunk
+        for chunk in chunks
+        if chunk.end_ns >= first and chunk.start_ns <= last and not wanted.keys().isdisjoint(chunk.counts)
+    ]
+    chosen.sort(key=lambda chunk: (chunk.start_ns, chunk.offset))
+    waiting: list[tuple[int, int, int, int, bytes]] = []
+    size = 0
+    for i, chunk in enumerate(chosen):
+        for at, number, time_ns, raw in messages_of(chunk):
+            if number in wanted and first <= time_ns <= last:
+                heapq.heappush(waiting, (time_ns, chunk.offset, at, number, raw))
+                size += len(raw)
+        if size > MAX_WAITING:
+            raise LogError(
+                f"{path}: its messages are so far out of order that more than {size_text(MAX_WAITING)} would wait in memory "
+                f"(offset {chunk.offset}); sort the file by time first",
+                path=str(path),
+                offset=chunk.offset,
+            )
+        limit = chosen[i + 1].start_ns if i + 1 < len(chosen) else 1 << 65
+        while waiting and waiting[0][0] < limit:
+            time_ns, _, _, number, raw = heapq.heappop(waiting)
+            size -= len(raw)
+            yield wanted[number], time_ns, raw

@@ -14,12 +14,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
-from navstack.core.bounded_reading import open_regular, shortened, size_text
-from navstack.core.errors import LogError, NavError
-from navstack.core.optional_dependencies import require
-from navstack.logs.chunk_merge import ordered_messages
-from navstack.logs.decoding import Decoder
-from navstack.logs.log import Channel, Log, damaged, topic_name
+from navstack.core import LogError, NavError, open_regular, require, shortened, size_text
+from navstack.logs.log import Channel, Decoder, Log, damaged, ordered_messages
+from navstack.ros_messages import topic_name
 
 SCHEMA, CHANNEL, MESSAGE, CHUNK = 0x03, 0x04, 0x05, 0x06
 DATA_END: Final = 0x0F
@@ -126,6 +123,7 @@ class _McapFile:
     def _read_summary(self) -> bool:
         """Read channels and chunks from the summary; return False if it is missing, not valid or incomplete."""
         reader = require("mcap.reader", "reading an MCAP file")
+        self._file.seek(0)
         try:
             summary = reader.SeekingReader(self._file, record_size_limit=MAX_RECORD).get_summary()
         except Exception:  # any error of the library on a damaged file: the scan says where

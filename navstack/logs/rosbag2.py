@@ -6,11 +6,9 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from navstack.core.bounded_reading import shortened
-from navstack.core.errors import LogError
-from navstack.core.optional_dependencies import require
-from navstack.logs.decoding import Decoder
-from navstack.logs.log import Channel, Log, topic_name
+from navstack.core import LogError, require, shortened
+from navstack.logs.log import Channel, Decoder, Log
+from navstack.ros_messages import topic_name
 
 T = TypeVar("T")
 

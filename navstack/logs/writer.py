@@ -6,8 +6,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Literal, Protocol
 
-from navstack.core.errors import InputError, OutputError
-from navstack.core.optional_dependencies import require
+from navstack.core import InputError, OutputError, require
 
 Format = Literal["bag", "mcap"]
 

@@ -1,39 +1,50 @@
-"""The goal manager: goal states, action server, state machine, MoveBase."""
+"""The goal manager: MoveBase, its goals and their server, its states, and what it plans with."""
 
-from navstack.move_base.action_client import SimpleActionClient
-from navstack.move_base.action_server import SimpleActionServer
-from navstack.move_base.comm_state import CommState
-from navstack.move_base.feedback import Feedback
-from navstack.move_base.goal import Goal, GoalHandle, GoalResult
-from navstack.move_base.goal_status import GoalStatus
-from navstack.move_base.motion_runner import MotionHandle, MotionRunner
-from navstack.move_base.move_base import MoveBase
-from navstack.move_base.planning import InlinePlanning, PlanAnswer, Planning, PlanRequest
-from navstack.move_base.states import Mode, Trigger
-from navstack.move_base.thread_planning import ThreadPlanning
-from navstack.move_base.tick_result import TickResult
-from navstack.parameters.models.move_base import MoveBaseParams, builtin_recoveries
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "CommState",
-    "Feedback",
-    "Goal",
-    "GoalHandle",
-    "GoalResult",
-    "GoalStatus",
-    "InlinePlanning",
-    "Mode",
-    "MotionHandle",
-    "MotionRunner",
-    "MoveBase",
-    "MoveBaseParams",
-    "PlanAnswer",
-    "PlanRequest",
-    "Planning",
-    "SimpleActionClient",
-    "SimpleActionServer",
-    "ThreadPlanning",
-    "TickResult",
-    "Trigger",
-    "builtin_recoveries",
-]
+if TYPE_CHECKING:
+    from navstack.move_base.action_client import CommState as CommState
+    from navstack.move_base.action_client import SimpleActionClient as SimpleActionClient
+    from navstack.move_base.active_goal import Feedback as Feedback
+    from navstack.move_base.checks import OscillationChecker as OscillationChecker
+    from navstack.move_base.checks import Progress as Progress
+    from navstack.move_base.control import SpeedLimiter as SpeedLimiter
+    from navstack.move_base.errors import BusyError as BusyError
+    from navstack.move_base.errors import GoalCanceledError as GoalCanceledError
+    from navstack.move_base.errors import NoProgressError as NoProgressError
+    from navstack.move_base.errors import StaleOdometryError as StaleOdometryError
+    from navstack.move_base.errors import StaleSensorsError as StaleSensorsError
+    from navstack.move_base.events import TickResult as TickResult
+    from navstack.move_base.goals import STATUS_LIST_TIMEOUT_S as STATUS_LIST_TIMEOUT_S
+    from navstack.move_base.goals import Goal as Goal
+    from navstack.move_base.goals import GoalHandle as GoalHandle
+    from navstack.move_base.goals import GoalResult as GoalResult
+    from navstack.move_base.goals import GoalStatus as GoalStatus
+    from navstack.move_base.goals import SimpleActionServer as SimpleActionServer
+    from navstack.move_base.goals import is_planar as is_planar
+    from navstack.move_base.goals import yaw_of as yaw_of
+    from navstack.move_base.motions import MotionHandle as MotionHandle
+    from navstack.move_base.motions import MotionRunner as MotionRunner
+    from navstack.move_base.move_base import MoveBase as MoveBase
+    from navstack.move_base.planning import InlinePlanning as InlinePlanning
+    from navstack.move_base.planning import PlanAnswer as PlanAnswer
+    from navstack.move_base.planning import Planning as Planning
+    from navstack.move_base.planning import PlanRequest as PlanRequest
+    from navstack.move_base.planning import ThreadPlanning as ThreadPlanning
+    from navstack.move_base.planning import add_layer as add_layer
+    from navstack.move_base.plugin_calls import call as call
+    from navstack.move_base.plugin_calls import checked_local_plan as checked_local_plan
+    from navstack.move_base.plugin_calls import checked_pose as checked_pose
+    from navstack.move_base.plugin_calls import make_plan as make_plan
+    from navstack.move_base.schedule import EPSILON_S as EPSILON_S
+    from navstack.move_base.schedule import Schedule as Schedule
+    from navstack.move_base.states import ROWS as ROWS
+    from navstack.move_base.states import Mode as Mode
+    from navstack.move_base.states import Trigger as Trigger
+    from navstack.move_base.states import document_markdown as document_markdown
+    from navstack.parameters import MoveBaseParams as MoveBaseParams
+    from navstack.parameters import builtin_recoveries as builtin_recoveries
+else:
+    from navstack._lazy import lazy_face
+
+    __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

@@ -1,19 +1,74 @@
-"""The active goal: its progress, its timers, and the error and the result with which it ends."""
+"""The active goal: its plans, its progress, its timers, and the error and the result with which it ends."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
-from navstack.core import Pose2D
-from navstack.core.errors import InternalError, NavError, PlanningError
-from navstack.move_base.errors import GoalCanceledError, InvalidGoalError, ShutdownError
-from navstack.move_base.goal import Goal, GoalHandle, GoalResult
-from navstack.move_base.goal_statistics import GoalStatistics
-from navstack.move_base.goal_status import GoalStatus
-from navstack.move_base.progress import OscillationChecker
-from navstack.move_base.stall_check import StallCheck
-from navstack.move_base.states import Outcome
+import numpy as np
+
+from navstack.core import InternalError, NavError, Path, PlanningError, Pose2D
+from navstack.move_base.errors import GoalCanceledError, ShutdownError
+from navstack.move_base.goals import GoalHandle, GoalResult, GoalStatus
+from navstack.move_base.states import Mode, Outcome
+from navstack.plugins import Plan
+
+
+class GoalStatistics:
+    """Counters of one goal, and its last failures."""
+
+    def __init__(self) -> None:
+        self.plans = 0
+        """Plans found."""
+        self.failed_plans = 0
+        self.commands = 0
+        """Commands computed."""
+        self.failed_commands = 0
+        self.stale_cycles = 0
+        """Control cycles with a stale local costmap."""
+        self.recoveries: list[str] = []
+        """Names of the recovery behaviors that ran, in order."""
+        self.by_name: dict[str, int] = {}
+        """Number of failures by the name of the error."""
+        self.last_planning: NavError | None = None
+        self.last_control: NavError | None = None
+        self.last: NavError | None = None
+        self.last_at: float | None = None
+        """Time of the last failure (s)."""
+        self.pose: Pose2D | None = None
+        """Last known pose of the robot, in the global costmap's frame."""
+
+    def add_failure(self, error: NavError, now: float) -> None:
+        """Count a failure at `now` (s)."""
+        self.last = error
+        self.last_at = now
+        self.by_name[error.name] = self.by_name.get(error.name, 0) + 1
+
+    def add_failed_plan(self, error: NavError, now: float) -> None:
+        """Count a failed plan request at `now` (s)."""
+        self.failed_plans += 1
+        self.last_planning = error
+        self.add_failure(error, now)
+
+    def add_failed_command(self, error: NavError, now: float) -> None:
+        """Count a failed command at `now` (s)."""
+        self.failed_commands += 1
+        self.last_control = error
+        self.add_failure(error, now)
+
+    def as_data(self) -> dict[str, Any]:
+        """Return the statistics for `GoalResult.data`."""
+        return {
+            "plans": self.plans,
+            "failed_plans": self.failed_plans,
+            "commands": self.commands,
+            "failed_commands": self.failed_commands,
+            "stale_cycles": self.stale_cycles,
+            "failures": dict(self.by_name),
+            "last_failure": None if self.last is None else {**self.last.as_dict(), "time": self.last_at},
+            "robot": None if self.pose is None else list(self.pose),
+        }
 
 
 @dataclass(slots=True, eq=False)
@@ -21,7 +76,6 @@ class ActiveGoal:
     """State of the active goal."""
 
     handle: GoalHandle
-    progress: OscillationChecker
     deadline: float = math.inf
     """Time at which its time limit ends (s)."""
     statistics: GoalStatistics = field(default_factory=GoalStatistics)
@@ -29,6 +83,10 @@ class ActiveGoal:
     """The goal in the global costmap's frame; None while the transform is not known."""
     frame: str = ""
     """The global costmap's frame when the goal was accepted or last transformed."""
+    plan: Plan | None = None
+    """The last plan."""
+    new_plan: Plan | None = None
+    """That plan, until the local planner receives it."""
     error: NavError | None = None
     """Reason for the end, unless the outcome has one of its own."""
     has_plan: bool = False
@@ -40,10 +98,8 @@ class ActiveGoal:
     """Time at which controller_patience started (s)."""
     last_progress: float = 0.0
     """Time at which oscillation_timeout started (s)."""
-    stall: StallCheck = field(default_factory=StallCheck)
     stale_since: float | None = None
     """Time since which the local costmap is stale (s); None while it is current."""
-
     lost: NavError | None = None
     """Why the robot counted as lost, last."""
     braking_since: float | None = None
@@ -98,19 +154,43 @@ class ActiveGoal:
         recoveries = self.statistics.recoveries
         return f" ({count} times" + (f"; recoveries tried: {', '.join(recoveries)})" if recoveries else ")")
 
+    def feedback(self, pose: Pose2D | None, mode: Mode, now: float) -> Feedback:
+        """Return the feedback at `now` (s), with the robot at `pose` (global costmap's frame)."""
+        elapsed = self.age(now)
+        remaining = distance_remaining(pose, None if self.plan is None else self.plan.path, self.pose)
+        speed = self.driven_m / elapsed if elapsed > 0.0 else 0.0
+        time_remaining = remaining / speed if speed > 0.01 else None
+        return Feedback(pose, mode, remaining, elapsed, time_remaining, len(self.statistics.recoveries))
 
-def check_goal(goal: Goal) -> InvalidGoalError | None:
-    """Return the error of a goal whose orientation has roll or pitch or whose position is not finite; None for a valid one."""
-    if not goal.has_valid_orientation:
-        return InvalidGoalError(
-            f"the goal's orientation {goal.orientation or goal.pose.yaw} is not a rotation about z; give a unit quaternion "
-            "about z, or a finite yaw",
-            orientation=goal.orientation,
-            yaw=goal.pose.yaw,
-        )
-    if not goal.pose.is_finite():
-        return InvalidGoalError(
-            f"the goal's position ({goal.pose.x}, {goal.pose.y}) is not finite; give metres in a frame",
-            pose=goal.pose,
-        )
-    return None
+
+@dataclass(frozen=True, slots=True)
+class Feedback:
+    """Progress of the active goal."""
+
+    pose: Pose2D | None
+    """The robot in the global costmap's frame; None if unknown."""
+    mode: Mode
+    distance_remaining: float
+    """m along the plan, from its point nearest to the robot; the straight distance to the goal without a plan."""
+    navigation_time: float
+    """s since the goal was accepted."""
+    estimated_time_remaining: float | None
+    """s at the mean speed so far; None for a mean speed of at most 0.01 m/s."""
+    recoveries: int
+    """Recovery behaviors that ran for this goal."""
+
+
+def distance_remaining(pose: Pose2D | None, path: Path | None, goal: Pose2D | None) -> float:
+    """Return the length (m) of `path` from its point nearest to `pose`.
+
+    Without a path this is the straight distance to `goal`; without pose or goal it is inf.
+    """
+    if pose is None:
+        return math.inf
+    if path is None:
+        return pose.distance_to(goal) if goal is not None else math.inf
+    points = path.poses[:, :2]
+    distances = np.hypot(points[:, 0] - pose.x, points[:, 1] - pose.y)
+    nearest = int(np.argmin(distances))
+    segments = np.diff(points[nearest:], axis=0)
+    return float(distances[nearest] + np.hypot(segments[:, 0], segments[:, 1]).sum())

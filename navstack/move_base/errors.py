@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from navstack.core.errors import ControlError, InputError, NavError
+from navstack.core import ControlError, InputError, NavError
 
 
 class NoProgressError(ControlError):

@@ -1,15 +1,34 @@
-"""The events that the goal manager publishes to its listeners."""
+"""How one observes the goal manager: its events, as they happen, and the result of each tick."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
-from navstack.core import Event, Listener, Pose2D
-from navstack.core.errors import NavError
-from navstack.interfaces import Plan, RecoveryBehavior, RecoveryStatus
-from navstack.move_base.goal import Goal, GoalHandle
-from navstack.move_base.states import NavEvent, NavState
+from navstack.core import Event, Listener, NavError, Pose2D, SensorData, Twist2D, Window
+from navstack.plugins import LocalPlan, Plan
+
+
+@dataclass(slots=True)
+class TickResult:
+    """What one tick received, updated and commanded."""
+
+    time: float
+    scans: tuple[SensorData, ...] = ()
+    global_window: Window | None = None
+    """The updated cells of the global costmap; None without an update."""
+    local_window: Window | None = None
+    plan: Plan | None = None
+    """The plan received from the global planner."""
+    local_plan: LocalPlan | None = None
+    """The result of the local planner."""
+    command: Twist2D | None = None
+    """The last command sent."""
+    planning_s: float | None = None
+    """Duration of the call of the global planner, failed or not, by the goal manager's stopwatch; None without a call."""
+    control_s: float | None = None
+    """Duration of the call of the local planner."""
 
 
 class EventPublisher:
@@ -46,25 +65,6 @@ class EventPublisher:
                 self.publish(now, "feedback", "", {"pose": list(pose)})
                 return
 
-    def goal(self, now: float, goal: Goal) -> None:
-        """Publish a goal that was accepted."""
-        if self.listeners:
-            x, y, yaw = goal.pose
-            text = f'goal {goal.id}: ({x:.3f}, {y:.3f}, {yaw:.3f}) in "{goal.frame}"'
-            data = {"id": goal.id, "pose": list(goal.pose), "frame": goal.frame, "stamp": goal.stamp}
-            self.publish(now, "goal", text, data)
-
-    def status(self, handle: GoalHandle, now: float) -> None:
-        """Publish the status of a goal."""
-        if not self.listeners:
-            return
-        data: dict[str, Any] = {"id": handle.id, "status": handle.status.name, "number": int(handle.status)}
-        if handle.is_done:
-            result = handle.result
-            data |= {"error_code": result.error_code, "error_name": result.error_name, "message": result.message}
-        text = f"{handle.status.name}: {handle.text}" if handle.text else handle.status.name
-        self.publish(now, "status", text, {**data, "text": handle.text})
-
     def plan(self, now: float, plan: Plan) -> None:
         """Publish the key figures of a plan."""
         if not self.listeners:
@@ -79,39 +79,3 @@ class EventPublisher:
             "notes": list(plan.notes),
         }
         self.publish(now, "plan", f"a plan of {length:.2f} m, {len(plan.path)} poses", data)
-
-    def state(self, now: float, before: NavState, after: NavState, event: NavEvent) -> None:
-        """Publish a change of the mode."""
-        if not self.listeners:
-            return
-        data = {
-            "from": before.mode.value,
-            "to": after.mode.value,
-            "event": event.name,
-            "trigger": after.trigger.name,
-            "recovery_index": after.recovery_index,
-        }
-        self.publish(now, "state", f"{before.mode.value} -> {after.mode.value}: {event.value}", data)
-
-    def recovery(
-        self,
-        now: float,
-        recovery: RecoveryBehavior,
-        status: RecoveryStatus,
-        text: str,
-        data: dict[str, Any],
-        state: NavState,
-        total: int,
-    ) -> None:
-        """Publish the start, a message or the end of a recovery behavior, one of `total`."""
-        if not self.listeners:
-            return
-        common: dict[str, Any] = {
-            "name": recovery.name,
-            "type": type(recovery).__name__,
-            "index": state.recovery_index,
-            "total": total,
-            "status": status.value,
-            "trigger": state.trigger.name,
-        }
-        self.publish(now, "recovery", text, {**data, **common})

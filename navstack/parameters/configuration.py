@@ -2,17 +2,482 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
-from navstack.core.errors import ParameterError, UnknownPluginError
-from navstack.interfaces import GlobalPlanner
-from navstack.parameters.binding import Binder
+import numpy as np
+
+from navstack.core import Footprint, InputError, ParameterError, UnknownPluginError
+from navstack.parameters.binding import Binder, show
 from navstack.parameters.configuration_types import Configuration, CostmapConfiguration, NavstackParams
-from navstack.parameters.findings import Finding, in_order
-from navstack.parameters.loader import Loader
-from navstack.parameters.namespaces import planner_space
-from navstack.parameters.sources import Override, Source
-from navstack.plugins import GLOBAL_PLANNERS, PluginChoice
+from navstack.parameters.findings import Finding, Location, finding, in_order
+from navstack.parameters.foreign import FOREIGN_LOCAL_PLANNERS
+from navstack.parameters.models.move_base import CostmapParams, MoveBaseParams, builtin_recoveries
+from navstack.parameters.nodes import load_localization, load_safety
+from navstack.parameters.plugin_lists import (
+    ListedPlugin,
+    PluginLists,
+    fixed_list,
+    mark_used,
+    own_namespaces,
+    planner_namespaces,
+    planner_space,
+    shared_namespaces,
+    short_type,
+)
+from navstack.parameters.rules import check_rules
+from navstack.parameters.simulated_robot import simulated
+from navstack.parameters.sources import Override, Source, read_sources
+from navstack.parameters.tree import COSTMAPS, Leaf, Space
+from navstack.parameters.unused import unused_parameters
+from navstack.parameters.yaml_reader import DictNode, ListNode, Node, ScalarNode
+from navstack.plugins import (
+    CRITICS,
+    GLOBAL_PLANNERS,
+    LAYERS,
+    LOCAL_PLANNERS,
+    RECOVERY_BEHAVIORS,
+    SMOOTHERS,
+    GlobalPlanner,
+    Layer,
+    Plugin,
+    RecoveryBehavior,
+    Registry,
+)
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Convert costmap parameters from before ROS Hydro: without `plugins`, with all parameters at the costmap's own level.
+#
+# Source: costmap_2d/src/costmap_2d_ros.cpp, loadOldParameters.
+
+
+_VOXEL = ("origin_z", "z_resolution", "z_voxels", "mark_threshold", "unknown_threshold", "publish_voxel_map")
+_STATIC = ("map_topic", "unknown_cost_value", "lethal_cost_threshold")
+_OBSTACLE = ("max_obstacle_height", "raytrace_range", "obstacle_range")
+_INFLATION = ("cost_scaling_factor", "inflation_radius")
+
+
+def convert_pre_hydro(costmap: Space, findings: list[Finding]) -> None:
+    """Add `plugins` to a costmap that has none and move the parameters into the namespaces of the layers."""
+    if "plugins" in costmap.children:
+        return
+    static = _take_flag(costmap, "static_map")
+    voxel = _take_text(costmap, "map_type") == "voxel"
+    layers: list[tuple[str, str]] = []
+    moved: list[str] = []
+    if static:
+        layers.append(("static_layer", "costmap_2d::StaticLayer"))
+        _move(costmap, "static_layer", _STATIC, moved)
+        _copy(costmap, "static_layer", "track_unknown_space")
+    layers.append(("obstacle_layer", "costmap_2d::VoxelLayer" if voxel else "costmap_2d::ObstacleLayer"))
+    if voxel:
+        _move(costmap, "obstacle_layer", _VOXEL, moved)
+    _move(costmap, "obstacle_layer", _OBSTACLE, moved)
+    if costmap.leaf("track_unknown_space") is not None:
+        _copy(costmap, "obstacle_layer", "track_unknown_space")
+    sources = costmap.leaf("observation_sources")
+    if sources is not None and isinstance(sources.value, str):
+        _move(costmap, "obstacle_layer", tuple(sources.value.split()), moved)
+    _move(costmap, "obstacle_layer", ("observation_sources",), moved)
+    layers.append(("inflation_layer", "costmap_2d::InflationLayer"))
+    _move(costmap, "inflation_layer", _INFLATION, moved)
+    at = costmap.at
+    costmap.put("plugins", at, _plugin_list(layers, at))
+    listed = ", ".join(name for name, _ in layers)
+    also = f", which use its {', '.join(moved)}" if moved else ""
+    message = (
+        f"{costmap.path} has no `plugins`, so it is converted as before ROS Hydro to the layers {listed}{also}; list the "
+        "layers under `plugins`"
+    )
+    findings.append(finding("info", "pre-hydro", at, costmap.path, message, "plugins"))
+
+
+def _take_flag(space: Space, name: str) -> bool:
+    leaf = space.leaf(name)
+    if leaf is None:
+        return False
+    leaf.used = True
+    return leaf.value is True
+
+
+def _take_text(space: Space, name: str) -> str:
+    leaf = space.leaf(name)
+    if leaf is None:
+        return ""
+    leaf.used = True
+    return leaf.value if isinstance(leaf.value, str) else ""
+
+
+def _move(costmap: Space, layer: str, names: tuple[str, ...], moved: list[str]) -> None:
+    """Move parameters and namespaces into the layer's namespace, replacing those of the same name."""
+    for name in names:
+        child = costmap.children.pop(name, None)
+        if child is None:
+            continue
+        moved.append(name)
+        _graft(costmap.ensure(layer, child.at), name, child)
+
+
+def _graft(into: Space, name: str, child: Leaf | Space) -> None:
+    if isinstance(child, Leaf):
+        into.put(name, child.at, child.node)
+        return
+    into.children.pop(name, None)
+    space = into.ensure(name, child.at)
+    for key, below in child.children.items():
+        _graft(space, key, below)
+
+
+def _copy(costmap: Space, layer: str, name: str) -> None:
+    leaf = costmap.leaf(name)
+    if leaf is not None:
+        leaf.used = True
+        costmap.ensure(layer, leaf.at).put(name, leaf.at, leaf.node)
+
+
+def _plugin_list(layers: list[tuple[str, str]], at: Location) -> ListNode:
+    def entry(name: str, kind: str) -> Node:
+        return DictNode(
+            {"name": (at, ScalarNode(name, at, text=name)), "type": (at, ScalarNode(kind, at, text=kind))}, at
+        )
+
+    return ListNode([entry(n, t) for n, t in layers], at)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The robot's footprint from parameters, in the order of costmap_2d/src/footprint.cpp (makeFootprintFromParams).
+
+
+DEFAULT_RADIUS = 0.46
+_NUMBER = r"\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*"
+_POINT = re.compile(rf"\[{_NUMBER},{_NUMBER}\]")
+_POINTS = re.compile(rf"\s*\[\s*{_POINT.pattern}(?:\s*,\s*{_POINT.pattern})*\s*,?\s*\]\s*\Z")
+
+
+@dataclass(frozen=True, slots=True)
+class LoadedFootprint:
+    """The footprint with and without padding, and the parameter it was read from (None: the default)."""
+
+    padded: Footprint
+    true: Footprint
+    origin: Leaf | None
+
+
+def parse_footprint(value: Any) -> list[list[float]]:
+    """Convert `[[x, y], ..]` or its text to points; raise ValueError for anything else."""
+    if isinstance(value, str):
+        if not _POINTS.match(value):
+            raise ValueError(f'footprint = "{value[:60]}" is not a list of points; write [[x, y], [x, y], [x, y], ..]')
+        return [[float(n) for n in p.strip("[]").split(",")] for p in _POINT.findall(value)]
+    if not isinstance(value, list):
+        raise ValueError(f"footprint = {value!r} is not a list of points; write [[x, y], [x, y], [x, y], ..]")
+    points: list[list[float]] = []
+    for i, point in enumerate(value):
+        numbers = isinstance(point, list) and all(
+            isinstance(n, (int, float)) and not isinstance(n, bool) for n in point
+        )
+        if not numbers or len(point) != 2:
+            raise ValueError(f"point {i + 1} of the footprint is {point!r}; write two numbers [x, y] in metres")
+        points.append([float(n) for n in point])
+    return points
+
+
+def footprint_of(costmap: Space, padding: float, findings: list[Finding]) -> LoadedFootprint | None:
+    """Return the footprint of a costmap, None after an error.
+
+    The nearest `footprint` up the tree, otherwise the nearest `robot_radius`, otherwise 0.46 m.
+    """
+    leaf = costmap.search("footprint")
+    if leaf is not None:
+        leaf.used = True
+        value = leaf.value
+        if value is not None and value != [] and not (isinstance(value, str) and value.strip() in ("", "[]")):
+            return _polygon(leaf, value, padding, findings)
+    leaf = costmap.search("robot_radius")
+    if leaf is None:
+        return _load(lambda p: Footprint.from_radius(DEFAULT_RADIUS, p), padding, None, findings)
+    leaf.used = True
+    radius = leaf.value
+    if isinstance(radius, bool) or not isinstance(radius, (int, float)) or radius < 0.0:
+        return None  # reported with the costmap's other parameters
+    if not radius > 0.0:
+        message = f"robot_radius = {radius:g} is not positive; set it to the robot's radius in metres"
+        findings.append(finding("error", "footprint", leaf.node.at, leaf.path, message))
+        return None
+    return _load(lambda p: Footprint.from_radius(float(radius), p), padding, leaf, findings)
+
+
+def _polygon(leaf: Leaf, value: Any, padding: float, findings: list[Finding]) -> LoadedFootprint | None:
+    try:
+        points = parse_footprint(value)
+    except ValueError as exc:
+        findings.append(finding("error", "footprint", leaf.node.at, leaf.path, str(exc)))
+        return None
+    return _load(lambda p: Footprint(np.array(points, np.float64), p), padding, leaf, findings)
+
+
+def _load(
+    make: Callable[[float], Footprint], padding: float, leaf: Leaf | None, findings: list[Finding]
+) -> LoadedFootprint | None:
+    try:
+        return LoadedFootprint(make(padding), make(0.0), leaf)
+    except InputError as exc:
+        if leaf is not None:
+            findings.append(finding("error", "footprint", leaf.node.at, leaf.path, exc.message))
+        return None
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Sources of parameters -> typed configuration with all findings; errors do not stop the search for further errors.
+
+
+class Loader:
+    """Loads one set of sources."""
+
+    def __init__(
+        self, sources: Sequence[Source], overrides: Sequence[str | Override], distro: str | None, allow_missing: bool
+    ) -> None:
+        read = read_sources([sources] if isinstance(sources, str) else sources, overrides)
+        self.root = read.root
+        self.findings = read.findings
+        self.files = read.files
+        self.complete = not any(f.severity == "error" for f in read.findings)
+        """False if a source could not be read: rules about missing parameters would mislead."""
+        self.not_in_use: list[Space] = []
+        """Namespaces of planners that are not selected."""
+        self.distro = distro
+        self.binder = Binder(self.findings)
+        self.plugins = PluginLists(self.binder, self.findings, allow_missing=allow_missing)
+
+    def load(self) -> tuple[Configuration | None, list[Finding]]:
+        """Return the configuration, None if it cannot be used, and all findings in order."""
+        configuration = self._load()
+        findings = in_order(self.findings)
+        if configuration is None:
+            return None, findings
+        return replace(configuration, findings=tuple(findings)), findings
+
+    def _load(self) -> Configuration | None:
+        if not self.root.children and not self.complete:
+            return None  # nothing was loaded: further findings would be consequences
+        navstack = self._navstack()
+        self.binder.navstack = {"ros_distro": navstack.ros_distro if navstack else "noetic"}
+        for name in COSTMAPS:
+            self._prepare_costmap(name)
+        parts: dict[str, Any] = {name: self._costmap(name) for name in COSTMAPS}
+        listed = self.plugins.read_recoveries(self.root)
+        move_base: Any = self.binder.bind(
+            MoveBaseParams, self.root, fixed=fixed_list(self.root, "recovery_behaviors", listed)
+        )
+        parts["move_base"] = move_base
+        parts["global_planner"] = self._planner(GLOBAL_PLANNERS, "base_global_planner")
+        parts["local_planner"] = self._planner(LOCAL_PLANNERS, "base_local_planner")
+        smoother = self._smoother()
+        parts["recoveries"] = self._recoveries(listed, move_base, parts["local_costmap"])
+        parts["navstack"] = navstack
+        parts["safety"] = load_safety(self.root, self.binder, self.findings)
+        parts["localization"] = load_localization(self.root, self.binder, self.findings)
+        self._check_unselected_planners()
+        configuration = None
+        if all(part is not None for part in parts.values()):
+            configuration = Configuration(
+                **parts, smoother=smoother, findings=(), tree=self.root, origins=self.binder.origins
+            )
+            sim = simulated(configuration)
+            configuration = replace(configuration, navstack=configuration.navstack.model_copy(update={"sim": sim}))
+            if self.complete:
+                self.findings += check_rules(configuration)
+        sections = tuple(f"{space.path}/" for space in self.not_in_use)
+        unused = unused_parameters(self.root, self.binder)
+        self.findings += [f for f in unused if f.severity != "info" or not f.key.startswith(sections)]
+        return configuration
+
+    # --- parts --------------------------------------------------------------------------------------------------------
+
+    def _navstack(self) -> NavstackParams | None:
+        space = self.binder.child(self.root, "navstack")
+        nodes = None
+        if self.distro is not None:
+            at = Location("--distro")
+            nodes = {"ros_distro": (at, ScalarNode(self.distro, at, True, self.distro))}
+            leaf = space.leaf("ros_distro")
+            if leaf is not None:
+                leaf.used = True
+        params: Any = self.binder.bind(NavstackParams, space, nodes=nodes)
+        return params
+
+    def _prepare_costmap(self, name: str) -> None:
+        space = self.binder.child(self.root, name)
+        if self.root.children.get(name) is not space:
+            space.at = Location(self.files[0] if self.files else "")
+            self.root.children[name] = space
+        before = len(self.findings)
+        convert_pre_hydro(space, self.findings)
+        if not self.complete:  # the list may be in the source that could not be read
+            del self.findings[before:]
+
+    def _costmap(self, name: str) -> CostmapConfiguration | None:
+        space = self.root.ensure(name, self.root.at)
+        listed = self.plugins.read(space, "plugins", LAYERS)
+        params: Any = self.binder.bind(CostmapParams, space, fixed=fixed_list(space, "plugins", listed))
+        padding = params.footprint_padding if params is not None else 0.0
+        before = len(self.findings)
+        footprint = footprint_of(space, padding, self.findings)
+        # the footprint's own finding replaces the less specific ones of the model
+        reported = {f.key for f in self.findings[before:] if f.rule == "footprint"}
+        self.findings[:] = [f for f in self.findings if f.rule == "footprint" or f.key not in reported]
+        layers = self._layers(space, listed)
+        if listed is None:  # without the list it is unknown what the layers read
+            for leaf in space.leaves():
+                leaf.used = True
+        if params is None or footprint is None or layers is None:
+            return None
+        return CostmapConfiguration(params, footprint.padded, footprint.true, layers)
+
+    def _layers(self, space: Space, listed: list[ListedPlugin] | None) -> tuple[Plugin[Layer], ...] | None:
+        layers: list[Plugin[Layer]] = []
+        good = listed is not None
+        for plugin in listed or ():
+            entry = self.plugins.find(LAYERS, plugin)
+            if entry is None:
+                mark_used(space, plugin.name)
+                good = False
+                continue
+            params = self.binder.bind(entry.cls.Params, self.binder.child(space, plugin.name))
+            if params is None:
+                good = False
+                continue
+            layers.append(Plugin(plugin.name, entry.cls, params, f"{space.path}/{plugin.name}"))
+        return tuple(layers) if good else None
+
+    # --- planners -----------------------------------------------------------------------------------------------------
+
+    def _planner(self, registry: Registry[Any], key: str) -> Plugin[Any] | None:
+        leaf = self.root.leaf(key)
+        written = leaf.value if leaf is not None else MoveBaseParams.model_fields[key].default
+        if not isinstance(written, str):
+            return None  # its type is reported with move_base's other parameters
+        if leaf is None and self.complete:
+            self._report_default(registry, key, written)
+        if leaf is None and written not in registry:
+            known = ", ".join(entry.ros_name for entry in registry)
+            message = (
+                f'{key} is not set, and the default of ROS, "{written}", is not available; set it to one of: {known}'
+            )
+            self.findings.append(finding("error", "unknown-plugin", Location(self._move_base_file()), key, message))
+            return None
+        entry = self.plugins.find(registry, ListedPlugin(key, written, leaf.node.at if leaf else self.root.at, key))
+        if entry is None:
+            mark_used(self.root, short_type(written))
+            return None
+        space = planner_space(self.root, entry, written)
+        if self.root.children.get(space.name) is not space:
+            space = self.binder.child(self.root, space.name)
+        fixed: dict[str, Any] | None = None
+        if "critics" in entry.cls.Params.model_fields:
+            listed = self.plugins.read(space, "critics", CRITICS)
+            known = [self.plugins.find(CRITICS, plugin) is not None for plugin in listed or ()]
+            fixed = fixed_list(space, "critics", listed if all(known) else None)
+        params: Any = self.binder.bind(entry.cls.Params, space, fixed=fixed)
+        return None if params is None else Plugin(entry.name, entry.cls, params, space.path)
+
+    def _smoother(self) -> Plugin[Any] | None:
+        """The smoother of the plans; None if none is selected, or it cannot be used (reported)."""
+        leaf = self.root.leaf("base_smoother")
+        return None if leaf is None or leaf.value is None else self._planner(SMOOTHERS, "base_smoother")
+
+    def _move_base_file(self) -> str:
+        """The file in which a missing parameter of move_base is expected."""
+        return next((f for f in self.files if "move_base" in f), self.files[0] if self.files else "")
+
+    def _report_default(self, registry: Registry[Any], key: str, default: str) -> None:
+        """Report that a planner is not selected; a warning if the parameters of another one are written."""
+        sections = [(entry.ros_name, name) for entry in registry for name in planner_namespaces(entry)]
+        if registry is LOCAL_PLANNERS:
+            sections += [("", name) for name in sorted(FOREIGN_LOCAL_PLANNERS)]
+        others = [(ros, space) for ros, name in sections if (space := self.root.space(name)) and space.children]
+        if any(space.name in planner_namespaces(registry.get(default)) for _, space in others if default in registry):
+            others = []
+        message = f'{key} is not set, so the default of ROS, "{default}", is in use'
+        if not others:
+            self.findings.append(finding("info", "default-planner", Location(self._move_base_file()), key, message))
+            return
+        ros, space = others[0]
+        fix = f"set {key}: {ros}" if ros else f"set {key} to the planner that is meant"
+        message += f", with its own defaults; the parameters of {space.name} have no effect; {fix}"
+        self.findings.append(finding("warning", "default-planner", space.at, space.path, message, ros or None))
+
+    def _check_unselected_planners(self) -> None:
+        """Report each planner that is written but not selected, with its wrong values as warnings."""
+        kinds = ((GLOBAL_PLANNERS, "base_global_planner"), (LOCAL_PLANNERS, "base_local_planner"))
+        for registry, key in (*kinds, (SMOOTHERS, "base_smoother")):
+            for registered, aliases in registry.names():
+                for name in own_namespaces(registered, aliases):
+                    space = self.root.space(name)
+                    if space is None or space.used:
+                        continue
+                    entry = registry.get(registered)
+                    if name in shared_namespaces(entry):
+                        continue
+                    before = len(self.findings)
+                    self.binder.bind(entry.cls.Params, space, strictness="warning")
+                    # notes on how a value is used would be wrong
+                    self.findings[before:] = [f for f in self.findings[before:] if f.severity != "info"]
+                    self.not_in_use.append(space)
+                    selected = self.root.leaf(key)
+                    if space.children and selected is not None:
+                        message = f"{name} has no effect: {key} selects {show(selected.value)}"
+                        self.findings.append(finding("info", "not-in-use", space.at, space.path, message))
+                    elif space.children and registry is SMOOTHERS:
+                        message = f"{name} has no effect: no smoother is selected; write {key}: {entry.name}"
+                        self.findings.append(finding("warning", "not-in-use", space.at, space.path, message))
+
+    # --- recoveries ---------------------------------------------------------------------------------------------------
+
+    def _recoveries(
+        self,
+        listed: list[ListedPlugin] | None,
+        move_base: MoveBaseParams | None,
+        local_costmap: CostmapConfiguration | None,
+    ) -> tuple[Plugin[RecoveryBehavior], ...] | None:
+        wanted: list[tuple[ListedPlugin, Mapping[str, Any]]] = []
+        if "recovery_behaviors" in self.root.children:
+            if listed is None:
+                return None
+            wanted = [(plugin, {}) for plugin in listed]
+        else:
+            if move_base is None or local_costmap is None:
+                return None
+            at = Location(self._move_base_file())
+            for spec, imposed in builtin_recoveries(move_base, local_costmap.footprint.circumscribed_radius):
+                wanted.append((ListedPlugin(spec.name, spec.type, at, spec.name), imposed))
+        made = [self._recovery(plugin, imposed) for plugin, imposed in wanted]
+        recoveries = tuple(recovery for recovery in made if recovery is not None)
+        return recoveries if len(recoveries) == len(made) else None
+
+    def _recovery(self, plugin: ListedPlugin, imposed: Mapping[str, Any]) -> Plugin[RecoveryBehavior] | None:
+        entry = self.plugins.find(RECOVERY_BEHAVIORS, plugin)
+        if entry is None:
+            mark_used(self.root, plugin.name)
+            return None
+        space = self.binder.child(self.root, plugin.name)
+        self._report_imposed(space, imposed)
+        params = self.binder.bind(entry.cls.Params, space, fixed=imposed)
+        return None if params is None else Plugin(plugin.name, entry.cls, params, plugin.name)
+
+    def _report_imposed(self, space: Space, imposed: Mapping[str, Any]) -> None:
+        for name, value in imposed.items():
+            leaf = space.leaf(name)
+            if leaf is None or leaf.used:
+                continue
+            leaf.used = True
+            message = (
+                f"{name} of {space.name} is ignored: without recovery_behaviors, move_base sets it to {value:g}; list the "
+                "recovery behaviors under recovery_behaviors to set it"
+            )
+            self.findings.append(finding("warning", "no-effect", leaf.at, leaf.path, message, "recovery_behaviors"))
 
 
 def load_configuration(
@@ -48,7 +513,7 @@ def check_parameters(
     return Loader(sources, overrides, distro, allow_missing).load()[1]
 
 
-def choose_global_planner(configuration: Configuration, name: str) -> PluginChoice[GlobalPlanner]:
+def choose_global_planner(configuration: Configuration, name: str) -> Plugin[GlobalPlanner]:
     """Return another global planner than the selected one, with the parameters of its namespace.
 
     Raise UnknownPluginError for a name that is not registered, ParameterError for parameters that cannot be used.
@@ -61,7 +526,7 @@ def choose_global_planner(configuration: Configuration, name: str) -> PluginChoi
     errors = [f for f in in_order(findings) if f.severity == "error"]
     if params is None or errors:
         raise _error(errors, in_order(findings))
-    return PluginChoice(entry.name, entry.cls, params, space.path)
+    return Plugin(entry.name, entry.cls, params, space.path)
 
 
 def _error(errors: Sequence[Finding], findings: Sequence[Finding]) -> ParameterError:
@@ -70,14 +535,3 @@ def _error(errors: Sequence[Finding], findings: Sequence[Finding]) -> ParameterE
     unknown = [f for f in errors if f.rule == "unknown-plugin"]
     cls = UnknownPluginError if unknown and len(unknown) == len(errors) else ParameterError
     return cls(f"the parameters cannot be used{count}:\n{lines}", findings=[f.as_dict() for f in findings])
-
-
-__all__ = [
-    "Configuration",
-    "CostmapConfiguration",
-    "NavstackParams",
-    "PluginChoice",
-    "check_parameters",
-    "choose_global_planner",
-    "load_configuration",
-]

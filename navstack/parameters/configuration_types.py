@@ -7,17 +7,24 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from navstack.core import Footprint
-from navstack.core.parameters import ParamModel, param
-from navstack.interfaces import GlobalPlanner, Layer, LocalPlanner, RecoveryBehavior, Smoother
 from navstack.parameters.findings import Finding, Location
-from navstack.parameters.localization_sections import LocalizationConfiguration
-from navstack.parameters.models.costmap import CostmapParams
 from navstack.parameters.models.motion import MotionParams
-from navstack.parameters.models.move_base import MoveBaseParams
+from navstack.parameters.models.move_base import CostmapParams, MoveBaseParams
 from navstack.parameters.models.sim import SimParams
-from navstack.parameters.safety_sections import SafetyConfiguration
-from navstack.parameters.tree import Space
-from navstack.plugins import PluginChoice
+from navstack.parameters.nodes import LocalizationConfiguration, SafetyConfiguration
+from navstack.parameters.tree import COSTMAPS, Space
+from navstack.plugins import (
+    CostmapSetup,
+    GlobalPlanner,
+    Layer,
+    LayerSetup,
+    LocalPlanner,
+    ParamModel,
+    Plugin,
+    RecoveryBehavior,
+    Smoother,
+    param,
+)
 
 
 class NavstackParams(ParamModel):
@@ -61,8 +68,24 @@ class CostmapConfiguration:
     """With the padding."""
     true_footprint: Footprint
     """Without the padding: used for collisions."""
-    layers: tuple[PluginChoice[Layer], ...]
+    layers: tuple[Plugin[Layer], ...]
     """In the order in which they write."""
+
+    def setup(self, name: str) -> CostmapSetup:
+        """Return what rules know of this costmap."""
+        p = self.params
+        return CostmapSetup(
+            name=name,
+            robot_base_frame=p.robot_base_frame,
+            rolling_window=p.rolling_window,
+            track_unknown_space=p.track_unknown_space,
+            width=p.width,
+            height=p.height,
+            resolution=p.resolution,
+            update_frequency=p.update_frequency,
+            footprint=self.footprint,
+            layers=tuple(LayerSetup(layer.name, layer.cls.traits(layer.params)) for layer in self.layers),
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,9 +95,9 @@ class Configuration:
     move_base: MoveBaseParams
     global_costmap: CostmapConfiguration
     local_costmap: CostmapConfiguration
-    global_planner: PluginChoice[GlobalPlanner]
-    local_planner: PluginChoice[LocalPlanner]
-    recoveries: tuple[PluginChoice[RecoveryBehavior], ...]
+    global_planner: Plugin[GlobalPlanner]
+    local_planner: Plugin[LocalPlanner]
+    recoveries: tuple[Plugin[RecoveryBehavior], ...]
     navstack: NavstackParams
     findings: tuple[Finding, ...]
     """Warnings and infos, sorted by file and line."""
@@ -82,7 +105,7 @@ class Configuration:
     """All parameters as loaded."""
     origins: Mapping[str, Location] = field(repr=False, compare=False)
     """Full name of a parameter (`DWAPlannerROS/max_vel_x`) -> location of its value; defaults are absent."""
-    smoother: PluginChoice[Smoother] | None = None
+    smoother: Plugin[Smoother] | None = None
     """Smoother of the plans; None without one."""
     safety: SafetyConfiguration = SafetyConfiguration()
     """Multiplexer, velocity smoother and collision monitor."""
@@ -90,6 +113,21 @@ class Configuration:
     """amcl and the odometry filter."""
 
     @property
+    def planner_names(self) -> tuple[str, ...]:
+        """Registered names of both planners and of the smoother; the kernels that they use are compiled ahead."""
+        chosen = (self.global_planner, self.local_planner, *((self.smoother,) if self.smoother else ()))
+        return tuple(choice.name for choice in chosen)
+
+    @property
     def turning_radius(self) -> float:
         """Radius (m) of the tightest circle of base and local planner; 0 if the robot turns in place."""
         return max(self.navstack.sim.turning_radius, float(getattr(self.local_planner.params, "turning_radius", 0.0)))
+
+    @property
+    def costmaps(self) -> tuple[CostmapSetup, CostmapSetup]:
+        """What rules know of the global and of the local costmap."""
+        return self.global_costmap.setup(COSTMAPS[0]), self.local_costmap.setup(COSTMAPS[1])
+
+    def __repr__(self) -> str:
+        planners = f"{self.global_planner.name} and {self.local_planner.name}"
+        return f"Configuration({planners}, {len(self.recoveries)} recoveries, {len(self.findings)} findings)"

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-from navstack.core.parameter_checks import Severity
+from navstack.plugins import Severity
 
 MAX_TEXT = 1200
 _ORDER = {"error": 0, "warning": 1, "info": 2}

@@ -1,7 +1,7 @@
 """Correct renamed and misspelt keys in the user's own YAML files; layout and comments stay as they are.
 
 Only keys are replaced, and only where one name is meant: a finding states it (`Finding.replacement`), and the mapping does not
-have that name already. A correction that leads to an error is left out. Needs ruamel.yaml (extra `tune`).
+have that name already. A correction that leads to an error is left out.
 """
 
 from __future__ import annotations
@@ -12,8 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from navstack.core.files import atomic_write, is_file, resolved
-from navstack.core.optional_dependencies import require
+from navstack.core import atomic_write, is_file, resolved
 from navstack.parameters.configuration import check_parameters
 from navstack.parameters.findings import Finding
 from navstack.parameters.sources import packaged_sets, split_namespace
@@ -89,11 +88,7 @@ def fix_keys(
     distro: str | None = None,
     allow_missing: bool = False,
 ) -> KeyFixes:
-    """Return the corrections of the keys in the files of `sources`; nothing is written before `save`.
-
-    Raises InputError if ruamel.yaml is missing.
-    """
-    require("ruamel.yaml", "correcting keys")
+    """Return the corrections of the keys in the files of `sources`; nothing is written before `save`."""
     fixer = _Fixer(sources)
 
     def check() -> list[Finding]:

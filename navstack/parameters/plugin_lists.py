@@ -6,15 +6,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple, TypeVar
 
-from navstack.core.errors import UnknownPluginError
-from navstack.core.parameters import PluginSpec
+from navstack.core import UnknownPluginError
 from navstack.parameters.binding import Binder
 from navstack.parameters.findings import Finding, Location, Severity, finding
 from navstack.parameters.foreign import FOREIGN_PLANNERS
 from navstack.parameters.spelling import nearest
 from navstack.parameters.tree import Leaf, Space
-from navstack.parameters.yaml_nodes import DictNode, ListNode, Node, ScalarNode
-from navstack.plugins import RECOVERY_BEHAVIORS, REGISTRIES, PluginEntry, Registry, normalize
+from navstack.parameters.yaml_reader import DictNode, ListNode, Node, ScalarNode
+from navstack.plugins import RECOVERY_BEHAVIORS, REGISTRIES, Plugin, PluginSpec, Registry, normalize
 
 T = TypeVar("T")
 
@@ -68,7 +67,7 @@ class PluginLists:
 
     # --- look-up ------------------------------------------------------------------------------------------------------
 
-    def find(self, registry: Registry[T], plugin: ListedPlugin) -> PluginEntry[T] | None:
+    def find(self, registry: Registry[T], plugin: ListedPlugin) -> Plugin[T] | None:
         """Return the registered plugin, or None with a finding."""
         try:
             return registry.get(plugin.type)
@@ -220,3 +219,43 @@ def _shown(node: Node) -> str:
     if isinstance(node, ScalarNode):
         return f'"{node.text}"' if isinstance(node.value, str) else node.text or "nothing"
     return "a list" if isinstance(node, ListNode) else "a mapping"
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Namespaces in which the parameters of planners and layers are usually written.
+
+
+def planner_namespaces(entry: Plugin[Any], written: str = "") -> list[str]:
+    """Return the possible namespaces of a planner: of its type as written, of its ROS names, its registered names."""
+    names = [short_type(written)] if "/" in normalize(written) else []
+    return list(dict.fromkeys([*names, *own_namespaces(entry.name, entry.aliases), *shared_namespaces(entry)]))
+
+
+def own_namespaces(name: str, aliases: tuple[str, ...]) -> list[str]:
+    """Return the namespaces that only the planner of these names uses: of its ROS names, its registered names."""
+    ros = [short_type(alias) for alias in aliases if "/" in alias]
+    return list(dict.fromkeys([*ros, name, *(alias for alias in aliases if "/" not in alias)]))
+
+
+def shared_namespaces(entry: Plugin[Any]) -> tuple[str, ...]:
+    """Return the names of Nav2's files (`FollowPath`), which do not say which planner is meant."""
+    return tuple(getattr(entry.cls, "NAMESPACES", ()))
+
+
+def planner_space(root: Space, entry: Plugin[Any], written: str) -> Space:
+    """Return the first of the planner's namespaces that is written, an empty one otherwise."""
+    names = planner_namespaces(entry, written)
+    for name in names:
+        space = root.space(name)
+        if space is not None:
+            return space
+    return Space(root.join(names[0]), root.at, root)
+
+
+def layer_names(registered: str) -> list[str]:
+    """Return the instance names that layers of a type usually have, the plain one first."""
+    base = registered.removesuffix("_layer")
+    names = [f"{base}_layer", base, f"{base}r_layer"]
+    if base == "voxel":
+        names = ["obstacle_layer", "voxel_layer", *names]
+    return list(dict.fromkeys(names))

@@ -1,138 +1,63 @@
-"""Run the checks across parameters: those of each plugin in use (`ParamModel.check`) and those of the whole robot."""
+"""Run the checks across parameters: those of each plugin in use (`ParamModel.check`) and those of the whole robot.
+
+A rule of the whole robot is a function of the configuration with the decorator `rule`; those about both costmaps stand here,
+others in `simulated_robot`, `rules_steering` and `rules_safety`; `rules_plugins` describes those of the plugins. `rules_page`
+writes docs/reference/rules.md.
+"""
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from typing import Any, Final
 
-from navstack.core.parameter_checks import CheckContext, CostmapSetup, Issue, LayerSetup, SensorSource
-from navstack.core.parameters import ParamModel
-from navstack.parameters.configuration_types import Configuration, CostmapConfiguration
+from navstack.parameters import rules_plugins, rules_safety, rules_steering, simulated_robot
+from navstack.parameters.configuration_types import Configuration
 from navstack.parameters.findings import Finding, Location, finding
-from navstack.parameters.models.sim import SimParams
-from navstack.parameters.planner_limits import PlannerLimits
-from navstack.parameters.safety_rules import SafetyContext, check_safety
-from navstack.parameters.simulated_robot import (
-    assumed_lidar,
-    follow_planner,
-    follow_sources,
-    nothing_feeds,
-    sideways_command,
-    sources_of,
-)
-from navstack.parameters.steering_rules import steering_rules
 from navstack.parameters.tree import COSTMAPS, Leaf, Space
-from navstack.plugins import PluginChoice
+from navstack.plugins import RULES, CheckContext, CostmapSetup, Issue, ParamModel, Plugin, Problem, rule
+
+RULE_MODULES: Final = (rules_plugins, rules_safety, rules_steering, simulated_robot)
+"""Modules whose rules are registered by importing them."""
+
+# --- running the rules ------------------------------------------------------------------------------------------------
 
 
 def check_rules(configuration: Configuration) -> list[Finding]:
     """Return the findings of every rule about a loaded configuration."""
-    context = _context(configuration)
+    global_costmap, local_costmap = configuration.costmaps
     found: list[Finding] = []
-    for plugin, costmap in _plugins(configuration, context):
+    for plugin, costmap in _plugins(configuration, global_costmap, local_costmap):
         own = CheckContext(
             plugin.name,
-            context.ros_distro,
-            context.controller_frequency,
-            context.global_costmap,
-            context.local_costmap,
+            configuration.navstack.ros_distro,
+            configuration.move_base.controller_frequency,
+            global_costmap,
+            local_costmap,
             costmap,
         )
         found += _findings(
             configuration.tree, plugin.namespace, plugin.params, lambda p=plugin, c=own: p.params.check(c)
         )
-    for costmap in context.costmaps:
-        found += footprint_beside_center(configuration.tree, costmap)
-    for rule in ROBOT_RULES:
-        found += _findings(configuration.tree, "", None, lambda rule=rule: rule(context))
-    sim = configuration.navstack.sim
-    blind = list(_findings(configuration.tree, "", None, lambda: simulated_robot_blind(context, sim)))
-    found += blind
-    planner = configuration.local_planner
-    frames = frozenset(
-        {c.params.global_frame for c in (configuration.global_costmap, configuration.local_costmap)}
-        | {context.local_costmap.robot_base_frame, "map", "odom"}
-    )
-    sources = sources_of(context.costmaps)
-    found += _findings(configuration.tree, "", None, lambda: assumed_lidar(sim, sources))
-    found += _findings(configuration.tree, "", None, lambda: sideways_command(sim, planner.namespace, planner.params))
-    found += _findings(configuration.tree, "", None, lambda: steering_rules(configuration))
-    if not blind:
-        found += _findings(configuration.tree, "", None, lambda: nothing_feeds(sim, sources, frames))
-    if configuration.safety.in_use:
-        safety = _safety_context(configuration, frames)
-        found += _findings(configuration.tree, "", None, lambda: check_safety(safety))
+    for one in list(RULES.values()):
+        found += _findings(configuration.tree, "", None, lambda one=one: one.issues(configuration))
     return found
 
 
-# --- the robot --------------------------------------------------------------------------------------------------------
-
-
-def simulated(configuration: Configuration) -> SimParams:
-    """Return the simulated robot that follows the observation sources and the local planner of a configuration."""
-    context = _context(configuration)
-    sources = list(sources_of(context.costmaps).values())
-    sim = follow_sources(configuration.navstack.sim, sources, context.local_costmap.robot_base_frame)
-    return follow_planner(sim, configuration.local_planner.params)
-
-
-def _context(configuration: Configuration) -> CheckContext:
-    global_costmap = _setup(COSTMAPS[0], configuration.global_costmap)
-    local_costmap = _setup(COSTMAPS[1], configuration.local_costmap)
-    return CheckContext(
-        name="",
-        ros_distro=configuration.navstack.ros_distro,
-        controller_frequency=configuration.move_base.controller_frequency,
-        global_costmap=global_costmap,
-        local_costmap=local_costmap,
-        costmap=local_costmap,
-    )
-
-
-def _safety_context(configuration: Configuration, frames: frozenset[str]) -> SafetyContext:
-    planner, sim = configuration.local_planner, configuration.navstack.sim
-    primary = getattr(planner.params, "primary", None)
-    limits = PlannerLimits(planner.namespace, planner.params)
-    if primary is not None:  # of a rotation shim
-        limits = PlannerLimits(f"{planner.namespace}/primary_controller", primary[1])
-    sensors = {sensor.frame for sensor in sim.sensors.values()} | {sim.lidar(name).frame for name in sim.lasers}
-    return SafetyContext(
-        configuration.safety,
-        sim,
-        limits,
-        configuration.local_costmap.true_footprint,
-        configuration.move_base.controller_frequency,
-        frames | sensors,
-    )
-
-
-def _setup(name: str, costmap: CostmapConfiguration) -> CostmapSetup:
-    p = costmap.params
-    return CostmapSetup(
-        name=name,
-        robot_base_frame=p.robot_base_frame,
-        rolling_window=p.rolling_window,
-        track_unknown_space=p.track_unknown_space,
-        width=p.width,
-        height=p.height,
-        resolution=p.resolution,
-        update_frequency=p.update_frequency,
-        footprint=costmap.footprint,
-        layers=tuple(LayerSetup(layer.name, layer.cls.traits(layer.params)) for layer in costmap.layers),
-    )
-
-
-def _plugins(configuration: Configuration, context: CheckContext) -> Iterator[tuple[PluginChoice[Any], CostmapSetup]]:
+def _plugins(
+    configuration: Configuration, global_costmap: CostmapSetup, local_costmap: CostmapSetup
+) -> Iterator[tuple[Plugin[Any], CostmapSetup]]:
     """Every plugin in use and the costmap that its checks look at first."""
-    yield configuration.local_planner, context.local_costmap
-    yield configuration.global_planner, context.local_costmap
+    yield configuration.local_planner, local_costmap
+    yield configuration.global_planner, local_costmap
     if configuration.smoother is not None:
-        yield configuration.smoother, context.local_costmap
-    for costmap, setup in zip((configuration.global_costmap, configuration.local_costmap), context.costmaps):
-        for layer in costmap.layers:
-            yield layer, setup
+        yield configuration.smoother, local_costmap
+    for layer in configuration.global_costmap.layers:
+        yield layer, global_costmap
+    for layer in configuration.local_costmap.layers:
+        yield layer, local_costmap
     for recovery in configuration.recoveries:
-        yield recovery, context.local_costmap
+        yield recovery, local_costmap
 
 
 # --- issues -> findings -----------------------------------------------------------------------------------------------
@@ -215,102 +140,123 @@ def _place(root: Space, path: str, model: type[ParamModel] | None, name: str) ->
     return at.at, key
 
 
-# --- rules of the whole robot -----------------------------------------------------------------------------------------
+# --- rules of both costmaps -------------------------------------------------------------------------------------------
 
 
-def local_costmap_moves(context: CheckContext) -> Iterator[Issue]:
-    """A local costmap that does not follow the robot is useless once the robot has left it."""
-    costmap = context.local_costmap
+@rule("fixed-window", "warning")
+def local_costmap_moves(configuration: Configuration) -> Iterator[Problem]:
+    """A local costmap that is neither a rolling window nor has a static map stays at the origin of its frame. Once
+    the robot has left it, there is no valid command.
+
+    Fix: `rolling_window: true`.
+    """
+    costmap = configuration.costmaps[1]
     if not costmap.rolling_window and not any(layer.traits.has_static_map for layer in costmap.layers):
         message = (
             "the local costmap does not follow the robot (rolling_window = false) and has no static map, so the robot drives "
             "out of it; set rolling_window: true"
         )
-        yield Issue("warning", "fixed-window", ("/local_costmap/rolling_window",), message, "true")
+        yield Problem(("/local_costmap/rolling_window",), message, "true")
 
 
-def local_costmap_sees(context: CheckContext) -> Iterator[Issue]:
-    """Without sensor data in the local costmap nothing is avoided."""
-    layers = context.local_costmap.layers
+@rule("blind", "warning")
+def local_costmap_sees(configuration: Configuration) -> Iterator[Problem]:
+    """No layer of the local costmap receives sensor data (no `observation_sources`, or the layer is disabled), so no
+    obstacle is avoided.
+
+    Fix: add an obstacle layer and list its source.
+    """
+    layers = configuration.costmaps[1].layers
     if layers and not any(layer.traits.fed_by_sensors for layer in layers):
         message = (
             "no layer of the local costmap receives sensor data, so the robot avoids no obstacles; add an obstacle layer with "
             "observation_sources"
         )
-        yield Issue("warning", "blind", ("/local_costmap/plugins",), message)
+        yield Problem(("/local_costmap/plugins",), message)
 
 
-def base_frames_agree(context: CheckContext) -> Iterator[Issue]:
-    """Both costmaps must describe one robot."""
-    one, other = (c.robot_base_frame for c in context.costmaps)
+@rule("footprint-beside-center", "warning")
+def footprint_contains_center(configuration: Configuration) -> Iterator[Problem]:
+    """The footprint does not contain (0, 0), the robot's centre of rotation: its inscribed radius is the distance to
+    an edge outside of it, and costs are meaningless. A typical cause is measuring the corners from a corner of the
+    robot.
+
+    Fix: subtract the centre.
+    """
+    for name, costmap in zip(COSTMAPS, (configuration.global_costmap, configuration.local_costmap)):
+        if not costmap.footprint.contains_center:
+            message = (
+                "the footprint does not contain the robot's centre (0, 0), so its inscribed radius and all inflated costs are "
+                "wrong; give the corners in the robot's base frame"
+            )
+            yield Problem((f"/{name}/footprint", "/footprint"), message)
+
+
+@rule("base-frames-differ", "warning")
+def base_frames_agree(configuration: Configuration) -> Iterator[Problem]:
+    """The two costmaps use different frames of the robot: plans and obstacles are offset by the difference.
+
+    Fix: use one robot_base_frame.
+    """
+    one = configuration.global_costmap.params.robot_base_frame
+    other = configuration.local_costmap.params.robot_base_frame
     if one != other:
         message = (
             f"robot_base_frame differs between the costmaps: {one} (global), {other} (local); use one frame in both"
         )
-        yield Issue("warning", "base-frames-differ", ("/local_costmap/robot_base_frame",), message)
+        yield Problem(("/local_costmap/robot_base_frame",), message)
 
 
-ROBOT_RULES: tuple[Callable[[CheckContext], Iterator[Issue]], ...] = (
-    local_costmap_moves,
-    local_costmap_sees,
-    base_frames_agree,
-)
+# --- the page ---------------------------------------------------------------------------------------------------------
+
+_INTRO: Final = """# Rules across parameters
+
+Parameters can be valid one by one and still fail together on a robot. `navstack check` looks for the combinations below and
+reports the robot's own numbers; the name of the rule follows each finding in brackets. Threads in which users met the problem
+are listed. This page is written by `tools/rules_page.py` from the rules themselves; see [Your own rules](#your-own-rules).
+"""
+_OWN: Final = '''## Your own rules
+
+A rule is a method of the parameter model that it concerns, with the decorator `rule`; its docstring is its documentation:
+
+```python
+from collections.abc import Iterator
+
+from navstack.plugins import CheckContext, ParamModel, Problem, param, rule
 
 
-def footprint_beside_center(root: Space, costmap: CostmapSetup) -> Iterator[Finding]:
-    """The inscribed radius of a footprint beside the robot's centre is meaningless."""
-    if costmap.footprint.contains_center:
-        return
-    message = (
-        "the footprint does not contain the robot's centre (0, 0), so its inscribed radius and all inflated costs are wrong; "
-        "give the corners in the robot's base frame"
-    )
-    space = root.space(costmap.name)
-    leaf = space.search("footprint") if space else None
-    at, key = (leaf.at, leaf.path) if leaf else (Location(""), f"{costmap.name}/footprint")
-    yield finding("warning", "footprint-beside-center", at, key, message)
+class MyLayerParams(ParamModel):
+    """`<costmap>/my_layer:`."""
+
+    radius: float = param(0.5, "distance up to which costs are added", unit="m", ge=0.0)
+
+    @rule("my-layer-radius", "warning")
+    def check_radius(self, context: CheckContext) -> Iterator[Problem]:
+        """The radius does not cover the robot, so its corners touch obstacles."""
+        needed = context.costmap.footprint.circumscribed_radius
+        if self.radius < needed:
+            message = (
+                f"radius = {self.radius:g} m is less than the circumscribed radius; set it to {needed:.2f} m or more"
+            )
+            yield Problem(("radius",), message, f"{needed:.2f}")
+```
+
+`CheckContext` describes both costmaps with their layers and footprints. A layer states in `Layer.traits` what other checks need
+to know about it: whether it is fed by sensors, has a static map, inflates or tracks unknown space.
+'''
 
 
-def simulated_robot_blind(context: CheckContext, sim: SimParams) -> Iterator[Issue]:
-    """A simulated lidar that no observation source accepts leaves the simulated robot blind."""
-    sources = {
-        f"{costmap.name}/{layer.name}/{name}": source
-        for costmap in context.costmaps
-        for layer in costmap.layers
-        for name, source in layer.traits.sources.items()
-    }
-    if not sim.lidars or not sources:
-        return
-    name, first = next(iter(sim.lidars.items()))
-    parameters = (f"/{next(iter(sources))}/topic",)
-    problem = ""
-    for lidar in sim.lidars.values():
-        for path, source in sources.items():
-            if source.topic.strip("/") != lidar.topic.strip("/"):
-                continue
-            mismatch = _mismatch(source, lidar.height)
-            if mismatch is None:
-                return
-            problem, names = mismatch
-            problem = f"{path} rejects the scans of the simulated lidar on {first.topic}: {problem}; correct it or set "
-            problem += f"navstack/sim/{name}"
-            parameters = tuple(f"/{path}/{n}" for n in names)
-    if not problem:
-        topics = ", ".join(sorted({source.topic.strip("/") for source in sources.values()}))
-        problem = (
-            f"its lidar publishes on {first.topic}, but the costmaps listen to {topics}; set navstack/sim/{name}/topic"
-        )
-    yield Issue("warning", "simulated-robot-blind", parameters, f"the simulated robot is blind: {problem}")
-
-
-def _mismatch(source: SensorSource, height: float) -> tuple[str, tuple[str, str]] | None:
-    """Why a source does not take a laser scan at a height (m), and the parameters that decide it; None if it does."""
-    if source.data_type != "LaserScan":
-        return f"its data_type is {source.data_type}, not LaserScan", ("data_type", "topic")
-    if not source.min_height <= height <= source.max_height:
-        heights = f"from {source.min_height:g} to {source.max_height:g} m"
-        return f"it accepts heights {heights}, and the lidar is at {height:g} m", (
-            "min_obstacle_height",
-            "max_obstacle_height",
-        )
-    return None
+def rules_page() -> str:
+    """Return docs/reference/rules.md: a section for each rule of navstack, in alphabetical order."""
+    parts = [_INTRO]
+    for name, one in sorted(RULES.items()):
+        if not one.module.startswith("navstack."):
+            continue
+        paragraphs = [" ".join(p.split("\n")) for p in one.text.split("\n\n")]
+        lines = [
+            line
+            for p in paragraphs
+            for line in (*textwrap.wrap(p, 118, break_long_words=False, break_on_hyphens=False), "")
+        ]
+        parts.append("\n".join([f"## {name}", "", f"*{one.severity.capitalize()}.*", "", *lines]))
+    return "\n".join([*parts, _OWN])

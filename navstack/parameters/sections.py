@@ -8,10 +8,8 @@ from typing import Any, TypeVar
 
 from pydantic import field_validator
 
-from navstack.core.errors import UnknownPluginError
-from navstack.core.parameters import ParamModel, param
-from navstack.interfaces import PluginSection
-from navstack.plugins import Registry
+from navstack.core import UnknownPluginError
+from navstack.plugins import ParamModel, PluginSection, Registry, param
 
 T = TypeVar("T")
 

@@ -1,4 +1,4 @@
-"""The simulated robot follows the YAML: its lidars the observation sources, its base the sideways velocities.
+"""The simulated robot follows the YAML: its lidars the observation sources, its base the sideways velocities; and its rules.
 
 What `navstack: sim:` sets is kept.
 """
@@ -8,20 +8,21 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from navstack.core.parameter_checks import CostmapSetup, Issue, SensorSource
+from navstack.parameters.configuration_types import Configuration
 from navstack.parameters.models.sim import BumperParams, LidarParams, SimParams
+from navstack.plugins import CostmapSetup, Problem, SensorSource, rule
 
 FIRST = "laser"
 """Name of the simulated lidar of a robot without `navstack/sim/lasers`."""
 
 
-def sources_of(costmaps: Sequence[CostmapSetup]) -> dict[str, SensorSource]:
-    """Return the observation sources of the enabled layers: path below move_base -> source."""
+def sources_of(costmaps: Sequence[CostmapSetup], *, enabled_only: bool = True) -> dict[str, SensorSource]:
+    """Return the observation sources of the (enabled) layers: path below move_base -> source."""
     return {
         f"{costmap.name}/{layer.name}/{name}": source
         for costmap in costmaps
         for layer in costmap.layers
-        if layer.traits.enabled
+        if layer.traits.enabled or not enabled_only
         for name, source in layer.traits.sources.items()
     }
 
@@ -60,57 +61,6 @@ def _lidar(lidar: LidarParams, topic: str, source: SensorSource, number: int, ba
     return lidar.model_copy(update={k: v for k, v in values.items() if k not in lidar.model_fields_set})
 
 
-def assumed_lidar(sim: SimParams, sources: dict[str, SensorSource]) -> Iterator[Issue]:
-    """Say which lidar is simulated if the user does not: move_base's YAML does not describe it."""
-    for name in sim.lasers:
-        lidar = sim.lidar(name)
-        path = next((p for p, s in sources.items() if s.topic.strip("/") == lidar.topic.strip("/")), None)
-        if path is None or "fov" in lidar.model_fields_set:
-            continue
-        message = (
-            f"the lidar on {lidar.topic} is simulated with a field of view of {lidar.fov:g} rad, ranges from {lidar.range_min:g} "
-            f"to {lidar.range_max:g} m, {lidar.x:g} m ahead of the centre, {lidar.height:g} m high; set fov, range_max "
-            f"and x of the real one: `navstack: {{sim: {{{name}: {{fov: .., range_max: ..}}}}}}`"
-        )
-        yield Issue("info", "assumed-lidar", (f"/{path}/topic", f"/{path}/data_type"), message)
-
-
-def nothing_feeds(sim: SimParams, sources: dict[str, SensorSource], frames: frozenset[str]) -> Iterator[Issue]:
-    """Sources without a simulated sensor, of an unknown frame, or that only clear: the robot does not see their obstacles."""
-    scans = {sim.lidar(name).topic.strip("/") for name in sim.lasers}
-    clouds = {sim.bumper(name).topic.strip("/") for name in sim.bumpers}
-    known = frames | {p.frame for p in sim.sensors.values()} | {sim.lidar(n).frame for n in sim.lasers}
-    known |= {BumperParams().frame, *(sim.bumper(n).frame for n in sim.bumpers)}
-    reported: set[str] = set()
-    for path, source in sources.items():
-        topic = source.topic.strip("/")
-        costmap = path.partition("/")[0]
-        fed = topic in (scans if source.data_type == "LaserScan" else clouds)
-        if not fed and topic not in reported:
-            reported.add(topic)
-            fix = "a depth camera is not simulated, so set data_type: LaserScan to simulate it as a lidar"
-            if source.data_type == "LaserScan":
-                name = topic.replace("/", "_")
-                lasers = ", ".join([*sim.lasers, name])
-                fix = f"write `navstack: {{sim: {{lasers: [{lasers}], {name}: {{topic: {topic}}}}}}}`"
-            message = f"nothing feeds {path}: no simulated sensor publishes {source.data_type} on {topic}; {fix}"
-            yield Issue("warning", "nothing-feeds", (f"/{path}/topic", f"/{path}/data_type"), message)
-        elif fed and source.sensor_frame and source.sensor_frame not in known:
-            lidar = next((n for n in sim.lasers if sim.lidar(n).topic.strip("/") == topic), FIRST)
-            message = (
-                f"sensor_frame = {source.sensor_frame} of {path} is unknown to tf, so its messages are not used; write "
-                f"`navstack: {{sim: {{{lidar}: {{frame: {source.sensor_frame}}}}}}}`"
-            )
-            yield Issue("warning", "unknown-frame", (f"/{path}/sensor_frame",), message, source.sensor_frame)
-        marked = any(s.marking and s.topic == source.topic for p, s in sources.items() if p.startswith(f"{costmap}/"))
-        if not marked:
-            message = (
-                f"{path} clears but does not mark, and no other source of {costmap} marks {topic}, so the obstacles that it sees "
-                "are ignored; set marking: true"
-            )
-            yield Issue("warning", "clearing-only", (f"/{path}/marking", f"/{path}/topic"), message, "true")
-
-
 # --- sideways velocities ----------------------------------------------------------------------------------------------
 
 
@@ -137,9 +87,181 @@ def follow_planner(sim: SimParams, params: Any) -> SimParams:
     return sim.model_copy(update={"kinematics": "holonomic"})
 
 
-def sideways_command(sim: SimParams, namespace: str, params: Any) -> Iterator[Issue]:
-    """A base that cannot move sideways drops such a command and leaves the trajectory that was checked."""
-    speed, names = sideways_speed(params)
+def simulated(configuration: Configuration) -> SimParams:
+    """Return the simulated robot that follows the observation sources and the local planner of a configuration."""
+    costmaps = configuration.costmaps
+    sources = list(sources_of(costmaps).values())
+    sim = follow_sources(configuration.navstack.sim, sources, costmaps[1].robot_base_frame)
+    return follow_planner(sim, configuration.local_planner.params)
+
+
+def frames_of(configuration: Configuration) -> frozenset[str]:
+    """Return the frames of the map, the odometry and the base."""
+    both = (configuration.global_costmap.params, configuration.local_costmap.params)
+    return frozenset({*(p.global_frame for p in both), both[1].robot_base_frame, "map", "odom"})
+
+
+# --- rules ------------------------------------------------------------------------------------------------------------
+
+
+@rule("simulated-robot-blind", "warning")
+def simulated_robot_blind(configuration: Configuration) -> Iterator[Problem]:
+    """Simulator only: the lidar publishes on a topic (`scan`) or at a height that no observation source accepts. The
+    simulated robot sees nothing and collides with everything that is not on the map.
+
+    Fix: `navstack/sim/<lidar>/topic` or `height`.
+    """
+    sim = configuration.navstack.sim
+    sources = sources_of(configuration.costmaps, enabled_only=False)
+    if not sim.lidars or not sources:
+        return
+    name, first = next(iter(sim.lidars.items()))
+    parameters = (f"/{next(iter(sources))}/topic",)
+    problem = ""
+    for lidar in sim.lidars.values():
+        for path, source in sources.items():
+            if source.topic.strip("/") != lidar.topic.strip("/"):
+                continue
+            mismatch = _mismatch(source, lidar.height)
+            if mismatch is None:
+                return
+            problem, names = mismatch
+            problem = f"{path} rejects the scans of the simulated lidar on {first.topic}: {problem}; correct it or set "
+            problem += f"navstack/sim/{name}"
+            parameters = tuple(f"/{path}/{n}" for n in names)
+    if not problem:
+        topics = ", ".join(sorted({source.topic.strip("/") for source in sources.values()}))
+        problem = (
+            f"its lidar publishes on {first.topic}, but the costmaps listen to {topics}; set navstack/sim/{name}/topic"
+        )
+    yield Problem(parameters, f"the simulated robot is blind: {problem}")
+
+
+def _mismatch(source: SensorSource, height: float) -> tuple[str, tuple[str, str]] | None:
+    """Why a source does not take a laser scan at a height (m), and the parameters that decide it; None if it does."""
+    if source.data_type != "LaserScan":
+        return f"its data_type is {source.data_type}, not LaserScan", ("data_type", "topic")
+    if not source.min_height <= height <= source.max_height:
+        heights = f"from {source.min_height:g} to {source.max_height:g} m"
+        return f"it accepts heights {heights}, and the lidar is at {height:g} m", (
+            "min_obstacle_height",
+            "max_obstacle_height",
+        )
+    return None
+
+
+@rule("assumed-lidar", "info")
+def assumed_lidar(configuration: Configuration) -> Iterator[Problem]:
+    """The YAML of move_base names the topic of a lidar, not its field of view, range or pose. Without `navstack/sim`,
+    a lidar is simulated for each topic of laser scans, with the frame and heights of its source and the values in
+    the message.
+
+    Fix: write those of the real lidar: `navstack: {sim: {laser: {fov: 4.71, range_max: 30.0, x: 0.2}}}`.
+    """
+    sim, sources = configuration.navstack.sim, sources_of(configuration.costmaps)
+    for name in sim.lasers:
+        lidar = sim.lidar(name)
+        path = next((p for p, s in sources.items() if s.topic.strip("/") == lidar.topic.strip("/")), None)
+        if path is None or "fov" in lidar.model_fields_set:
+            continue
+        message = (
+            f"the lidar on {lidar.topic} is simulated with a field of view of {lidar.fov:g} rad, ranges from {lidar.range_min:g} "
+            f"to {lidar.range_max:g} m, {lidar.x:g} m ahead of the centre, {lidar.height:g} m high; set fov, range_max "
+            f"and x of the real one: `navstack: {{sim: {{{name}: {{fov: .., range_max: ..}}}}}}`"
+        )
+        yield Problem((f"/{path}/topic", f"/{path}/data_type"), message)
+
+
+def _seen_sources(configuration: Configuration) -> dict[str, SensorSource]:
+    """The sources of a simulated robot that is not blind: that is reported alone."""
+    if any(simulated_robot_blind(configuration)):
+        return {}
+    return sources_of(configuration.costmaps)
+
+
+def _is_fed(sim: SimParams, source: SensorSource) -> bool:
+    """True if a simulated sensor publishes what a source listens to."""
+    scans = {sim.lidar(name).topic.strip("/") for name in sim.lasers}
+    clouds = {sim.bumper(name).topic.strip("/") for name in sim.bumpers}
+    return source.topic.strip("/") in (scans if source.data_type == "LaserScan" else clouds)
+
+
+@rule("nothing-feeds", "warning")
+def nothing_feeds(configuration: Configuration) -> Iterator[Problem]:
+    """No simulated sensor publishes on the topic of an observation source, so the robot does not see its obstacles.
+
+    Fix: write the line of the message.
+    """
+    sim = configuration.navstack.sim
+    reported: set[str] = set()
+    for path, source in _seen_sources(configuration).items():
+        topic = source.topic.strip("/")
+        if _is_fed(sim, source) or topic in reported:
+            continue
+        reported.add(topic)
+        fix = "a depth camera is not simulated, so set data_type: LaserScan to simulate it as a lidar"
+        if source.data_type == "LaserScan":
+            name = topic.replace("/", "_")
+            lasers = ", ".join([*sim.lasers, name])
+            fix = f"write `navstack: {{sim: {{lasers: [{lasers}], {name}: {{topic: {topic}}}}}}}`"
+        message = f"nothing feeds {path}: no simulated sensor publishes {source.data_type} on {topic}; {fix}"
+        yield Problem((f"/{path}/topic", f"/{path}/data_type"), message)
+
+
+@rule("unknown-frame", "warning")
+def unknown_frame(configuration: Configuration) -> Iterator[Problem]:
+    """The `sensor_frame` of a source is not a frame of the simulated robot, so its messages cannot be transformed.
+
+    Fix: give the simulated sensor this frame.
+    """
+    sim = configuration.navstack.sim
+    known = frames_of(configuration) | {p.frame for p in sim.sensors.values()}
+    known |= (
+        {sim.lidar(n).frame for n in sim.lasers} | {sim.bumper(n).frame for n in sim.bumpers} | {BumperParams().frame}
+    )
+    for path, source in _seen_sources(configuration).items():
+        if not _is_fed(sim, source) or not source.sensor_frame or source.sensor_frame in known:
+            continue
+        topic = source.topic.strip("/")
+        lidar = next((n for n in sim.lasers if sim.lidar(n).topic.strip("/") == topic), FIRST)
+        message = (
+            f"sensor_frame = {source.sensor_frame} of {path} is unknown to tf, so its messages are not used; write "
+            f"`navstack: {{sim: {{{lidar}: {{frame: {source.sensor_frame}}}}}}}`"
+        )
+        yield Problem((f"/{path}/sensor_frame",), message, source.sensor_frame)
+
+
+@rule("clearing-only", "warning")
+def clearing_only(configuration: Configuration) -> Iterator[Problem]:
+    """A source clears but does not mark, and no other source marks its topic: its obstacles are ignored.
+
+    Fix: set `marking: true`.
+    """
+    sources = _seen_sources(configuration)
+    for path, source in sources.items():
+        costmap = path.partition("/")[0]
+        if any(s.marking and s.topic == source.topic for p, s in sources.items() if p.startswith(f"{costmap}/")):
+            continue
+        message = (
+            f"{path} clears but does not mark, and no other source of {costmap} marks {source.topic.strip('/')}, so the "
+            "obstacles that it sees are ignored; set marking: true"
+        )
+        yield Problem((f"/{path}/marking", f"/{path}/topic"), message, "true")
+
+
+@rule("sideways-command", "warning")
+def sideways_command(configuration: Configuration) -> Iterator[Problem]:
+    """The local planner may command a sideways velocity (ROS's DWA default is 0.1 m/s to both sides), which a
+    differential base or a car cannot execute. The robot then leaves the trajectory that was checked. If the YAML
+    sets `max_vel_y`, `min_vel_y` or `holonomic_robot` and `kinematics` of `navstack: sim:` is not set, the
+    simulated base is holonomic.
+
+    Fix: set `max_vel_y: 0` and `min_vel_y: 0` (TrajectoryPlannerROS: `holonomic_robot: false`), or `kinematics:
+    holonomic` in `navstack: sim:`.
+    """
+    sim, planner = configuration.navstack.sim, configuration.local_planner
+    namespace = planner.namespace
+    speed, names = sideways_speed(planner.params)
     if speed == 0.0 or sim.kinematics == "holonomic":
         return
     written = (*(f"/{namespace}/{name}" for name in names), "/base_local_planner")
@@ -148,4 +270,4 @@ def sideways_command(sim: SimParams, namespace: str, params: Any) -> Iterator[Is
         f"{namespace} commands sideways velocities up to {speed:g} m/s, which a base of kinematics {sim.kinematics} cannot "
         f"execute, so the robot leaves the trajectory that was checked; set {fix}, or navstack/sim/kinematics: holonomic"
     )
-    yield Issue("warning", "sideways-command", written, message)
+    yield Problem(written, message)

@@ -1,12 +1,14 @@
-"""The tree of the parameter server: namespaces and values with their locations."""
+"""The tree of the parameter server, namespaces and values with their locations, that sources of parameters are merged into."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
-from navstack.parameters.findings import Finding, Location, finding
-from navstack.parameters.yaml_nodes import DictNode, Node, plain
+from navstack.parameters.findings import Finding, Location, Severity, finding
+from navstack.parameters.yaml_reader import DictNode, Node, plain
 
 MAX_DEPTH = 50
 """Namespaces within each other; the methods of a namespace recurse."""
@@ -170,3 +172,27 @@ def put(space: Space, name: str, at: Location, node: Node, findings: list[Findin
             )
             findings.append(finding("warning", "value-over-namespace", at, found.path, message))
     space.put(name, at, node)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The tree that sources of parameters are merged into.
+
+
+@dataclass(slots=True)
+class Sources:
+    """The merged tree, the findings and the files read."""
+
+    root: Space = field(default_factory=lambda: Space("", Location("")))
+    findings: list[Finding] = field(default_factory=list[Finding])
+    files: list[str] = field(default_factory=list[str])
+    """Files read, as shown in messages, in order."""
+    named: set[Path] = field(default_factory=set[Path])
+    """Absolute paths of the files and folders that the user named."""
+    arguments: dict[str, str] = field(default_factory=dict[str, str])
+    """Arguments for launch files: the sources of the form `name:=value`."""
+
+    def add_finding(
+        self, severity: Severity, rule: str, at: Location, message: str, suggestion: str | None = None
+    ) -> None:
+        """Add a finding about a whole source."""
+        self.findings.append(finding(severity, rule, at, "", message, suggestion))

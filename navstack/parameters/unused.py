@@ -2,17 +2,122 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from typing import Any
 
-from navstack.core.parameters import ParamModel
-from navstack.parameters.binding import Binder
-from navstack.parameters.catalogue import Catalogue
+from navstack.parameters.binding import Binder, is_value, iter_names, show
+from navstack.parameters.builtin_names import BUILTIN_NAMES, PluginNames
+from navstack.parameters.configuration_types import NavstackParams
 from navstack.parameters.findings import Finding, Location, Severity, finding
 from navstack.parameters.foreign import FOREIGN_PARAMETERS, FOREIGN_PLANNERS, NAV2_NODES, REMOVED_PARAMETERS
-from navstack.parameters.model_fields import iter_names
+from navstack.parameters.models.motion import MotionParams
+from navstack.parameters.models.move_base import CostmapParams, MoveBaseParams
+from navstack.parameters.models.sim import SimParams, WheelParams
+from navstack.parameters.nodes import NODE_SECTIONS, node_model
+from navstack.parameters.plugin_lists import layer_names, own_namespaces
 from navstack.parameters.spelling import is_certain, nearest
 from navstack.parameters.tree import COSTMAPS, Leaf, Space
-from navstack.parameters.value_messages import show
+from navstack.plugins import (
+    BUILTIN,
+    GLOBAL_PLANNERS,
+    LAYERS,
+    LOCAL_PLANNERS,
+    RECOVERY_BEHAVIORS,
+    SMOOTHERS,
+    ParamModel,
+    Registry,
+)
+
+# ----------------------------------------------------------------------------------------------------------------------
+# All parameters of all registered plugins by namespace, to find out what an unused key was meant for.
+
+
+ModelSource = Callable[[], type[ParamModel]]
+"""Imports a plugin and returns its parameter model."""
+
+
+@dataclass(slots=True)
+class Catalogue:
+    """Known namespaces and parameters."""
+
+    planners: dict[str, ModelSource] = field(default_factory=dict[str, ModelSource])
+    """Namespace of every registered planner -> what imports its model."""
+    layers: dict[str, list[ModelSource]] = field(default_factory=dict[str, list[ModelSource]])
+    """Usual instance name of a registered layer -> models, for namespaces that no costmap lists."""
+    recovery_names: set[str] = field(default_factory=set[str])
+    """Every name that a recovery behavior accepts."""
+    home: dict[str, list[str]] = field(default_factory=dict[str, list[str]])
+    """Parameter name -> namespaces that read it, as a user writes them."""
+
+    def add(self, namespace: str, model: type[ParamModel]) -> None:
+        """Add the names of a model that is read in `namespace`."""
+        for name in iter_names(model):
+            if name not in model.NO_EFFECT and is_value(model, name):
+                self._add_name(namespace, name)
+
+    def add_plugin(self, namespace: str, names: PluginNames) -> None:
+        """Add the parameters of a plugin that is not imported."""
+        for name in names.values.split():
+            self._add_name(namespace, name)
+
+    def _add_name(self, namespace: str, name: str) -> None:
+        places = self.home.setdefault(name, [])
+        if namespace not in places:
+            places.append(namespace)
+
+
+def catalogue_of(binder: Binder) -> Catalogue:
+    """Return the parameters of all registered plugins and of the namespaces that were read."""
+    catalogue = Catalogue()
+    catalogue.add("move_base", MoveBaseParams)
+    for name in COSTMAPS:
+        catalogue.add(name, CostmapParams)
+    for registry in (GLOBAL_PLANNERS, LOCAL_PLANNERS, SMOOTHERS):
+        for name, aliases in registry.names():
+            names = _names_of(registry, name)
+            namespaces = own_namespaces(name, aliases)
+            for namespace in dict.fromkeys([*namespaces, *names.namespaces.split()]):
+                catalogue.planners[namespace] = partial(_model_of, registry, name)
+            catalogue.add_plugin(namespaces[0], names)
+    for name, _ in LAYERS.names():
+        for usual in layer_names(name):
+            catalogue.layers.setdefault(usual, []).append(partial(_model_of, LAYERS, name))
+        catalogue.add_plugin(layer_names(name)[0], _names_of(LAYERS, name))
+    for name, _ in RECOVERY_BEHAVIORS.names():
+        names = _names_of(RECOVERY_BEHAVIORS, name)
+        catalogue.recovery_names.update(names.values.split(), names.others.split())
+        catalogue.add_plugin(name, names)
+    catalogue.add("navstack", NavstackParams)
+    catalogue.add("navstack/sim", SimParams)
+    catalogue.add("navstack/sim/wheels", WheelParams)
+    catalogue.add("navstack/motion", MotionParams)
+    for name in NODE_SECTIONS:
+        if any(space.path == name for space, _ in binder.bound):
+            catalogue.add(name, node_model(name))
+    for space, model in binder.bound:
+        if space.parent is not None and space.children:
+            catalogue.add(space.name, model)
+    return catalogue
+
+
+def _model_of(registry: Registry[Any], name: str) -> type[ParamModel]:
+    """The parameter model of a plugin, which is imported."""
+    return registry.get(name).cls.Params
+
+
+def _names_of(registry: Registry[Any], name: str) -> PluginNames:
+    """The names that a plugin accepts; only one of a third party is imported for that."""
+    known = BUILTIN_NAMES.get(registry.kind, {}).get(name)
+    if known is not None and name in BUILTIN.get(registry.kind, {}):
+        return known
+    model = _model_of(registry, name)
+    names = list(dict.fromkeys(iter_names(model)))
+    values = [n for n in names if n not in model.NO_EFFECT and is_value(model, n)]
+    others = [n for n in names if n not in values]
+    return PluginNames(" ".join(values), " ".join(others), " ".join(getattr(registry.get(name).cls, "NAMESPACES", ())))
+
 
 MAX_GUESSES = 200
 """Names per loading for which the nearest known one is searched: a search takes time."""
@@ -20,9 +125,9 @@ _FAR = 2
 """Distance between namespaces from which on another place is an unlikely guess."""
 
 
-def unused_parameters(root: Space, binder: Binder, catalogue: Catalogue) -> list[Finding]:
+def unused_parameters(root: Space, binder: Binder) -> list[Finding]:
     """Return the findings about everything in the tree that nothing read."""
-    return _UnusedCheck(root, binder, catalogue).run()
+    return _UnusedCheck(root, binder).run()
 
 
 def _source(leaf: Leaf) -> Location | int:
@@ -33,19 +138,23 @@ def _source(leaf: Leaf) -> Location | int:
 class _UnusedCheck:
     """One pass over the tree after everything was read."""
 
-    def __init__(self, root: Space, binder: Binder, catalogue: Catalogue) -> None:
+    def __init__(self, root: Space, binder: Binder) -> None:
         self.root = root
-        self.catalogue = catalogue
+        self._binder = binder
         self.findings: list[Finding] = []
         self.read = {_source(leaf) for leaf in root.leaves() if leaf.used}
         """Values that were read in one namespace count as used in others (a file loaded into both costmaps)."""
         self.present = set(_present(root))
         """Values in namespaces that are read: those without effect are reported there."""
-        self.recovery_names = {n for m in catalogue.recoveries for n in iter_names(m)}
         self.models: dict[str, list[type[ParamModel]]] = {}
         for space, model in binder.bound:
             self.models.setdefault(space.path, []).append(model)
         self._guesses = MAX_GUESSES
+
+    @cached_property
+    def catalogue(self) -> Catalogue:
+        """The parameters of all registered plugins: importing them takes time, so only if something is unused."""
+        return catalogue_of(self._binder)
 
     def run(self) -> list[Finding]:
         self._visit(self.root)
@@ -240,7 +349,7 @@ class _UnusedCheck:
         if layers is not None and parent.name in COSTMAPS:
             message = f"{name} has no effect because the plugins of {parent.name} do not list it; list it or remove it"
             self._add("warning", "layer-not-listed", space, message)
-            self._misspelt_in(space, layers)
+            self._misspelt_in(space, [model() for model in layers])
             return True
         if any("observation_sources" in m.model_fields for m in self.models.get(parent.path, [])):
             message = f"{name} has no effect because observation_sources of {parent.name} does not list it; list it or remove it"
@@ -251,9 +360,7 @@ class _UnusedCheck:
     def _misspelt_namespace(self, parent: Space, space: Space) -> bool:
         name, where = space.name, parent.name or "move_base"
         below = [path.rpartition("/") for path in self.models if path]
-        known: dict[str, type[ParamModel] | None] = dict.fromkeys(
-            last for above, _, last in below if above == parent.path
-        )
+        known: dict[str, ModelSource | None] = dict.fromkeys(last for above, _, last in below if above == parent.path)
         if not parent.path:
             known |= dict.fromkeys((*COSTMAPS, "navstack", *FOREIGN_PLANNERS))
             known |= self.catalogue.planners
@@ -264,7 +371,8 @@ class _UnusedCheck:
         certain = close if is_certain(name, close, known) else None
         self._add("warning", "unknown-namespace", space, message, close, certain)
         models = self.models.get(parent.join(close), [])
-        model = known.get(close) or (models[0] if models else None)
+        source = known.get(close)
+        model = source() if source is not None else models[0] if models else None
         if model is not None:
             self._misspelt_in(space, [model])
         return True
@@ -272,7 +380,7 @@ class _UnusedCheck:
     def _foreign_namespace(self, parent: Space, space: Space) -> None:
         name = space.name
         leaves = list(space.leaves())
-        if not parent.path and all(leaf.name in self.recovery_names for leaf in leaves):
+        if not parent.path and all(leaf.name in self.catalogue.recovery_names for leaf in leaves):
             message = f"{name} has no effect because recovery_behaviors does not list it; list it or remove it"
             self._add("warning", "recovery-not-listed", space, message)
             return

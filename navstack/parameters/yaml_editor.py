@@ -1,6 +1,6 @@
-"""Editing values in the text of a YAML file: layout, key names and comments stay as they are.
+"""Edit keys and values in the text of a YAML file: layout and comments stay as they are.
 
-ruamel.yaml locates each value; only the characters of the value are replaced.
+PyYAML locates each node; only the characters of the key or value are replaced. `check --fix`, `migrate` and `tune` edit with it.
 """
 
 from __future__ import annotations
@@ -9,15 +9,17 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
-from navstack.core.optional_dependencies import require
-from navstack.parameters.report import value_text
+import yaml
+
+from navstack.parameters.yaml_reader import scalar
 
 _BYTE_ORDER_MARK: Final = "\ufeff"
+_PLAIN: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_./-]*\Z")
 _ANCHORS: Final = re.compile(r"(?:&\S+\s+)+")
 
 
 class Pair(NamedTuple):
-    """A key and its value in a mapping, as nodes of ruamel.yaml."""
+    """A key and its value in a mapping, as nodes of PyYAML."""
 
     mapping: Any
     key: Any
@@ -139,14 +141,11 @@ def _flow_text(tree: Mapping[str, Any]) -> str:
 
 def _compose(text: str) -> Any:
     """The root node; its marks count the characters of `text`. None for text that is not a YAML mapping."""
-    yaml: Any = require("ruamel.yaml", "writing parameters")
-    # a byte order mark is one character, and ruamel.yaml does not count it: a space takes its place
+    # a byte order mark is one character, and PyYAML does not count it: a space takes its place
     padding = " " if text.startswith(_BYTE_ORDER_MARK) else ""
-    reader = yaml.YAML(typ="rt")
-    reader.allow_duplicate_keys = True
     try:
-        root = reader.compose(padding + text.removeprefix(_BYTE_ORDER_MARK))
-    except yaml.error.YAMLError:
+        root: Any = yaml.compose(padding + text.removeprefix(_BYTE_ORDER_MARK), yaml.SafeLoader)
+    except yaml.YAMLError:
         return None
     return root if root is not None and root.id == "mapping" else None
 
@@ -178,3 +177,27 @@ def _content_end(node: Any) -> int:
     if node.id == "sequence" and node.value and not node.flow_style:
         return _content_end(node.value[-1])
     return node.end_mark.index
+
+
+# --- values as text ----------------------------------------------------------------------------------------------------
+
+
+def value_text(value: Any) -> str:
+    """Return a value as one line of YAML."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, (int, float)):
+        return repr(value)
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{text_of(str(k))}: {value_text(v)}" for k, v in value.items()) + "}"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(value_text(v) for v in value) + "]"
+    return "null" if value is None else text_of(str(value))
+
+
+def text_of(text: str) -> str:
+    """Return a text as YAML, quoted where a plain scalar would be ambiguous."""
+    if _PLAIN.match(text) and scalar(text) == text:
+        return text
+    dumped: str = yaml.safe_dump(text, default_style='"', width=1_000_000)
+    return dumped.strip()

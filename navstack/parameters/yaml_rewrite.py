@@ -1,8 +1,8 @@
-"""Writes changed parameter values into copies of the user's YAML files; layout, key names and comments stay as they are.
+"""Write changed parameter values into copies of the user's YAML files; layout, key names and comments stay as they are.
 
 A parameter that no file sets gets a new line in its namespace. The result is loaded again and compared with the wanted
 configuration before it is returned. Where the files cannot express it (for example, a launch file), the values go to an
-overlay file that is loaded after them. Needs ruamel.yaml (extra `tune`).
+overlay file that is loaded after them.
 """
 
 from __future__ import annotations
@@ -13,15 +13,80 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from navstack.core.errors import InputError, NavError, OutputError, ParameterError
-from navstack.core.files import ensure_directory, write_text
-from navstack.core.optional_dependencies import require
-from navstack.parameters.configuration import Configuration, load_configuration
+from navstack.core import InputError, NavError, OutputError, ParameterError, ensure_directory, write_text
+from navstack.parameters.configuration import load_configuration
+from navstack.parameters.configuration_types import Configuration
 from navstack.parameters.findings import Location
-from navstack.parameters.report import Parameter, parameters_of, same_parameters, value_text
-from navstack.parameters.source_copies import SourceCopies, SourceCopy
-from navstack.parameters.sources import Source
-from navstack.parameters.yaml_editor import block_lines
+from navstack.parameters.report import Parameter, parameters_of, same_parameters
+from navstack.parameters.sources import Source, packaged_folder, packaged_sets, read_sources, split_namespace
+from navstack.parameters.yaml_editor import YamlEditor, block_lines, value_text
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Editable copies of the YAML files that parameter sources load.
+
+
+@dataclass(frozen=True, slots=True)
+class SourceCopy:
+    """One file."""
+
+    shown: str
+    """Its name in locations."""
+    name: str
+    """Its name in the new folder."""
+    path: Path
+    """The user's file."""
+    editor: YamlEditor
+
+
+class SourceCopies:
+    """All files of the sources, with new names; several sources get a numbered folder each."""
+
+    def __init__(self, sources: Sequence[str]) -> None:
+        self.by_shown: dict[str, SourceCopy] = {}
+        params: list[str] = []
+        self.movable = True
+        """False for sources that cannot be copied: launch files refer to files by their own location."""
+        for number, source in enumerate(sources, 1):
+            found = self._add_source(source, f"{number}/" if len(sources) > 1 else "")
+            if found is None:
+                self.movable = False
+            else:
+                params.append(found)
+        self.params = tuple(params)
+        """The copies as values of `--params`, relative to the new folder (`.`: the folder itself)."""
+
+    def _add_source(self, source: str, prefix: str) -> str | None:
+        """Adds the files of a source; its value of `--params`, or None if it cannot be copied."""
+        text, namespace = split_namespace(source)
+        packaged = text in packaged_sets()
+        path = packaged_folder(text) if packaged else Path(text)
+        suffix = f"@{namespace}" if namespace else ""
+        if path.is_dir():
+            shown = text if packaged else text.rstrip("/") or "/"
+            names = read_sources([source]).files
+            if any(name.endswith((".launch", ".xml")) for name in names):
+                return None  # loaded through its launch file
+            for name in names:
+                relative = name.removeprefix(f"{shown}/")
+                self._add_file(path / relative, name, f"{prefix}{relative}")
+            return (prefix.rstrip("/") or ".") + suffix
+        if path.suffix in (".launch", ".xml") or not path.is_file():
+            return None
+        self._add_file(path, text, f"{prefix}{path.name}")
+        return f"{prefix}{path.name}{suffix}"
+
+    def _add_file(self, path: Path, shown: str, name: str) -> None:
+        editor = YamlEditor(path.read_bytes().decode("utf-8"))
+        self.by_shown.setdefault(shown, SourceCopy(shown, name, path, editor))
+
+    def files(self) -> dict[str, str]:
+        """The edited text of each file, by its name in the new folder."""
+        return {c.name: c.editor.text() for c in self.by_shown.values()}
+
+    def originals(self) -> dict[str, Path]:
+        """The user's file of each copy, by the copy's name."""
+        return {c.name: c.path for c in self.by_shown.values()}
+
 
 OVERLAY_FILE = "overlay.yaml"
 """Default name of the file for values that the user's own files cannot express."""
@@ -111,9 +176,8 @@ def rewrite_parameters(
     """Copies of the files of `sources` with `values` (full name -> value) in them.
 
     `overrides` and `distro` of the command line are written too: the new files alone give the same configuration. `overlay`
-    names the overlay file. Raises InputError if ruamel.yaml is missing, ParameterError for invalid values.
+    names the overlay file. Raises ParameterError for invalid values.
     """
-    require("ruamel.yaml", "writing parameters")
     target = load_configuration(
         sources,
         overrides=[*overrides, *(f"{name}={value_text(value)}" for name, value in values.items())],

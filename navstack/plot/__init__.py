@@ -1,30 +1,35 @@
 """Pictures of maps, costmaps, plans and runs. matplotlib is imported with the first picture, not with this package."""
 
-from navstack.plot.animate import animate_run
-from navstack.plot.commands import plot_commands
-from navstack.plot.costmap import plot_costmap
-from navstack.plot.estimates import plot_estimate
-from navstack.plot.map import plot_map
-from navstack.plot.plan import plot_plan
-from navstack.plot.recorded_costmap import plot_costmap_at
-from navstack.plot.reports import plot_command, plot_goal_reports, plot_inflation_curves, plot_passage_report
-from navstack.plot.run import plot_run
-from navstack.plot.states import plot_states
-from navstack.plot.steering import plot_steering
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "animate_run",
-    "plot_command",
-    "plot_commands",
-    "plot_costmap",
-    "plot_costmap_at",
-    "plot_estimate",
-    "plot_goal_reports",
-    "plot_inflation_curves",
-    "plot_map",
-    "plot_passage_report",
-    "plot_plan",
-    "plot_run",
-    "plot_states",
-    "plot_steering",
-]
+if TYPE_CHECKING:
+    from navstack.plot.benchmarks import plot_controllers as plot_controllers
+    from navstack.plot.benchmarks import plot_pairs as plot_pairs
+    from navstack.plot.benchmarks import plot_success as plot_success
+    from navstack.plot.benchmarks import plot_times as plot_times
+    from navstack.plot.canvas import FORMATS as FORMATS
+    from navstack.plot.commands import plot_commands as plot_commands
+    from navstack.plot.commands import plot_replay as plot_replay
+    from navstack.plot.commands import plot_steering as plot_steering
+    from navstack.plot.fan import plot_command as plot_command
+    from navstack.plot.film import animate_run as animate_run
+    from navstack.plot.goals import plot_goal_reports as plot_goal_reports
+    from navstack.plot.inflation import plot_inflation_curves as plot_inflation_curves
+    from navstack.plot.lattice import plot_lattice as plot_lattice
+    from navstack.plot.localization import animate_track as animate_track
+    from navstack.plot.localization import plot_estimate as plot_estimate
+    from navstack.plot.localization import plot_starts as plot_starts
+    from navstack.plot.localization import plot_track as plot_track
+    from navstack.plot.localization import plot_track_errors as plot_track_errors
+    from navstack.plot.maps import plot_costmap as plot_costmap
+    from navstack.plot.maps import plot_costmap_at as plot_costmap_at
+    from navstack.plot.maps import plot_map as plot_map
+    from navstack.plot.passages import plot_passage_report as plot_passage_report
+    from navstack.plot.plan import plot_plan as plot_plan
+    from navstack.plot.run import plot_run as plot_run
+    from navstack.plot.states import plot_states as plot_states
+    from navstack.plot.tracking import plot_tracking as plot_tracking
+else:
+    from navstack._lazy import lazy_face
+
+    __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

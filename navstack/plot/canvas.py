@@ -13,11 +13,17 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal
 
-from navstack.core.errors import InputError, OutputError
-from navstack.core.files import atomic_write, ensure_directory
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import InputError, OutputError, atomic_write, ensure_directory
 from navstack.plot import colors
 
 FORMATS = (".png", ".svg", ".pdf")
+GRID = "#E3E3E3"
+"""Color of grid lines."""
+SUBTITLE = "#666666"
+"""Color of the line below a title."""
 _STYLE: dict[str, Any] = {
     "font.size": 9.0,
     "axes.titlesize": 11.0,
@@ -43,7 +49,7 @@ _STYLE: dict[str, Any] = {
 
 @contextmanager
 def style() -> Generator[None]:
-    """Applies matplotlib's defaults and the style of this package; everything is drawn inside this context."""
+    """Apply matplotlib's defaults and the style of this package; everything is drawn inside this context."""
     import matplotlib as mpl
 
     untouched = {"backend", "backend_fallback", "interactive", "toolbar", "webagg.address"}
@@ -59,14 +65,14 @@ def style() -> Generator[None]:
 
 
 def check_format(path: Path, formats: Sequence[str] = FORMATS) -> None:
-    """Raises OutputError unless the suffix of `path` is one of `formats`."""
+    """Raise OutputError unless the suffix of `path` is one of `formats`."""
     if path.suffix.lower() not in formats:
         known = ", ".join(formats)
         raise OutputError(f"cannot write {path.name}: the suffix must be one of {known}", path=str(path))
 
 
 def save(figure: Any, path: Path, dpi: float) -> Path:
-    """Writes the figure atomically, in the format of the suffix. Equal figures give equal bytes."""
+    """Write the figure atomically, in the format of the suffix. Equal figures give equal bytes."""
     suffix = path.suffix.lower()
     metadata: dict[str, Any] = {
         ".png": {"Software": None},
@@ -80,7 +86,7 @@ def save(figure: Any, path: Path, dpi: float) -> Path:
 
 
 def new_figure(width_in: float, height_in: float, *, layout: Literal["constrained"] | None = None) -> Any:
-    """Returns an empty figure on an Agg canvas."""
+    """Return an empty figure on an Agg canvas."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -90,7 +96,7 @@ def new_figure(width_in: float, height_in: float, *, layout: Literal["constraine
 
 
 def managed_figure(width_in: float, height_in: float, *, layout: Literal["constrained"] | None = None) -> Any:
-    """Returns an empty figure of pyplot, which notebooks display and `matplotlib.pyplot.show` shows."""
+    """Return an empty figure of pyplot, which notebooks display and `matplotlib.pyplot.show` shows."""
     import matplotlib.pyplot as plt
 
     return plt.figure(figsize=(width_in, height_in), layout=layout)
@@ -103,20 +109,20 @@ def figure_for(
     *,
     layout: Literal["constrained"] | None = None,
 ) -> Any:
-    """Returns an empty figure: of pyplot without a path, otherwise for a file."""
+    """Return an empty figure: of pyplot without a path, otherwise for a file."""
     new = managed_figure if path is None else new_figure
     return new(width_in, height_in, layout=layout)
 
 
 def chart_axes(path: str | os.PathLike[str] | None, ax: Any, width_in: float, height_in: float) -> Any:
-    """Returns the axes of a chart: `ax`, or those of a new figure."""
+    """Return the axes of a chart: `ax`, or those of a new figure."""
     if ax is not None:
         return ax
     return figure_for(path, width_in, height_in, layout="constrained").add_subplot()
 
 
 def stacked_axes(ax: Any, heights: Sequence[float]) -> list[Any]:
-    """Returns one axes per panel, from top to bottom: the given ones, or single axes divided in proportion to `heights`.
+    """Return one axes per panel, from top to bottom: the given ones, or single axes divided in proportion to `heights`.
 
     Raises InputError for another number of axes.
     """
@@ -138,13 +144,92 @@ def stacked_axes(ax: Any, heights: Sequence[float]) -> list[Any]:
     return found
 
 
+class Panels:
+    """Panels one above the other, in a figure of their own or in axes of the caller: a title above, the legend at the right."""
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str] | None,
+        ax: Any,
+        places: Sequence[tuple[float, float]],
+        *,
+        title: str,
+        subtitle: str = "",
+        size: tuple[float, float] = (10.0, 5.6),
+        left: float = 0.72,
+        right: float = 7.6,
+    ) -> None:
+        """`places`: bottom and height of each panel, from top to bottom; these, `size`, `left` and `right` in inches.
+
+        `ax`: the axes of the caller, one or as many as there are panels; None: a new figure of `size`. Raises InputError for
+        another number of axes.
+        """
+        self._path = path
+        self._given = ax is not None
+        self.right = right / size[0]
+        """Right edge of the panels, as a share of the figure's width."""
+        if ax is not None:
+            self.axes = stacked_axes(ax, [height for _, height in places])
+            self.axes[0].set_title("\n".join(part for part in (title, subtitle) if part), fontsize=9.0)
+            self.figure: Any = self.axes[0].figure
+            return
+        self.figure = figure_for(path, *size)
+        write_title(self.figure, left / size[0], title, subtitle)
+        self.axes = [
+            self.figure.add_axes((left / size[0], bottom / size[1], (right - left) / size[0], height / size[1]))
+            for bottom, height in places
+        ]
+
+    @property
+    def is_own(self) -> bool:
+        """Whether the figure was made for these panels."""
+        return not self._given
+
+    def set_times(self, begin: float, end: float, label: str = "time (s)") -> None:
+        """Give all panels the same time axis."""
+        for axes in self.axes:
+            axes.set_xlim(begin, end)
+            axes.grid(axis="x", color=GRID, lw=0.6)
+            axes.set_axisbelow(True)
+        self.axes[-1].set_xlabel(label)
+
+    def legend(self, panel: int = 0) -> None:
+        """Add one legend for all panels: the entries of a panel, at the right of the panels or inside that panel."""
+        if self._given:
+            self.axes[panel].legend(fontsize=7, loc="upper right")
+            return
+        handles, labels = self.axes[panel].get_legend_handles_labels()
+        self.figure.legend(handles, labels, loc="upper left", bbox_to_anchor=(self.right + 0.012, 0.87), fontsize=8)
+
+    def finish(self, dpi: float) -> Any:
+        """Write the figure and return the file; without a path return the axes."""
+        return finish(self.figure, self.axes, self._path, dpi)
+
+
+def write_title(figure: Any, left: float, title: str, subtitle: str = "") -> None:
+    """Write a title and a line below it at the top of a figure, from `left` (share of the width)."""
+    height = figure.get_figheight()
+    figure.text(left, 1.0 - 0.3 / height, title, fontsize=12, fontweight="bold", va="baseline")
+    figure.text(left, 1.0 - 0.53 / height, subtitle, fontsize=8.5, color=SUBTITLE, va="baseline")
+
+
+def shade(
+    axes: Any, times: NDArray[np.float64], chosen: NDArray[np.bool_], color: str, *, alpha: float, label: str
+) -> None:
+    """Shade the times (n,) of the `chosen` samples, each up to the next sample; the legend has one entry for them."""
+    ends = np.append(times[1:], times[-1] + 0.05)
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], chosen.astype(np.int8), [0]))))
+    for i, (begin, end) in enumerate(edges.reshape(-1, 2).tolist()):
+        axes.axvspan(times[begin], ends[end - 1], color=color, alpha=alpha, lw=0, zorder=0, label=None if i else label)
+
+
 def finish(figure: Any, axes: Any, path: str | os.PathLike[str] | None, dpi: float) -> Any:
-    """Writes the figure and returns the file; without a path returns the axes."""
+    """Write the figure and returns the file; without a path returns the axes."""
     return axes if path is None else save(figure, Path(path), dpi)
 
 
 def check_target(path: str | os.PathLike[str] | None, ax: Any) -> None:
-    """Raises OutputError for a suffix that is no format of pictures, InputError for a file and axes at once."""
+    """Raise OutputError for a suffix that is no format of pictures, InputError for a file and axes at once."""
     if path is not None:
         if ax is not None:
             raise InputError("give a file or axes (ax=), not both; save axes with ax.figure.savefig(..)")

@@ -1,4 +1,4 @@
-"""The colours of all pictures, distinguishable for colour-blind readers.
+"""The colors of all pictures, distinguishable for color-blind readers.
 
 Lines and marks use the palette of Okabe and Ito (2008). Costmaps use a ramp of lightness, and a hue on the blue-yellow axis
 for unknown space, which almost every reader distinguishes.
@@ -36,7 +36,7 @@ INK: Final = "#333333"
 FAINT: Final = "#8A8A8A"
 
 PLANS: Final = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, BLACK, SKY)
-"""Colours of several plans, in this order."""
+"""Colors of several plans, in this order."""
 
 FREE_RGB: Final = (255, 255, 255)
 LOW_RGB: Final = (240, 236, 249)
@@ -47,7 +47,7 @@ UNKNOWN_RGB: Final = (228, 221, 203)
 
 
 def cost_colors() -> NDArray[np.uint8]:
-    """Returns (256, 3) the RGB of every cost."""
+    """Return (256, 3) the RGB of every cost."""
     table = np.empty((256, 3), np.uint8)
     share = np.linspace(0.0, 1.0, INSCRIBED - 1)[:, None]
     table[FREE] = FREE_RGB
@@ -59,13 +59,13 @@ def cost_colors() -> NDArray[np.uint8]:
 
 
 class Paint:
-    """Colours for the cells of a grid of bytes, and their ranks.
+    """Colors for the cells of a grid of bytes, and their ranks.
 
     Of the cells that share a pixel, the one of the highest rank is drawn: walls of one cell stay visible on large maps.
     """
 
     def __init__(self, order: NDArray[np.uint8], rgb: NDArray[np.uint8]) -> None:
-        """`order` (256,): all values of a cell by rank, the lowest first; `rgb` (256, 3): colour of every value."""
+        """`order` (256,): all values of a cell by rank, the lowest first; `rgb` (256, 3): color of every value."""
         self._rank = np.empty(256, np.uint8)
         self._rank[order] = np.arange(256, dtype=np.uint8)
         opaque = np.full((256, 1), 255, np.uint8)
@@ -74,7 +74,7 @@ class Paint:
     def __call__(
         self, cells: NDArray[np.uint8] | NDArray[np.int8], *, block: int = 1, clear: int | None = None
     ) -> NDArray[np.uint8]:
-        """Returns (ny, nx, 4) the RGBA of cells (ny, nx), or of blocks of `block` x `block` cells.
+        """Return (ny, nx, 4) the RGBA of cells (ny, nx), or of blocks of `block` x `block` cells.
 
         Cells of the value `clear` are transparent.
         """
@@ -104,12 +104,12 @@ OCCUPANCY: Final = Paint(np.array([0, *range(128, 256), *range(1, 128)], np.uint
 
 
 def hex_of(rgb: tuple[int, int, int]) -> str:
-    """Returns `#rrggbb`, as used by matplotlib."""
+    """Return `#rrggbb`, as used by matplotlib."""
     return "#{:02x}{:02x}{:02x}".format(*rgb)
 
 
 def exact_colors() -> NDArray[np.uint8]:
-    """Returns (n, 3) the RGB of all colours with a meaning, which a palette of 256 colours must contain exactly."""
+    """Return (n, 3) the RGB of all colors with a meaning, which a palette of 256 colors must contain exactly."""
     drawn = (BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILLION, PURPLE, OBSTACLE, MOVING, INK, FAINT)
     rgb = np.array([[int(c[i : i + 2], 16) for i in (1, 3, 5)] for c in drawn], np.uint8)
     return np.unique(np.concatenate((rgb, cost_colors())), axis=0)

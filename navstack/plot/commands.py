@@ -1,17 +1,18 @@
-"""Commands that the velocity smoother and the collision monitor changed: marks on the map, and curves over time."""
+"""Commands in pictures: what smoother and monitor made of them, those of a replayed log, and what a steered base made of them."""
 
 from __future__ import annotations
 
+import math
 import os
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core.errors import InputError
-from navstack.core.geometry import Transform2D
+from navstack.core import InputError, Transform2D
 from navstack.plot import canvas, colors
-from navstack.record import Record
+from navstack.plot.picture import Entries
+from navstack.record import Record, SteeredBase
 
 ACTIONS: Final[dict[str, tuple[str, str]]] = {
     "stop": (colors.VERMILLION, "s"),
@@ -19,18 +20,16 @@ ACTIONS: Final[dict[str, tuple[str, str]]] = {
     "slowdown": (colors.YELLOW, "^"),
     "limit": (colors.PURPLE, "D"),
 }
-"""Colour and mark of each action of the collision monitor."""
+"""Color and mark of each action of the collision monitor."""
 MOST_OUTLINES: Final = 6
 """Number of places at which a picture shows the zones."""
-_CHANGED: Final = 1e-6
-_WIDTH, _HEIGHT = 10.0, 5.6
-_PANELS = ((3.0, 1.75), (0.55, 1.95))
-_AXES = ("vx", "wz")
-_LABELS = ("forward (m/s)", "turn (rad/s)")
+_PANELS: Final = ((3.0, 1.75), (0.55, 1.95))
+"""Bottom and height of the panels, inches."""
+_LABELS: Final = ("forward (m/s)", "turn (rad/s)")
 
 
-def draw_changed_commands(axes: Any, record: Record, entries: list[tuple[Any, str]]) -> None:
-    """Draws a mark where the collision monitor changed a command, and its zones where an action began."""
+def draw_changed_commands(axes: Any, record: Record, entries: Entries) -> None:
+    """Draw a mark where the collision monitor changed a command, and its zones where an action began."""
     rows = record.command_steps
     if not len(rows) or not len(record.times):
         return
@@ -47,8 +46,8 @@ def draw_changed_commands(axes: Any, record: Record, entries: list[tuple[Any, st
     _draw_zones(axes, record, rows, entries)
 
 
-def _draw_zones(axes: Any, record: Record, rows: NDArray[np.void], entries: list[tuple[Any, str]]) -> None:
-    """Draws the outline of a zone at the first places where it began to act."""
+def _draw_zones(axes: Any, record: Record, rows: NDArray[np.void], entries: Entries) -> None:
+    """Draw the outline of a zone at the first places where it began to act."""
     begins = [i for i in range(len(rows)) if rows["zone"][i] and (i == 0 or rows["zone"][i - 1] != rows["zone"][i])]
     outlines = {name: corners for name, _, corners in record.zones if len(corners)}
     handle: Any = None
@@ -70,7 +69,7 @@ def plot_commands(
     title: str = "commands on their way to the robot",
     dpi: float = 130.0,
 ) -> Any:
-    """Draws requested, smoothed and sent velocities over time, with the actions of the collision monitor as bands.
+    """Draw requested, smoothed and sent velocities over time, with the actions of the collision monitor as bands.
 
     To a .png, .svg or .pdf, into two axes `ax`, or a new figure. Returns the file; without a path the axes. Raises OutputError,
     and InputError for a run without a chain.
@@ -83,66 +82,146 @@ def plot_commands(
             "into the parameters and run it again"
         )
     with canvas.style():
-        if ax is not None:
-            panels = canvas.stacked_axes(ax, [height for _, height in _PANELS])
-            panels[0].set_title(title, fontsize=9.0)
-            _draw(panels, rows)
-            panels[0].legend(fontsize=7, loc="upper right")
-            return panels
-        figure = canvas.figure_for(path, _WIDTH, _HEIGHT)
-        left, right = 0.72 / _WIDTH, 7.6 / _WIDTH
-        figure.text(left, 1.0 - 0.3 / _HEIGHT, title, fontsize=12, fontweight="bold", va="baseline")
-        figure.text(left, 1.0 - 0.53 / _HEIGHT, _summary(rows), fontsize=8.5, color="#666666", va="baseline")
-        panels = [figure.add_axes((left, b / _HEIGHT, right - left, h / _HEIGHT)) for b, h in _PANELS]
-        _draw(panels, rows)
-        handles, labels = panels[0].get_legend_handles_labels()
-        figure.legend(
-            handles, labels, loc="upper left", bbox_to_anchor=(right + 0.012, 0.87), fontsize=8, frameon=False
-        )
-        return canvas.finish(figure, panels, path, dpi)
+        panels = canvas.Panels(path, ax, _PANELS, title=title, subtitle=_commands_text(rows))
+        _draw_commands(panels, rows)
+        panels.legend()
+        return panels.finish(dpi)
 
 
-def _summary(rows: NDArray[np.void]) -> str:
+def _commands_text(rows: NDArray[np.void]) -> str:
     changed = {who: int((rows["changed_by"] == who).sum()) for who in ("velocity_smoother", "collision_monitor")}
     parts = [f"{count} last changed by the {who.replace('_', ' ')}" for who, count in changed.items() if count]
     return f"{len(rows)} commands, " + (", ".join(parts) if parts else "none of them changed")
 
 
-def _draw(panels: list[Any], rows: NDArray[np.void]) -> None:
+def _draw_commands(panels: canvas.Panels, rows: NDArray[np.void]) -> None:
     times: NDArray[np.float64] = rows["t"]
-    for axes, axis, label in zip(panels, _AXES, _LABELS, strict=True):
-        axes.set_xlim(times[0], max(float(times[-1]), float(times[0]) + 1.0))
-        axes.grid(axis="x", color="#E3E3E3", lw=0.6)
-        axes.set_axisbelow(True)
-        _draw_bands(axes, rows)
-        axes.plot(
-            times, rows[f"requested_{axis}"], color=colors.FAINT, lw=1.2, drawstyle="steps-post", label="requested"
-        )
-        axes.plot(
-            times,
-            rows[f"smoothed_{axis}"],
-            color=colors.SKY,
-            lw=1.4,
-            ls=(0, (4, 1.5)),
-            drawstyle="steps-post",
-            label="after the velocity smoother",
-        )
-        axes.plot(
-            times, rows[f"sent_{axis}"], color=colors.BLUE, lw=1.7, drawstyle="steps-post", label="sent to the robot"
-        )
+    panels.set_times(times[0], max(float(times[-1]), float(times[0]) + 1.0))
+    for axes, axis, label in zip(panels.axes, ("vx", "wz"), _LABELS, strict=True):
+        for action, (color, _) in ACTIONS.items():
+            acting = (rows["action"] == action) & (rows["changed_by"] == "collision_monitor")
+            canvas.shade(axes, times, acting, color, alpha=0.28, label=f"collision monitor: {action}")
+        for stage, what, style in (
+            ("requested", "requested", {"color": colors.FAINT, "lw": 1.2}),
+            ("smoothed", "after the velocity smoother", {"color": colors.SKY, "lw": 1.4, "ls": (0, (4, 1.5))}),
+            ("sent", "sent to the robot", {"color": colors.BLUE, "lw": 1.7}),
+        ):
+            axes.plot(times, rows[f"{stage}_{axis}"], drawstyle="steps-post", label=what, **style)
         axes.axhline(0.0, color=colors.FAINT, lw=0.6, zorder=1)
         axes.set_ylabel(label)
-    panels[-1].set_xlabel("time (s)")
 
 
-def _draw_bands(axes: Any, rows: NDArray[np.void]) -> None:
-    """Shades the times at which the collision monitor changed commands, in the colour of the action."""
-    times: NDArray[np.float64] = rows["t"]
-    ends = np.append(times[1:], times[-1] + 0.05)
-    for action, (color, _) in ACTIONS.items():
-        label: str | None = f"collision monitor: {action}"
-        acting = (rows["action"] == action) & (rows["changed_by"] == "collision_monitor")
-        edges = np.flatnonzero(np.diff(np.concatenate(([0], acting.astype(np.int8), [0]))))
-        for begin, end in edges.reshape(-1, 2).tolist():
-            axes.axvspan(times[begin], ends[end - 1], color=color, alpha=0.28, lw=0, zorder=0, label=label)
-            label = None
+# --- a replay ---------------------------------------------------------------------------------------------------------
+
+
+def plot_replay(
+    times: NDArray[np.float64],
+    commands: NDArray[np.float64],
+    recorded: NDArray[np.float64],
+    rejected: NDArray[np.bool_],
+    path: str | os.PathLike[str] | None = None,
+    *,
+    ax: Any = None,
+    title: str = "commands of a replay",
+    first_difference: float | None = None,
+    dpi: float = 130.0,
+) -> Any:
+    """Draw commands of navstack and of the log, (n, 3) vx, vy, wz at `times` (n,) s; NaN where there is none.
+
+    `rejected` marks the cycles in which every sample was rejected. To a .png, .svg or .pdf, into two axes `ax`, or a new figure.
+    Returns the file; without a path the axes. Raises OutputError, and InputError without cycles.
+    """
+    canvas.check_target(path, ax)
+    if not len(times):
+        raise InputError("the replay has no cycles: the log has no messages in the chosen part")
+    with canvas.style():
+        panels = canvas.Panels(path, ax, _PANELS, title=title)
+        panels.set_times(times[0], max(float(times[-1]), float(times[0]) + 1.0), "time in the log (s)")
+        for axes, column, label in zip(panels.axes, (0, 2), _LABELS, strict=True):
+            canvas.shade(axes, times, rejected, colors.VERMILLION, alpha=0.25, label="no valid command")
+            if first_difference is not None:
+                axes.axvline(first_difference, color=colors.INK, lw=1.0, ls=(0, (2, 2)), label="first difference")
+            axes.plot(
+                times, recorded[:, column], color=colors.ORANGE, lw=1.6, drawstyle="steps-post", label="in the log"
+            )
+            axes.plot(times, commands[:, column], color=colors.BLUE, lw=1.3, drawstyle="steps-post", label="navstack")
+            axes.axhline(0.0, color=colors.FAINT, lw=0.6, zorder=1)
+            axes.set_ylabel(label)
+        panels.legend()
+        return panels.finish(dpi)
+
+
+# --- a steered base ---------------------------------------------------------------------------------------------------
+
+
+WHEEL_SHARE: Final = 0.25
+"""Length of a drawn wheel as a share of the wheelbase."""
+
+
+def wheel_lines(record: Record, row: int) -> NDArray[np.float64]:
+    """Return (n, 2) the wheels of a steered base at a sample as one line in the global frame, NaN between two wheels."""
+    base = record.steered_base
+    assert base is not None
+    width = float(np.ptp(record.footprint.vertices[:, 1]))
+    half = 0.5 * WHEEL_SHARE * base.wheelbase
+    ends: list[tuple[float, float]] = []
+    for x, y, direction in base.wheels(width, float(record.steering[row])):
+        dx, dy = half * math.cos(direction), half * math.sin(direction)
+        ends += [(x - dx, y - dy), (x + dx, y + dy), (math.nan, math.nan)]
+    return Transform2D(*record.poses[row].tolist()).apply_points(np.array(ends))
+
+
+def plot_steering(
+    record: Record,
+    path: str | os.PathLike[str] | None = None,
+    *,
+    ax: Any = None,
+    title: str = "speed and steering angle",
+    dpi: float = 130.0,
+) -> Any:
+    """Draw speed and steering angle of a car or a tricycle over time, as commanded and as driven, with the limits.
+
+    The commanded angle is atan(wheelbase * wz / vx). To a .png, .svg or .pdf, into two axes `ax`, or a new figure. Returns the
+    file; without a path the axes. Raises OutputError, and InputError for a run of a base that is not steered.
+    """
+    canvas.check_target(path, ax)
+    base = record.steered_base
+    if base is None or not len(record.times):
+        raise InputError(
+            "the run has no steering angle: it is of a base that is not steered; set navstack/sim/kinematics to ackermann or "
+            "tricycle and run it again"
+        )
+    with canvas.style():
+        panels = canvas.Panels(path, ax, _PANELS, title=title, subtitle=_steering_text(record, base), right=7.9)
+        _draw_steering(panels, record, base)
+        panels.legend(1)
+        return panels.finish(dpi)
+
+
+def _steering_text(record: Record, base: SteeredBase) -> str:
+    largest = float(np.abs(record.steering).max())
+    rate = "" if base.max_rate is None else f", rate at most {base.max_rate:.3g} rad/s"
+    return (
+        f"{base.kinematics}, wheelbase {base.wheelbase:g} m; largest angle {largest:.2f} of {base.max_angle:.2f} rad, which is a "
+        f"radius of {base.radius(base.max_angle):.2f} m{rate}"
+    )
+
+
+def _draw_steering(panels: canvas.Panels, record: Record, base: SteeredBase) -> None:
+    times = record.times
+    panels.set_times(times[0], max(float(times[-1]), float(times[0]) + 1.0))
+    asked = np.clip(base.asked(record.commands), -0.5 * math.pi, 0.5 * math.pi)
+    speed, angle = panels.axes
+    for axes, commanded, driven, label in (
+        (speed, record.commands[:, 0], record.velocities[:, 0], "speed (m/s)"),
+        (angle, asked, record.steering, "steering angle (rad)"),
+    ):
+        axes.axhline(0.0, color=colors.FAINT, lw=0.6, zorder=1)
+        axes.plot(times, commanded, color=colors.ORANGE, lw=1.3, drawstyle="steps-post", label="commanded")
+        axes.plot(times, driven, color=colors.BLUE, lw=1.7, label="driven")
+        canvas.shade(axes, times, record.velocities[:, 0] < -1e-3, colors.SKY, alpha=0.2, label="in reverse")
+        axes.set_ylabel(label)
+    for sign, label in ((1.0, "limit"), (-1.0, None)):
+        angle.axhline(sign * base.max_angle, color=colors.VERMILLION, lw=1.1, ls=(0, (4, 2)), label=label)
+    reach = 1.15 * max(base.max_angle, float(np.nanmax(np.abs(asked), initial=0.0)))
+    angle.set_ylim(-reach, reach)

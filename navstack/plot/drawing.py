@@ -1,4 +1,4 @@
-"""Drawing in metres: grids, paths, footprints, start and goal marks."""
+"""Drawing in meters: grids, paths, footprints, start and goal marks."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Bounds, Footprint, GridGeometry, Pose2D, Transform2D
+from navstack.core import Bounds, Footprint, GridGeometry, OccupancyGrid, Pose2D, Transform2D
 from navstack.plot import colors
 from navstack.plot.colors import Paint
 
@@ -30,7 +30,7 @@ def visible(
     *,
     clear: int | None = None,
 ) -> tuple[NDArray[np.uint8], tuple[float, float, float, float]]:
-    """Returns the RGBA of the cells inside `area` (m, frame of the picture) and their extent (m, frame of the grid).
+    """Return the RGBA of the cells inside `area` (m, frame of the picture) and their extent (m, frame of the grid).
 
     `pose` is the pose of the grid's frame in the picture's frame.
     """
@@ -57,7 +57,7 @@ def draw_grid(
     clear: int | None = None,
     zorder: float = 0.0,
 ) -> Any:
-    """Draws the part of a grid inside `area`, see `visible`. Returns the image."""
+    """Draw the part of a grid inside `area`, see `visible`. Returns the image."""
     rgba, extent = visible(cells, paint, geometry, area, pose, clear=clear)
     limits = axes.get_xlim(), axes.get_ylim()
     image = axes.imshow(rgba, origin="lower", extent=extent, interpolation="antialiased", zorder=zorder, aspect="equal")
@@ -68,8 +68,19 @@ def draw_grid(
     return image
 
 
+def map_pose(grid: OccupancyGrid) -> Transform2D:
+    """Return the pose of a map's cells in its frame: rotated about its corner by the yaw of its origin."""
+    g = grid.geometry
+    return Transform2D(g.origin_x, g.origin_y, grid.origin_yaw) @ Transform2D(-g.origin_x, -g.origin_y, 0.0)
+
+
+def draw_occupancy(axes: Any, grid: OccupancyGrid, *, area: Bounds) -> None:
+    """Draw the part of a map inside `area`."""
+    draw_grid(axes, grid.data, colors.OCCUPANCY, grid.geometry, area=area, pose=map_pose(grid))
+
+
 def transform_of(pose: Transform2D) -> Any:
-    """Returns the transform as matplotlib's affine transform."""
+    """Return the transform as matplotlib's affine transform."""
     from matplotlib.transforms import Affine2D
 
     return Affine2D().rotate(pose.yaw).translate(pose.x, pose.y)
@@ -78,7 +89,7 @@ def transform_of(pose: Transform2D) -> Any:
 def draw_line(
     axes: Any, poses: NDArray[np.float64], color: str, *, width: float, casing: bool = False, **options: Any
 ) -> Any:
-    """Draws a line through poses (n, 2+); a white casing keeps it legible on any background. Returns the line."""
+    """Draw a line through poses (n, 2+); a white casing keeps it legible on any background. Returns the line."""
     from matplotlib.patheffects import Normal, Stroke
 
     effects = [Stroke(linewidth=width + 1.6, foreground="white", alpha=0.85), Normal()] if casing else None
@@ -95,11 +106,11 @@ class Mark:
     text: str
     color: str
     hollow: bool = False
-    """White with a coloured edge: a goal that was not reached."""
+    """White with a colored edge: a goal that was not reached."""
 
 
 def draw_marks(axes: Any, marks: Sequence[Mark], points_per_m: float, *, zorder: float = 8.0) -> None:
-    """Draws marks. Marks that overlap share the disc of the first one, which lists their texts."""
+    """Draw marks. Marks that overlap share the disc of the first one, which lists their texts."""
     for group in _overlapping(marks, 1.5 * MARK_PT / points_per_m):
         _draw_group(axes, group, points_per_m, zorder)
 
@@ -142,7 +153,7 @@ def _draw_group(axes: Any, group: Sequence[Mark], points_per_m: float, zorder: f
 
 
 def draw_footprint(axes: Any, footprint: Footprint, pose: Pose2D, *, zorder: float = 4.8) -> Any:
-    """Draws the footprint at a pose. Returns the polygon."""
+    """Draw the footprint at a pose. Returns the polygon."""
     (polygon,) = axes.fill(
         *footprint.at(pose).T, facecolor=colors.FOOTPRINT + "40", edgecolor=colors.BLUE, lw=0.8, zorder=zorder
     )
@@ -150,7 +161,7 @@ def draw_footprint(axes: Any, footprint: Footprint, pose: Pose2D, *, zorder: flo
 
 
 def draw_rings(axes: Any, points: NDArray[np.float64], color: str, **options: Any) -> Any:
-    """Draws diamonds (n, 2+) that leave visible what they surround: the robot, or the text of a mark."""
+    """Draw diamonds (n, 2+) that leave visible what they surround: the robot, or the text of a mark."""
     from matplotlib.patheffects import withStroke
 
     style: dict[str, Any] = {"ms": 15, "mfc": "none", "mec": color, "mew": 2.4, "ls": "none", "zorder": 9} | options
@@ -167,7 +178,7 @@ def ring_handle(color: str) -> Any:
 
 
 def draw_heading(axes: Any, pose: Pose2D, color: str, points_per_m: float) -> None:
-    """Draws a small disc with an arrow for the heading."""
+    """Draw a small disc with an arrow for the heading."""
     _arrow(axes, pose, pose.yaw, color, 4.5 / points_per_m, 6.0)
     axes.plot([pose.x], [pose.y], "o", ms=5, color=color, mec="white", mew=0.8, zorder=6.1)
 
@@ -191,6 +202,6 @@ def _arrow(axes: Any, at: Pose2D, yaw: float, color: str, radius: float, zorder:
 
 
 def pose_of(row: NDArray[np.float64]) -> Pose2D:
-    """Returns a row x, y, yaw as a pose."""
+    """Return a row x, y, yaw as a pose."""
     x, y, yaw = (float(v) for v in row)
     return Pose2D(x, y, yaw)

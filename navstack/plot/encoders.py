@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core.errors import OutputError
+from navstack.core import OutputError
 from navstack.plot import colors
 
 Frames = Callable[[float], NDArray[np.uint8]]
@@ -24,7 +24,7 @@ _HOLD_S = 2.0
 
 
 def write_gif(frame: Frames, times: NDArray[np.float64], fps: float, path: Path, progress: Progress | None) -> None:
-    """Writes the frames at `times` (s of the run) as an endless GIF. GIF rounds the frame duration to 10 ms."""
+    """Write the frames at `times` (s of the run) as an endless GIF. GIF rounds the frame duration to 10 ms."""
     from PIL import Image
 
     palette = _Palette([frame(float(t)) for t in times[:: max(1, len(times) // 5)]])
@@ -48,9 +48,9 @@ def write_gif(frame: Frames, times: NDArray[np.float64], fps: float, path: Path,
 
 
 class _Palette:
-    """One palette of 256 colours for all frames, which avoids flicker and keeps the file small.
+    """One palette of 256 colors for all frames, which avoids flicker and keeps the file small.
 
-    It contains every colour with a meaning exactly; the remaining entries are shared by the shades between them.
+    It contains every color with a meaning exactly; the remaining entries are shared by the shades between them.
     """
 
     def __init__(self, frames: list[NDArray[np.uint8]]) -> None:
@@ -64,7 +64,7 @@ class _Palette:
         self._known = np.zeros(1 << 24, np.bool_)
 
     def paint(self, frame: NDArray[np.uint8]) -> Any:
-        """Returns the frame as a pillow image, with the nearest colour of the palette for every pixel."""
+        """Return the frame as a pillow image, with the nearest color of the palette for every pixel."""
         from PIL import Image
 
         rgb = frame.astype(np.uint32)
@@ -81,7 +81,7 @@ class _Palette:
 
 
 def find_ffmpeg(path: Path) -> str:
-    """Returns the path of ffmpeg. Raises OutputError if it is not installed."""
+    """Return the path of ffmpeg. Raises OutputError if it is not installed."""
     program = shutil.which("ffmpeg")
     if program is None:
         raise OutputError(
@@ -100,7 +100,7 @@ def write_mp4(
     progress: Progress | None,
     program: str,
 ) -> None:
-    """Writes the frames at `times` (s of the run) as H.264. Raises OutputError if ffmpeg fails."""
+    """Write the frames at `times` (s of the run) as H.264. Raises OutputError if ffmpeg fails."""
     first = frame(float(times[0]))
     # H.264 with 4:2:0 chroma requires even sizes
     height, width = first.shape[0] // 2 * 2, first.shape[1] // 2 * 2

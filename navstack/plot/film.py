@@ -1,26 +1,118 @@
-"""The frames of an animated run.
+"""The film of a run: what the robot observed, planned and drove, frame by frame, as GIF or MP4.
 
 The background is drawn once. Each frame restores it and draws a dozen artists over it.
 """
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Pose2D, Transform2D
-from navstack.plot import colors, drawing, legend
-from navstack.plot.estimates import EstimateArtists, has_estimates
-from navstack.plot.film_layers import CostmapLayer, Stamp
-from navstack.plot.obstacles import draw_obstacles, obstacle_patches, obstacles_moved
-from navstack.plot.picture import Picture
-from navstack.plot.run import area_of_run, draw_ends, draw_map, incidents
-from navstack.plot.steering import wheel_lines
+from navstack.core import FREE, Bounds, Costmap, InputError, Pose2D, Transform2D, atomic_write, ensure_directory
+from navstack.plot import canvas, colors, drawing
+from navstack.plot.commands import wheel_lines
+from navstack.plot.encoders import find_ffmpeg, write_gif, write_mp4
+from navstack.plot.localization import EstimateArtists, has_estimates
+from navstack.plot.picture import Entries, Picture, cost_legend, frame_handle, occupancy_legend
+from navstack.plot.run import (
+    area_of_run,
+    circumstances,
+    draw_ends,
+    draw_map,
+    draw_obstacles,
+    incidents,
+    obstacle_patches,
+    obstacles_moved,
+)
 from navstack.record import Record
 
-Entries = list[tuple[Any, str]]
+# --- layers of a frame ------------------------------------------------------------------------------------------------
+
+
+class Stamp:
+    """Artists that never change, drawn once. Copying their pixels takes a tenth of the time of drawing them."""
+
+    def __init__(self, surface: Any, axes: Any, artists: list[Any]) -> None:
+        surface.get_renderer().clear()
+        for artist in artists:
+            axes.draw_artist(artist)
+        rgba = np.asarray(surface.buffer_rgba())
+        self._at = np.nonzero(rgba[:, :, 3])
+        ink = rgba[self._at].astype(np.float32)
+        opacity = ink[:, 3:] / np.float32(255.0)
+        self._color = ink[:, :3] * opacity
+        self._through = np.float32(1.0) - opacity
+
+    def press(self, surface: Any) -> None:
+        """Blend the pixels into the canvas."""
+        pixels = np.asarray(surface.buffer_rgba())[:, :, :3]
+        pixels[self._at] = np.round(self._color + self._through * pixels[self._at]).astype(np.uint8)
+
+
+class CostmapLayer:
+    """A costmap over the map. Free cells are transparent; the local costmap has a border."""
+
+    def __init__(self, axes: Any, record: Record, name: str, area: Bounds) -> None:
+        self.name = name
+        self._area = area
+        self._record = record
+        self._axes = axes
+        self._times = record.costmap_times(name)
+        self._updates: Iterator[tuple[float, Costmap]] = iter(())
+        self._next = 0
+        self._image: Any = None
+        self._border: Any = None
+        self._drawn: Any = None
+
+    def draw(self, t: float, picture: Picture) -> None:
+        """Draw the costmap at time `t` (s); nothing before its first update."""
+        wanted = int(np.searchsorted(self._times, t, side="right"))
+        if wanted < self._next:
+            self._image, self._next = None, 0
+        if self._next == 0:
+            self._updates = self._record.costmap_updates(self.name)
+        costmap: Costmap | None = None
+        while self._next < wanted:
+            _, costmap = next(self._updates)
+            self._next += 1
+        if costmap is not None:
+            self._show(costmap, t)
+            self._drawn = None
+        if self._drawn is not None:
+            picture.canvas.restore_region(self._drawn)
+        elif self._image is not None:
+            self._axes.draw_artist(self._image)
+            if self.name == "local":
+                self._axes.draw_artist(self._border)
+            else:
+                # the global costmap is large and rarely changes; it is the first layer, so the canvas can be cached
+                self._drawn = picture.canvas.copy_from_bbox(picture.figure.bbox)
+
+    def _show(self, costmap: Costmap, t: float) -> None:
+        pose = self._pose(costmap, t)
+        x0, x1, y0, y1 = costmap.geometry.extent
+        corners = pose.apply_points(np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]]))
+        rgba, extent = drawing.visible(costmap.data, colors.COSTS, costmap.geometry, self._area, pose, clear=FREE)
+        if self._image is None:
+            self._image = self._axes.imshow(rgba, origin="lower", extent=extent, interpolation="nearest", animated=True)
+            (self._border,) = self._axes.fill(*corners.T, fill=False, edgecolor=colors.INK, lw=1.0, ls=(0, (3, 2)))
+            self._border.set_animated(True)
+            self._axes.set_xlim(self._area.min_x, self._area.max_x)
+            self._axes.set_ylim(self._area.min_y, self._area.max_y)
+        self._image.set_data(rgba)
+        self._image.set_extent(extent)
+        self._image.set_transform(drawing.transform_of(pose) + self._axes.transData)
+        self._border.set_xy(corners)
+
+    def _pose(self, costmap: Costmap, t: float) -> Transform2D:
+        return self._record.to_global(costmap.frame, t)
+
+
 _CURRENT_S = 0.5
 """Largest age of a trajectory that is shown (s): some control cycles."""
 
@@ -61,15 +153,15 @@ class Film:
         self._marks = Stamp(surface, axes, marks)
 
     def _add_legend(self, entries: Entries) -> None:
-        bands, texts = legend.cost_legend(None) if self._layers else legend.occupancy_legend()
+        ground = cost_legend(None) if self._layers else occupancy_legend()
         if any(layer.name == "local" for layer in self._layers):
-            entries = [*entries, (legend.frame_handle(), "local costmap")]
-        box = self._picture.legend([h for h, _ in entries] + bands, [label for _, label in entries] + texts)
+            entries = [*entries, (frame_handle(), "local costmap")]
+        box = self._picture.legend(entries + ground)
         for handle in box.legend_handles:
             handle.set_animated(False)  # handles inherit it from the artists, and would not be part of the background
 
     def frame(self, t: float) -> NDArray[np.uint8]:
-        """Returns the pixels of the run at time `t` (s)."""
+        """Return the pixels of the run at time `t` (s)."""
         axes = self._picture.axes
         self._robot.move_to(t)
         self._incidents.move_to(t)
@@ -125,7 +217,7 @@ class _RobotArtists:
         self.body = (self._footprint, self._heading, self._wheels)
 
     def entries(self) -> Entries:
-        """Returns the entries of the legend."""
+        """Return the entries of the legend."""
         entries: Entries = [(self._driven, "driven path"), (self._plan, "plan")]
         if (self._record.arrays["local_plans"]["poses"] > 0).any():
             entries.append((self._local, "chosen trajectory"))
@@ -134,7 +226,7 @@ class _RobotArtists:
         return [*entries, (self._footprint, "footprint")]
 
     def move_to(self, t: float) -> None:
-        """Sets the artists to their state at time `t` (s)."""
+        """Set the artists to their state at time `t` (s)."""
         record = self._record
         i = record.index_at(t)
         pose = drawing.pose_of(record.poses[i])
@@ -172,14 +264,14 @@ class _IncidentArtists:
         self.markers = (recoveries, collisions)
 
     def entries(self) -> Entries:
-        """Returns the entries of the legend."""
+        """Return the entries of the legend."""
         occurred = (len(self._points) > 0, len(self._record.collisions) > 0)
         handles = (drawing.ring_handle(colors.RECOVERY), self.markers[1])
         named = zip(occurred, handles, ("recovery", "collision"), strict=True)
         return [(marker, name) for any_, marker, name in named if any_]
 
     def move_to(self, t: float) -> None:
-        """Shows the incidents until time `t` (s)."""
+        """Show the incidents until time `t` (s)."""
         record = self._record
         recoveries, collisions = self.markers
         recoveries.set_data(*self._points[self._times <= t].T)
@@ -198,14 +290,59 @@ class _MovingObstacles:
             axes.add_patch(patch)
 
     def entries(self) -> Entries:
-        """Returns the entry of the legend; empty without moving obstacles."""
+        """Return the entry of the legend; empty without moving obstacles."""
         return [(self.patches[0], "moving obstacle")] if self.patches else []
 
     def move_to(self, t: float) -> None:
-        """Moves the patches to their places at time `t` (s)."""
+        """Move the patches to their places at time `t` (s)."""
         discs, polygons = self._record.solids_at(t, absent=True)
         for patch, k in zip(self.patches, self._rows, strict=True):
             if k < len(discs):
                 patch.set_center(discs[k, :2])
             else:
                 patch.set_xy(polygons[k - len(discs)])
+
+
+# --- the film of a run ------------------------------------------------------------------------------------------------
+
+
+def animate_run(
+    record: Record,
+    path: str | os.PathLike[str],
+    *,
+    fps: float = 10.0,
+    speed: float = 4.0,
+    title: str | None = None,
+    dpi: float = 90.0,
+    progress: Callable[[int, int], None] | None = None,
+) -> Path:
+    """Write a run as .gif or .mp4, with `fps` frames per second and `speed` simulated seconds per second.
+
+    `progress(done, total)` is called after every frame. Frames are encoded one by one, so that the memory does not grow with
+    the run. Raises OutputError for another suffix, a missing ffmpeg (MP4) or an unwritable folder; InputError for `fps` or
+    `speed` that are not positive, and for a run without samples. Returns the file.
+    """
+    out = Path(path)
+    canvas.check_format(out, (".gif", ".mp4"))
+    for name, value in (("fps", fps), ("speed", speed)):
+        if not (np.isfinite(value) and value > 0.0):
+            raise InputError(f"{name} must be a positive number, not {value}", **{name: value})
+    if not len(record.times):
+        raise InputError("the run has no samples to animate")
+    ffmpeg = find_ffmpeg(out) if out.suffix.lower() == ".mp4" else None
+    ensure_directory(out.parent)
+    with canvas.style():
+        film = Film(record, title or circumstances(record) or "run", dpi)
+        times = _frame_times(record, fps, speed)
+        with atomic_write(out) as partial:
+            if ffmpeg is None:
+                write_gif(film.frame, times, fps, partial, progress)
+            else:
+                write_mp4(film.frame, times, fps, partial, progress, ffmpeg)
+    return out
+
+
+def _frame_times(record: Record, fps: float, speed: float) -> NDArray[np.float64]:
+    first, last = float(record.times[0]), float(record.times[-1])
+    count = int(np.ceil((last - first) * fps / speed)) + 1
+    return np.minimum(first + np.arange(count) * (speed / fps), last)

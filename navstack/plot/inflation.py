@@ -4,86 +4,76 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from navstack.plot import canvas, colors
 
+if TYPE_CHECKING:
+    from navstack.explain import InflationCurve
 
-@dataclass(frozen=True, slots=True)
-class Curve:
-    """Costs against distance in one costmap, or in several with equal costs. Lengths in metres."""
-
-    label: str
-    distances: NDArray[np.float64]
-    """(n,)"""
-    costs: NDArray[np.float64]
-    """(n,) costs at these distances by the formula of the layer."""
-    cells: NDArray[np.float64]
-    """(k,) distances of whole cells."""
-    cell_costs: NDArray[np.float64]
-    """(k,) costs that the layer writes at these distances."""
-    inscribed: float
-    circumscribed: float
-    inflation: float
-    subtitle: str
+_COLORS: Final = (colors.BLUE, colors.VERMILLION)
+_PANEL, _ABOVE, _BELOW = 3.7, 0.4, 0.55
+"""Height of a panel with its texts, of the title, and of the texts below a panel, inches."""
 
 
-_COLORS = (colors.BLUE, colors.VERMILLION)
-
-
-def plot_inflation(
-    curves: Sequence[Curve],
+def plot_inflation_curves(
+    curves: Sequence[InflationCurve],
     path: str | os.PathLike[str] | None = None,
     *,
     ax: Any = None,
-    title: str,
+    title: str = "inflation",
     dpi: float = 130.0,
 ) -> Any:
-    """Draws cost against distance to a .png, .svg or .pdf, with one panel per curve and lines at the radii.
+    """Draw cost against distance, a panel per curve; `curves` are the results of `inflation_curves(configuration)`.
 
-    Draws into the axes `ax` (one, or one per curve), or a new figure. Raises OutputError, and InputError for another number of
-    axes. Returns the file; without a path the list of the panels' axes.
+    To a .png, .svg or .pdf, into the axes `ax` (one, or one per curve), or a new figure. Raises OutputError, and InputError for
+    another number of axes. Returns the file; without a path the list of the panels' axes.
     """
     canvas.check_target(path, ax)
-    reach = max(float(curve.distances[-1]) for curve in curves)
+    reach = max(float(_distances(curve)[-1]) for curve in curves)
+    below = [(len(curves) - 1 - i) * _PANEL + _BELOW for i in range(len(curves))]
     with canvas.style():
-        if ax is not None:
-            panels = canvas.stacked_axes(ax, [1.0] * len(curves))
-            for i, (axes, curve) in enumerate(zip(panels, curves, strict=True)):
-                _panel(axes, curve, _COLORS[i % len(_COLORS)], reach)
-                axes.set_title(f"{title}\n{curve.label}" if i == 0 else curve.label, fontsize=9.0)
+        panels = canvas.Panels(
+            path,
+            ax,
+            [(bottom, _PANEL - _BELOW - 0.3) for bottom in below],
+            title=title,
+            size=(9.2, _ABOVE + len(curves) * _PANEL),
+            left=0.69,
+            right=6.762,
+        )
+        for i, (axes, curve) in enumerate(zip(panels.axes, curves, strict=True)):
+            _draw_curve(axes, curve, _COLORS[i % len(_COLORS)], reach)
+            name = f"{' and '.join(curve.costmaps)} costmap{'s' if len(curve.costmaps) > 1 else ''}"
+            if not panels.is_own:
+                axes.set_title(f"{title}\n{name}" if i == 0 else name, fontsize=9.0)
                 axes.legend(loc="upper right", fontsize=7)
-            return panels
-        panels: list[Any] = []
-        panel, above, below = 3.7, 0.4, 0.55
-        height = above + len(curves) * panel
-        figure = canvas.figure_for(path, 9.2, height)
-        figure.text(0.075, 1.0 - 0.3 / height, title, fontsize=12, fontweight="bold", va="baseline")
-        for i, curve in enumerate(curves):
-            bottom = (len(curves) - 1 - i) * panel + below
-            axes: Any = figure.add_axes((0.075, bottom / height, 0.66, (panel - below - 0.3) / height))
-            _panel(axes, curve, _COLORS[i % len(_COLORS)], reach)
-            axes.set_title(
-                f"{curve.label}   {curve.subtitle}", fontsize=8.5, fontweight="normal", color="#666666", pad=6
-            )
+                continue
+            subtitle = f"cost_scaling_factor {curve.cost_scaling_factor:g} / m   cells of {curve.resolution:g} m"
+            axes.set_title(f"{name}   {subtitle}", fontsize=8.5, fontweight="normal", color=canvas.SUBTITLE, pad=6)
             axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0, labelspacing=0.8)
-            panels.append(axes)
-        return canvas.finish(figure, panels, path, dpi)
+        return panels.finish(dpi)
 
 
-def _panel(axes: Any, curve: Curve, color: str, reach: float) -> None:
+def _distances(curve: InflationCurve) -> NDArray[np.float64]:
+    """Distances at which the formula is drawn (m)."""
+    reach = max(curve.cells[-1], curve.circumscribed_radius + curve.resolution)
+    return np.linspace(0.0, 1.05 * reach, 1200)
+
+
+def _draw_curve(axes: Any, curve: InflationCurve, color: str, reach: float) -> None:
+    distances = _distances(curve)
     axes.set_xlim(0.0, reach)
     axes.set_ylim(-6.0, 268.0)
     axes.set_yticks([0, 50, 100, 126, 150, 200, 253])
     axes.set_xlabel("distance to the nearest obstacle cell, centre to centre (m)")
     axes.set_ylabel("cost")
     axes.axhspan(253.0, 268.0, color=colors.hex_of(colors.INSCRIBED_RGB), alpha=0.35, lw=0)
-    axes.axvspan(0.0, curve.inscribed, color=colors.hex_of(colors.INSCRIBED_RGB), alpha=0.16, lw=0)
-    axes.plot(curve.distances, curve.costs, color=color, lw=1.8, label="formula", zorder=4)
+    axes.axvspan(0.0, curve.inscribed_radius, color=colors.hex_of(colors.INSCRIBED_RGB), alpha=0.16, lw=0)
+    axes.plot(distances, curve.at(distances).astype(np.float64), color=color, lw=1.8, label="formula", zorder=4)
     axes.step(
         curve.cells, curve.cell_costs, where="mid", color=color, lw=0.9, alpha=0.55, zorder=3, label="rounded to cells"
     )
@@ -99,9 +89,9 @@ def _panel(axes: Any, curve: Curve, color: str, reach: float) -> None:
         label="whole cells",
     )
     marks = (
-        (curve.inscribed, "inscribed radius", colors.BLACK, "-"),
-        (curve.circumscribed, "circumscribed radius", colors.PURPLE, (0, (5, 2))),
-        (curve.inflation, "inflation radius", colors.GREEN, (0, (2, 1.5))),
+        (curve.inscribed_radius, "inscribed radius", colors.BLACK, "-"),
+        (curve.circumscribed_radius, "circumscribed radius", colors.PURPLE, (0, (5, 2))),
+        (curve.inflation_radius, "inflation radius", colors.GREEN, (0, (2, 1.5))),
     )
     for at, name, ink, dashes in marks:
         axes.axvline(at, color=ink, lw=1.4, ls=dashes, zorder=2, label=f"{name} {at:.3f} m")

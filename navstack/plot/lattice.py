@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from navstack.lattice import Lattice, sample
+from navstack.global_planner import Lattice, sample
 from navstack.plot import canvas
 
 _SIZE: Final = 6.4

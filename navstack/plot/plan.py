@@ -1,4 +1,4 @@
-"""The picture of one or several plans over a costmap."""
+"""The picture of one or several plans over a costmap, or of why there is none."""
 
 from __future__ import annotations
 
@@ -11,14 +11,79 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Bounds, Costmap, Footprint, Pose2D
-from navstack.interfaces import Plan
-from navstack.plot import areas, canvas, colors, drawing, legend
-from navstack.plot.failure import draw_failure, points_of
-from navstack.plot.picture import Picture, round_length
+from navstack.plot import canvas, colors, drawing
+from navstack.plot.picture import (
+    Entries,
+    Picture,
+    area_of,
+    area_of_grid,
+    cost_legend,
+    disc_handle,
+    round_length,
+    shaped,
+    translucent_handle,
+)
+from navstack.plugins import Plan
+
+# --- why there is no plan ---------------------------------------------------------------------------------------------
+
+
+def points_of(failure: Mapping[str, Any]) -> NDArray[np.float64]:
+    """Return the places (n, 2) that the data of a planning error names."""
+    near, furthest = failure.get("nearest_reachable"), failure.get("furthest")
+    found = [(spot["x"], spot["y"]) for spot in failure.get("narrow", [])]
+    found += _blocking(failure)
+    found += [tuple(place[:2]) for place in (near, furthest) if place is not None]
+    return np.array(found, np.float64).reshape(-1, 2)
+
+
+def draw_failure(axes: Any, failure: Mapping[str, Any], footprint: Footprint | None) -> Entries:
+    """Draw what the data of a planning error says; returns the entries of the legend."""
+    entries: Entries = []
+    for i, spot in enumerate(failure.get("narrow", [])):
+        entries += _draw_gap(axes, spot, footprint)[: 2 if i == 0 else 0]
+    blocking = np.array(_blocking(failure), np.float64).reshape(-1, 2)
+    if len(blocking):
+        entries.append((_draw_points(axes, blocking, "X", colors.VERMILLION), "what blocks the way"))
+    if failure.get("furthest") is not None and footprint is not None:
+        outline = drawing.draw_footprint(axes, footprint, Pose2D(*failure["furthest"]), zorder=5.2)
+        outline.set(edgecolor=colors.ORANGE, facecolor="none", lw=1.8)
+        entries.append((outline, "it cannot go on from here"))
+    if failure.get("nearest_reachable") is not None:
+        near = np.array([failure["nearest_reachable"]], np.float64)
+        entries.append((_draw_points(axes, near, "s", colors.ORANGE), "nearest place reached"))
+    return entries
+
+
+def _blocking(failure: Mapping[str, Any]) -> list[tuple[float, float]]:
+    """Return the obstacles named as stretches of a route, or the one under the footprint at the goal."""
+    blocked = failure.get("blocked_by") or []
+    if blocked and not isinstance(blocked[0], Mapping):
+        return [(blocked[0], blocked[1])]
+    return [(spot["x"], spot["y"]) for spot in blocked]
+
+
+def _draw_gap(axes: Any, spot: Mapping[str, float], footprint: Footprint | None) -> Entries:
+    """Return a bar across a gap, and the footprint in it at the heading of the gap."""
+    x, y, heading = spot["x"], spot["y"], spot["heading"]
+    across = 0.5 * spot["width_m"] * np.array([-math.sin(heading), math.cos(heading)])
+    bar = np.array([[x, y] - across, [x, y] + across])
+    line = drawing.draw_line(axes, bar, colors.VERMILLION, width=2.6, casing=True, zorder=6)
+    entries: Entries = [(line, "too narrow for the footprint")]
+    if footprint is not None:
+        outline = drawing.draw_footprint(axes, footprint, Pose2D(x, y, heading), zorder=5.2)
+        outline.set(edgecolor=colors.VERMILLION, facecolor="none", lw=1.8)
+        entries.append((outline, "footprint at its heading"))
+    return entries
+
+
+def _draw_points(axes: Any, points: NDArray[np.float64], marker: str, color: str) -> Any:
+    (marks,) = axes.plot(points[:, 0], points[:, 1], marker, ls="none", ms=8, color=color, mec="white", zorder=9)
+    return marks
+
 
 _UNREACHED = 1e9
 """Potentials from here on mark cells that the planner did not reach."""
-Entries = list[tuple[Any, str]]
 
 
 def plot_plan(
@@ -37,7 +102,7 @@ def plot_plan(
     failure: Mapping[str, Any] | None = None,
     dpi: float = 130.0,
 ) -> Any:
-    """Draws one plan, or several by name, to a .png, .svg or .pdf. All poses are in the frame of the costmap.
+    """Draw one plan, or several by name, to a .png, .svg or .pdf. All poses are in the frame of the costmap.
 
     Contours show the potential of the first plan that has one, unless `potential` is False. `texts` are the legend's texts
     of several plans, by name, in place of name, length and cost. `failure` is the `data` of a PlanningError: what it names is
@@ -62,8 +127,7 @@ def plot_plan(
             entries += _draw_potential(axes, named, costmap, picture.area)
         entries += _draw_ends(picture, start, goal, footprint)
         entries += _draw_moved_goal(axes, named) + draw_failure(axes, failure or {}, footprint)
-        bands, costs = legend.cost_legend(costmap.data[g.window_of(picture.area).slices])
-        picture.legend([h for h, _ in entries] + bands, [text for _, text in entries] + costs)
+        picture.legend(entries + cost_legend(costmap.data[g.window_of(picture.area).slices]))
         return picture.finish(path, dpi)
 
 
@@ -71,11 +135,11 @@ def _area(
     costmap: Costmap, plans: Mapping[str, Plan], start: Pose2D, goal: Pose2D, points: NDArray[np.float64]
 ) -> Bounds:
     ends = np.array([start, goal])
-    area = areas.area_of([ends, points, *(plan.path.poses for plan in plans.values())])
+    area = area_of([ends, points, *(plan.path.poses for plan in plans.values())])
     if area.is_empty:
-        return areas.area_of_grid(costmap.geometry)
+        return area_of_grid(costmap.geometry)
     margin = max(1.0, 0.12 * float(np.hypot(*(ends[1, :2] - ends[0, :2]))))
-    return areas.shaped(area.grown(margin))
+    return shaped(area.grown(margin))
 
 
 def _draw_plans(axes: Any, plans: Mapping[str, Plan], texts: Mapping[str, str]) -> Entries:
@@ -95,7 +159,7 @@ def _draw_plans(axes: Any, plans: Mapping[str, Plan], texts: Mapping[str, str]) 
 
 
 def _draw_sweep(axes: Any, plans: Mapping[str, Plan], footprint: Footprint | None) -> Entries:
-    """Draws the footprint along the first plan for which it was checked, and where plans change their direction."""
+    """Draw the footprint along the first plan for which it was checked, and where plans change their direction."""
     plan = next((p for p in plans.values() if p.for_footprint), None)
     if plan is None or footprint is None or len(plan.path) < 2:
         return []
@@ -112,12 +176,12 @@ def _draw_sweep(axes: Any, plans: Mapping[str, Plan], footprint: Footprint | Non
             axes.add_collection(
                 PolyCollection(outlines, facecolors=color, edgecolors=color, alpha=0.12, linewidths=0.6, zorder=3)
             )
-            entries.append((legend.translucent(color), label))
+            entries.append((translucent_handle(color), label))
     return entries + _draw_changes(axes, [p for p in plans.values() if p.for_footprint])
 
 
 def _draw_changes(axes: Any, plans: Sequence[Plan]) -> Entries:
-    """Marks the poses at which plans change between forward and backward."""
+    """Mark the poses at which plans change between forward and backward."""
     found: list[NDArray[np.float64]] = []
     for plan in plans:
         signs = plan.path.directions
@@ -135,11 +199,11 @@ def _draw_ends(picture: Picture, start: Pose2D, goal: Pose2D, footprint: Footpri
             drawing.draw_footprint(picture.axes, footprint, pose)
     marks = [drawing.Mark(start, "S", colors.START), drawing.Mark(goal, "G", colors.GOAL)]
     drawing.draw_marks(picture.axes, marks, picture.points_per_m)
-    return [(legend.disc(colors.START), "start"), (legend.disc(colors.GOAL), "goal")]
+    return [(disc_handle(colors.START), "start"), (disc_handle(colors.GOAL), "goal")]
 
 
 def _draw_moved_goal(axes: Any, plans: Mapping[str, Plan]) -> Entries:
-    """Marks the end of the first plan that does not end at the goal."""
+    """Mark the end of the first plan that does not end at the goal."""
     moved = next((plan for plan in plans.values() if plan.goal_moved_m > 0.0), None)
     if moved is None:
         return []
@@ -162,12 +226,12 @@ def _single_plan_text(plans: Mapping[str, Plan]) -> str:
 
 
 def _cost(plan: Plan) -> str:
-    """The cost without an exponent."""
+    """Return the cost without an exponent."""
     return f"{plan.cost:,.0f}" if plan.cost >= 1000.0 else f"{plan.cost:.4g}"
 
 
 def _draw_potential(axes: Any, plans: Mapping[str, Plan], costmap: Costmap, area: Bounds) -> Entries:
-    """Draws lines of equal potential inside `area`; nothing if no plan has a potential that varies there."""
+    """Draw lines of equal potential inside `area`; nothing if no plan has a potential that varies there."""
     from matplotlib.lines import Line2D
 
     potential = next((plan.potential for plan in plans.values() if plan.potential is not None), None)
@@ -204,7 +268,7 @@ def _levels(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _sample_points(costmap: Costmap, area: Bounds, every: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Returns x and y (m) of the centres of every `every`-th cell inside `area`."""
+    """Return x and y (m) of the centers of every `every`-th cell inside `area`."""
     g = costmap.geometry
     window = g.window_of(area)
     x = g.origin_x + (np.arange(window.x0, window.x1, every) + 0.5) * g.resolution

@@ -1,7 +1,8 @@
-"""The picture of a run: goals, plans, driven path, recoveries and collisions."""
+"""The picture of a run: goals, plans, driven path, obstacles, recoveries and collisions."""
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,13 +12,96 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Bounds, Event, Transform2D
-from navstack.plot import areas, canvas, colors, drawing, legend
-from navstack.plot.commands import draw_changed_commands
-from navstack.plot.estimates import draw_estimates
-from navstack.plot.obstacles import draw_obstacles
-from navstack.plot.picture import Picture
-from navstack.plot.steering import wheel_lines
+from navstack.plot import canvas, colors, drawing
+from navstack.plot.commands import draw_changed_commands, wheel_lines
+from navstack.plot.localization import draw_estimates
+from navstack.plot.picture import (
+    Entries,
+    Picture,
+    area_of,
+    area_of_grid,
+    cost_legend,
+    disc_handle,
+    occupancy_legend,
+    shaped,
+)
 from navstack.record import Record
+
+# --- obstacles that are not on the map --------------------------------------------------------------------------------
+
+
+def draw_obstacles(axes: Any, record: Record, *, moving: bool = True) -> Entries:
+    """Draw the obstacles that are not on the map; moving ones (if wanted) at their last place, with their paths dotted.
+
+    Returns the entries of the legend.
+    """
+    still, movers = obstacle_patches(record, float(record.times[-1]) if len(record.times) else 0.0)
+    if still or movers:
+        movers = movers if moving else []
+        for patch in still + movers:
+            axes.add_patch(patch)
+        for path in _paths(record) if moving else ():
+            drawing.draw_line(axes, path, colors.MOVING, width=1.3, zorder=2.9, ls=":")
+        entries: Entries = [(still[0], "obstacle, not on the map")] if still else []
+        return entries + ([(movers[0], "moving obstacle (at the end), its path")] if movers else [])
+    return _draw_discs(axes, record)
+
+
+def _draw_discs(axes: Any, record: Record) -> Entries:
+    """Draw the discs of the scenario, for records without recorded obstacles."""
+    from matplotlib.patches import Circle
+
+    handle: Any = None
+    for obstacle in record.scenario.get("obstacles") or ():
+        try:
+            x, y, r = (float(v) for v in obstacle[:3])
+        except (TypeError, ValueError, KeyError):
+            continue
+        handle = axes.add_patch(
+            Circle((x, y), r, facecolor=colors.OBSTACLE, edgecolor="white", hatch="/////", lw=1.0, zorder=3)
+        )
+    return [(handle, "obstacle, not on the map")] if handle is not None else []
+
+
+def obstacle_patches(record: Record, t: float) -> tuple[list[Any], list[Any]]:
+    """Return patches of the recorded discs and polygons at time `t` (s): fixed ones, and moving ones."""
+    from matplotlib.patches import Circle, Polygon
+
+    discs, polygons = record.solids_at(t, absent=True)
+    moved = obstacles_moved(record)
+    still: list[Any] = []
+    moving: list[Any] = []
+    for shape, moves in zip([*discs.tolist(), *polygons], moved, strict=True):
+        style: dict[str, Any] = {"edgecolor": "white", "lw": 1.0, "zorder": 3, "facecolor": colors.OBSTACLE}
+        style |= {"hatch": "....", "facecolor": colors.MOVING} if moves else {"hatch": "/////"}
+        if isinstance(shape, list):
+            x, y, r = shape
+            made: Any = Circle((x, y), r, **style)
+        else:
+            made = Polygon(shape, **style)
+        (moving if moves else still).append(made)
+    return still, moving
+
+
+def obstacles_moved(record: Record) -> list[bool]:
+    """Return, for the recorded discs and then the polygons, whether they ever moved."""
+    discs, corners = record.arrays.get("solid_discs"), record.arrays.get("solid_corners")
+    if discs is None or corners is None:
+        return []
+    first = record.arrays["solid_first"].tolist()
+    return [bool((discs[:, k] != discs[0, k]).any()) for k in range(discs.shape[1])] + [
+        bool((corners[:, a:b] != corners[0, a:b]).any()) for a, b in itertools.pairwise(first)
+    ]
+
+
+def _paths(record: Record) -> list[NDArray[np.float64]]:
+    """Return the path (n, 2) of the center of each obstacle that moved."""
+    discs, corners = record.arrays["solid_discs"], record.arrays["solid_corners"]
+    first = record.arrays["solid_first"].tolist()
+    paths = [discs[:, k, :2] for k in range(discs.shape[1])]
+    paths += [corners[:, a:b].mean(axis=1) for a, b in itertools.pairwise(first)]
+    return [path.astype(np.float64) for path, moved in zip(paths, obstacles_moved(record), strict=True) if moved]
+
 
 MOST_REPLANS = 40
 """Number of replans that a picture shows; more of them, evenly distributed, hide the map."""
@@ -36,7 +120,7 @@ def plot_run(
     area: Bounds | None = None,
     dpi: float = 130.0,
 ) -> Any:
-    """Draws a run to a .png, .svg or .pdf, cut to the area of the run or to `area` (m, global frame).
+    """Draw a run to a .png, .svg or .pdf, cut to the area of the run or to `area` (m, global frame).
 
     `costmap` names the costmap whose last state is the background; None draws the map alone. Draws into the axes `ax`, or a
     new figure. Raises OutputError. Returns the file; without a path the axes.
@@ -51,8 +135,8 @@ def plot_run(
             ax=ax,
             managed=path is None,
         )
-        bands, texts = draw_ground(picture.axes, record, picture.area, costmap)
-        entries: list[tuple[Any, str]] = []
+        ground = draw_ground(picture.axes, record, picture.area, costmap)
+        entries: Entries = []
         draw_plans(picture.axes, record, entries, replans=replans)
         if len(record.times):
             line = drawing.draw_line(picture.axes, record.poses, colors.DRIVEN, width=2.2, casing=True, zorder=5)
@@ -64,7 +148,7 @@ def plot_run(
         entries += draw_ends(picture.axes, record, picture.points_per_m)
         draw_changed_commands(picture.axes, record, entries)
         _draw_incidents(picture.axes, record, entries)
-        picture.legend([handle for handle, _ in entries] + bands, [label for _, label in entries] + texts)
+        picture.legend(entries + ground)
         return picture.finish(path, dpi)
 
 
@@ -72,7 +156,7 @@ def plot_run(
 
 
 def headline(record: Record) -> str:
-    """Returns the outcome of a run in one line."""
+    """Return the outcome of a run in one line."""
     results = record.results
     parts: list[str] = []
     if results:
@@ -95,7 +179,7 @@ def headline(record: Record) -> str:
 
 
 def circumstances(record: Record) -> str:
-    """Returns map, parameters, planner and seed of a run in one line, as far as the scenario has them."""
+    """Return map, parameters, planner and seed of a run in one line, as far as the scenario has them."""
     parts: list[str] = []
     for key in ("map", "params", "robot", "planner", "distro", "ros_distro", "seed"):
         value = record.scenario.get(key)
@@ -108,7 +192,7 @@ def circumstances(record: Record) -> str:
 
 
 def _telling_name(value: str) -> str:
-    """The name of a file or folder; with its folder if the name is one that most robots use, such as `param`."""
+    """Return the name of a file or folder; with its folder if the name is one that most robots use, such as `param`."""
     path = Path(value)
     name = path.name.removesuffix(".yaml")
     parent = path.parent.name
@@ -119,48 +203,44 @@ def _telling_name(value: str) -> str:
 
 
 def area_of_run(record: Record) -> Bounds:
-    """Returns the area of start, goals, driven path, plans and collisions, with a margin for robot and arrows."""
+    """Return the area of start, goals, driven path, plans and collisions, with a margin for robot and arrows."""
     parts: list[NDArray[np.float64]] = [record.poses, record.goals, record.collisions]
     parts += [_global_poses(record, plan.poses, plan.frame, plan.t) for plan in record.plans]
-    area = areas.area_of(parts)
+    area = area_of(parts)
     if not area.is_empty:
         extent = max(area.max_x - area.min_x, area.max_y - area.min_y)
-        return areas.shaped(area.grown(max(1.0, 0.07 * extent) + record.footprint.circumscribed_radius))
+        return shaped(area.grown(max(1.0, 0.07 * extent) + record.footprint.circumscribed_radius))
     if record.map is not None:
-        return areas.shaped(areas.area_of_grid(record.map.geometry))
+        return shaped(area_of_grid(record.map.geometry))
     return Bounds(-3.0, -3.0, 3.0, 3.0)
 
 
 def draw_map(axes: Any, record: Record, area: Bounds) -> None:
-    """Draws the map, rotated about its corner by the yaw of its origin."""
-    grid = record.map
-    if grid is None:
-        return
-    g = grid.geometry
-    rotation = Transform2D(g.origin_x, g.origin_y, grid.origin_yaw) @ Transform2D(-g.origin_x, -g.origin_y, 0.0)
-    drawing.draw_grid(axes, grid.data, colors.OCCUPANCY, g, area=area, pose=rotation)
+    """Draw the map of a run, if it has one."""
+    if record.map is not None:
+        drawing.draw_occupancy(axes, record.map, area=area)
 
 
-def draw_ground(axes: Any, record: Record, area: Bounds, costmap: str | None) -> tuple[list[Any], list[str]]:
-    """Draws the map and the last state of a costmap over it. Returns handles and labels for the legend."""
+def draw_ground(axes: Any, record: Record, area: Bounds, costmap: str | None) -> Entries:
+    """Draw the map and the last state of a costmap over it. Return the entries of the legend."""
     draw_map(axes, record, area)
     times = record.costmap_times(costmap) if costmap else np.empty(0)
     last = record.costmap_at(costmap, float(times[-1])) if costmap and len(times) else None
     if last is None:
-        return ([], []) if record.map is None else legend.occupancy_legend()
+        return [] if record.map is None else occupancy_legend()
     pose = record.to_global(last.frame, float(times[-1])) if len(record.times) else Transform2D()
     drawing.draw_grid(axes, last.data, colors.COSTS, last.geometry, area=area, pose=pose, zorder=0.5)
     window = last.geometry.window_of(area) if pose.is_identity() else last.geometry.window
-    return legend.cost_legend(last.data[window.slices])
+    return cost_legend(last.data[window.slices])
 
 
-def draw_ends(axes: Any, record: Record, points_per_m: float) -> list[tuple[Any, str]]:
-    """Draws the start and the goals, numbered in order. Returns the entries of the legend."""
-    entries: list[tuple[Any, str]] = []
+def draw_ends(axes: Any, record: Record, points_per_m: float) -> Entries:
+    """Draw the start and the goals, numbered in order. Returns the entries of the legend."""
+    entries: Entries = []
     marks: list[drawing.Mark] = []
     if len(record.times):
         marks.append(drawing.Mark(drawing.pose_of(record.poses[0]), "S", colors.START))
-        entries.append((legend.disc(colors.START), "start"))
+        entries.append((disc_handle(colors.START), "start"))
     goals = [
         drawing.Mark(drawing.pose_of(pose), str(i + 1), colors.GOAL, hollow=not _was_reached(record, i))
         for i, pose in enumerate(record.goals)
@@ -169,17 +249,17 @@ def draw_ends(axes: Any, record: Record, points_per_m: float) -> list[tuple[Any,
     for hollow, name in ((False, ""), (True, ", not reached")):
         count = sum(goal.hollow is hollow for goal in goals)
         if count:
-            entries.append((legend.disc(colors.GOAL, hollow=hollow), f"goal{'s' if count > 1 else ''}{name}"))
+            entries.append((disc_handle(colors.GOAL, hollow=hollow), f"goal{'s' if count > 1 else ''}{name}"))
     return entries
 
 
 def _was_reached(record: Record, goal: int) -> bool:
-    """False only if the results contain a failure of this goal."""
+    """Return False only if the results contain a failure of this goal."""
     return goal >= len(record.results) or record.results[goal].get("state", "SUCCEEDED") == "SUCCEEDED"
 
 
 def incidents(record: Record) -> list[Event]:
-    """Returns the first event of every recovery."""
+    """Return the first event of every recovery."""
     first: list[Event] = []
     running = False
     for event in record.events_of("recovery"):
@@ -192,8 +272,8 @@ def incidents(record: Record) -> list[Event]:
 # --- parts of this picture --------------------------------------------------------------------------------------------
 
 
-def draw_plans(axes: Any, record: Record, entries: list[tuple[Any, str]], *, replans: bool) -> None:
-    """Draws the first plan to each goal, and the replans; adds their entries for the legend."""
+def draw_plans(axes: Any, record: Record, entries: Entries, *, replans: bool) -> None:
+    """Draw the first plan to each goal, and the replans; adds their entries for the legend."""
     seen: set[int] = set()
     first: Any = None
     later: list[NDArray[np.float64]] = []
@@ -213,7 +293,7 @@ def draw_plans(axes: Any, record: Record, entries: list[tuple[Any, str]], *, rep
 
 
 def _draw_replans(axes: Any, plans: Sequence[NDArray[np.float64]]) -> Any:
-    """Draws at most MOST_REPLANS of the plans, the fainter the more there are. Returns a legible handle."""
+    """Draw at most MOST_REPLANS of the plans, the fainter the more there are. Returns a legible handle."""
     from matplotlib.lines import Line2D
 
     shown = [plans[i] for i in np.unique(np.linspace(0, len(plans) - 1, min(len(plans), MOST_REPLANS)).astype(int))]
@@ -222,7 +302,7 @@ def _draw_replans(axes: Any, plans: Sequence[NDArray[np.float64]]) -> Any:
     return Line2D([], [], color=colors.PLAN, lw=1.2, alpha=0.6)
 
 
-def _draw_footprints(axes: Any, record: Record, entries: list[tuple[Any, str]]) -> None:
+def _draw_footprints(axes: Any, record: Record, entries: Entries) -> None:
     poses = record.poses
     if not len(poses):
         return
@@ -238,7 +318,7 @@ def _draw_footprints(axes: Any, record: Record, entries: list[tuple[Any, str]]) 
     entries.append((handle, "footprint"))
 
 
-def _draw_incidents(axes: Any, record: Record, entries: list[tuple[Any, str]]) -> None:
+def _draw_incidents(axes: Any, record: Record, entries: Entries) -> None:
     recoveries = incidents(record)
     if recoveries and len(record.times):
         at = _positions(record, [event.time for event in recoveries])

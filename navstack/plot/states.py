@@ -5,8 +5,7 @@ from __future__ import annotations
 import os
 from typing import Any
 
-from navstack.move_base.states import Mode
-from navstack.move_base.transition_table import ROWS
+from navstack.move_base import ROWS, Mode
 from navstack.plot import canvas, colors
 
 Edges = dict[tuple[Mode, Mode], list[str]]
@@ -40,7 +39,7 @@ _HALF_WIDTH, _HALF_HEIGHT = 1.2, 0.42
 
 
 def edges() -> tuple[Edges, Edges, dict[Mode, list[str]]]:
-    """Returns the events by arrow: between two states, from all states with an active goal, and self-transitions.
+    """Return the events by arrow: between two states, from all states with an active goal, and self-transitions.
 
     The second are keyed by (PLANNING, target): their events lead to the target from each of these states.
     """
@@ -65,7 +64,7 @@ def edges() -> tuple[Edges, Edges, dict[Mode, list[str]]]:
 
 
 def plot_states(path: str | os.PathLike[str] | None = None, *, ax: Any = None, dpi: float = 130.0) -> Any:
-    """Draws the state machine to a .png, .svg or .pdf, into the axes `ax`, or a new figure.
+    """Draw the state machine to a .png, .svg or .pdf, into the axes `ax`, or a new figure.
 
     Raises OutputError. Returns the file; without a path the axes.
     """
@@ -99,7 +98,7 @@ def plot_states(path: str | os.PathLike[str] | None = None, *, ax: Any = None, d
 
 
 def _draw_transitions(axes: Any, own: Edges) -> None:
-    """Draws the arrows between single states."""
+    """Draw the arrows between single states."""
     for pair, names in own.items():
         start, end, label, side = _ARROWS[pair]
         bend = {
@@ -115,7 +114,7 @@ def _draw_transitions(axes: Any, own: Edges) -> None:
 
 
 def _draw_common(axes: Any, common: Edges) -> None:
-    """Draws the arrows that leave every state with an active goal."""
+    """Draw the arrows that leave every state with an active goal."""
     _arrow(axes, (3.9, 4.6), (2.7, 4.6), "arc3,rad=0", colors.VERMILLION)
     ends = "\n".join(common[Mode.PLANNING, Mode.IDLE])
     axes.text(3.8, 4.4, "active states:\n" + ends, fontsize=8, ha="right", va="top", color=colors.VERMILLION)

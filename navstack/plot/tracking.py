@@ -30,7 +30,7 @@ def plot_tracking(
     subtitle: str = "",
     dpi: float = 130.0,
 ) -> Path:
-    """Draws a followed trajectory to a .png, .svg or .pdf. Raises OutputError. Returns the file.
+    """Draw a followed trajectory to a .png, .svg or .pdf. Raises OutputError. Returns the file.
 
     `t` (n,) s; `reference` and `poses` (n, 3) m, rad in the global frame; `errors` along, across (m) and of the heading (rad);
     `speeds` of the reference and of the robot (m/s).
@@ -39,9 +39,7 @@ def plot_tracking(
     canvas.check_format(out)
     with canvas.style():
         figure = canvas.new_figure(_WIDTH, _HEIGHT)
-        left = 0.62 / _WIDTH
-        figure.text(left, 1.0 - 0.32 / _HEIGHT, title, fontsize=12, fontweight="bold", va="baseline")
-        figure.text(left, 1.0 - 0.56 / _HEIGHT, subtitle, fontsize=8.5, color="#666666", va="baseline")
+        canvas.write_title(figure, 0.62 / _WIDTH, title, subtitle)
         _draw_curve(_axes(figure, 0.62, 0.55, 4.3, 4.25), reference, poses)
         _draw_errors(_axes(figure, 5.75, 2.75, 5.05, 2.05), t, errors)
         _draw_speeds(_axes(figure, 5.75, 0.55, 5.05, 1.7), t, speeds)
@@ -50,7 +48,7 @@ def plot_tracking(
 
 def _axes(figure: Any, left: float, bottom: float, width: float, height: float) -> Any:
     axes = figure.add_axes((left / _WIDTH, bottom / _HEIGHT, width / _WIDTH, height / _HEIGHT))
-    axes.grid(color="#E3E3E3", lw=0.6)
+    axes.grid(color=canvas.GRID, lw=0.6)
     axes.set_axisbelow(True)
     return axes
 

@@ -1,20 +1,53 @@
-"""Buffers of a recorder: they collect plans and costmap updates in the form of the record."""
+"""Buffers of a recorder: they collect plans, costmap updates, scans and obstacles in the form of the record."""
+# pyright: reportMissingParameterType=false, reportUnknownParameterType=false
+# numba infers the types of the kernel's arguments
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
+import math
 import struct
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Costmap, GridGeometry, Window
-from navstack.interfaces import LocalPlan
+from navstack.core import Costmap, DeferredScan, GridGeometry, LaserScan, Pose2D, Window, kernel
+from navstack.plugins import LocalPlan
 from navstack.record import format as fmt
-from navstack.record._grid_kernels import copy_changes
 from navstack.record.columns import Column, Streamed, Table, looked_up, side_by_side
+
+
+@kernel
+def copy_changes(new, last, x0, y0, x1, y1):
+    """Copies the window x0 <= ix < x1, y0 <= iy < y1 of `new` into `last` (both uint8); returns the box of changed cells.
+
+    The box is half open; all 0 if no cell changed.
+    """
+    left, bottom, right, top = x1, y1, x0, y0
+    for iy in range(y0, y1):
+        row, before = new[iy, x0:x1], last[iy, x0:x1]
+        differs = False
+        for i in range(len(row)):
+            differs |= row[i] != before[i]
+        if not differs:
+            continue
+        bottom, top = min(bottom, iy), iy + 1
+        first, end = 0, len(row)
+        while row[first] == before[first]:
+            first += 1
+        while row[end - 1] == before[end - 1]:
+            end -= 1
+        left, right = min(left, x0 + first), max(right, x0 + end)
+        for i in range(first, end):
+            before[i] = row[i]
+    if right <= left:
+        return 0, 0, 0, 0
+    return left, bottom, right, top
+
 
 _VALID: Final = -1
 _NO_TRAJECTORY: Final = -2
@@ -224,3 +257,230 @@ class CostmapBuffer:
     def arrays(self, name: str) -> dict[str, Streamed]:
         """Returns the arrays of the record for the costmap `name`."""
         return {f"costmaps/{name}": self._table.streamed(), f"costmaps/{name}_cells": self._cells.streamed()}
+
+
+def copy_changed_window(new: NDArray[np.uint8], last: NDArray[np.uint8], within: Window | None = None) -> Window:
+    """Copies the cells of `new` into `last` (both (ny, nx)) and returns the smallest window that contains the changes.
+
+    Only cells in the window `within` (default: all) are compared.
+    """
+    ny, nx = new.shape
+    return Window(*copy_changes(new, last, *(Window(0, 0, nx, ny) if within is None else within)))
+
+
+# --- scans ------------------------------------------------------------------------------------------------------------
+
+
+MAX_RANGES: Final = 20_000_000
+"""Largest number of recorded ranges of one lidar (80 MB): an hour of 640 beams at 8 Hz."""
+
+WAITING_RANGES: Final = 1_000_000
+"""Largest number of ranges in memory of a lidar whose scans are kept on disk."""
+_ROWS: Final = np.dtype([("number", "<i8"), *fmt.TABLES["scans"], ("placed", "?")])
+_Row = tuple[int, float, Pose2D | None, LaserScan]
+"""Number in the order of the sensor, time (s), pose and scan."""
+
+
+class ScanBuffer:
+    """The scans of one lidar. When they exceed `limit` ranges, every second one is dropped, and from then on left out.
+
+    So a long run has all its scans at a lower rate, instead of a part of them. The ranges of a `DeferredScan` are computed
+    when the record is read, if it is in memory: the run itself does not wait for them.
+    """
+
+    def __init__(self, source: int, limit: int | None = None, folder: Path | None = None) -> None:
+        self._limit = MAX_RANGES if limit is None else limit
+        self._every = 1
+        self._offered = 0
+        self._pending: list[_Row] = []
+        self._spooled = folder is not None
+        self._rows = Column(_ROWS, None, folder)
+        self._ranges = Column("<f4", None, folder)
+        self._source = source
+        self._most: int | None = None
+        self._batch = math.inf
+
+    def add(self, t: float, scan: LaserScan, pose: Pose2D | None) -> None:
+        """Adds a scan; its ranges are copied unless they are still to be computed. Raises OutputError."""
+        number, self._offered = self._offered, self._offered + 1
+        if number % self._every:
+            return
+        if not isinstance(scan, DeferredScan):
+            scan = dataclasses.replace(scan, ranges=np.array(scan.ranges, np.float32))
+        self._pending.append((number, t, pose, scan))
+        if self._most is None:
+            self._most = max(2, self._limit // max(len(scan.ranges), 1))
+            self._batch = max(1, WAITING_RANGES // max(len(scan.ranges), 1)) if self._spooled else math.inf
+        if number // self._every + 1 > self._most:
+            self._every *= 2
+            self._pending = [row for row in self._pending if row[0] % self._every == 0]
+        if len(self._pending) >= self._batch:
+            self._settle()
+
+    def times(self) -> list[float]:
+        """Times of the scans that are kept (s)."""
+        return self.kept()["t"].tolist()
+
+    def kept(self) -> NDArray[Any]:
+        """Returns the rows of the scans that are kept."""
+        self._settle()
+        rows = self._rows.array()
+        return rows[rows["number"] % self._every == 0]
+
+    def ranges(self) -> NDArray[np.float32]:
+        """Returns the ranges of all scans, in which the rows have their place."""
+        return self._ranges.array()
+
+    def _settle(self) -> None:
+        pending, self._pending = self._pending, []
+        first = len(self._ranges)
+        for number, t, pose, scan in pending:
+            row = np.zeros(1, _ROWS)
+            place = (math.nan,) * 3 if pose is None else tuple(pose)
+            described = scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max, scan.height
+            row[0] = (number, t, *place, *described, self._source, first, len(scan.ranges), pose is not None)
+            self._rows.extend(row)
+            # beams without a hit are infinite
+            self._ranges.extend(np.round(scan.ranges * np.float32(1000.0)) / np.float32(1000.0))
+            first += len(scan.ranges)
+
+
+def scan_arrays(buffers: list[ScanBuffer], samples: NDArray[Any]) -> dict[str, NDArray[Any] | Streamed]:
+    """The table of scans and their ranges, to the millimetre.
+
+    Scans without a pose get it by linear interpolation between the poses of the control cycles `samples`.
+    """
+    rows = np.concatenate([np.zeros(0, _ROWS), *(buffer.kept() for buffer in buffers)])
+    rows = rows[np.lexsort((rows["source"], rows["t"]))]
+    given = rows["placed"]
+    if not given.all():
+        at = _interpolated(rows["t"], samples)
+        for i, name in enumerate(("x", "y", "yaw")):
+            rows[name] = np.where(given, rows[name], at[:, i])
+    own_first, counts = rows["first"].copy(), rows["count"]
+    rows["first"] = np.cumsum(counts) - counts
+    table = fmt.table(fmt.TABLES["scans"], {name: rows[name] for name, _ in fmt.TABLES["scans"]}, len(rows))
+    places = np.column_stack((rows["source"], own_first, counts)).tolist()
+
+    def pieces() -> Iterator[Any]:
+        ranges = [buffer.ranges() for buffer in buffers]
+        for source, first, count in places:
+            yield ranges[source][first : first + count].tobytes()
+
+    def array() -> NDArray[np.float32]:
+        ranges = [buffer.ranges() for buffer in buffers]
+        return np.concatenate([np.empty(0, "<f4"), *(ranges[s][first : first + n] for s, first, n in places)])
+
+    shape = (int(counts.sum()),)
+    return {"scans": table, "scan_ranges": Streamed(np.dtype("<f4"), shape, False, pieces, array)}
+
+
+def _interpolated(t: NDArray[np.float64], samples: NDArray[Any]) -> NDArray[np.float64]:
+    """(n, 3) poses at `t`; before the first and after the last time, those of the first and last."""
+    if not len(samples):
+        return np.zeros((len(t), 3))
+    times = samples["t"]
+    columns = [samples["x"], samples["y"], np.unwrap(samples["yaw"])]
+    x, y, yaw = (np.interp(t, times, column) for column in columns)
+    return np.column_stack((x, y, np.arctan2(np.sin(yaw), np.cos(yaw))))
+
+
+# --- obstacles --------------------------------------------------------------------------------------------------------
+
+
+class SolidNames(NamedTuple):
+    """What identifies the obstacles of one row, in its order."""
+
+    discs: tuple[str, ...]
+    polygons: tuple[str, ...]
+
+
+class _SolidsRow(NamedTuple):
+    sample: int
+    discs: NDArray[np.float32]
+    corners: NDArray[np.float32]
+    first: NDArray[np.int64]
+    names: SolidNames | None
+    """None: as listed first."""
+
+
+class SolidsBuffer:
+    """Collects rows of obstacles. A named obstacle keeps its column; it is NaN while it is absent."""
+
+    def __init__(self) -> None:
+        self._rows: list[_SolidsRow] = []
+        self._initial: SolidNames | None = None
+
+    def add(
+        self,
+        sample: int,
+        discs: NDArray[np.float64],
+        corners: NDArray[np.float64],
+        first: NDArray[np.int64],
+        names: SolidNames | None = None,
+    ) -> None:
+        """Adds the obstacles from the sample with this index on."""
+        self._rows.append(_SolidsRow(sample, discs.astype(np.float32), corners.astype(np.float32), first, names))
+
+    def identify(
+        self, discs: NDArray[np.float64], corners: NDArray[np.float64], first: NDArray[np.int64], names: SolidNames
+    ) -> None:
+        """Names the obstacles of the rows so far; without rows, these are the obstacles since the start."""
+        self._initial = names
+        if not self._rows:
+            self.add(0, discs, corners, first)
+
+    def arrays(self, samples: int) -> dict[str, NDArray[Any]]:
+        """Returns the arrays of the record: one row, or one per sample."""
+        rows = self._rows
+        if not rows:
+            return {}
+        if self._initial is None:
+            return {
+                "solid_discs": np.array([row.discs for row in rows], "<f4"),
+                "solid_corners": np.array([row.corners for row in rows], "<f4"),
+                "solid_first": rows[-1].first.astype("<i8"),
+            }
+        columns = _Columns()
+        placed = [columns.place(row, row.names or self._initial) for row in rows]
+        index = np.searchsorted([row.sample for row in rows], np.arange(samples), side="right") - 1
+        discs = np.full((samples, len(columns.discs), 3), np.nan, "<f4")
+        corners = np.full((samples, columns.corner_count, 2), np.nan, "<f4")
+        for sample, at in enumerate(index.tolist()):
+            row, (disc_columns, corner_columns) = rows[at], placed[at]
+            discs[sample, disc_columns] = row.discs
+            corners[sample, corner_columns] = row.corners
+        return {"solid_discs": discs, "solid_corners": corners, "solid_first": columns.first()}
+
+
+class _Columns:
+    """The columns of all obstacles that ever existed, in the order of their appearance."""
+
+    def __init__(self) -> None:
+        self.discs: dict[str, int] = {}
+        self._polygons: dict[tuple[str, int], int] = {}
+        self._counts: list[int] = []
+        self._known: dict[SolidNames, tuple[list[int], list[int]]] = {}
+
+    @property
+    def corner_count(self) -> int:
+        return sum(self._counts)
+
+    def first(self) -> NDArray[np.int64]:
+        return np.cumsum([0, *self._counts]).astype("<i8")
+
+    def place(self, row: _SolidsRow, names: SolidNames) -> tuple[list[int], list[int]]:
+        """Returns the columns of the row's discs and of its corners."""
+        if names in self._known:
+            return self._known[names]
+        discs = [self.discs.setdefault(name, len(self.discs)) for name in names.discs]
+        corners: list[int] = []
+        for name, count in zip(names.polygons, np.diff(row.first).tolist(), strict=True):
+            # a polygon with another number of corners is another one
+            key = (name, count)
+            if key not in self._polygons:
+                self._polygons[key] = self.corner_count
+                self._counts.append(count)
+            corners += range(self._polygons[key], self._polygons[key] + count)
+        self._known[names] = discs, corners
+        return discs, corners

@@ -15,7 +15,7 @@ from typing import IO, Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core.errors import OutputError
+from navstack.core import OutputError
 
 BLOCK_BYTES: Final = 1 << 18
 """A column on disk is written in blocks of about this size."""

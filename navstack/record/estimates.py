@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.interfaces import Localizer
+from navstack.plugins import Localizer
 from navstack.record.format import table
 
 MAX_DRAWN: Final = 200

@@ -7,13 +7,15 @@ to the bit. The velocity between two cycles is the displacement divided by the t
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from navstack.move_base import TickResult
 from navstack.record.reader import Record
 
 MOVING_M_S = 0.01
@@ -149,3 +151,36 @@ def _jerk(velocity: NDArray[np.float64], duration: NDArray[np.float64]) -> float
     acceleration = np.diff(velocity, axis=0) / between[:, None]
     change = np.diff(acceleration, axis=0) / (0.5 * (between[1:] + between[:-1]))[:, None]
     return float(np.sqrt((change**2).sum(axis=1).mean()))
+
+
+# --- wall times -------------------------------------------------------------------------------------------------------
+
+
+@dataclass(slots=True)
+class Timings:
+    """Seconds of each call of the planners, by default of the wall clock; they vary from run to run."""
+
+    planning_s: list[float] = field(default_factory=list[float])
+    """Calls of the global planner, failed ones included."""
+    control_s: list[float] = field(default_factory=list[float])
+    """Calls of the local planner."""
+    clock: Callable[[], float] = time.perf_counter
+    """Clock in seconds; `time.thread_time` counts processor time."""
+
+    def add(self, tick: TickResult) -> None:
+        """Add the calls of a tick of a goal manager with `clock` as its stopwatch."""
+        if tick.planning_s is not None:
+            self.planning_s.append(tick.planning_s)
+        if tick.control_s is not None:
+            self.control_s.append(tick.control_s)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Returns JSON data: for each kind the count and the 50th, 95th and 99th percentile and maximum in ms."""
+        return {"planning_ms": _percentiles(self.planning_s), "control_ms": _percentiles(self.control_s)}
+
+
+def _percentiles(seconds: list[float]) -> dict[str, float]:
+    if not seconds:
+        return {"count": 0}
+    p50, p95, p99 = (1e3 * np.percentile(seconds, (50, 95, 99))).tolist()
+    return {"count": len(seconds), "p50": p50, "p95": p95, "p99": p99, "max": 1e3 * max(seconds)}

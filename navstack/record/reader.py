@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import os
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -17,19 +18,68 @@ from navstack.core import (
     Event,
     Footprint,
     GridGeometry,
+    InputError,
     LaserScan,
     OccupancyGrid,
     Pose2D,
+    RecordError,
     Transform2D,
     Twist2D,
     Window,
 )
-from navstack.core.errors import InputError, RecordError
-from navstack.interfaces import LocalPlan
+from navstack.plugins import LocalPlan
 from navstack.record.archive import locate, read
 from navstack.record.commands import RecordedCommand, recorded_command
-from navstack.record.entries import RecordedLocalPlan, RecordedPlan, RecordedScan
+from navstack.record.estimates import COVARIANCE, ESTIMATE_TABLE
 from navstack.record.steering import SteeredBase, steered_base_of
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RecordedPlan:
+    """A global plan made at `t` (s) for goal number `goal`: poses (n, 3) x, y, yaw in `frame`."""
+
+    t: float
+    poses: NDArray[np.float64]
+    frame: str
+    goal: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RecordedLocalPlan:
+    """A local plan at `t` (s). `plan` has the table of samples in single precision, None if it was not recorded."""
+
+    t: float
+    plan: LocalPlan
+    tried: int
+    """Number of samples of the cycle."""
+    rejected: int
+    """Number of samples rejected by a critic or a limit."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RecordedScan:
+    """A scan taken at `t` (s) with the robot at `pose` in the global frame."""
+
+    t: float
+    scan: LaserScan
+    """Ranges to the millimetre."""
+    pose: Pose2D
+    mounting: Transform2D = Transform2D()
+    """Pose of the lidar in the base frame."""
+
+    @property
+    def base_points(self) -> NDArray[np.float64]:
+        """(n, 2) end points of the beams that hit, in the base frame (m)."""
+        scan = self.scan
+        ranges = scan.ranges.astype(np.float64)
+        hit = (ranges >= scan.range_min) & (ranges <= scan.range_max)
+        angle = scan.angle_min + scan.angle_increment * np.flatnonzero(hit)
+        return self.mounting.apply_points(ranges[hit, None] * np.column_stack((np.cos(angle), np.sin(angle))))
+
+    @property
+    def points(self) -> NDArray[np.float64]:
+        """(n, 2) end points of the beams that hit, in the global frame (m)."""
+        return Transform2D(*self.pose).apply_points(self.base_points)
 
 
 class Record:
@@ -389,6 +439,10 @@ class Record:
         rows = self.arrays[table]
         return np.column_stack([rows[name] for name in names])
 
+    def __repr__(self) -> str:
+        name = self.path.name if self.path else "in memory"
+        return f"Record({name}, {len(self.events)} events)"
+
 
 def _last_at(times: NDArray[np.float64], t: float) -> int:
     """Returns the index of the last time not later than `t`, -1 if all are later."""
@@ -397,3 +451,78 @@ def _last_at(times: NDArray[np.float64], t: float) -> int:
 
 def _is_whole(row: NDArray[np.void] | np.void) -> bool:
     return bool(row["x0"] == 0 and row["y0"] == 0 and row["x1"] == row["nx"] and row["y1"] == row["ny"])
+
+
+# --- estimates --------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RecordedEstimate:
+    """One estimate of a localizer."""
+
+    t: float
+    """Stamp of the scan (s)."""
+    pose: Pose2D
+    """Of the base, in the map."""
+    covariance: NDArray[np.float64]
+    """(3, 3) of x, y, yaw (m, rad)."""
+    count: int
+    """Number of particles or hypotheses."""
+    lost: bool
+    """The robot knew that it does not know where it is."""
+    explained: float
+    """Share of the scan that the estimate explains; NaN if the localizer does not say."""
+    particles: NDArray[np.float32]
+    """(k, 4) x, y, yaw (map) and weight of possible poses, at most MAX_DRAWN of them."""
+
+
+def estimates_of(record: Record) -> NDArray[np.void]:
+    """Return the table `estimates`, empty for a run without a localizer."""
+    found = record.arrays.get("estimates")
+    return np.zeros(0, ESTIMATE_TABLE) if found is None else found
+
+
+def recorded_estimate(record: Record, row: int) -> RecordedEstimate:
+    """Return a row of the table."""
+    e = estimates_of(record)[row]
+    covariance = np.empty((3, 3))
+    covariance[np.triu_indices(3)] = [float(e[name]) for name in COVARIANCE]
+    covariance[np.tril_indices(3)] = covariance.T[np.tril_indices(3)]
+    first, drawn = int(e["first"]), int(e["drawn"])
+    return RecordedEstimate(
+        float(e["t"]),
+        Pose2D(float(e["x"]), float(e["y"]), float(e["yaw"])),
+        covariance,
+        int(e["count"]),
+        bool(e["lost"]),
+        float(e["explained"]),
+        record.arrays["particles"][first : first + drawn],
+    )
+
+
+def estimate_at(record: Record, t: float) -> RecordedEstimate | None:
+    """Return the last estimate not later than `t` (s); None before the first one, and for a run without a localizer."""
+    row = int(np.searchsorted(estimates_of(record)["t"], t, side="right")) - 1
+    return recorded_estimate(record, row) if row >= 0 else None
+
+
+def moved(record: Record, found: RecordedEstimate, t: float) -> RecordedEstimate:
+    """Return an estimate with its possible poses where they are at `t` (s), by the odometry since its scan."""
+    odometry = record.odom_poses
+    then, now = (Transform2D(*odometry[record.index_at(time)].tolist()) for time in (found.t, t))
+    step = then.inverse() @ now
+    cloud = found.particles.astype(np.float64)
+    c, s = np.cos(cloud[:, 2]), np.sin(cloud[:, 2])
+    x, y = cloud[:, 0] + c * step.x - s * step.y, cloud[:, 1] + s * step.x + c * step.y
+    particles = np.column_stack((x, y, cloud[:, 2] + step.yaw, cloud[:, 3])).astype(np.float32)
+    return replace(found, pose=Pose2D(*(Transform2D(*found.pose) @ step)), particles=particles)
+
+
+def believed_poses(record: Record) -> NDArray[np.float64]:
+    """Return where the robot took itself to be at each sample: (n, 3) x, y, yaw in the global frame."""
+    frame, odometry = record.map_to_odom, record.odom_poses
+    c, s = np.cos(frame[:, 2]), np.sin(frame[:, 2])
+    x = frame[:, 0] + c * odometry[:, 0] - s * odometry[:, 1]
+    y = frame[:, 1] + s * odometry[:, 0] + c * odometry[:, 1]
+    yaw = frame[:, 2] + odometry[:, 2]
+    return np.column_stack((x, y, np.arctan2(np.sin(yaw), np.cos(yaw))))

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, Protocol
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 
 from navstack.core import (
@@ -22,22 +23,78 @@ from navstack.core import (
     Transform2D,
     Twist2D,
     Window,
+    atomic_write,
+    ensure_directory,
+    jsonable,
 )
-from navstack.core.errors import jsonable
-from navstack.core.files import atomic_write, ensure_directory
-from navstack.interfaces import Localizer, LocalPlan
+from navstack.move_base import MoveBase
+from navstack.plugins import Localizer, LocalPlan
 from navstack.record import format as fmt
-from navstack.record.archive import write
-from navstack.record.buffers import CostmapBuffer, LocalPlanBuffer, PlanBuffer
+from navstack.record.archive import dump_json, write
+from navstack.record.buffers import (
+    CostmapBuffer,
+    LocalPlanBuffer,
+    PlanBuffer,
+    ScanBuffer,
+    SolidNames,
+    SolidsBuffer,
+    scan_arrays,
+)
 from navstack.record.columns import Column, OnDemand, Streamed, Table
 from navstack.record.commands import CommandBuffer
 from navstack.record.estimates import EstimateBuffer
-from navstack.record.log import render_log
 from navstack.record.reader import Record
-from navstack.record.scans import ScanBuffer, scan_arrays
-from navstack.record.solids import SolidNames, SolidsBuffer
 from navstack.record.steering import SteeredBase
 from navstack.safety import CommandStep
+
+# --- the log ----------------------------------------------------------------------------------------------------------
+
+
+def render_log(meta: dict[str, Any], events: list[dict[str, Any]]) -> str:
+    """Returns the scenario as YAML, a line per event (time in s, kind, text) and a line per goal result. No wall-clock times.
+
+    The first event of each exception in a plugin has the traceback below it.
+    """
+    lines = [f"# navstack run, format {meta['version']}", "# scenario:", *_scenario(meta["scenario"])]
+    tracebacks: set[str] = set()
+    # repeated events (of a planner that runs five times per second) take one line with a count
+    for event, count, until in _group_repeats(events):
+        again = f" (repeated {count - 1} times until {until:.3f} s)" if count > 1 else ""
+        line = f"{event['time']:10.3f}  {_one_line(event['kind']):<14}  {_one_line(event['text'])}{again}"
+        lines.append(line.rstrip())
+        trace = event.get("data", {}).get("traceback")
+        if isinstance(trace, str) and trace not in tracebacks:
+            tracebacks.add(trace)
+            lines += [f"{'':28}{_one_line(line)}".rstrip() for line in trace.splitlines()]
+    lines += [f"# goal {i} {dump_json(result)}" for i, result in enumerate(meta["results"])]
+    return "\n".join(lines) + "\n"
+
+
+def _scenario(scenario: dict[str, Any]) -> Iterator[str]:
+    """Yields the scenario as lines of YAML, its parameters last."""
+    ordered = {key: value for key, value in scenario.items() if key != "parameters"}
+    ordered |= {key: value for key, value in scenario.items() if key == "parameters"}
+    text = yaml.dump(
+        ordered, Dumper=yaml.SafeDumper, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110
+    )
+    return (f"#   {_one_line(line)}" for line in text.splitlines())
+
+
+def _group_repeats(events: list[dict[str, Any]]) -> list[tuple[dict[str, Any], int, float]]:
+    """Groups consecutive events with the same kind and text: the first, the count, the time of the last."""
+    groups: list[tuple[dict[str, Any], int, float]] = []
+    for event in events:
+        if groups and (groups[-1][0]["kind"], groups[-1][0]["text"]) == (event["kind"], event["text"]):
+            first, count, _ = groups[-1]
+            groups[-1] = (first, count + 1, event["time"])
+        else:
+            groups.append((event, 1, event["time"]))
+    return groups
+
+
+def _one_line(text: str) -> str:
+    return "".join(c if c.isprintable() else " " for c in text)
+
 
 _FLOAT: Final = struct.Struct("<d").pack
 
@@ -327,3 +384,28 @@ def _map_meta(grid: OccupancyGrid | None) -> dict[str, Any] | None:
         "origin_yaw": grid.origin_yaw,
         "frame": grid.frame,
     }
+
+
+def record_tick_outputs(recorder: RunRecorder, move_base: MoveBase, mount: Callable[[str], None] | None = None) -> None:
+    """Add the changed cells, plans, scans and command steps of the last tick.
+
+    `mount` is called with the frame of each scan before the scan is added.
+    """
+    tick = move_base.last_tick
+    t = tick.time
+    if tick.global_window is not None:
+        recorder.costmap(t, "global", move_base.global_costmap.master, tick.global_window)
+    if tick.local_window is not None:
+        recorder.costmap(t, "local", move_base.local_costmap.master, tick.local_window)
+    if tick.plan is not None:
+        recorder.plan(t, tick.plan.path.poses, tick.plan.path.frame)
+    if tick.local_plan is not None:
+        recorder.local_plan(t, tick.local_plan)
+    for scan in tick.scans:
+        if isinstance(scan, LaserScan):
+            if mount is not None:
+                mount(scan.frame)
+            recorder.scan(scan.stamp, scan)
+    if move_base.chain is not None:
+        for step in move_base.chain.take_steps():
+            recorder.command_step(step)

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core.bounded_reading import short_repr
-from navstack.parameters.models.sim import SimParams
+from navstack.core import short_repr
+from navstack.parameters import SimParams
 
 
 @dataclass(frozen=True, slots=True)

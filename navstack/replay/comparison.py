@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Twist2D
-from navstack.record.columns import Table
+from navstack.record import Table
 
 LINEAR_M_S: Final = 0.05
 """Commands differ if their translational velocities differ by more (m/s),"""

@@ -1,7 +1,7 @@
 """Exports a simulated run as a ROS 1 bag or an MCAP file.
 
 The run is simulated again, which gives the same run to the bit and takes less time than writing it: the record rounds scans
-to the millimetre and has no transforms between two control cycles.
+to the millimeter and has no transforms between two control cycles.
 """
 
 from __future__ import annotations
@@ -15,13 +15,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import LaserScan, PointCloud, Pose2D, Transform2D, Twist2D
-from navstack.core.errors import RecordError
-from navstack.logs import messages as ros
-from navstack.logs.builder import MessageBuilder
-from navstack.logs.writer import LogWriter, open_writer
+from navstack.core import LaserScan, PointCloud, Pose2D, RecordError, Transform2D, Twist2D
+from navstack.logs import LogWriter, open_writer
 from navstack.move_base import GoalHandle, GoalStatus
 from navstack.record import Record
+from navstack.ros_messages import MessageBuilder
+from navstack.ros_messages import messages as ros
 from navstack.scenario import Run, Scenario
 
 EPOCH_NS: Final = 1_600_000_000 * 10**9
@@ -302,3 +301,57 @@ def _heights(run: Run) -> dict[str, float]:
 
 def _ns(time: float) -> int:
     return EPOCH_NS + round(time * 1e9)
+
+
+# --- a layout for Foxglove that shows an exported run -----------------------------------------------------------------
+
+
+def foxglove_layout(*, is_ros1: bool) -> dict[str, Any]:
+    """Return the layout as JSON data; the topics are those of `navstack bag export`."""
+    prefix = "/move_base" if is_ros1 else ""
+    grids = {
+        "/map": {"visible": True, "colorMode": "map"},
+        f"{prefix}/global_costmap/costmap": {"visible": True, "colorMode": "costmap", "alpha": 0.4},
+        f"{prefix}/local_costmap/costmap": {"visible": True, "colorMode": "costmap", "alpha": 0.6},
+    }
+    lines = {
+        f"{prefix}/local_costmap/footprint": {"visible": True, "color": "#0072b2ff"},
+        "/scan": {"visible": True, "colorMode": "flat", "flatColor": "#d55e00ff", "pointSize": 4},
+        "/navstack/trajectory": {"visible": True},
+        "/goal_pose": {"visible": True},
+    }
+    plans = {f"{prefix}/{name}/plan": {"visible": True, "gradient": ["#009e73ff", "#009e73ff"]} for name in _PLANNERS}
+    paths = plans if is_ros1 else {"/plan": {"visible": True}, "/local_plan": {"visible": True}}
+    scene = {
+        "cameraState": {"perspective": False, "distance": 20, "phi": 0, "thetaOffset": 0},
+        "followMode": "follow-position",
+        "followTf": "base_footprint",
+        "topics": {**grids, **lines, **paths},
+        "layers": {},
+    }
+    chart = {
+        "title": "commands",
+        "paths": [
+            {"value": path, "enabled": True, "timestampMethod": "receiveTime", "label": label}
+            for path, label in (
+                ("/cmd_vel.linear.x", "commanded, m/s"),
+                ("/odom.twist.twist.linear.x", "measured, m/s"),
+                ("/cmd_vel.angular.z", "commanded, rad/s"),
+                ("/odom.twist.twist.angular.z", "measured, rad/s"),
+            )
+        ],
+        "showLegend": True,
+        "legendDisplay": "floating",
+        "isSynced": True,
+        "xAxisVal": "timestamp",
+    }
+    return {
+        "configById": {"3D!navstack": scene, "Plot!navstack": chart},
+        "globalVariables": {},
+        "userNodes": {},
+        "playbackConfig": {"speed": 1},
+        "layout": {"direction": "column", "first": "3D!navstack", "second": "Plot!navstack", "splitPercentage": 70},
+    }
+
+
+_PLANNERS = ("NavfnROS", "GlobalPlanner")

@@ -8,14 +8,12 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from navstack.bringup import odometry_frame, true_footprint
-from navstack.core import OccupancyGrid, Pose2D, RobotState, Transform2D, Twist2D
-from navstack.core.errors import NavError
+from navstack.core import NavError, OccupancyGrid, Pose2D, RobotState, Transform2D, Twist2D
 from navstack.logs import Log
 from navstack.move_base import GoalHandle, MoveBase
-from navstack.parameters.configuration import Configuration
-from navstack.record import RunRecorder
-from navstack.record.ticks import record_tick_outputs
-from navstack.replay.logged_robot import LoggedRobot
+from navstack.parameters import Configuration
+from navstack.record import RunRecorder, record_tick_outputs
+from navstack.replay.player import LoggedRobot
 from navstack.scenario import Scenario
 
 

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.logs.log import seconds
 from navstack.replay.comparison import CommandComparison, PlanComparison, compare_commands
-
-if TYPE_CHECKING:
-    from navstack.replay.replay import LogReplay, ReplayedGoal
+from navstack.replay.log_replay import LogReplay, ReplayedGoal
+from navstack.ros_messages import seconds
 
 
 class ReplayReport:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-from navstack.core.errors import LogError
-from navstack.logs import Log, topic_name
-from navstack.logs import messages as ros
-from navstack.parameters.configuration import Configuration
+from navstack.logs import Log
+from navstack.parameters import Configuration
+from navstack.ros_messages import TRUTH, TopicFinder, short_type, topic_name
+from navstack.ros_messages import messages as ros
 
 DATA_TYPES: Final = {"LaserScan": ros.SCAN, "PointCloud2": ros.CLOUD, "PointCloud": ros.OLD_CLOUD, "Range": ros.RANGE}
 """Type of the messages by data_type of an observation source."""
@@ -82,91 +82,57 @@ def find_topics(log: Log, configuration: Configuration, chosen: Mapping[str, str
     `chosen`: topic of the parameters -> topic of the log, for topics with other names; the roles `odom`, `map`, `goal`,
     `cmd_vel` and `plan` can be chosen as well. Raises LogError for a topic that the log does not have.
     """
-    names = {topic_name(name): topic_name(topic) for name, topic in (chosen or {}).items()}
-    for topic in names.values():
-        if not log.has(topic):
-            known = ", ".join(sorted({channel.topic for channel in log.channels})) or "none"
-            raise LogError(f"{log.path} has no topic {topic}; its topics are {known}", topic=topic)
-    topics = Topics()
-    _find_sensors(log, sensor_topics(configuration), names, topics)
-    topics.odometry = names.get("/odom") or _one(log, topics, "odometry", [ros.ODOMETRY], ["/odom"])
-    truth = "/base_pose_ground_truth"
-    if log.has(truth) and topics.odometry != truth:
-        topics.truth = truth
-    topics.map = names.get("/map") or ("/map" if "/map" in log.topics_of(ros.MAP) else "")
-    topics.commands = names.get("/cmd_vel") or _one(
-        log, topics, "velocity commands", [ros.TWIST, ros.TWIST_STAMPED], ["/cmd_vel"]
-    )
-    topics.goals = _goals(log, names)
-    topics.cancels = "/move_base/cancel" if "/move_base/cancel" in log.topics_of(ros.GOAL_ID) else ""
-    topics.results = next(iter(log.topics_of(ros.ACTION_RESULT)), "")
-    topics.plans = (
-        (names["/plan"],)
-        if "/plan" in names
-        else tuple(t for t in log.topics_of(ros.PATH) if t.endswith("plan") and t.split("/")[-1] not in LOCAL_PLANS)
-    )
-    topics.exported = ros.EXPORTED_SENSORS if ros.EXPORTED_SENSORS in log.topics_of(ros.STRING) else ""
-    topics.transforms = tuple(t for t in ("/tf", "/tf_static") if log.has(t))
+    finder = TopicFinder(str(log.path), log.types, chosen or {})
+    finder.check_chosen()
+    topics = Topics(notes=finder.notes)
+    _find_sensors(finder, sensor_topics(configuration), topics)
+    topics.odometry = finder.find("/odom", (ros.ODOMETRY,), ("/odom",), what="odometry")
+    if log.has(TRUTH) and topics.odometry != TRUTH:
+        topics.truth = TRUTH
+    topics.map = finder.named("/map", (ros.MAP,), ("/map",))
+    topics.commands = finder.find("/cmd_vel", (ros.TWIST, ros.TWIST_STAMPED), ("/cmd_vel",), what="velocity commands")
+    topics.goals = _goals(finder)
+    topics.cancels = finder.named("/cancel", (ros.GOAL_ID,), ("/move_base/cancel",))
+    topics.results = next(iter(finder.of(ros.ACTION_RESULT)), "")
+    plan = finder.choice("/plan", (ros.PATH,))
+    plans = [t for t in finder.of(ros.PATH) if t.endswith("plan") and t.split("/")[-1] not in LOCAL_PLANS]
+    topics.plans = (plan,) if plan else tuple(plans)
+    topics.exported = finder.sensor_fields()
+    topics.transforms = finder.transforms()
     return topics
 
 
-def _goals(log: Log, names: Mapping[str, str]) -> tuple[str, ...]:
-    if "/goal" in names:
-        return (names["/goal"],)
-    actions = log.topics_of(ros.ACTION_GOAL)
+def _goals(finder: TopicFinder) -> tuple[str, ...]:
+    chosen = finder.choice("/goal", (ros.ACTION_GOAL, ros.POSE))
+    if chosen:
+        return (chosen,)
+    actions = finder.of(ros.ACTION_GOAL)
     if actions:
         # move_base sends itself the goals of move_base_simple/goal, so the action has them all
         return tuple(actions)
-    poses = log.topics_of(ros.POSE)
-    return tuple(t for t in ("/move_base_simple/goal", "/goal_pose") if t in poses)
+    poses = finder.of(ros.POSE)
+    return tuple(topic for topic in ("/move_base_simple/goal", "/goal_pose") if topic in poses)
 
 
-def _find_sensors(log: Log, expected: Mapping[str, SensorTopic], names: Mapping[str, str], topics: Topics) -> None:
+def _find_sensors(finder: TopicFinder, expected: Mapping[str, SensorTopic], topics: Topics) -> None:
     """Find the topics of the sensors; one with another name is used if there is no doubt, with a note."""
+    names = finder.chosen
     free: dict[tuple[str, ...], list[str]] = {}
     for kinds in {sensor.types for sensor in expected.values()}:
-        free[kinds] = [t for t in log.topics_of(*kinds) if t not in expected and t not in names.values()]
+        free[kinds] = [t for t in finder.of(*kinds) if t not in expected and t not in names.values()]
     missing: list[tuple[str, SensorTopic]] = []
     for topic, sensor in expected.items():
-        source = names.get(topic, topic)
-        if source in log.topics_of(*sensor.types):
-            topics.sensors[source] = sensor
-        elif topic in names:
-            kinds = sorted({channel.type for channel in log.channels if channel.topic == source})
-            raise LogError(
-                f"{source} of {log.path} has the type {', '.join(kinds)}, but {topic} needs {sensor.type}", topic=source
-            )
+        used = finder.named(topic, sensor.types, (topic,))
+        if used:
+            topics.sensors[used] = sensor
         else:
             missing.append((topic, sensor))
     for topic, sensor in missing:
-        others = free[sensor.types]
+        others, kind = free[sensor.types], short_type(sensor.type)
         alone = sum(1 for _, other in missing if other.types == sensor.types) == 1
         if len(others) == 1 and alone:
             topics.sensors[others[0]] = sensor
-            topics.notes.append(f"the log has no {topic}; its only {_short(sensor.type)} {others[0]} is used for it")
+            topics.notes.append(f"the log has no {topic}; its only {kind} {others[0]} is used for it")
         else:
             hint = f"; name one of {', '.join(others)} with --topic {topic}=NAME" if others else ""
-            topics.notes.append(f"the log has no {topic} ({_short(sensor.type)}): the costmaps do not see it{hint}")
-
-
-def _one(log: Log, topics: Topics, what: str, kinds: Sequence[str], usual: Sequence[str]) -> str:
-    """Return the usual topic, or the only one of these types, with a note; empty if there is none."""
-    found = log.topics_of(*kinds)
-    for topic in usual:
-        if topic in found:
-            return topic
-    found = [topic for topic in found if topic != "/base_pose_ground_truth"]
-    if len(found) == 1:
-        topics.notes.append(f"the log has no {usual[0]}; its only topic of {what}, {found[0]}, is used for it")
-        return found[0]
-    if found:
-        topics.notes.append(
-            f"the log has no {usual[0]}, but {', '.join(found)}; name one with --topic {usual[0].strip('/')}=NAME"
-        )
-    else:
-        topics.notes.append(f"the log has no {what} ({_short(kinds[0])})")
-    return ""
-
-
-def _short(kind: str) -> str:
-    return kind.rpartition("/")[2]
+            topics.notes.append(f"the log has no {topic} ({kind}): the costmaps do not see it{hint}")

@@ -2,3 +2,24 @@
 
 rospy and the messages come from Debian's packages (`tools/install_ros1.sh`); they are imported only in this package.
 """
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from navstack.ros1.amcl_node import AmclNode as AmclNode
+    from navstack.ros1.amcl_node import load_amcl as load_amcl
+    from navstack.ros1.launch_advice import advise as advise
+    from navstack.ros1.live_record import RecordFolder as RecordFolder
+    from navstack.ros1.localization_node import FakeLocalization as FakeLocalization
+    from navstack.ros1.map_nodes import check_thresholds as check_thresholds
+    from navstack.ros1.map_nodes import load_image as load_image
+    from navstack.ros1.map_nodes import receive_map as receive_map
+    from navstack.ros1.map_nodes import serve_map as serve_map
+    from navstack.ros1.packages import install as install
+    from navstack.ros1.sim_node import SimNode as SimNode
+    from navstack.ros1.tour import Tour as Tour
+    from navstack.ros1.trajectories import TrajectoryPublisher as TrajectoryPublisher
+else:
+    from navstack._lazy import lazy_face
+
+    __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import Any, Final
 
 from navstack.core import Event, Pose2D
-from navstack.logs.builder import MessageBuilder
-from navstack.move_base import GoalHandle, GoalStatus, MoveBase
-from navstack.move_base.action_server import STATUS_LIST_TIMEOUT_S
+from navstack.move_base import STATUS_LIST_TIMEOUT_S, GoalHandle, GoalStatus, MoveBase
 from navstack.ros1 import ros
-from navstack.ros1.clock import NodeClock
-from navstack.ros1.inbox import Inbox
+from navstack.ros1.node import Inbox, NodeClock
+from navstack.ros_messages import MessageBuilder
 
 STATUS_HZ: Final = 5.0
 """Default of actionlib_status_frequency (Hz)."""

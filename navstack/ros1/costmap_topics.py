@@ -1,19 +1,126 @@
-"""The topics of a costmap: the grid, its updates and the footprint, as Costmap2DPublisher publishes them."""
+"""The topics of a costmap: the grid, its updates, the footprint and the voxels; a footprint and updates of the map come in."""
 
 from __future__ import annotations
 
+import logging
 from typing import Any
 
-from navstack.core import Transform2D, Window
-from navstack.core.errors import NavError
-from navstack.costmap import LayeredCostmap
-from navstack.logs.builder import MessageBuilder
-from navstack.move_base.schedule import Schedule
+import numpy as np
+
+from navstack.core import Footprint, InputError, NavError, Transform2D, Window
+from navstack.costmap import LayeredCostmap, StaticLayer, VoxelLayer
+from navstack.move_base import Schedule
 from navstack.ros1 import ros
-from navstack.ros1.clock import NodeClock
-from navstack.ros1.costmap_inputs import footprint_topic
-from navstack.ros1.inbox import Inbox
-from navstack.ros1.voxel_topics import VoxelTopics
+from navstack.ros1.node import Inbox, NodeClock
+from navstack.ros_messages import MessageBuilder
+
+# --- what changes a costmap by topics: a new footprint, and updates of the map ----------------------------------------
+
+
+def footprint_topic(costmap: LayeredCostmap, parameter: str) -> str:
+    """Return the topic of `footprint_topic` or `published_footprint_topic`, searched in the enclosing namespaces."""
+    rospy = ros.rospy()
+    params = costmap.params
+    found = None if parameter in params.model_fields_set else rospy.search_param(parameter)
+    topic = str(getattr(params, parameter) if found is None else rospy.get_param(found))
+    return topic if topic.startswith(("/", "~")) else f"~{costmap.name}/{topic}"
+
+
+class _OwnTopic(logging.Filter):
+    """Drops rospy's warning that the node cannot subscribe to its own footprint: by default both topics have one name."""
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        text = record.getMessage()
+        own = str(ros.rospy().get_name())
+        return not ("topic types do not match" in text and "geometry_msgs/Polygon" in text and f"'{own}'" in text)
+
+
+class CostmapInputs:
+    """Subscribes to the footprint of one costmap and to the updates of its maps."""
+
+    def __init__(self, costmap: LayeredCostmap, inbox: Inbox) -> None:
+        rospy = ros.rospy()
+        self._costmap = costmap
+        topic = footprint_topic(costmap, "footprint_topic")
+        polygon, update = ros.message("geometry_msgs/Polygon"), ros.message("map_msgs/OccupancyGridUpdate")
+        if topic == footprint_topic(costmap, "published_footprint_topic"):
+            logging.getLogger("rosout").addFilter(_OwnTopic())
+        rospy.Subscriber(topic, polygon, inbox.poster(self._on_footprint), queue_size=1)
+        for layer in costmap.layers:
+            if isinstance(layer, StaticLayer) and layer.params.subscribe_to_updates:
+                name = f"{layer.params.map_topic}_updates"
+                rospy.Subscriber(name, update, inbox.poster(self._on_update, layer), queue_size=10)
+
+    def _on_footprint(self, message: Any) -> None:
+        """Use another footprint, padded by `footprint_padding`. Raises InputError for a polygon that is none."""
+        points = np.array([(point.x, point.y) for point in message.points], np.float64).reshape(-1, 2)
+        try:
+            footprint = Footprint(points, self._costmap.params.footprint_padding)
+        except NavError as exc:
+            raise InputError(f"a footprint of {self._costmap.name} is ignored: {exc.message}") from exc
+        self._costmap.set_footprint(footprint)
+
+    def _on_update(self, message: Any, layer: StaticLayer) -> None:
+        """Change a part of the map. Raises InputError for one that is not inside the map."""
+        height, width = int(message.height), int(message.width)
+        data = np.asarray(message.data, np.int8)
+        if height * width != len(data):
+            raise InputError(f"an update of the map of {width} x {height} cells has {len(data)} values; it is ignored")
+        layer.update_map(int(message.x), int(message.y), data.reshape(height, width))
+
+
+# --- the topics of voxel layers: the voxels, and the ends of the rays that clear them ---------------------------------
+
+
+class VoxelTopics:
+    """Publishes `<layer>/voxel_grid` (with publish_voxel_map) and `<layer>/clearing_endpoints` of one costmap.
+
+    They are computed only while a node subscribes.
+    """
+
+    def __init__(self, costmap: LayeredCostmap, build: MessageBuilder) -> None:
+        self._build = build
+        self._layers = [
+            _LayerTopics(f"~{costmap.name}/{layer.name}", layer)
+            for layer in costmap.layers
+            if isinstance(layer, VoxelLayer)
+        ]
+        self._frame = costmap.frame
+
+    def publish(self, stamp_ns: int) -> None:
+        """Publish the voxels after an update of the costmap."""
+        for topics in self._layers:
+            topics.publish(self._build.header(stamp_ns, self._frame))
+
+
+class _LayerTopics:
+    def __init__(self, name: str, layer: VoxelLayer) -> None:
+        rospy = ros.rospy()
+        self._layer = layer
+        self._grid: Any = None
+        if layer.params.publish_voxel_map:
+            kind = ros.message(ros.VOXEL_GRID)
+            self._grid = rospy.Publisher(f"{name}/voxel_grid", kind, queue_size=1)
+        self._ends = rospy.Publisher(f"{name}/clearing_endpoints", ros.message("sensor_msgs/PointCloud"), queue_size=1)
+
+    def publish(self, header: Any) -> None:
+        if self._grid is not None and self._grid.get_num_connections():
+            self._grid.publish(self._voxels(header))
+        if self._ends.get_num_connections():
+            point = ros.message("geometry_msgs/Point32")
+            points = [point(*row) for row in self._layer.clearing_ends().tolist()]
+            self._ends.publish(ros.message("sensor_msgs/PointCloud")(header=header, points=points))
+
+    def _voxels(self, header: Any) -> Any:
+        layer = self._layer
+        geometry, params = layer.geometry, layer.params
+        message = ros.message(ros.VOXEL_GRID)(header=header)
+        message.data = layer.voxel_words().ravel().tolist()
+        message.origin.x, message.origin.y, message.origin.z = geometry.origin_x, geometry.origin_y, params.origin_z
+        message.resolutions.x = message.resolutions.y = geometry.resolution
+        message.resolutions.z = params.z_resolution
+        message.size_x, message.size_y, message.size_z = geometry.nx, geometry.ny, layer.levels
+        return message
 
 
 class CostmapTopics:

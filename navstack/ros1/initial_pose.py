@@ -6,10 +6,9 @@ import math
 import time
 from typing import Any, Final
 
-from navstack.core import Pose2D
-from navstack.core.errors import InputError
-from navstack.logs.builder import MessageBuilder
+from navstack.core import InputError, Pose2D
 from navstack.ros1 import ros
+from navstack.ros_messages import MessageBuilder
 
 POSITION_VARIANCE: Final = 0.25
 """m²."""

@@ -8,10 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from navstack.core.errors import InputError
-from navstack.parameters.findings import Location
-from navstack.parameters.launch_substitution import find_file, substitute
-from navstack.parameters.launch_xml import Element, RejectedLaunchFileError, read_launch_xml
+from navstack.core import InputError
+from navstack.parameters import Element, Location, RejectedLaunchFileError, find_file, read_launch_xml, substitute
 
 PACKAGE: Final = "navstack_ros1"
 MAX_FILES: Final = 50

@@ -9,14 +9,11 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from navstack.bringup import odometry_frame, true_footprint
-from navstack.core import Event, OccupancyGrid, Pose2D, RobotState, Transform2D, Twist2D
-from navstack.core.errors import NavError
-from navstack.core.files import ensure_directory
-from navstack.interfaces import Robot
+from navstack.core import Event, NavError, OccupancyGrid, Pose2D, RobotState, Transform2D, Twist2D, ensure_directory
 from navstack.move_base import GoalHandle, MoveBase
-from navstack.parameters.configuration import Configuration
-from navstack.record import RunRecorder
-from navstack.record.ticks import record_tick_outputs
+from navstack.parameters import Configuration
+from navstack.plugins import Robot
+from navstack.record import RunRecorder, record_tick_outputs
 from navstack.scenario import Scenario
 
 REST_S: Final = 1.0

@@ -3,20 +3,66 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections import deque
 from typing import Any, Final
 
-from navstack.core import Transform2D
-from navstack.core.errors import FrameError, NavError
-from navstack.core.frames import clean_frame
-from navstack.logs import messages as msg
-from navstack.logs.builder import MessageBuilder
-from navstack.ros1 import ros
-from navstack.ros1.clock import NodeClock, wait_for_clock
-from navstack.ros1.inbox import Inbox
-from navstack.ros1.master import MasterWatch
-from navstack.ros1.node_log import NodeLog
-from navstack.ros1.pose_topics import MapToOdom, PoseTopics
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import FrameError, LogError, NavError, Pose2D, Transform2D, clean_frame
+from navstack.ros1 import parameters, ros
+from navstack.ros1.node import Inbox, MasterWatch, NodeClock, NodeLog, wait_for_clock
 from navstack.ros1.robot import RosRobot
+from navstack.ros_messages import MessageBuilder
+from navstack.ros_messages import messages as msg
+
+# --- what a localization publishes: `amcl_pose` and `particlecloud`, latched, and map -> odom on /tf ------------------
+
+
+class PoseTopics:
+    """Publishes the pose of the base in the map and the particles behind it, as amcl and fake_localization do."""
+
+    def __init__(self, build: MessageBuilder, frame: str) -> None:
+        rospy = ros.rospy()
+        self._build, self._frame = build, frame
+        self._pose_type = ros.message("geometry_msgs/PoseWithCovarianceStamped")
+        self._cloud_type = ros.message("geometry_msgs/PoseArray")
+        self._pose = rospy.Publisher("amcl_pose", self._pose_type, queue_size=2, latch=True)
+        self._cloud = rospy.Publisher("particlecloud", self._cloud_type, queue_size=2, latch=True)
+
+    def publish_pose(self, stamp_ns: int, pose: Pose2D, covariance: NDArray[np.float64] | None = None) -> None:
+        """Publish the pose with its (3, 3) covariance of x, y, yaw; zeros without one."""
+        full = np.zeros((6, 6))
+        if covariance is not None:
+            full[np.ix_((0, 1, 5), (0, 1, 5))] = covariance
+        message: Any = self._pose_type()
+        message.header = self._build.header(stamp_ns, self._frame)
+        message.pose.pose = self._build.pose(pose)
+        message.pose.covariance = full.ravel().tolist()
+        self._pose.publish(message)
+
+    def publish_particles(self, stamp_ns: int, poses: NDArray[np.float64]) -> None:
+        """Publish poses (n, 3)."""
+        message: Any = self._cloud_type()
+        message.header = self._build.header(stamp_ns, self._frame)
+        message.poses = [self._build.pose(Pose2D(*row)) for row in poses.tolist()]
+        self._cloud.publish(message)
+
+
+class MapToOdom:
+    """Publishes the pose of the odometry frame in the map on /tf, stamped ahead of the data that it rests on."""
+
+    def __init__(self, build: MessageBuilder, map_frame: str, odom_frame: str, ahead_s: float) -> None:
+        tf = ros.message("tf2_msgs/TFMessage")
+        self._out = ros.rospy().Publisher("/tf", tf, queue_size=50, tcp_nodelay=True)
+        self._build, self._map, self._odom = build, map_frame, odom_frame
+        self.ahead_s = ahead_s
+
+    def publish(self, stamp_ns: int, at: Transform2D) -> None:
+        """Publish for data of this stamp."""
+        ahead = stamp_ns + round(self.ahead_s * 1e9)
+        self._out.publish(self._build.transforms([(ahead, self._map, self._odom, at, 0.0)]))
+
 
 POLL_S: Final = 0.1
 """Longest wait for messages (s, wall)."""
@@ -114,3 +160,59 @@ class LocalizationNode(ABC):
             self.log.flush(drives=True)
         self.log.finish()
         ros.shut_down(self.end)
+
+
+# --- fake_localization: map -> odom from the true pose of a simulated robot -------------------------------------------
+
+
+WAITING: Final = 100
+"""True poses that wait for the transform odom -> base."""
+
+
+class FakeLocalization(LocalizationNode):
+    """The node, with the topics and parameters of fake_localization. Raises InputError for wrong parameters."""
+
+    takes_any_frame = True
+
+    def __init__(self) -> None:
+        frames = [
+            clean_frame(parameters.text(f"{name}_frame_id", default))
+            for name, default in (("global", "map"), ("odom", "odom"), ("base", "base_link"))
+        ]
+        dx, dy, dyaw = (parameters.number(f"delta_{axis}", 0.0) for axis in ("x", "y", "yaw"))
+        super().__init__(frames[0], frames[1], frames[2], parameters.number("transform_tolerance", 0.1, low=0.0))
+        self._offset = Transform2D(-dx, -dy, -dyaw)
+        """Pose of the frame of the true poses in the map."""
+        self._truth: Pose2D | None = None
+        self._waiting: deque[tuple[float, Pose2D]] = deque(maxlen=WAITING)
+        odometry = ros.message("nav_msgs/Odometry")
+        ros.rospy().Subscriber("base_pose_ground_truth", odometry, self.inbox.poster(self._on_truth), queue_size=100)
+        self.subscribe()
+
+    def _on_truth(self, message: Any) -> None:
+        self._truth = msg.pose_of(message.pose.pose)
+        self._waiting.append((self.clock.of(message.header.stamp), self._truth))
+
+    def set_pose(self, message: Any) -> None:
+        """Change the offset so that the newest pose in the map becomes the given one."""
+        if self._truth is None:
+            raise LogError("an initial pose is ignored: there is no true pose on base_pose_ground_truth yet")
+        self._offset = Transform2D(*msg.pose_of(message.pose.pose)) @ Transform2D(*self._truth).inverse()
+
+    def process(self, now: float) -> None:
+        """Publish for every true pose whose odometry is known."""
+        del now
+        while self._waiting:
+            time, truth = self._waiting[0]
+            try:
+                odometry = self.odometry_at(time)
+            except FrameError:
+                self._waiting.popleft()
+                continue
+            if odometry is None:
+                return
+            self._waiting.popleft()
+            pose, stamp = self._offset.apply(truth), self.clock.ns(time)
+            self.tf.publish(stamp, Transform2D(*pose) @ odometry.inverse())
+            self.poses.publish_pose(stamp, pose)
+            self.poses.publish_particles(stamp, np.array([tuple(pose)]))

@@ -8,10 +8,9 @@ import threading
 from collections.abc import Callable
 from typing import Any, Final
 
-from navstack.core.errors import InputError, NavError
-from navstack.motion import Move, Turn
-from navstack.ros1 import generated_messages, private, ros
-from navstack.ros1.open_motion import MotionRunner, Settings
+from navstack.core import InputError, NavError
+from navstack.ros1 import parameters, ros
+from navstack.ros1.open_motion import OpenMotion, OpenMotionRunner, OpenTurn, Settings
 
 NODE_WAIT_S: Final = 5.0
 """Longest wait of a node for the transform (s, wall)."""
@@ -32,7 +31,7 @@ def turn_settings() -> Settings:
 def linear_move(distance: float | None = None) -> int:
     """Drive `distance` (m), by default `~t_dis`; return the exit code. Raises InputError and FrameError."""
     settings = linear_settings()
-    wanted = private.number("t_dis", 0.2) if distance is None else distance
+    wanted = parameters.number("t_dis", 0.2) if distance is None else distance
     if wanted == 0.0:
         raise InputError("the distance is 0; set ~t_dis to a distance (m), negative for backwards")
     return _run_once(settings, settings.move(wanted))
@@ -41,15 +40,15 @@ def linear_move(distance: float | None = None) -> int:
 def radian_turn(angle: float | None = None) -> int:
     """Turn by `angle` (rad), by default `~t_rad`; return the exit code. Raises InputError and FrameError."""
     settings = turn_settings()
-    wanted = private.number("t_rad", 0.5 * math.pi) if angle is None else angle
+    wanted = parameters.number("t_rad", 0.5 * math.pi) if angle is None else angle
     if wanted == 0.0:
         raise InputError("the angle is 0; set ~t_rad to an angle (rad), negative for clockwise")
-    return _run_once(settings, settings.turn(wanted, direct=private.flag("direct", False)))
+    return _run_once(settings, settings.turn(wanted, direct=parameters.flag("direct", False)))
 
 
-def _run_once(settings: Settings, motion: Move | Turn) -> int:
+def _run_once(settings: Settings, motion: OpenMotion) -> int:
     rospy = ros.rospy()
-    runner = MotionRunner(settings)
+    runner = OpenMotionRunner(settings)
     runner.wait_for_transform(NODE_WAIT_S)
     code = 0
     if not ros.is_stopping():
@@ -72,9 +71,9 @@ def serve_moves() -> None:
 
 def serve_turns() -> None:
     """Offer turn_radian (handsfree_msgs/SpecialTurn) until the node is shut down. Raises InputError and FrameError."""
-    settings, direct = turn_settings(), private.flag("direct", False)
+    settings, direct = turn_settings(), parameters.flag("direct", False)
 
-    def make(request: Any) -> Turn:
+    def make(request: Any) -> OpenTurn:
         return settings.turn(request.target_radian_turn, direct=direct)
 
     _Server(settings, "turn_radian", "SpecialTurn", make).spin()
@@ -92,13 +91,13 @@ class _Request:
 class _Server:
     """A service whose calls are motions; they run one after another, in the thread of the node."""
 
-    def __init__(self, settings: Settings, name: str, kind: str, make: Callable[[Any], Move | Turn]) -> None:
+    def __init__(self, settings: Settings, name: str, kind: str, make: Callable[[Any], OpenMotion]) -> None:
         rospy = self._rospy = ros.rospy()
         self._make = make
         self._waiting: queue.SimpleQueue[_Request] = queue.SimpleQueue()
-        self._runner = MotionRunner(settings)
+        self._runner = OpenMotionRunner(settings)
         self._runner.wait_for_transform(SERVICE_WAIT_S)
-        self._response = ros_class = generated_messages.message(f"handsfree_msgs/srv/{kind}")
+        self._response = ros_class = ros.message(f"handsfree_msgs/srv/{kind}")
         self._service = rospy.Service(name, ros_class, self._call)
         rospy.loginfo("the service %s is ready", rospy.resolve_name(name))
 

@@ -11,34 +11,23 @@ from typing import Any, Final
 import numpy as np
 
 from navstack.bringup import build_move_base
-from navstack.core import Event, GridGeometry, Listener, OccupancyGrid, Pose2D, Twist2D
-from navstack.core.errors import NavError
+from navstack.core import Event, GridGeometry, Listener, NavError, OccupancyGrid, Pose2D, Twist2D, compile_ahead
 from navstack.costmap import LayeredCostmap
-from navstack.logs import messages as msg
-from navstack.logs.builder import MessageBuilder
-from navstack.logs.log import topic_name
-from navstack.move_base import MoveBase
-from navstack.move_base.states import Mode
-from navstack.move_base.thread_planning import ThreadPlanning
-from navstack.move_base.tick_result import TickResult
-from navstack.parameters.configuration import Configuration
-from navstack.replay.topics import sensor_topics
+from navstack.move_base import Mode, MoveBase, ThreadPlanning, TickResult
+from navstack.parameters import Configuration
+from navstack.replay import sensor_topics
 from navstack.ros1 import ros
 from navstack.ros1.action import ActionInterface
-from navstack.ros1.clock import NodeClock, StillClock, wait_for_clock
-from navstack.ros1.cloud_topics import CloudTopics
-from navstack.ros1.costmap_inputs import CostmapInputs
-from navstack.ros1.costmap_topics import CostmapTopics
-from navstack.ros1.diagnostics import Diagnostics
-from navstack.ros1.inbox import Inbox
+from navstack.ros1.costmap_topics import CostmapInputs, CostmapTopics
+from navstack.ros1.diagnostics import Diagnostics, LoopTimes
 from navstack.ros1.live_record import LiveRecord, RecordFolder
-from navstack.ros1.loop_times import LoopTimes
-from navstack.ros1.master import MasterWatch
-from navstack.ros1.node_log import NodeLog
-from navstack.ros1.plan_topics import PlanTopics
+from navstack.ros1.node import Inbox, MasterWatch, NodeClock, NodeLog, StillClock, wait_for_clock
+from navstack.ros1.plan_topics import CloudTopics, PlanTopics
 from navstack.ros1.reconfigure import ReconfigureServers
 from navstack.ros1.robot import RECEIVERS, RosRobot
 from navstack.ros1.services import Services
+from navstack.ros_messages import MessageBuilder, topic_name
+from navstack.ros_messages import messages as msg
 from navstack.scenario import Scenario, warm_up
 
 POLL_S: Final = 0.1
@@ -182,6 +171,7 @@ class MoveBaseNode:
 
     def _load_kernels(self) -> None:
         """Compile or load the kernels by a second of simulated driving: the first cycle of the robot must not wait for that."""
+        compile_ahead(self.configuration.planner_names, self._log_compilation)
         size = 200
         grid = OccupancyGrid(np.zeros((size, size), np.int8), GridGeometry(size, size, 0.05, 0.0, 0.0), raw=True)
         scenario = Scenario(grid, self.configuration, Pose2D(5.0, 5.0), (Pose2D(7.0, 5.0),))
@@ -189,6 +179,9 @@ class MoveBaseNode:
             warm_up(scenario)
         except NavError as exc:
             self._rospy.logdebug("the kernels are compiled while driving: %s", exc.message)
+
+    def _log_compilation(self, done: int, total: int) -> None:
+        self._rospy.loginfo_throttle(5.0, "compiling kernels, once per machine: %d of %d", done, total)
 
     def _wait_for(self, missing: Any) -> bool:
         """Receive messages until nothing is missing."""

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
-from typing import Any, Final
+from dataclasses import dataclass, replace
+from typing import Any, Final, cast
 
-from navstack.core import Pose2D, RobotState, Twist2D
-from navstack.core.errors import FrameError, NavError, RecoveryError
-from navstack.core.frames import clean_frame
-from navstack.interfaces import RecoveryStatus
-from navstack.logs.builder import MessageBuilder
-from navstack.motion import MotionLimits, MotionTimeoutError, Move, Turn
-from navstack.parameters.models.motion import MotionParams
-from navstack.ros1 import private, ros
-from navstack.ros1.clock import NodeClock
-from navstack.ros1.inbox import Inbox
+from navstack.behaviors import BehaviorRunner, Motion, MotionLimits, MotionTimeoutError, Move, TimedBehavior, Turn
+from navstack.core import FrameError, NavError, Pose2D, RecoveryError, RobotState, Twist2D, clean_frame
+from navstack.parameters import MotionParams
+from navstack.plugins import BehaviorContext, BehaviorStep
+from navstack.ros1 import parameters, ros
+from navstack.ros1.node import Inbox, NodeClock
 from navstack.ros1.robot import RosRobot
+from navstack.ros_messages import MessageBuilder
 
 VELOCITY_TOPIC: Final = "/mobile_base/mobile_base_controller/cmd_vel"
 """Default of `~vel_topic`."""
@@ -29,24 +26,53 @@ MOST_DAMPING: Final = 16.0
 """Largest factor of the time in which the way left is driven."""
 POLL_S: Final = 0.005
 """Time between two looks at the clock (s, wall)."""
+NO_CONTEXT: Final = cast("BehaviorContext", None)
+"""An `OpenMotion` has no costmaps and no planner to act on."""
 
 
-class OpenMove(Move):
-    """`Move` without acceleration limits and collision checks."""
+class OpenMotion(Motion):
+    """A motion by the odometry alone: there are no costmaps and no planner, so no limits of them, and no collision checks."""
+
+    def __init__(self, *arguments: Any, **named: Any) -> None:
+        super().__init__(*arguments, **named)
+        self.damping = Damping()
 
     @property
     def limits(self) -> MotionLimits:
         """No limits but the speed of the parameters."""
         return MotionLimits()
 
+    def start(self, context: BehaviorContext, now: float) -> None:
+        """Start from the pose of the first step; `context` is not used."""
+        TimedBehavior.start(self, context, now)
+        self.damping = Damping()
 
-class OpenTurn(Turn):
+    def cycle(self, now: float) -> float:
+        """Return the time (s) in which the way left is driven: a cycle, longer after reversals."""
+        del now
+        return self.damping.factor / self.params.frequency
+
+    def checked(self, step: BehaviorStep, pose: Pose2D, state: RobotState, now: float) -> BehaviorStep:
+        """Return the step."""
+        self.damping.commanded(step.twist)
+        return step
+
+    def within_allowance(self) -> str:
+        """Return the end of the message of a time-out."""
+        return f"within {self.allowance:.1f} s"
+
+
+class OpenMove(OpenMotion, Move):
+    """`Move` without acceleration limits and collision checks. As the known node it does not steer."""
+
+    def command(self, pose: Pose2D, state: RobotState, now: float) -> BehaviorStep:
+        """Return the next step."""
+        step = super().command(pose, state, now)
+        return replace(step, twist=Twist2D(step.twist.vx, 0.0, 0.0))
+
+
+class OpenTurn(OpenMotion, Turn):
     """`Turn` without acceleration limits and collision checks."""
-
-    @property
-    def limits(self) -> MotionLimits:
-        """No limits but the speed of the parameters."""
-        return MotionLimits()
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,24 +93,28 @@ class Settings:
     def read(cls, tolerance: float, speed_name: str, speed: float) -> Settings:
         """Read them from the parameter server; the arguments are defaults. Raises InputError."""
         return cls(
-            private.number("tolerance", tolerance, positive=True),
-            private.number(speed_name, speed, positive=True),
-            private.number("velocity_pub_rate", 10.0, low=1.0, high=1000.0),
-            private.text("vel_topic", VELOCITY_TOPIC),
-            clean_frame(private.text("base_frame", "/base_link")),
-            clean_frame(private.text("odom_frame", "/odom")),
+            parameters.number("tolerance", tolerance, positive=True),
+            parameters.number(speed_name, speed, positive=True),
+            parameters.number("velocity_pub_rate", 10.0, low=1.0, high=1000.0),
+            parameters.text("vel_topic", VELOCITY_TOPIC),
+            clean_frame(parameters.text("base_frame", "/base_link")),
+            clean_frame(parameters.text("odom_frame", "/odom")),
         )
 
     def move(self, distance: float) -> OpenMove:
         """Return a motion by `distance` (m). A distance within the tolerance is driven too, to half of it."""
         tolerance = self._within(abs(distance))
-        params = MotionParams(frequency=self.rate, speed_linear=self.speed, tolerance=tolerance)
+        params = MotionParams(
+            frequency=self.rate, speed_linear=self.speed, tolerance=tolerance, disable_collision_checks=True
+        )
         return OpenMove(distance, params, "LinearMove")
 
     def turn(self, angle: float, *, direct: bool) -> OpenTurn:
         """Return a turn by `angle` (rad): the shorter way to that heading, or, if `direct`, by all of it."""
         tolerance = self._within(abs(angle))
-        params = MotionParams(frequency=self.rate, speed_radian=self.speed, tolerance_radian=tolerance)
+        params = MotionParams(
+            frequency=self.rate, speed_radian=self.speed, tolerance_radian=tolerance, disable_collision_checks=True
+        )
         return OpenTurn(angle if direct or not math.isfinite(angle) else shorter(angle), params, "RadianTurn")
 
     def _within(self, size: float) -> float:
@@ -97,7 +127,7 @@ def shorter(angle: float) -> float:
     return rest if abs(rest) <= math.pi else rest - math.copysign(2.0 * math.pi, rest)
 
 
-class MotionRunner:
+class OpenMotionRunner:
     """Publishes the commands of motions, by the transform from the odometry to the base."""
 
     def __init__(self, settings: Settings) -> None:
@@ -131,7 +161,7 @@ class MotionRunner:
                     base_frame=self.settings.base_frame,
                 )
 
-    def run(self, motion: Move | Turn) -> str:
+    def run(self, motion: OpenMotion) -> str:
         """Run a motion to its end, then publish zero; return what was done.
 
         Raises a RecoveryError if it takes too long, if the transform stops, or if the node is shut down; an InputError for a
@@ -143,15 +173,15 @@ class MotionRunner:
             if not self._rospy.is_shutdown():
                 self.publish(Twist2D())
 
-    def _run(self, motion: Move | Turn) -> str:
+    def _run(self, motion: OpenMotion) -> str:
         self.wait_for_transform(SILENCE_S)
         self._wait_for_subscriber()
         if isinstance(motion, Turn):
             self.publish(Twist2D())  # as the known node: the robot stops first
         motion.frame = self.settings.odom_frame
-        jumps, period = self._clock.jumps, 1.0 / self.settings.rate
-        heard, damping = _Heard(), Damping()
-        started, due, allowed = self._clock.now(), -math.inf, math.inf
+        jumps, heard = self._clock.jumps, _Heard()
+        runner = BehaviorRunner(_Pace)
+        runner.start(motion, NO_CONTEXT, self._clock.now(), self.settings.rate)
         while not ros.is_stopping():
             self.inbox.run(POLL_S, self._report)
             found, now = self._pose(), self._clock.now()
@@ -160,21 +190,16 @@ class MotionRunner:
                 raise RecoveryError(f"{motion.summary()}: the clock jumped back")
             if found is None or heard.is_silent(found[1]):
                 raise RecoveryError(f"{motion.summary()}: no transform to {self.settings.base_frame} any more")
-            if now < due:
+            if not runner.is_due(now):
                 continue
             state = RobotState(found[0], Twist2D(), found[1], self.settings.odom_frame)
-            if due == -math.inf:
-                allowed = started + 2.0 * motion.begin(found[0], state) + 5.0
-                due = now
-            if now > allowed:
-                raise self._too_slow(motion, allowed - started)
-            step = motion.command(found[0], state, now, period * damping.factor)
-            if step.status is not RecoveryStatus.RUNNING:
-                return motion.summary()
-            damping.commanded(step.twist)
-            # as the known nodes: a move does not steer
-            self.publish(Twist2D(step.twist.vx, 0.0, 0.0) if isinstance(motion, Move) else step.twist)
-            due = max(due + period, now - period)
+            step = runner.step(lambda _, state=state: state, now)
+            if not isinstance(step, BehaviorStep):
+                if step.error is not None:
+                    raise self._explained(step.error)
+                return step.text
+            self.publish(step.twist)
+            runner.advance(now)
         raise RecoveryError(f"{motion.summary()}: the node was shut down")
 
     def _wait_for_subscriber(self) -> None:
@@ -183,11 +208,12 @@ class MotionRunner:
         while self._out.get_num_connections() == 0 and time.monotonic() < end and not ros.is_stopping():
             self.inbox.run(0.02, self._report)
 
-    def _too_slow(self, motion: Move | Turn, allowance_s: float) -> MotionTimeoutError:
-        text = f"{motion.summary()} within {allowance_s:.1f} s"
-        if self._out.get_num_connections() == 0:
-            text += f"; no node subscribes to {self.settings.topic}: set ~vel_topic to the robot's topic"
-        return MotionTimeoutError(text)
+    def _explained(self, error: NavError) -> NavError:
+        """Return the error; of a motion that takes too long because nobody listens, with that reason."""
+        if not isinstance(error, MotionTimeoutError) or self._out.get_num_connections() > 0:
+            return error
+        hint = f"no node subscribes to {self.settings.topic}: set ~vel_topic to the robot's topic"
+        return MotionTimeoutError(f"{error.message}; {hint}", **error.data)
 
     def _pose(self) -> tuple[Pose2D, float] | None:
         """Return the newest pose of the base in the odometry's frame, and its time (s)."""
@@ -221,6 +247,24 @@ class Damping:
         if self._sign not in (0.0, sign):
             self.factor = min(2.0 * self.factor, MOST_DAMPING)
         self._sign = sign
+
+
+class _Pace:
+    """Steps at a rate from the first one on; one that is late by more than a period is not made up for."""
+
+    def __init__(self, frequency: float, now: float) -> None:
+        del now
+        self._period = 1.0 / frequency
+        self.due = -math.inf
+
+    def is_due(self, now: float) -> bool:
+        """Return True at and after the due time (s)."""
+        return now >= self.due
+
+    def advance(self, now: float) -> None:
+        """Set the next due time, for a step at `now` (s)."""
+        last = now if self.due == -math.inf else self.due
+        self.due = max(last + self._period, now - self._period)
 
 
 class _Heard:

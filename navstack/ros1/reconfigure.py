@@ -7,13 +7,12 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from navstack.bringup import reconfigure
-from navstack.core.errors import NavError
-from navstack.costmap.reconfigure import FIXED
+from navstack.core import NavError
+from navstack.costmap import FIXED
 from navstack.move_base import MoveBase
-from navstack.parameters.configuration import Configuration, load_configuration
-from navstack.parameters.report import Parameter, parameters_of
+from navstack.parameters import Configuration, Parameter, load_configuration, parameters_of
 from navstack.ros1 import ros
-from navstack.ros1.inbox import Inbox
+from navstack.ros1.node import Inbox
 from navstack.ros1.parameters import WRITTEN
 
 LARGEST: Final = 1e9

@@ -8,14 +8,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from navstack.core import FrameTree, PointCloud, RobotState, SensorData, Twist2D
-from navstack.core.errors import FrameError, LogError, NavError
-from navstack.logs import messages as ros
-from navstack.logs.messages import StampedTransform
-from navstack.logs.rotations import Transform3D
-from navstack.logs.transforms import LoggedFrames
-from navstack.move_base.errors import StaleOdometryError
-from navstack.ros1.clock import NodeClock
+from navstack.core import FrameError, FrameTree, LogError, NavError, PointCloud, RobotState, SensorData, Twist2D
+from navstack.move_base import StaleOdometryError
+from navstack.ros1.node import NodeClock
+from navstack.ros_messages import StampedTransform, Transform3D, TransformTree
+from navstack.ros_messages import messages as ros
 
 FUTURE_S: Final = 5.0
 """Data stamped farther in the future (s) are ignored: localization stamps transforms about a second ahead."""
@@ -27,7 +24,7 @@ MOST_PROBLEMS: Final = 100
 
 
 class RosRobot:
-    """Implements `navstack.interfaces.Robot`. Its methods are called in the thread of the node only."""
+    """Implements `navstack.plugins.Robot`. Its methods are called in the thread of the node only."""
 
     def __init__(
         self, clock: NodeClock, publish: Callable[[Twist2D], None], report: Callable[[NavError], None]
@@ -37,7 +34,7 @@ class RosRobot:
         self._report = report
         self._settled_at = -math.inf
         self.frames = FrameTree()
-        self._logged = LoggedFrames(self.frames)
+        self._logged = TransformTree(self.frames)
         self._publish = publish
         self._odometry: RobotState | None = None
         self._scans: list[SensorData] = []
@@ -108,7 +105,7 @@ class RosRobot:
         """Receive a sensor_msgs/PointCloud2 or PointCloud."""
         frame = ros.frame_of(message)
         try:
-            points = self._logged.mounting(frame).levelled(ros.points_of(message))
+            points = self._logged.mounting(frame).leveled(ros.points_of(message))
         except LogError as exc:
             self._problem(exc)
             return

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
-from navstack.core.errors import NotSupportedError
+from navstack.core import NotSupportedError
 
 DEBIAN: Final = Path("/usr/lib/python3/dist-packages")
 """Debian's Python packages; appended to the search path, so that those of the virtual environment win."""
@@ -18,7 +18,19 @@ INSTALL: Final = (
     "sudo apt-get install python3-rospy python3-actionlib python3-move-base-msgs python3-map-msgs python3-dynamic-reconfigure "
     "python3-diagnostic-msgs python3-tf2-msgs python3-std-srvs python3-trajectory-msgs"
 )
-
+VOXEL_GRID: Final = "costmap_2d/VoxelGrid"
+DEFINITIONS: Final = {
+    VOXEL_GRID: (
+        "Header header\nuint32[] data\ngeometry_msgs/Point32 origin\ngeometry_msgs/Vector3 resolutions\n"
+        "uint32 size_x\nuint32 size_y\nuint32 size_z\n"
+    ),
+    "handsfree_msgs/srv/SpecialMove": "float32 target_distance_move\n---\nbool success\n",
+    "handsfree_msgs/srv/SpecialTurn": "float32 target_radian_turn\n---\nbool success\n",
+}
+"""Text of each .msg or .srv file that Debian does not package, by the name that `message` takes."""
+_MEMBERS: Final = ("std_msgs/Header", "geometry_msgs/Point32", "geometry_msgs/Vector3")
+"""Messages of Debian that the definitions contain."""
+_generated: Final[dict[str, Any]] = {}
 
 STOP: Final = threading.Event()
 """Set when the process was asked to end: the node sends its last messages, then the connections are closed."""
@@ -87,10 +99,41 @@ def rospy() -> Any:
 
 
 def message(name: str) -> Any:
-    """Return the class of a message or service: `nav_msgs/Path`, `nav_msgs/srv/GetPlan`. Raises NotSupportedError."""
+    """Return the class of a message or service: `nav_msgs/Path`, `nav_msgs/srv/GetPlan`.
+
+    Those of `DEFINITIONS` are generated if no package has them. Raises NotSupportedError.
+    """
     parts = name.split("/")
-    kind = parts[1] if len(parts) == 3 else "msg"
-    return getattr(load(f"{parts[0]}.{kind}"), parts[-1])
+    package, kind, short = parts[0], parts[1] if len(parts) == 3 else "msg", parts[-1]
+    try:
+        return getattr(load(f"{package}.{kind}"), short)
+    except (NotSupportedError, AttributeError):
+        if name not in DEFINITIONS:
+            raise
+    rospy()
+    if name not in _generated:
+        scope: dict[str, Any] = {"__name__": f"{package}.{kind}._{short}"}
+        exec(generated_code(name), scope)
+        _generated[name] = scope[short]
+    return _generated[name]
+
+
+def generated_code(name: str) -> str:
+    """Return the Python code of a message or service of `DEFINITIONS`, as Debian's genpy generates it.
+
+    To other nodes there is no difference: the checksum follows from the definition. Raises NotSupportedError without ROS.
+    """
+    loader, generator = load("genmsg.msg_loader"), load("genpy.generator")
+    context = load("genmsg").MsgContext.create_default()
+    for member in _MEMBERS:
+        text = str(message(member)._full_text).split("=" * 80)[0]
+        loader.load_msg_from_string(context, text, member)
+    is_service = "/srv/" in name
+    load_text = loader.load_srv_from_string if is_service else loader.load_msg_from_string
+    spec = load_text(context, DEFINITIONS[name], name.replace("/srv/", "/"))
+    generate = generator.srv_generator if is_service else generator.msg_generator
+    no_search: dict[str, list[str]] = {}
+    return "\n".join(generate(context, spec, no_search)) + "\n"
 
 
 class MessageTypes:

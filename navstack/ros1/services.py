@@ -8,17 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from navstack.core import Costmap, Footprint, Pose2D
-from navstack.core.errors import NavError, PlanningError
-from navstack.interfaces import GlobalPlanner
-from navstack.logs import messages as msg
-from navstack.logs.builder import MessageBuilder
+from navstack.core import Costmap, Footprint, NavError, PlanningError, Pose2D
+from navstack.global_planner import unsmoothed
 from navstack.move_base import MoveBase, plugin_calls
-from navstack.parameters.configuration import Configuration
+from navstack.parameters import Configuration
+from navstack.plugins import GlobalPlanner
 from navstack.ros1 import ros
-from navstack.ros1.clock import NodeClock
-from navstack.ros1.inbox import Inbox
-from navstack.smoother import unsmoothed
+from navstack.ros1.node import Inbox, NodeClock
+from navstack.ros_messages import MessageBuilder
+from navstack.ros_messages import messages as msg
 
 
 class Services:

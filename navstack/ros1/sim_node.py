@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import gc
+import time
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from typing import Any, Final
 
@@ -11,18 +13,157 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.bringup import simulated_robot
-from navstack.core import LaserScan, PointCloud, Pose2D, Transform2D, Twist2D
-from navstack.core.errors import NavError
-from navstack.logs import messages as msg
-from navstack.logs.builder import MessageBuilder
-from navstack.ros1 import private, ros
-from navstack.ros1.inbox import Inbox
-from navstack.ros1.map_server import MapTopics
-from navstack.ros1.master import MasterWatch
-from navstack.ros1.sim_localization import LocalizationTopics
-from navstack.ros1.sim_names import SimNames
-from navstack.ros1.sim_pace import ClockPace, Pace, WallPace
+from navstack.core import InputError, LaserScan, NavError, PointCloud, Pose2D, Transform2D, Twist2D, clean_frame
+from navstack.ros1 import parameters, ros
+from navstack.ros1.localization_node import PoseTopics
+from navstack.ros1.map_nodes import MapTopics
+from navstack.ros1.node import Inbox, MasterWatch, wait_for_clock
+from navstack.ros_messages import MessageBuilder
+from navstack.ros_messages import messages as msg
 from navstack.scenario import Scenario
+from navstack.sim import SimulatedRobot
+
+# --- what the localization of the simulated robot publishes: amcl_pose and particlecloud ------------------------------
+
+
+PERIOD_S: Final = 0.1
+"""Simulated time between two poses (s)."""
+
+
+class LocalizationTopics:
+    """`amcl_pose` and `particlecloud`, as amcl and fake_localization publish them.
+
+    The covariance is that of the simulated amcl, if the parameters have one; else 0, as of fake_localization. The cloud has one
+    particle.
+    """
+
+    def __init__(self, robot: SimulatedRobot, build: MessageBuilder, frame: str) -> None:
+        self._robot = robot
+        self._topics = PoseTopics(build, frame)
+        self._due = 0.0
+
+    def publish(self, time_s: float, stamp_ns: int, odometry: Pose2D) -> None:
+        """Publish the pose, if it is due at the simulated time `time_s`; `odometry` is the pose of the base in the odometry."""
+        if time_s < self._due:
+            return
+        self._due = time_s + PERIOD_S
+        robot = self._robot
+        offset = robot.frames.lookup(robot.map_frame, robot.odom_frame)
+        pose = Pose2D(*(offset @ Transform2D(*odometry)))
+        estimate = robot.estimation.estimate
+        self._topics.publish_pose(stamp_ns, pose, None if estimate is None else estimate.covariance)
+        self._topics.publish_particles(stamp_ns, np.array([tuple(pose)]))
+
+
+# --- names on the ROS graph: frames with a prefix, aliases of the base, topics of velocities --------------------------
+
+
+ALIASES: Final = ("base_footprint", "base_link")
+"""Names of the base that drivers publish; what the parameters do not use is published as well, at the same place."""
+VELOCITY_TOPICS: Final = ("cmd_vel", "mobile_base/mobile_base_controller/cmd_vel")
+"""Default of `~cmd_vel_topics`: ROS's usual name, and that of the HandsFree base."""
+
+
+class SimNames:
+    """The frames and topics of one simulated robot.
+
+    `tf_prefix`, searched from the node's namespace upwards, is put before the frames of the robot, not before that of the map:
+    `robot1/odom`. `~odom_frame_id`, `~base_frame_id` and `~global_frame_id` rename the three main frames.
+    """
+
+    def __init__(self, map_frame: str, odom_frame: str, base_frame: str) -> None:
+        """The frames by the parameters of the robot. Raises InputError for parameters of another type."""
+        rospy = ros.rospy()
+        found = rospy.search_param("tf_prefix")
+        prefix = rospy.get_param(found) if found is not None else ""
+        if not isinstance(prefix, str):
+            raise InputError(f"the parameter {found} is {prefix!r}, not a text", parameter=found)
+        self.prefix = prefix.strip("/")
+        self._known: dict[str, str] = {
+            clean_frame(map_frame): clean_frame(parameters.text("global_frame_id", map_frame)),
+            clean_frame(odom_frame): self._prefixed(parameters.text("odom_frame_id", odom_frame)),
+            clean_frame(base_frame): self._prefixed(parameters.text("base_frame_id", base_frame)),
+        }
+        self.map, self.odom, self.base = self._known.values()
+        self.aliases = [
+            name
+            for name in map(self._prefixed, parameters.texts("base_aliases", ALIASES))
+            if name not in self._known.values()
+        ]
+        """Further frames at the place of the base."""
+        self.velocity_topics = parameters.texts("cmd_vel_topics", VELOCITY_TOPICS)
+
+    def frame(self, name: str) -> str:
+        """Return the frame on the graph for a frame of the simulator."""
+        found = self._known.get(name)
+        if found is None:
+            found = self._known[name] = self._prefixed(name)
+        return found
+
+    def _prefixed(self, name: str) -> str:
+        name = clean_frame(name)
+        return f"{self.prefix}/{name}" if self.prefix and not name.startswith(f"{self.prefix}/") else name
+
+    def rename(self, message: Any) -> Any:
+        """Return a sensor's message with the frame of the graph in its header."""
+        message.header.frame_id = self.frame(message.header.frame_id)
+        return message
+
+
+# --- when the simulated robot takes its next step: by the wall clock, or by the clock of another node -----------------
+
+
+SLACK_S: Final = 1.0
+"""A simulation that is later (s, wall) does not catch up: no burst of steps."""
+
+
+class Pace(ABC):
+    """Tells how long to wait for a simulated time."""
+
+    start_ns: int
+    """ROS's time of the simulated time 0 (ns)."""
+
+    @abstractmethod
+    def wait_s(self, reached_s: float) -> float:
+        """Return how long to wait (s, wall) until the simulated time `reached_s` (s) is due; not positive: it is."""
+
+
+class WallPace(Pace):
+    """The wall clock, `speed` simulated seconds per second."""
+
+    def __init__(self, speed: float, start_ns: int, *, stamps_wall_time: bool = False) -> None:
+        """With `stamps_wall_time`, a delay also delays the stamps: otherwise all later data would be old."""
+        self._speed, self._stamps_wall_time = speed, stamps_wall_time
+        self._begin = time.monotonic()
+        self.start_ns = start_ns
+
+    def wait_s(self, reached_s: float) -> float:
+        """Return the time to wait; a machine that is too slow delays what follows."""
+        ahead = reached_s / self._speed - (time.monotonic() - self._begin)
+        if ahead < -SLACK_S:
+            self._begin -= ahead
+            if self._stamps_wall_time:
+                self.start_ns -= round(ahead * 1e9)
+        return ahead
+
+
+class ClockPace(Pace):
+    """The clock of another node, such as that of a first simulated robot."""
+
+    def __init__(self) -> None:
+        """Wait for the clock, with warnings."""
+        self._rospy: Any = ros.rospy()
+        wait_for_clock()
+        self.start_ns = self._last_ns = int(self._rospy.Time.now().to_nsec())
+
+    def wait_s(self, reached_s: float) -> float:
+        """Return 0 if the clock has come that far, else the time to the next look. A jump back of the clock is followed."""
+        now_ns = int(self._rospy.Time.now().to_nsec())
+        if now_ns < self._last_ns:
+            self.start_ns -= self._last_ns - now_ns
+        self._last_ns = now_ns
+        return 0.0 if now_ns >= self.start_ns + reached_s * 1e9 else 0.002
+
 
 STEP_S: Final = 0.02
 """Simulated time between two publications (s): odometry and tf at 50 Hz."""
@@ -62,7 +203,7 @@ class SimNode:
         self._truth = self._publisher("base_pose_ground_truth", "nav_msgs/Odometry")
         self._static = rospy.Publisher("/tf_static", ros.message("tf2_msgs/TFMessage"), queue_size=1, latch=True)
         self._map = MapTopics(dataclasses.replace(scenario.map, frame=self.names.map), self.build)
-        self._is_localized = private.flag("localization", True)
+        self._is_localized = parameters.flag("localization", True)
         self._localization = LocalizationTopics(self.robot, self.build, self.names.map) if self._is_localized else None
         twist, pose = ros.message("geometry_msgs/Twist"), ros.message("geometry_msgs/PoseWithCovarianceStamped")
         receive = self.inbox.poster

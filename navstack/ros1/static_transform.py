@@ -6,10 +6,9 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from navstack.core.errors import InputError
-from navstack.core.frames import clean_frame
-from navstack.logs.rotations import Quaternion, multiply, quaternion_of_yaw
+from navstack.core import InputError, clean_frame
 from navstack.ros1 import ros
+from navstack.ros_messages import Quaternion, multiply, quaternion_of_yaw
 
 USAGE = "x y z yaw pitch roll FRAME CHILD PERIOD_MS, or x y z qx qy qz qw FRAME CHILD PERIOD_MS"
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Final
 
-from navstack.motion.keyboard import HELP, SPEED_KEYS, START_SPEED, START_TURN, KeyboardTeleop
-from navstack.ros1 import private, ros
+from navstack.behaviors import HELP, SPEED_KEYS, START_SPEED, START_TURN, KeyboardTeleop
+from navstack.ros1 import parameters, ros
 from navstack.ros1.open_motion import VELOCITY_TOPIC
 
 POLL_S: Final = 0.1
@@ -25,11 +25,11 @@ class Teleop:
     def __init__(self, say: Callable[[str], None]) -> None:
         """`say` prints a line. Raises InputError for parameters that are not positive numbers."""
         rospy = ros.rospy()
-        speed = private.number("speed", START_SPEED, positive=True)
-        turn = private.number("turn", START_TURN, positive=True)
+        speed = parameters.number("speed", START_SPEED, positive=True)
+        turn = parameters.number("turn", START_TURN, positive=True)
         self.keyboard = KeyboardTeleop(speed, turn)
         self._say = say
-        self._topic = private.text("vel_topic", VELOCITY_TOPIC)
+        self._topic = parameters.text("vel_topic", VELOCITY_TOPIC)
         self._type = ros.message("geometry_msgs/Twist")
         self._out = rospy.Publisher(self._topic, self._type, queue_size=1)
         self._changes = 0

@@ -7,10 +7,9 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
-from navstack.core import Pose2D
-from navstack.core.errors import InputError
-from navstack.logs.builder import MessageBuilder
-from navstack.ros1 import private, ros
+from navstack.core import InputError, Pose2D
+from navstack.ros1 import parameters, ros
+from navstack.ros_messages import MessageBuilder
 
 SERVER_WAIT_S: Final = 60.0
 """Longest wait for the action server (s, wall)."""
@@ -77,7 +76,7 @@ class Tour:
         """`frame` of the places, time limit of a goal (s); `say` prints a line. Raises InputError."""
         rospy = self._rospy = ros.rospy()
         self._frame, self._limit_s, self._say = frame, limit_s, say
-        self._rest_s = private.number("rest_time", 2.0, low=0.0, high=1e6)
+        self._rest_s = parameters.number("rest_time", 2.0, low=0.0, high=1e6)
         self._build = MessageBuilder(ros.MessageTypes(), ros1=True)
         self._cmd_vel = rospy.Publisher("cmd_vel", ros.message("geometry_msgs/Twist"), queue_size=5)
         # Not SimpleActionClient: it logs an error when a fast server answers before its send_goal() has returned.

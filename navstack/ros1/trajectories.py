@@ -7,19 +7,18 @@ from typing import Any, Final
 
 import numpy as np
 
-from navstack.core.errors import InputError
-from navstack.motion import Trajectory, figure_eight, heart, load_trajectory, poly_path
-from navstack.motion.trajectory_files import as_message
-from navstack.ros1 import private, ros
+from navstack.behaviors import Trajectory, as_message, figure_eight, heart, load_trajectory, poly_path
+from navstack.core import InputError
+from navstack.ros1 import parameters, ros
 
 FIRST_S: Final = 2.0
 """Time before the first trajectory (s)."""
 EVERY_S: Final = 10.0
 """Time between two trajectories (s)."""
-EIGHT_CENTRES: Final = ((4.0, 0.0, 2.0), (6.0, 0.0, 2.0), (8.0, 0.0, 2.0), (6.0, 0.0, 2.0))
-"""Centres of the figures of eight, in turn (m)."""
-HEART_CENTRE: Final = (8.0, 0.0, 2.0)
-"""Centre of the heart (m)."""
+EIGHT_CENTERS: Final = ((4.0, 0.0, 2.0), (6.0, 0.0, 2.0), (8.0, 0.0, 2.0), (6.0, 0.0, 2.0))
+"""Centers of the figures of eight, in turn (m)."""
+HEART_CENTER: Final = (8.0, 0.0, 2.0)
+"""Center of the heart (m)."""
 SHAPES: Final = ("figure_eight", "heart", "poly_path")
 
 
@@ -34,10 +33,10 @@ class TrajectoryPublisher:
         """
         rospy = self._rospy = ros.rospy()
         self._shape, self._points, self._plane, self._ends = shape, [list(p) for p in points], plane, ends
-        self._dt = private.number("dt", 0.1, low=1e-3, high=10.0)
-        self._velocity = private.number("velocity", 2.0, positive=True)
-        self._frame = private.text("inertial_frame", "map")
-        private.text("base_frame", "base_link")
+        self._dt = parameters.number("dt", 0.1, low=1e-3, high=10.0)
+        self._velocity = parameters.number("velocity", 2.0, positive=True)
+        self._frame = parameters.text("inertial_frame", "map")
+        parameters.text("base_frame", "base_link")
         self._at: tuple[list[float], list[float]] | None = None
         self._sent = 0
         self._type = ros.message("trajectory_msgs/MultiDOFJointTrajectory")
@@ -84,11 +83,11 @@ class TrajectoryPublisher:
         if self._file is not None:
             return self._file
         if self._shape == "figure_eight":
-            centre = EIGHT_CENTRES[self._sent % len(EIGHT_CENTRES)]
+            centre = EIGHT_CENTERS[self._sent % len(EIGHT_CENTERS)]
             made = figure_eight(3.0, 2.0, 10.0, centre=centre, plane="xy" if self._plane == "xy" else "yz", dt=self._dt)
             return made if self._ends else without(made, [made.duration])
         if self._shape == "heart":
-            made = heart(1.0, 10.0, centre=HEART_CENTRE, dt=self._dt)
+            made = heart(1.0, 10.0, centre=HEART_CENTER, dt=self._dt)
             return made if self._ends else without(made, [made.duration])
         return self._poly_path()
 

@@ -12,10 +12,9 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from navstack.core import Costmap, FrameTree, RobotState, SensorData, Twist2D
-from navstack.interfaces import LocalizationStatus, Robot
-from navstack.parameters.models.twist_mux import TwistMuxParams
-from navstack.safety.detector import CollisionDetector
-from navstack.safety.monitor import CollisionMonitor, MonitorDecision
+from navstack.parameters import TwistMuxParams
+from navstack.plugins import LocalizationStatus, Robot
+from navstack.safety.monitor import CollisionDetector, CollisionMonitor, MonitorDecision
 from navstack.safety.multiplexer import CommandMultiplexer
 from navstack.safety.velocity_smoother import VelocitySmoother
 

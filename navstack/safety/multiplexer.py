@@ -9,9 +9,8 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from navstack.core import Twist2D
-from navstack.core.errors import InputError
-from navstack.parameters.models.twist_mux import MuxInputParams, MuxLockParams, TwistMuxParams
+from navstack.core import InputError, Twist2D
+from navstack.parameters import MuxInputParams, MuxLockParams, TwistMuxParams
 
 STOP: Final = Twist2D()
 _ROUNDING_S: Final = 1e-9

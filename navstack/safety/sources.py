@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -15,11 +16,146 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from navstack.core import Costmap, FrameTree, LaserScan, PointCloud, RangeReading, SensorData, Transform2D
-from navstack.core.errors import FrameError, InputError
-from navstack.parameters.models.collision_monitor import ExclusionZoneParams, MonitorSourceParams
-from navstack.safety import _zone_kernels as kernels
-from navstack.safety.near_beams import NearBeams
+from navstack.core import (
+    Costmap,
+    FrameError,
+    FrameTree,
+    InputError,
+    LaserScan,
+    PointCloud,
+    RangeReading,
+    SensorData,
+    Transform2D,
+    Twist2D,
+    kernel,
+)
+from navstack.parameters import ExclusionZoneParams, MonitorSourceParams
+from navstack.safety import zones as kernels
+from navstack.safety.zones import TINY, Shape, edge_distance, gets_nearer, in_polygon, in_shape
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Beams too near to measure: where their obstacle may be, and whether a command moves the robot towards it.
+#
+# A shape is a polygon `corners` (n, 2) in the base frame, counter-clockwise, or, with no corners, a circle of `radius` around the
+# base.
+
+
+# pyright: basic
+
+
+@kernel
+def inscribed_radius(corners):
+    """Return the radius of the largest circle around the base inside a polygon, 0 if the base is outside (m)."""
+    return edge_distance(corners, 0.0, 0.0)[0] if in_polygon(corners, 0.0, 0.0) else 0.0
+
+
+@kernel
+def crossing(corners, radius, x, y, dx, dy):
+    """Return the distance (m) from (x, y) to the outline of a shape along the unit vector (dx, dy); inf if it is not met."""
+    best = math.inf
+    n = corners.shape[0]
+    if n == 0:
+        b = x * dx + y * dy
+        rest = b * b - (x * x + y * y - radius * radius)
+        if rest >= 0.0:
+            half = math.sqrt(rest)
+            best = -b - half if -b - half >= 0.0 else -b + half
+        return best if best >= 0.0 else math.inf
+    px, py = corners[n - 1, 0], corners[n - 1, 1]
+    for i in range(n):
+        qx, qy = corners[i, 0], corners[i, 1]
+        ex, ey = qx - px, qy - py
+        cross = dx * ey - dy * ex
+        if abs(cross) > TINY:
+            ax, ay = px - x, py - y
+            t = (ax * ey - ay * ex) / cross
+            s = (ax * dy - ay * dx) / cross
+            if t >= 0.0 and s >= -TINY and s <= 1.0 + TINY:
+                best = min(best, t)
+        px, py = qx, qy
+    return best
+
+
+@kernel
+def beam_span(corners, radius, x, y, dx, dy, length):
+    """Return where the obstacle of a beam may be, from and to (m along it): outside a shape, up to `length` or its outline."""
+    edge = crossing(corners, radius, x, y, dx, dy)
+    if in_shape(corners, radius, x, y) and edge < math.inf:
+        return edge, max(edge, length)
+    return 0.0, min(edge, length)
+
+
+@kernel
+def beam_ahead(sensor, directions, length, corners, radius, command, found):
+    """Return the index of the first beam to whose obstacle the command (3,) moves a shape, or -1; write the place to `found`.
+
+    `sensor` (2,), `directions` (k, 2) unit vectors, `found` (1, 2).
+    """
+    x, y = sensor[0], sensor[1]
+    for i in range(directions.shape[0]):
+        dx, dy = directions[i, 0], directions[i, 1]
+        first, last = beam_span(corners, radius, x, y, dx, dy, length)
+        for k in range(3):
+            r = first + 0.5 * k * (last - first)
+            px, py = x + r * dx, y + r * dy
+            if gets_nearer(corners, radius, px, py, command[0], command[1], command[2]):
+                found[0, 0], found[0, 1] = px, py
+                return i
+    return -1
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Beams that hit something nearer than a scanner can measure: which commands move the robot towards it.
+
+
+_ROUND: Final = math.cos(math.pi / 16.0) - 1e-9
+"""Inscribed over circumscribed radius from which on an outline is a circle: a regular 16-gon, as Footprint.from_radius."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NearBeams:
+    """The beams of a scan that hit something between the sensor and its lowest range."""
+
+    sensor: NDArray[np.float64]
+    """(2,) position of the sensor (m)."""
+    directions: NDArray[np.float64]
+    """(k, 2) unit vectors."""
+    range_min: float
+    """Lowest range of the sensor (m)."""
+    what: str
+    """How many beams of what are too near."""
+
+    @property
+    def ends(self) -> NDArray[np.float64]:
+        """(k, 2) points of the beams at `range_min` (m)."""
+        return self.sensor + self.range_min * self.directions
+
+    def moved(self, transform: Transform2D) -> NearBeams:
+        """Return the beams in the frame into which `transform` leads."""
+        c, s = math.cos(transform.yaw), math.sin(transform.yaw)
+        turned = self.directions @ np.array(((c, s), (-s, c)))
+        return NearBeams(transform.apply_points(self.sensor[None])[0], turned, self.range_min, self.what)
+
+    def towards(self, body: Shape, command: Twist2D) -> NDArray[np.float64]:
+        """Return places (n, 2) of an obstacle on a beam to which a command moves the robot's outline; (0, 2) if there is none.
+
+        The beams are in the base frame. The obstacle may be anywhere outside the outline up to `range_min`, or on the outline,
+        if that is farther; the nearest place, the farthest one and the one between them count.
+        """
+        found = np.empty((1, 2))
+        u = np.array(command, np.float64)
+        index = beam_ahead(self.sensor, self.directions, self.range_min, body.corners, body.radius, u, found)
+        return found[: 1 if index >= 0 else 0]
+
+
+def body_shape(outline: NDArray[np.float64]) -> Shape:
+    """Return the shape of a robot with an outline (n, 2): a circle if it is round, so that it can turn in place."""
+    radii = np.hypot(outline[:, 0], outline[:, 1])
+    polygon = Shape(outline)
+    radius = float(radii.max())
+    inscribed = inscribed_radius(polygon.corners)
+    return Shape(radius=radius) if inscribed >= _ROUND * radius else polygon
+
 
 NO_POINTS: Final = np.empty((0, 2))
 _ROUNDING_S: Final = 1e-9
@@ -391,3 +527,69 @@ def build_source(name: str, params: MonitorSourceParams, frames: Frames, node_ti
     if timeout_s < 0.0:
         raise InputError(f"source_timeout of {name} is {timeout_s:g}; it must be at least 0", source=name)
     return _KINDS[params.type](name, params, frames, timeout_s)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The points of all sources of a monitor at one time.
+
+
+class PointField:
+    """The sources of a monitor, and their points in the base frame since the last `update`."""
+
+    def __init__(self, params: Mapping[str, MonitorSourceParams], frames: Frames, timeout_s: float) -> None:
+        """`timeout_s`: default age (s) from which on data are stale; 0 = never."""
+        self.sources: dict[str, Source] = {
+            name: build_source(name, source, frames, timeout_s) for name, source in params.items()
+        }
+        self._by_topic: dict[str, list[Source]] = {}
+        for source in self.sources.values():
+            self._by_topic.setdefault(source.topic, []).append(source)
+        self.near: dict[str, NearBeams] = {}
+        """Name -> beams of the sources that see hardly anything but something too near to measure, base frame."""
+        self._parts: dict[str, NDArray[np.float64]] = {}
+        self._joined: dict[tuple[str, ...], NDArray[np.float64]] = {}
+
+    def observe(self, data: Observation) -> None:
+        """Pass a message to the sources of its topic."""
+        for source in self._by_topic.get(data.topic.strip("/"), ()):
+            if source.enabled:
+                source.observe(data)
+
+    def observe_costmap(self, name: str, costmap: Costmap, stamp: float) -> None:
+        """Pass a costmap to the sources whose topic is in its namespace (`local_costmap/costmap`)."""
+        for topic, sources in self._by_topic.items():
+            if topic.partition("/")[0] != name:
+                continue
+            for source in sources:
+                if source.enabled and source.params.type == "costmap":
+                    source.observe(CostmapObservation(costmap, stamp, topic))
+
+    def update(self, now: float, used: Collection[str] | None = None) -> dict[str, str]:
+        """Move the points to the base frame at `now` (s); return name -> problem of the sources that make the robot stop.
+
+        A source without a `source_timeout` never does. `used` are the sources that count; None for all.
+        """
+        self.near, self._parts, self._joined = {}, {}, {}
+        problems: dict[str, str] = {}
+        for name, source in self.sources.items():
+            if not source.enabled or (used is not None and name not in used):
+                continue
+            points, problem = source.points(now)
+            if problem and source.timeout_s > 0.0:
+                problems[name] = problem
+                continue
+            near = source.near_beams(now)
+            if near is not None:
+                self.near[name] = near
+            if len(points):
+                self._parts[name] = points
+        return problems
+
+    def points(self, names: tuple[str, ...]) -> NDArray[np.float64]:
+        """Return the points (k, 2) of some of the sources, base frame. Read-only."""
+        joined = self._joined.get(names)
+        if joined is None:
+            parts = [part for name in names if (part := self._parts.get(name)) is not None]
+            joined = NO_POINTS if not parts else parts[0] if len(parts) == 1 else np.concatenate(parts)
+            self._joined[names] = joined
+        return joined

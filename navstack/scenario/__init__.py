@@ -1,30 +1,48 @@
 """Scenarios: scenario files, runs, success conditions, tours and suites."""
 
-from navstack.scenario.file.spec import ScenarioSpec, check_scenario, load_scenario, read_scenario
-from navstack.scenario.outcome import GoalOutcome, RunResult
-from navstack.scenario.run import Run, run_scenario, warm_up
-from navstack.scenario.scenario import Scenario
-from navstack.scenario.success import ConditionResult, SuccessConditions
-from navstack.scenario.suites.catalogue import load_suite, shipped_scenarios, suite_names
-from navstack.scenario.tour import TourResult, TourState, drive_tour
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "ConditionResult",
-    "GoalOutcome",
-    "Run",
-    "RunResult",
-    "Scenario",
-    "ScenarioSpec",
-    "SuccessConditions",
-    "TourResult",
-    "TourState",
-    "check_scenario",
-    "drive_tour",
-    "load_scenario",
-    "load_suite",
-    "read_scenario",
-    "run_scenario",
-    "shipped_scenarios",
-    "suite_names",
-    "warm_up",
-]
+if TYPE_CHECKING:
+    from navstack.scenario.barn import GOAL as GOAL
+    from navstack.scenario.barn import JACKAL as JACKAL
+    from navstack.scenario.barn import ROUGH_JACKAL as ROUGH_JACKAL
+    from navstack.scenario.barn import START as START
+    from navstack.scenario.barn import WORLDS_FILE as WORLDS_FILE
+    from navstack.scenario.barn import BarnWorld as BarnWorld
+    from navstack.scenario.barn import barn_map as barn_map
+    from navstack.scenario.barn import load_worlds as load_worlds
+    from navstack.scenario.file_reader import check_scenario as check_scenario
+    from navstack.scenario.file_reader import check_unique_names as check_unique_names
+    from navstack.scenario.file_reader import is_scenario_file as is_scenario_file
+    from navstack.scenario.file_reader import load_scenario as load_scenario
+    from navstack.scenario.file_reader import read_scenario as read_scenario
+    from navstack.scenario.file_reader import scenarios_in as scenarios_in
+    from navstack.scenario.file_writer import scenario_text as scenario_text
+    from navstack.scenario.file_writer import write_scenario as write_scenario
+    from navstack.scenario.footprint_scenarios import FOOTPRINTS as FOOTPRINTS
+    from navstack.scenario.footprint_scenarios import check_footprint as check_footprint
+    from navstack.scenario.interactions import INTERACTION as INTERACTION
+    from navstack.scenario.interactions import Drive as Drive
+    from navstack.scenario.outcome import GoalOutcome as GoalOutcome
+    from navstack.scenario.outcome import RunResult as RunResult
+    from navstack.scenario.places import Places as Places
+    from navstack.scenario.places import load_places as load_places
+    from navstack.scenario.places import visit_order as visit_order
+    from navstack.scenario.random_scenarios import check_random as check_random
+    from navstack.scenario.run import Run as Run
+    from navstack.scenario.run import run_scenario as run_scenario
+    from navstack.scenario.run import warm_up as warm_up
+    from navstack.scenario.scenario import Scenario as Scenario
+    from navstack.scenario.spec import ScenarioSpec as ScenarioSpec
+    from navstack.scenario.success import ConditionResult as ConditionResult
+    from navstack.scenario.success import SuccessConditions as SuccessConditions
+    from navstack.scenario.suites import load_suite as load_suite
+    from navstack.scenario.suites import shipped_scenarios as shipped_scenarios
+    from navstack.scenario.suites import suite_names as suite_names
+    from navstack.scenario.tour import TourResult as TourResult
+    from navstack.scenario.tour import TourState as TourState
+    from navstack.scenario.tour import drive_tour as drive_tour
+else:
+    from navstack._lazy import lazy_face
+
+    __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

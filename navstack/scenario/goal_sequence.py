@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from navstack.core import Pose2D, angle_between
-from navstack.core.errors import jsonable
-from navstack.interfaces import Motion
-from navstack.motion.steps import Step, step_text
+from navstack.behaviors import Step, step_text
+from navstack.core import Pose2D, angle_between, jsonable
 from navstack.move_base import GoalHandle, MotionHandle, MoveBase
-from navstack.scenario.measurements import RunMeasurements
-from navstack.scenario.outcome import GoalOutcome
+from navstack.plugins import Behavior
+from navstack.scenario.outcome import GoalOutcome, RunMeasurements
 from navstack.sim import SimulatedRobot
 
 
@@ -52,7 +50,7 @@ class GoalSequence:
         robot: SimulatedRobot,
         measurements: RunMeasurements,
         *,
-        make_motion: Callable[[Step], Motion],
+        make_motion: Callable[[Step], Behavior],
         pause_s: float,
         stop_on_failure: bool,
     ) -> None:

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, TypeAdapter, model_validator
 
 from navstack.core import Pose2D, normalize_angle
-from navstack.core.parameters import ParamModel, param
+from navstack.plugins import ParamModel, param
 from navstack.sim import Shape
 
 MAX_GOALS = 1000

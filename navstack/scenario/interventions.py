@@ -7,14 +7,10 @@ from collections.abc import Callable, Sequence
 from typing import Any, assert_never
 
 from navstack.bringup import reconfigure
-from navstack.core import Event, Listener, Twist2D
-from navstack.core.errors import InputError
-from navstack.move_base import MoveBase
-from navstack.move_base.errors import BusyError
-from navstack.parameters.configuration import Configuration, load_configuration
-from navstack.parameters.report import value_text
-from navstack.record import RunRecorder
-from navstack.record.solids import SolidNames
+from navstack.core import Event, InputError, Listener, Twist2D
+from navstack.move_base import BusyError, MoveBase
+from navstack.parameters import Configuration, load_configuration, value_text
+from navstack.record import RunRecorder, SolidNames
 from navstack.scenario.goal_sequence import GoalSequence, SentGoal
 from navstack.scenario.interactions import (
     Cancel,
@@ -31,8 +27,7 @@ from navstack.scenario.interactions import (
     Wait,
     pose_from,
 )
-from navstack.scenario.record_schema import MAX_SHAPES, too_many_pedestrians
-from navstack.scenario.scenario import Scenario
+from navstack.scenario.scenario import MAX_SHAPES, Scenario, too_many_pedestrians
 from navstack.sim import PedestrianMotion, Shape, SimulatedRobot, World
 
 

@@ -3,17 +3,61 @@
 from __future__ import annotations
 
 import math
+from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from navstack.core import Pose2D
-from navstack.parameters.findings import Finding
-from navstack.record import RunRecorder
-from navstack.record.metrics import RunMetrics
-from navstack.record.timings import Timings
+import numpy as np
+from numpy.typing import NDArray
+
+from navstack.core import Event, Pose2D
+from navstack.parameters import Finding
+from navstack.record import RunMetrics, RunRecorder, Timings, compute_metrics
 from navstack.scenario.success import ConditionResult
-from navstack.scenario.warnings import RunWarning
+from navstack.sim import SimulatedRobot
+
+
+@dataclass(frozen=True, slots=True)
+class RunWarning:
+    """A warning about sensors, transforms or odometry, which may have been repeated during the run."""
+
+    text: str
+    time: float
+    """Time of the first occurrence (s)."""
+    count: int
+    """Number of occurrences."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return JSON data."""
+        return {"text": self.text, "time": self.time, "count": self.count}
+
+
+class WarningCollector:
+    """Listens for the warnings that an error caused. Repetitions by the same sensor share an entry with the first text."""
+
+    hears_feedback = False
+
+    def __init__(self) -> None:
+        self._found: dict[tuple[object, ...], RunWarning] = {}
+
+    def on_event(self, event: Event) -> None:
+        """Keep a warning."""
+        data = event.data
+        if event.kind != "warning" or "code" not in data:
+            return
+        costmap = event.text.partition(":")[0]
+        key = (costmap, data["topic"], data.get("source")) if "topic" in data else (event.text,)
+        first = self._found.get(key)
+        if first is None:
+            self._found[key] = RunWarning(event.text, event.time, 1)
+        else:
+            self._found[key] = RunWarning(first.text, first.time, first.count + 1)
+
+    def warnings(self) -> tuple[RunWarning, ...]:
+        """Return the warnings in the order of their first occurrence."""
+        return tuple(self._found.values())
+
 
 EXPLAIN_FAILURES: Final = frozenset({"scoring-scale"})
 """Rules of `navstack check` whose finding explains robots that stop or turn in place."""
@@ -71,7 +115,7 @@ def advice_for(goals: Sequence[GoalOutcome], findings: Sequence[Finding]) -> tup
     return tuple(f"{f.location}: {f.message}" for f in findings if f.rule in EXPLAIN_FAILURES)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class RunResult:
     """How a run ended. Only `wall_s` and `timings` vary between repetitions; both exclude loading and warm-up."""
 
@@ -91,6 +135,14 @@ class RunResult:
     """Warnings about sensors, transforms and odometry."""
     advice: tuple[str, ...] = ()
     """Findings about the parameters that may explain the goals that failed, with what to try; empty if none failed."""
+
+    def __str__(self) -> str:
+        reached = sum(goal.succeeded for goal in self.goals)
+        count = "1 collision" if self.collisions == 1 else f"{self.collisions} collisions"
+        return f"{reached}/{len(self.goals)} goals, {self.simulated_s:.1f} s, {self.metrics.length_m:.1f} m, {count}"
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {self}>"
 
     @property
     def succeeded(self) -> bool:
@@ -119,3 +171,68 @@ class RunResult:
             "warnings": [warning.as_dict() for warning in self.warnings],
             "advice": list(self.advice),
         }
+
+
+class RunMeasurements:
+    """Collects pose, state and clearance at each control cycle.
+
+    Clearances are computed on request, or when an obstacle has moved: one call for many poses is faster.
+    """
+
+    def __init__(self, robot: SimulatedRobot, *, keep: bool = True) -> None:
+        """`keep=False` measures the path length only."""
+        self._keep = keep
+        self._robot = robot
+        self._rows = array("d")
+        self._states: list[str] = []
+        self._clearances = array("d")
+        self._solids = robot.solids
+        """The obstacles during the cycles whose clearance has not been computed yet."""
+        self._last_pose = robot.pose
+        self.path_length = 0.0
+        """Sum of the distances between consecutive cycles' poses (m); excludes slip within a cycle."""
+
+    def add(self, state: str) -> None:
+        """Records the current cycle."""
+        robot = self._robot
+        pose = robot.pose
+        self.path_length += pose.distance_to(self._last_pose)
+        self._last_pose = pose
+        if not self._keep:
+            return
+        if robot.solids is not self._solids:
+            self._compute_clearances()
+            self._solids = robot.solids
+        self._rows.extend((robot.time, *pose))
+        self._states.append(state)
+
+    def clearances(self) -> array[float]:
+        """Returns the clearance at each cycle (m)."""
+        self._compute_clearances()
+        return self._clearances
+
+    def min_clearance(self) -> float:
+        """Returns the minimum clearance over all cycles (m)."""
+        return min(self.clearances(), default=math.inf)
+
+    def track(self) -> NDArray[np.float64]:
+        """Returns (n, 4) time (s) and true pose (m, m, rad) at each cycle."""
+        return np.array(self._rows, np.float64).reshape(-1, 4)
+
+    def metrics(self, results: Sequence[Mapping[str, Any]]) -> RunMetrics:
+        """Computes the metrics of the cycles so far; `results` are those of the goals."""
+        rows = self.track()
+        return compute_metrics(
+            rows[:, 0],
+            rows[:, 1:4],
+            self._states,
+            np.array(self.clearances(), np.float64),
+            results=results,
+            collisions=len(self._robot.collisions),
+        )
+
+    def _compute_clearances(self) -> None:
+        first = len(self._clearances)
+        if first < len(self._states):
+            poses = np.array(self._rows[4 * first :], np.float64).reshape(-1, 4)[:, 1:].copy()
+            self._clearances.extend(self._robot.clearances(poses, self._solids).tolist())

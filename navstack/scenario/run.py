@@ -13,24 +13,66 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.bringup import build_move_base, simulated_robot
-from navstack.core import Listener, Pose2D, normalize_angle
-from navstack.core.errors import InternalError
-from navstack.interfaces import Motion
-from navstack.motion.steps import Step, motion_of
-from navstack.move_base import MotionHandle
-from navstack.record.metrics import RunMetrics
-from navstack.record.timings import Timings, timed
+from navstack.behaviors import Step, motion_of
+from navstack.bringup import build_move_base, odometry_frame, simulated_robot, true_footprint
+from navstack.core import InternalError, Listener, Pose2D, Transform2D, normalize_angle
+from navstack.move_base import MotionHandle, MoveBase
+from navstack.plugins import Behavior
+from navstack.record import RunMetrics, RunRecorder, SolidNames, SteeredBase, Timings, record_tick_outputs
 from navstack.scenario.goal_sequence import GoalSequence, SentGoal
 from navstack.scenario.interactions import effect_ends
 from navstack.scenario.interventions import Interventions
-from navstack.scenario.measurements import RunMeasurements
-from navstack.scenario.outcome import GoalOutcome, RunResult, advice_for
-from navstack.scenario.recording import new_recorder, record_tick
+from navstack.scenario.outcome import GoalOutcome, RunMeasurements, RunResult, WarningCollector, advice_for
 from navstack.scenario.scenario import Scenario
 from navstack.scenario.success import SuccessConditions
-from navstack.scenario.warnings import WarningCollector
-from navstack.sim.body import wheel_drive
+from navstack.sim import SimulatedRobot, wheel_drive
+
+
+def new_recorder(scenario: Scenario, robot: SimulatedRobot, *, scans: bool, spool: Path | None = None) -> RunRecorder:
+    """Returns the recorder of a run of the scenario, with the obstacles if they do not move."""
+    configuration = scenario.configuration
+    sim = configuration.navstack.sim
+    lidars = [sim.lidar(name) for name in sim.lasers]
+    recorder = RunRecorder(
+        map=scenario.map,
+        footprint=true_footprint(configuration),
+        scenario=scenario.as_dict(),
+        global_frame=configuration.global_costmap.params.global_frame,
+        local_frame=odometry_frame(configuration),
+        base_frame=configuration.local_costmap.params.robot_base_frame,
+        sensors={lidar.frame: Transform2D(lidar.x, lidar.y, lidar.yaw) for lidar in lidars},
+        steering=SteeredBase.of(sim),
+        keep_scans=scans,
+        spool=spool,
+    )
+    solids = robot.solids
+    if not robot.world.moves and scenario.shapes:
+        recorder.solids(solids.discs, solids.corners, solids.first)
+    return recorder
+
+
+def record_tick(
+    recorder: RunRecorder, robot: SimulatedRobot, move_base: MoveBase, goal: int, solids: SolidNames | None
+) -> None:
+    """Adds what the last tick did to the record; `solids` are the names of the obstacles once they have changed."""
+    t = move_base.last_tick.time
+    record_tick_outputs(recorder, move_base)
+    if robot.world.moves or solids is not None:
+        recorder.solids(robot.solids.discs, robot.solids.corners, robot.solids.first, solids)
+    localizer = robot.estimation.localizer
+    if localizer is not None:
+        recorder.estimate(localizer)
+    recorder.sample(
+        t,
+        pose=robot.pose,
+        odom=robot.state(),
+        map_to_odom=robot.frames.lookup(robot.map_frame, robot.odom_frame),
+        command=move_base.command if robot.by_hand is None else robot.by_hand,
+        state=move_base.activity,
+        goal_index=goal,
+        steering=robot.steering_angle,
+    )
+
 
 WARM_UP_S = 1.0
 """Simulated seconds of a warm-up run: enough for every stage of driving and of arriving to run once."""
@@ -87,14 +129,19 @@ class Run:
         listening = [self._warnings, *listeners]
         if self.recorder is not None:
             listening.insert(0, self.recorder)
-        self.move_base = build_move_base(configuration, self.robot, static_map=scenario.map, listeners=listening)
-        chain = self.move_base.chain
-        if self.recorder is not None and chain is not None and chain.monitor is not None:
-            self.recorder.zones(chain.monitor.as_dict()["zones"])
         self.timings: Timings | None = None
         if timings is not False:
             self.timings = Timings() if timings is True else timings
-            self._time_planners(self.timings)
+        self.move_base = build_move_base(
+            configuration,
+            self.robot,
+            static_map=scenario.map,
+            listeners=listening,
+            stopwatch=None if self.timings is None else self.timings.clock,
+        )
+        chain = self.move_base.chain
+        if self.recorder is not None and chain is not None and chain.monitor is not None:
+            self.recorder.zones(chain.monitor.as_dict()["zones"])
         self.goals = GoalSequence(
             items,
             self.robot,
@@ -150,6 +197,8 @@ class Run:
         before = robot.time
         robot.advance_to(min(due, move_base.next_due(before)))
         move_base.tick(robot.time)
+        if self.timings is not None:
+            self.timings.add(move_base.last_tick)
         self._idle_cycles = self._idle_cycles + 1 if robot.time == before else 0
         if self._idle_cycles > MAX_IDLE_CYCLES:
             raise InternalError(
@@ -265,11 +314,6 @@ class Run:
             self.interact(self._upcoming.popleft())
         self.interventions.stop_driving()
 
-    def _time_planners(self, timings: Timings) -> None:
-        planner, controller = self.move_base.global_planner, self.move_base.local_planner
-        planner.make_plan = timed(planner.make_plan, timings.planning_s, timings.clock)
-        controller.compute_command = timed(controller.compute_command, timings.control_s, timings.clock)
-
     def _send_next_goal(self) -> bool:
         """Sends the next goal; returns False if there is none."""
         sent = self.goals.send_next(self.move_base)
@@ -293,7 +337,7 @@ class Run:
             if self.recorder is not None:
                 self.recorder.goal(sent.time, sent.target or self.robot.pose)
 
-    def _make_motion(self, step: Step) -> Motion:
+    def _make_motion(self, step: Step) -> Behavior:
         navstack = self.interventions.configuration.navstack
         sim, fastest = navstack.sim, navstack.sim.wheels.max_speed
         return motion_of(

@@ -1,55 +1,98 @@
-"""A scenario: map, parameters, start, goals, obstacles, seed and success conditions."""
+"""A scenario: map, parameters, start, goals, obstacles, seed and success conditions.
+
+`Scenario` is the only description of a run. Python builds it directly; a record stores its fields as JSON (`as_dict`) and
+restores them by their types (`from_record`); a file sets them by their keys (`navstack.scenario.file_reader`).
+"""
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field
-from typing import Any, Final
+from dataclasses import dataclass, field, fields, replace
+from functools import cache
+from typing import Annotated, Any, Final, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSerializer, TypeAdapter, ValidationError
 
 from navstack import __version__
-from navstack.core import OccupancyGrid, Pose2D
-from navstack.core.bounded_reading import shortened
-from navstack.core.errors import RecordError
-from navstack.motion import InvalidMotionError
-from navstack.motion.steps import GoToStep, Step, read_step, step_data
-from navstack.parameters.configuration import Configuration, load_configuration
+from navstack.behaviors import GoToStep, InvalidMotionError, Step, read_step, step_data
+from navstack.core import OccupancyGrid, Pose2D, RecordError, short_repr, shortened
+from navstack.parameters import Configuration, load_configuration
 from navstack.record import Record
-from navstack.scenario.interactions import INTERACTION, as_data
-from navstack.scenario.record_schema import scenario_problem
+from navstack.scenario.fields import (
+    Disc,
+    NotStored,
+    Pose,
+    Stored,
+    decode_floats,
+    described,
+    encode_floats,
+)
+from navstack.scenario.interactions import Interaction, as_data
 from navstack.scenario.success import SuccessConditions
-from navstack.sim import Shape, World
+from navstack.sim import PedestrianMotion, Shape, World
+
+MAX_GOALS: Final = 100_000
+MAX_OBSTACLES: Final = 10_000
+MAX_SHAPES: Final = 2_000
+MAX_INTERACTIONS: Final = 1_000_000
+MAX_PEDESTRIANS: Final = 500
+"""Every pedestrian is compared with every other one in each physics step."""
+
+
+def _shape_data(shape: Shape) -> dict[str, Any]:
+    return shape.model_dump(mode="json", exclude_none=True)
+
+
+_Shape = Annotated[Shape, PlainSerializer(_shape_data)]
+_Step = Annotated[Step, Stored(dict[str, Any], lambda data: read_step(data, folder=None), step_data)]
+_Interaction = Annotated[
+    Interaction, BeforeValidator(decode_floats), PlainSerializer(lambda item: encode_floats(as_data(item)))
+]
+_Conditions = Annotated[
+    SuccessConditions, Stored(dict[str, Any], SuccessConditions.from_dict, SuccessConditions.as_dict)
+]
 
 
 @dataclass(frozen=True, slots=True)
 class Scenario:
-    """Everything that determines a run. Poses are in the map frame, obstacles are (x, y, radius); metres and radians.
+    """Everything that determines a run. Poses are in the map frame, obstacles are (x, y, radius); meters and radians.
 
     Scenarios are picklable (about 50 kB plus the map's cells). `dataclasses.replace(scenario, seed=7)` changes the seed
     or the parameters.
     """
 
-    map: OccupancyGrid
-    configuration: Configuration
-    start: Pose2D
-    goals: tuple[Pose2D, ...]
-    obstacles: tuple[tuple[float, float, float], ...] = ()
-    seed: int = 0
-    time_limit_s: float = 600.0
-    """Simulated seconds allowed per goal; the goal is then cancelled."""
-    pause_s: float = 0.0
-    """Simulated seconds the robot waits between two goals."""
-    stop_on_failure: bool = False
-    """Skip the remaining goals after the first one that does not succeed."""
-    shapes: tuple[Shape, ...] = ()
+    map: Annotated[OccupancyGrid, NotStored()]
+    configuration: Annotated[Configuration, NotStored()]
+    start: Pose
+    goals: Annotated[tuple[Pose, ...], Field(max_length=MAX_GOALS)]
+    obstacles: Annotated[tuple[Disc, ...], Field(max_length=MAX_OBSTACLES)] = ()
+    seed: Annotated[
+        int,
+        described("random seed of all noise; the same seed gives the same run", ge=0, le=2**63 - 1),
+        Field(strict=True),
+    ] = 0
+    time_limit_s: Annotated[
+        float,
+        described("simulated time allowed per goal; the goal is then cancelled", unit="s", gt=0.0, le=1e6),
+        Field(strict=True, allow_inf_nan=False),
+    ] = 600.0
+    pause_s: Annotated[
+        float,
+        described("simulated time the robot waits between two goals", unit="s", ge=0.0, le=1e6),
+        Field(strict=True, allow_inf_nan=False),
+    ] = 0.0
+    stop_on_failure: Annotated[
+        bool, described("skip the remaining goals after the first one that does not succeed"), Field(strict=True)
+    ] = False
+    name: Annotated[str, described("name of the scenario in tables; default: the name of the file")] = ""
+    shapes: Annotated[tuple[_Shape, ...], Field(max_length=MAX_SHAPES)] = ()
     """Further obstacles: low objects, boxes, walls, doors, pedestrians, discs on tracks."""
-    steps: tuple[Step, ...] = ()
+    steps: Annotated[tuple[_Step, ...], Field(max_length=MAX_GOALS)] = ()
     """Goals and motions in order, instead of `goals`: see `navstack.motion.steps`."""
-    interactions: tuple[Any, ...] = ()
+    interactions: Annotated[tuple[_Interaction, ...], Field(max_length=MAX_INTERACTIONS)] = ()
     """What a person does during the run, models of `navstack.scenario.interactions`."""
-    success: SuccessConditions = SuccessConditions()
+    success: _Conditions = SuccessConditions()
     """Conditions that the run must meet; they do not influence the run."""
-    name: str = ""
-    names: dict[str, Any] = field(default_factory=dict[str, Any])
+    names: Annotated[dict[str, Any], NotStored()] = field(default_factory=dict[str, Any])
     """Names of the map and the parameter sources, for the record."""
 
     @property
@@ -63,35 +106,15 @@ class Scenario:
 
     def as_dict(self) -> dict[str, Any]:
         """Returns the scenario as JSON data for the record; with the map, `from_record` restores it from this."""
+        written = _stored().dump_python(self, exclude=_NOT_STORED, warnings=False)
+        omitted = {f.name for f in fields(self) if f.name in _OMITTED and getattr(self, f.name) == f.default}
         return {
             **self.names,
             "ros_distro": self.configuration.navstack.ros_distro,
-            "start": list(self.start),
-            "goals": [list(goal) for goal in self.goals],
-            "obstacles": [list(obstacle) for obstacle in self.obstacles],
-            "seed": self.seed,
-            "time_limit_s": self.time_limit_s,
-            "pause_s": self.pause_s,
-            "stop_on_failure": self.stop_on_failure,
-            **self._optional_entries(),
+            **{k: list(v) if isinstance(v, tuple) else v for k, v in written.items() if k not in omitted},
             "navstack": __version__,
-            "parameters": _encode_floats(self.configuration.tree.as_dict()),
+            "parameters": encode_floats(self.configuration.tree.as_dict()),
         }
-
-    def _optional_entries(self) -> dict[str, Any]:
-        """Returns the entries that are omitted when they have their defaults."""
-        entries: dict[str, Any] = {}
-        if self.name:
-            entries["name"] = self.name
-        if self.shapes:
-            entries["shapes"] = [shape.model_dump(mode="json", exclude_none=True) for shape in self.shapes]
-        if self.steps:
-            entries["steps"] = [step_data(step) for step in self.steps]
-        if self.interactions:
-            entries["interactions"] = [_encode_floats(as_data(item)) for item in self.interactions]
-        if self.success != SuccessConditions():
-            entries["success"] = self.success.as_dict()
-        return entries
 
     @classmethod
     def from_record(cls, record: Record) -> Scenario:
@@ -110,71 +133,60 @@ class Scenario:
                 "another program wrote it; record the run again",
                 missing=missing,
             )
-        problem = scenario_problem(stored)
-        if problem is not None:
-            raise RecordError(
-                f"the scenario of {record.path or 'the record'} is damaged: {problem}; record the run again"
-            )
+        known = {f.name for f in fields(cls)} - _NOT_STORED
+        values = {key: stored[key] for key in known if key in stored}
+        if "rest_s" in stored:  # the name of `pause_s` in records of earlier versions
+            values.setdefault("pause_s", stored["rest_s"])
+        others = known | {*_REQUIRED, "rest_s", "navstack"}
+        values["names"] = {key: value for key, value in stored.items() if key not in others}
         try:
-            return cls(
-                map=record.map,
-                configuration=load_configuration(
-                    [dict(_decode_floats(stored["parameters"]))], distro=stored["ros_distro"]
-                ),
-                start=Pose2D(*stored["start"]),
-                goals=tuple(Pose2D(*goal) for goal in stored["goals"]),
-                obstacles=tuple((x, y, r) for x, y, r in stored["obstacles"]),
-                seed=stored["seed"],
-                time_limit_s=stored["time_limit_s"],
-                pause_s=stored.get("pause_s", stored.get("rest_s", 0.0)),
-                stop_on_failure=stored.get("stop_on_failure", False),
-                shapes=tuple(Shape.model_validate(shape) for shape in stored.get("shapes", ())),
-                steps=tuple(read_step(step, folder=None) for step in stored.get("steps", ())),
-                interactions=tuple(
-                    INTERACTION.validate_python(_decode_floats(item)) for item in stored.get("interactions", ())
-                ),
-                success=SuccessConditions.from_dict(stored.get("success", {})),
-                name=stored.get("name", ""),
-                names={key: value for key, value in stored.items() if key not in (*_REQUIRED, *_OPTIONAL)},
-            )
+            parameters = _StoredParameters.model_validate({key: stored[key] for key in _StoredParameters.model_fields})
+            # a record may have been forged: the whole scenario is checked before its parameters are loaded
+            scenario = _stored().validate_python({**values, "map": record.map, "configuration": None})
+            problem = too_many_pedestrians(sum(isinstance(shape.motion, PedestrianMotion) for shape in scenario.shapes))
+            if problem is not None:
+                raise ValueError(problem)
         except (TypeError, ValueError, InvalidMotionError) as exc:
-            reason = shortened(" ".join(str(exc).split()), 200)
+            reason = _first_problem(exc) if isinstance(exc, ValidationError) else " ".join(str(exc).split())
             raise RecordError(
-                f"the scenario of {record.path or 'the record'} is damaged ({reason}); record the run again"
+                f"the scenario of {record.path or 'the record'} is damaged: {shortened(reason, 200)}; record the run again"
             ) from exc
+        sources = [dict(decode_floats(parameters.parameters))]
+        return replace(scenario, configuration=load_configuration(sources, distro=parameters.ros_distro))
+
+    def __repr__(self) -> str:
+        name = f"{self.name!r}, " if self.name else ""
+        return f"Scenario({name}{len(self.items)} goals, {len(self.shapes) + len(self.obstacles)} obstacles, seed {self.seed})"
 
 
+_NOT_STORED: Final = {"map", "configuration", "names"}
 _REQUIRED: Final = ("ros_distro", "start", "goals", "obstacles", "seed", "time_limit_s", "parameters")
-_OPTIONAL: Final = (
-    "pause_s",
-    "rest_s",
-    "stop_on_failure",
-    "shapes",
-    "steps",
-    "interactions",
-    "success",
-    "name",
-    "navstack",
-)
-"""`rest_s`: name of `pause_s` in records of earlier versions."""
-_NOT_FINITE: Final = {".inf": math.inf, "-.inf": -math.inf, ".nan": math.nan}
+_OMITTED: Final = ("name", "shapes", "steps", "interactions", "success")
+"""Fields that a record has only where they differ from their defaults."""
 
 
-def _encode_floats(value: Any) -> Any:
-    """Replaces non-finite floats, which JSON does not have, by their YAML spelling."""
-    if isinstance(value, dict):
-        return {key: _encode_floats(v) for key, v in value.items()}
-    if isinstance(value, list):
-        return [_encode_floats(v) for v in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return ".nan" if math.isnan(value) else ".inf" if value > 0.0 else "-.inf"
-    return value
+class _StoredParameters(BaseModel):
+    """The parameters of a stored scenario, from which its configuration is loaded."""
+
+    model_config = ConfigDict(strict=True)
+
+    ros_distro: Literal["noetic", "indigo"]
+    parameters: dict[str, Any]
 
 
-def _decode_floats(value: Any) -> Any:
-    """Inverts `_encode_floats`."""
-    if isinstance(value, dict):
-        return {key: _decode_floats(v) for key, v in value.items()}
-    if isinstance(value, list):
-        return [_decode_floats(v) for v in value]
-    return _NOT_FINITE.get(value, value) if isinstance(value, str) else value
+@cache
+def _stored() -> TypeAdapter[Scenario]:
+    """Return what reads and writes the fields of a scenario in a record."""
+    return TypeAdapter(Scenario)
+
+
+def _first_problem(exc: ValidationError) -> str:
+    error = exc.errors(include_url=False, include_context=False)[0]
+    where = ".".join(str(step) for step in error["loc"])
+    value = "" if error["type"] in ("too_long", "missing") else f" ({short_repr(error['input'])})"
+    return f"{where}{value}: {error['msg']}"
+
+
+def too_many_pedestrians(count: int) -> str | None:
+    """Returns the message for more pedestrians than the simulator handles."""
+    return f"{count} pedestrians; the simulator handles {MAX_PEDESTRIANS}" if count > MAX_PEDESTRIANS else None

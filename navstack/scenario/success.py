@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any, Final
+from dataclasses import asdict, dataclass, fields
+from typing import Annotated, Any, Final
 
-from navstack.core.errors import InputError
-from navstack.record.metrics import RunMetrics
+from pydantic import AfterValidator
+
+from navstack.core import InputError
+from navstack.plugins import ParamModel
+from navstack.record import RunMetrics
+from navstack.scenario.fields import described, file_fields, file_key, file_model
 
 TERMINAL_STATES: Final = ("SUCCEEDED", "ABORTED", "PREEMPTED", "REJECTED", "RECALLED", "LOST")
 """States in which a goal can end."""
@@ -40,17 +44,21 @@ class ConditionResult:
 class SuccessConditions:
     """Conditions that a run must meet. Default: every goal SUCCEEDED, no collision. None disables a limit."""
 
-    goals: str | tuple[str, ...] = "SUCCEEDED"
-    """The terminal state required of every goal, or one state per goal; `any` accepts every state."""
-    max_collisions: int | None = 0
-    max_time_s: float | None = None
-    """Simulated seconds of the whole run."""
-    min_clearance_m: float | None = None
-    """Minimum distance (m) between the unpadded footprint and an obstacle, at the control cycles."""
-    max_length_m: float | None = None
-    """Distance driven (m), over all goals."""
-    max_recoveries: int | None = None
-    """Number of recovery behaviours run, over all goals."""
+    goals: Annotated[
+        str | tuple[str, ...],
+        described("terminal state required of every goal, or one state per goal; any: every state is accepted"),
+    ] = "SUCCEEDED"
+    max_collisions: Annotated[
+        int | None, described("maximum number of collisions with obstacles; null (~): no limit", ge=0)
+    ] = 0
+    max_time_s: Annotated[float | None, described("maximum simulated time of the whole run", unit="s", gt=0.0)] = None
+    min_clearance_m: Annotated[
+        float | None,
+        described("minimum distance between the unpadded footprint and an obstacle", unit="m", ge=0.0),
+    ] = None
+    """Measured at the control cycles."""
+    max_length_m: Annotated[float | None, described("maximum distance driven", unit="m", gt=0.0)] = None
+    max_recoveries: Annotated[int | None, described("maximum number of recovery behaviors run", ge=0)] = None
 
     def check_goals(self, count: int) -> None:
         """Raises InputError unless `goals` has valid states, either one or `count` of them."""
@@ -107,6 +115,28 @@ class SuccessConditions:
         goals = values.get("goals", "SUCCEEDED")
         limits: dict[str, Any] = {RENAMED.get(key, key): value for key, value in values.items() if key != "goals"}
         return cls(goals=goals if isinstance(goals, str) else tuple(goals), **limits)
+
+    @classmethod
+    def from_file(cls, values: ParamModel) -> SuccessConditions:
+        """Return the conditions of `success:`, bound to the model `Success`."""
+        return cls.from_dict({field.name: getattr(values, file_key(field.name)) for field in fields(cls)})
+
+
+def _known_states(value: str | list[str]) -> str | list[str]:
+    for state in [value] if isinstance(value, str) else value:
+        error = state_error(state)
+        if error:
+            raise ValueError(error)
+    return value
+
+
+Success: Final = file_model(
+    "Success",
+    "`success:` conditions that the run must meet.",
+    file_fields(SuccessConditions, {"goals": Annotated[str | list[str], AfterValidator(_known_states)]}),
+    RENAMED,
+)
+"""`success:` of a scenario file."""
 
 
 def _plural(count: int, noun: str) -> str:

@@ -1,36 +1,34 @@
 """The simulator: a robot with odometry, localization and sensors in a world with a map, obstacles, doors and pedestrians."""
 
-from navstack.parameters.models.sim import BumperParams, ImuParams, LidarParams, SimParams, SonarParams
-from navstack.sim.bumper import Bumper
-from navstack.sim.collision import Collision
-from navstack.sim.estimation import Estimation
-from navstack.sim.lidar import Lidar
-from navstack.sim.movers import Track, TrackedDiscs
-from navstack.sim.robot import SimulatedRobot
-from navstack.sim.shapes import LOW, DoorMotion, OnTrack, PedestrianMotion, Shape, Still
-from navstack.sim.solids import Solids
-from navstack.sim.world import Mover, World
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "LOW",
-    "Bumper",
-    "BumperParams",
-    "Collision",
-    "DoorMotion",
-    "Estimation",
-    "ImuParams",
-    "Lidar",
-    "LidarParams",
-    "Mover",
-    "OnTrack",
-    "PedestrianMotion",
-    "Shape",
-    "SimParams",
-    "SimulatedRobot",
-    "Solids",
-    "SonarParams",
-    "Still",
-    "Track",
-    "TrackedDiscs",
-    "World",
-]
+if TYPE_CHECKING:
+    from navstack.parameters import BumperParams as BumperParams
+    from navstack.parameters import ImuParams as ImuParams
+    from navstack.parameters import LidarParams as LidarParams
+    from navstack.parameters import SimParams as SimParams
+    from navstack.parameters import SonarParams as SonarParams
+    from navstack.sim.body import wheel_drive as wheel_drive
+    from navstack.sim.bumper import Bumper as Bumper
+    from navstack.sim.collision import Collision as Collision
+    from navstack.sim.estimation import Estimation as Estimation
+    from navstack.sim.lidar import Lidar as Lidar
+    from navstack.sim.movers import Mover as Mover
+    from navstack.sim.movers import Track as Track
+    from navstack.sim.movers import TrackedDiscs as TrackedDiscs
+    from navstack.sim.robot import SimulatedRobot as SimulatedRobot
+    from navstack.sim.shapes import LOW as LOW
+    from navstack.sim.shapes import MOTIONS as MOTIONS
+    from navstack.sim.shapes import DoorMotion as DoorMotion
+    from navstack.sim.shapes import OnTrack as OnTrack
+    from navstack.sim.shapes import PedestrianMotion as PedestrianMotion
+    from navstack.sim.shapes import Shape as Shape
+    from navstack.sim.shapes import Still as Still
+    from navstack.sim.shapes import low_disc as low_disc
+    from navstack.sim.solids import Solids as Solids
+    from navstack.sim.world import OCCUPIED as OCCUPIED
+    from navstack.sim.world import World as World
+else:
+    from navstack._lazy import lazy_face
+
+    __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

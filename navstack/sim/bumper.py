@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Footprint, PointCloud, Pose2D
-from navstack.parameters.models.sim import BumperParams
+from navstack.parameters import BumperParams
 from navstack.sim.solids import Solids
 from navstack.sim.world import World
 

@@ -1,4 +1,6 @@
 """Pedestrians in a simulated world, by social forces; the same for the same seed and the same robot motion."""
+# pyright: reportMissingParameterType=false, reportUnknownParameterType=false
+# numba infers the types of the kernels' arguments
 
 from __future__ import annotations
 
@@ -9,9 +11,273 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.sim import _crowd_kernels as kernels
+from navstack.core import kernel
+from navstack.sim.map_cells import free_around
 from navstack.sim.shapes import PedestrianMotion, Shape
-from navstack.sim.solids import Solids, solids_from_discs
+from navstack.sim.solids import Solids, polygon_contains, solids_from_discs
+
+# --- social forces ----------------------------------------------------------------------------------------------------
+# Source: D. Helbing, P. Molnár, "Social force model for pedestrian dynamics", Phys. Rev. E 51, 4282 (1995), equations 2 to 9
+# and its parameters: relaxation 0.5 s; other pedestrians V0 = 2.1 m²/s², sigma = 0.3 m, step of 2 s; walls U0 = 10 m²/s²,
+# R = 0.2 m; forces from more than 100 degrees off the walking direction count half; the maximum speed is 1.3 times the
+# desired one.
+
+
+RELAXATION = 0.5  # s
+OTHERS = 2.1  # m²/s²
+OTHERS_REACH = 0.3  # m
+OTHERS_STEP = 2.0  # s
+WALLS = 10.0  # m²/s²
+WALLS_REACH = 0.2  # m
+SIGHT = math.cos(math.radians(100.0))
+BEHIND = 0.5
+HURRY = 1.3
+# radius of the pedestrians in the model, m: its distances are between the centres of two of them
+BODY = 0.25
+# beyond these distances (m) the force is below 0.03 m/s²
+WALLS_SEEN = 1.5
+OTHERS_SEEN = 5.0
+
+PERSON = np.dtype(
+    [
+        ("x", "f8"),  # position in the map, m
+        ("y", "f8"),
+        ("vx", "f8"),  # velocity in the map, m/s
+        ("vy", "f8"),
+        ("goal", "i8"),  # index of the current goal
+        ("pause", "f8"),  # seconds left at it
+    ],
+    align=True,
+)
+"""Element type of the pedestrians' state."""
+
+PEDESTRIAN = np.dtype(
+    [
+        ("speed", "f8"),  # desired speed, m/s
+        ("radius", "f8"),  # m
+        ("goal_radius", "f8"),  # distance at which a goal is reached, m
+        ("pause", "f8"),  # at each goal, s
+        ("first_goal", "i8"),  # index of the first goal
+        ("goals", "i8"),  # number of goals
+        ("notices_robot", "?"),
+    ],
+    align=True,
+)
+"""Element type of the pedestrians' settings."""
+
+
+@kernel
+def nearest_wall(squares, grid, x, y, reach):
+    """Distance (m) from the point to the nearest occupied cell, and the nearest point (m); inf beyond `reach` (m)."""
+    _, ny, nx = squares.shape
+    resolution = grid[3]
+    c, s = math.cos(grid[2]), math.sin(grid[2])
+    gx = (c * (x - grid[0]) + s * (y - grid[1])) / resolution
+    gy = (c * (y - grid[1]) - s * (x - grid[0])) / resolution
+    best = reach / resolution
+    found = False
+    px, py = 0.0, 0.0
+    ix, iy = math.floor(gx), math.floor(gy)
+    ring = free_around(squares, ix, iy) + 1 if 0 <= ix < nx and 0 <= iy < ny else 0
+    while ring - 1 <= best:
+        for row in range(max(iy - ring, 0), min(iy + ring, ny - 1) + 1):
+            whole = row == iy - ring or row == iy + ring
+            for column in range(ix - ring, ix + ring + 1, 1 if whole else max(2 * ring, 1)):
+                if 0 <= column < nx and squares[0, row, column] == 0:
+                    qx, qy = min(max(gx, float(column)), column + 1.0), min(max(gy, float(row)), row + 1.0)
+                    away = math.hypot(gx - qx, gy - qy)
+                    if away < best:
+                        best, px, py, found = away, qx, qy, True
+        ring += 1
+    if not found:
+        return math.inf, 0.0, 0.0
+    u, v = px * resolution, py * resolution
+    return best * resolution, grid[0] + c * u - s * v, grid[1] + s * u + c * v
+
+
+@kernel
+def nearest_on_polygon(polygon, x, y):
+    """Distance (m) from the point to the border of the polygon (n, 2), negative inside; and the nearest point."""
+    best, px, py = math.inf, 0.0, 0.0
+    j = polygon.shape[0] - 1
+    for i in range(polygon.shape[0]):
+        ex, ey = polygon[i, 0] - polygon[j, 0], polygon[i, 1] - polygon[j, 1]
+        length2 = ex * ex + ey * ey
+        t = ((x - polygon[j, 0]) * ex + (y - polygon[j, 1]) * ey) / length2 if length2 > 0.0 else 0.0
+        t = min(max(t, 0.0), 1.0)
+        qx, qy = polygon[j, 0] + t * ex, polygon[j, 1] + t * ey
+        away = math.hypot(x - qx, y - qy)
+        if away < best:
+            best, px, py = away, qx, qy
+        j = i
+    return -best if polygon_contains(polygon, x, y) else best, px, py
+
+
+@kernel
+def push_from_wall(away, wx, wy, x, y):
+    """Acceleration (m/s²) away from a wall whose nearest point is (wx, wy), at the distance `away` (m) (equation 5)."""
+    if away >= WALLS_SEEN or away == 0.0:
+        return 0.0, 0.0
+    push = WALLS / WALLS_REACH * math.exp(-max(away, 0.0) / WALLS_REACH)
+    return push * (x - wx) / away, push * (y - wy) / away
+
+
+@kernel
+def push_from_other(rx, ry, vx, vy, extra):
+    """Acceleration (m/s²) away from a pedestrian with velocity (vx, vy), at -(rx, ry) from here (equations 3 and 4).
+
+    `extra` (m): excess of the two radii over those of the model. The equipotential lines are ellipses that extend ahead of the
+    pedestrian by the length of the next step.
+    """
+    away = math.hypot(rx, ry)
+    if away > OTHERS_SEEN + extra or away == 0.0:
+        return 0.0, 0.0
+    near = max(away - extra, 0.01)
+    rx, ry = rx * near / away, ry * near / away
+    sx, sy = vx * OTHERS_STEP, vy * OTHERS_STEP
+    yx, yy = rx - sx, ry - sy
+    ahead = math.hypot(yx, yy)
+    b = 0.5 * math.sqrt(max((near + ahead) ** 2 - sx * sx - sy * sy, 1e-6))
+    push = OTHERS / OTHERS_REACH * math.exp(-b / OTHERS_REACH) * (near + ahead) / (4.0 * b)
+    fx, fy = rx / near, ry / near
+    if ahead > 0.0:
+        fx, fy = fx + yx / ahead, fy + yy / ahead
+    return push * fx, push * fy
+
+
+@kernel
+def distance_to_obstacle(x, y, squares, grid, solids):
+    """Distance (m) from the point to the nearest wall or solid."""
+    nearest, _, _ = nearest_wall(squares, grid, x, y, WALLS_SEEN)
+    for k in range(solids.discs.shape[0]):
+        nearest = min(nearest, math.hypot(x - solids.discs[k, 0], y - solids.discs[k, 1]) - solids.discs[k, 2])
+    for k in range(solids.circles.shape[0]):
+        if math.hypot(x - solids.circles[k, 0], y - solids.circles[k, 1]) - solids.circles[k, 2] < nearest:
+            away, _, _ = nearest_on_polygon(solids.corners[solids.first[k] : solids.first[k + 1]], x, y)
+            nearest = min(nearest, away)
+    return nearest
+
+
+@kernel
+def head_for_goal(people, k, settings, goals, dt):
+    """Unit vector towards the goal of person `k`, (0, 0) while pausing or when it is reached; updates goal and pause."""
+    goal = settings.first_goal + people[k].goal
+    gx, gy = goals[goal, 0] - people[k].x, goals[goal, 1] - people[k].y
+    left = math.hypot(gx, gy)
+    if people[k].pause > 0.0:
+        people[k].pause = max(people[k].pause - dt, 0.0)
+    elif left <= settings.goal_radius:
+        people[k].goal = (people[k].goal + 1) % settings.goals
+        people[k].pause = settings.pause
+    else:
+        return gx / left, gy / left
+    return 0.0, 0.0
+
+
+@kernel
+def add_social_forces(before, settings, k, ex, ey, robot, ax, ay):
+    """Adds the forces of the other people, and of the robot if it is noticed, to the acceleration of person `k`."""
+    n = before.shape[0]
+    x, y, radius = before[k].x, before[k].y, settings[k].radius
+    for j in range(n + 1):
+        if j == k or (j == n and not settings[k].notices_robot):
+            continue
+        if j < n:
+            fx, fy = push_from_other(
+                x - before[j].x,
+                y - before[j].y,
+                before[j].vx,
+                before[j].vy,
+                settings[j].radius + radius - 2.0 * BODY,
+            )
+        else:
+            fx, fy = push_from_other(x - robot[0], y - robot[1], robot[2], robot[3], robot[4] + radius - 2.0 * BODY)
+        # within the field of view the force counts in full
+        if -(ex * fx + ey * fy) < SIGHT * math.hypot(fx, fy):
+            fx, fy = BEHIND * fx, BEHIND * fy
+        ax, ay = ax + fx, ay + fy
+    return ax, ay
+
+
+@kernel
+def add_obstacle_forces(x, y, squares, grid, solids, ax, ay):
+    """Adds the forces of walls and solids to the acceleration; returns it, the smallest distance (m) and its point."""
+    away, wx, wy = nearest_wall(squares, grid, x, y, WALLS_SEEN)
+    fx, fy = push_from_wall(away, wx, wy, x, y)
+    ax, ay = ax + fx, ay + fy
+    nearest, nearest_x, nearest_y = away, wx, wy
+    for j in range(solids.discs.shape[0]):
+        rx, ry = x - solids.discs[j, 0], y - solids.discs[j, 1]
+        centre = math.hypot(rx, ry)
+        away = centre - solids.discs[j, 2]
+        if away < WALLS_SEEN and centre > 0.0:
+            wx, wy = x - rx / centre * away, y - ry / centre * away
+            fx, fy = push_from_wall(away, wx, wy, x, y)
+            ax, ay = ax + fx, ay + fy
+            if away < nearest:
+                nearest, nearest_x, nearest_y = away, wx, wy
+    for j in range(solids.circles.shape[0]):
+        if math.hypot(x - solids.circles[j, 0], y - solids.circles[j, 1]) - solids.circles[j, 2] < WALLS_SEEN:
+            away, wx, wy = nearest_on_polygon(solids.corners[solids.first[j] : solids.first[j + 1]], x, y)
+            fx, fy = push_from_wall(away, wx, wy, x, y)
+            ax, ay = ax + fx, ay + fy
+            if away < nearest:
+                nearest, nearest_x, nearest_y = away, wx, wy
+    return ax, ay, nearest, nearest_x, nearest_y
+
+
+@kernel
+def remove_approach(vx, vy, dx, dy):
+    """Removes the component of the velocity towards (dx, dy)."""
+    size = math.hypot(dx, dy)
+    into = (vx * dx + vy * dy) / (size * size) if size > 0.0 else 0.0
+    if into > 0.0:
+        vx, vy = vx - into * dx, vy - into * dy
+    return vx, vy
+
+
+@kernel
+def step_crowd(people, settings, goals, squares, grid, solids, robot, sway, dt):
+    """Moves the people (n,) of type `PERSON` by one step of `dt` (s).
+
+    `settings` (n,) of type `PEDESTRIAN`; `goals` (g, 2) of all people (m); `robot` = [x, y, vx, vy, radius] in the map; `sway`
+    (n, 2) random accelerations (m/s²). A person whose next position is closer to a wall, a solid or a noticed robot than
+    the radii allow slides along it, or stops.
+    """
+    n = people.shape[0]
+    before = people.copy()
+    for k in range(n):
+        own = settings[k]
+        x, y, vx, vy = before[k].x, before[k].y, before[k].vx, before[k].vy
+        ex, ey = head_for_goal(people, k, own, goals, dt)
+        ax, ay = (own.speed * ex - vx) / RELAXATION + sway[k, 0], (own.speed * ey - vy) / RELAXATION + sway[k, 1]
+        ax, ay = add_social_forces(before, settings, k, ex, ey, robot, ax, ay)
+        ax, ay, nearest, nearest_x, nearest_y = add_obstacle_forces(x, y, squares, grid, solids, ax, ay)
+        vx, vy = vx + dt * ax, vy + dt * ay
+        speed = math.hypot(vx, vy)
+        if speed > HURRY * own.speed:
+            vx, vy = vx * HURRY * own.speed / speed, vy * HURRY * own.speed / speed
+        nx, ny = x, y
+        for attempt in range(2):
+            nx, ny = x + dt * vx, y + dt * vy
+            blocked = False
+            if nearest - math.hypot(nx - x, ny - y) < own.radius:
+                there = distance_to_obstacle(nx, ny, squares, grid, solids)
+                blocked = there < own.radius and there < nearest
+            there = math.hypot(nx - robot[0], ny - robot[1])
+            by_robot = (
+                own.notices_robot and there < own.radius + robot[4] and there < math.hypot(x - robot[0], y - robot[1])
+            )
+            if not blocked and not by_robot:
+                break
+            if attempt == 1:
+                vx, vy = 0.0, 0.0
+                nx, ny = x, y
+                break
+            dx, dy = (nearest_x - x, nearest_y - y) if blocked else (robot[0] - x, robot[1] - y)
+            vx, vy = remove_approach(vx, vy, dx, dy)
+        people[k].x, people[k].y, people[k].vx, people[k].vy = nx, ny, vx, vy
+
 
 DESIRED_SPEED: Final = (1.34, 0.26)
 """Mean and standard deviation of the desired speed (m/s), after Helbing and Molnár."""
@@ -32,7 +298,7 @@ class Crowd:
         self._shapes = [shape for shape, _ in people]
         self._rng = np.random.Generator(np.random.PCG64([seed, 1 << 20])) if before is None else before._rng
         drawn = DESIRED_SPEED[0] + DESIRED_SPEED[1] * self._rng.standard_normal(len(people))
-        self._settings = np.zeros(len(people), kernels.PEDESTRIAN)
+        self._settings = np.zeros(len(people), PEDESTRIAN)
         self._settings["speed"] = [
             max(speed, MIN_DESIRED_SPEED) if motion.speed is None else motion.speed
             for (_, motion), speed in zip(people, drawn.tolist(), strict=True)
@@ -46,8 +312,9 @@ class Crowd:
         self._settings["first_goal"] = np.cumsum(counts) - counts
         self._goals = np.array([goal for _, motion in people for goal in motion.goals], np.float64).reshape(-1, 2)
         self._tops = np.array([shape.top for shape, _ in people])
-        self._people = np.zeros((len(people), 6))
-        self._people[:, :2] = np.array([shape.pose[:2] for shape, _ in people], np.float64).reshape(-1, 2)
+        self._people = np.zeros(len(people), PERSON)
+        self._people["x"] = [shape.pose[0] for shape, _ in people]
+        self._people["y"] = [shape.pose[1] for shape, _ in people]
         if before is not None:
             self._continue(before)
 
@@ -63,11 +330,13 @@ class Crowd:
     @property
     def velocities(self) -> NDArray[np.float64]:
         """(n, 2) velocities in the map (m/s)."""
-        return self._people[:, 2:4].copy()
+        return np.column_stack((self._people["vx"], self._people["vy"]))
 
     def solids(self) -> Solids:
         """Returns the pedestrians as discs at the current time."""
-        return solids_from_discs(np.column_stack((self._people[:, :2], self._settings["radius"])), self._tops)
+        return solids_from_discs(
+            np.column_stack((self._people["x"], self._people["y"], self._settings["radius"])), self._tops
+        )
 
     def step(
         self,
@@ -84,6 +353,6 @@ class Crowd:
         parts = max(1, math.ceil(dt / MAX_STEP - 1e-9))
         for _ in range(parts):
             sway = self._rng.standard_normal((len(self._people), 2)) * (SWAY / math.sqrt(dt / parts))
-            kernels.step_crowd(
+            step_crowd(
                 self._people, self._settings, self._goals, squares, grid, solids.geometry, robot, sway, dt / parts
             )

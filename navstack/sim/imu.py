@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from navstack.core import ImuReading, Transform2D, normalize_angle
-from navstack.parameters.models.sim import ImuParams
+from navstack.parameters import ImuParams
 
 MAX_READINGS: Final = 10_000
 """Maximum number of readings that wait to be fetched; the oldest are dropped."""

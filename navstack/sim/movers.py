@@ -1,16 +1,77 @@
-"""Round obstacles on tracks. Their positions are a function of time only, so runs stay reproducible."""
+"""Obstacles whose poses are a function of time, so that runs stay reproducible: on tracks, and doors.
+
+`TimedShapes` places the shapes of a scenario; a `Mover` is anything else that moves discs.
+"""
+# pyright: reportMissingParameterType=false, reportUnknownParameterType=false
+# numba infers the types of the kernels' arguments
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core.errors import InputError
-from navstack.sim._mover_kernels import headings_on_tracks, place_on_tracks
+from navstack.core import InputError, kernel
+from navstack.sim.shapes import DoorMotion, OnTrack, Shape
+from navstack.sim.solids import Solids, pack_outlines, place_polygons
+
+
+@kernel
+def find_on_track(corners, corner_at, low, high, at):
+    """Position x, y (m) after `at` metres of the round trip with corners `low` .. `high`, and the direction of the leg."""
+    # binary search for the leg: corner_at[low] <= at < corner_at[high]
+    while high - low > 1:
+        middle = (low + high) // 2
+        if corner_at[middle] <= at:
+            low = middle
+        else:
+            high = middle
+    leg = corner_at[high] - corner_at[low]
+    share = min(max((at - corner_at[low]) / leg, 0.0), 1.0) if leg > 0.0 else 0.0
+    dx, dy = corners[high, 0] - corners[low, 0], corners[high, 1] - corners[low, 1]
+    return corners[low, 0] + share * dx, corners[low, 1] + share * dy, dx, dy
+
+
+@kernel
+def place_on_tracks(corners, first_corner, corner_at, speed, start_offset, radius, time):
+    """(k, 3) x, y, radius (m) at `time` (s) of k discs.
+
+    `corners` (m, 2) of all round trips, concatenated, each closed by its first corner; those of disc k are `first_corner[k]` ..
+    `first_corner[k + 1] - 1`. `corner_at` (m,): distance of each corner along its trip (m).
+    """
+    count = speed.shape[0]
+    discs = np.empty((count, 3))
+    for k in range(count):
+        low, high = first_corner[k], first_corner[k + 1] - 1
+        at = (start_offset[k] + speed[k] * time) % corner_at[high]
+        discs[k, 0], discs[k, 1], _, _ = find_on_track(corners, corner_at, low, high, at)
+        discs[k, 2] = radius[k]
+    return discs
+
+
+@kernel
+def headings_on_tracks(corners, first_corner, corner_at, speed, start_offset, time):
+    """(k,) direction of motion (rad) of each of k objects at `time` (s); arguments as in `place_on_tracks`."""
+    headings = np.empty(speed.shape[0])
+    for k in range(speed.shape[0]):
+        low, high = first_corner[k], first_corner[k + 1] - 1
+        at = (start_offset[k] + speed[k] * time) % corner_at[high]
+        _, _, dx, dy = find_on_track(corners, corner_at, low, high, at)
+        headings[k] = math.atan2(dy, dx) if speed[k] >= 0.0 else math.atan2(-dy, -dx)
+    return headings
+
+
+class Mover(Protocol):
+    """Round obstacles whose positions are a function of time."""
+
+    def discs(self, time: float) -> NDArray[np.float64]:
+        """(k, 3) x, y, radius in the map (m) at `time` (s); k is constant."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,3 +144,129 @@ class TrackedDiscs:
         return headings_on_tracks(
             self._corners, self._first_corner, self._corner_at, self._speed, self._start_offset, float(time)
         )
+
+
+_NO_DISCS: Final = np.empty((0, 3))
+
+
+class TimedShapes:
+    """Discs and polygons on tracks, and the shapes of `SINGLY_MOVED`, all placed in one pass. Their poses depend on time only."""
+
+    def __init__(self, shapes: Sequence[Shape]) -> None:
+        """Selects the moving shapes among `shapes`; `discs` and `polygons` list them in the order of `at`."""
+        self.discs = [s for s in shapes if isinstance(s.motion, OnTrack) and s.radius is not None]
+        on_track = [s for s in shapes if isinstance(s.motion, OnTrack) and s.radius is None]
+        self._singly = [SINGLY_MOVED[type(s.motion)](s) for s in shapes if type(s.motion) in SINGLY_MOVED]
+        self.polygons = [*on_track, *(moved.shape for moved in self._singly)]
+        on_tracks = [*self.discs, *on_track]
+        self._tracked = TrackedDiscs([_track(shape) for shape in on_tracks])
+        motions = [shape.motion for shape in on_tracks if isinstance(shape.motion, OnTrack)]
+        self._along = np.array([motion.heading == "along" for motion in motions], np.bool_)
+        self._spin = np.array([motion.spin for motion in motions], np.float64)
+        self._offset = np.array([shape.pose for shape in on_tracks], np.float64).reshape(-1, 3)
+        self._turns = bool(self._along.any()) or bool(self._offset[:, :2].any())
+        outlines = [np.array(shape.outline(), np.float64) for shape in on_track]
+        outlines += [moved.outline for moved in self._singly]
+        self._outlines, self._first, self._centres = pack_outlines(outlines)
+        self._tops = np.array([shape.top for shape in (*self.discs, *self.polygons)], np.float64)
+
+    def __len__(self) -> int:
+        return len(self.discs) + len(self.polygons)
+
+    def at(self, time: float) -> Solids:
+        """Returns all of them at `time` (s)."""
+        poses = self._poses_on_tracks(time)
+        discs = _NO_DISCS
+        count = len(self.discs)
+        if count:
+            discs = poses[:count].copy()
+            discs[:, 2] = [shape.radius for shape in self.discs]
+        poses = np.concatenate((poses[count:], np.array([moved.pose(time) for moved in self._singly]).reshape(-1, 3)))
+        corners, circles = place_polygons(self._outlines, self._first, self._centres, poses)
+        return Solids(discs, circles, corners, self._first, self._tops)
+
+    def _poses_on_tracks(self, time: float) -> NDArray[np.float64]:
+        """(k, 3) poses of the shapes on tracks."""
+        tracked = self._tracked
+        if not len(self._offset):
+            return np.empty((0, 3))
+        poses = tracked.discs(time)
+        headings = np.where(self._along, tracked.headings(time), 0.0) if self._turns else 0.0
+        c, s = np.cos(headings), np.sin(headings)
+        poses[:, 0] += c * self._offset[:, 0] - s * self._offset[:, 1]
+        poses[:, 1] += s * self._offset[:, 0] + c * self._offset[:, 1]
+        poses[:, 2] = headings + self._offset[:, 2] + self._spin * time
+        return poses
+
+
+class SinglyMoved(Protocol):
+    """A polygon whose pose is a function of time."""
+
+    @property
+    def shape(self) -> Shape:
+        """The shape as it is written."""
+        ...
+
+    @property
+    def outline(self) -> NDArray[np.float64]:
+        """(n, 2) corners that `pose` displaces (m)."""
+        ...
+
+    def pose(self, time: float) -> tuple[float, float, float]:
+        """Returns x, y, yaw of the outline in the map at `time` (s) (m, rad)."""
+        ...
+
+
+class Door:
+    """The motion of a door."""
+
+    def __init__(self, shape: Shape) -> None:
+        assert isinstance(shape.motion, DoorMotion)
+        self.shape = shape
+        self._motion = shape.motion
+        x, y, yaw = shape.pose
+        c, s = math.cos(yaw), math.sin(yaw)
+        self.outline: NDArray[np.float64] = np.array(
+            [(x + c * u - s * v, y + s * u + c * v) for u, v in shape.outline()]
+        )
+        """(n, 2) closed, in the map."""
+        ends = [(x + c * u - s * v, y + s * u + c * v) for u, v in shape.segment or [[0.0, 0.0], [0.0, 0.0]]]
+        self._hinge = tuple(self._motion.hinge) if self._motion.hinge is not None else ends[0]
+        aside = (ends[0][0] - ends[1][0], ends[0][1] - ends[1][1])
+        self._slide = tuple(self._motion.slide) if self._motion.slide is not None else aside
+
+    def openness(self, time: float) -> float:
+        """Returns 0 (closed) .. 1 (open) at `time` (s)."""
+        motion = self._motion
+        # with a period, include the closing phase of the previous one
+        times = [time] if motion.period is None else [time % motion.period, time % motion.period + motion.period]
+        most = 0.0
+        for t in times:
+            for begin, end in motion.open:
+                if motion.moving_time == 0.0:
+                    most = max(most, 1.0 if begin <= t < end else 0.0)
+                else:
+                    # a door that closes before it is fully open reverses there
+                    opened = min((min(t, end) - begin) / motion.moving_time, 1.0)
+                    most = max(most, opened - max(t - end, 0.0) / motion.moving_time)
+        return most
+
+    def pose(self, time: float) -> tuple[float, float, float]:
+        """Returns the displacement of the closed outline at `time` (s): x, y, yaw (m, rad)."""
+        share = self.openness(time)
+        if self._motion.style == "sliding":
+            return share * self._slide[0], share * self._slide[1], 0.0
+        yaw = share * self._motion.angle
+        (hx, hy), c, s = self._hinge, math.cos(yaw), math.sin(yaw)
+        return hx - c * hx + s * hy, hy - s * hx - c * hy, yaw
+
+
+def _track(shape: Shape) -> Track:
+    assert isinstance(shape.motion, OnTrack)
+    motion = shape.motion
+    # the radius is not used for polygons
+    return Track(motion.points, motion.speed, shape.radius or 1.0, motion.closed, motion.start_offset)
+
+
+SINGLY_MOVED: Final[dict[type[Any], Callable[[Shape], SinglyMoved]]] = {DoorMotion: Door}
+"""Motion of a shape -> what gives its poses. A further motion of polygons is its parameters in `shapes` and an entry here."""

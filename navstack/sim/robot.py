@@ -1,10 +1,12 @@
-"""A robot in a simulated world: implements `navstack.interfaces.Robot` and gives access to the true state."""
+"""A robot in a simulated world: implements `navstack.plugins.Robot` and gives access to the true state."""
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +15,7 @@ from navstack.core import (
     Footprint,
     FrameTree,
     ImuReading,
+    InputError,
     Pose2D,
     RobotState,
     SensorData,
@@ -20,23 +23,106 @@ from navstack.core import (
     Twist2D,
     normalize_angle,
 )
-from navstack.core.errors import InputError
-from navstack.interfaces import LocalizationStatus
-from navstack.parameters.models.sim import SimParams
-from navstack.sim import _body_kernels as kernels
-from navstack.sim import _body_layout as layout
-from navstack.sim.body import body_settings, steered_command
+from navstack.parameters import SimParams
+from navstack.plugins import LocalizationStatus
+from navstack.sim.body import (
+    DRIVEN_HIT,
+    OVERRUN_HIT,
+    SAMPLE_SIZE,
+    STATE,
+    BodyState,
+    DriveNoise,
+    body_settings,
+    drive,
+    steered_command,
+)
 from navstack.sim.collision import Collision
-from navstack.sim.commands import CommandQueue
-from navstack.sim.estimation import Estimation
-from navstack.sim.localization import Localization
-from navstack.sim.noise import DriveNoise
-from navstack.sim.placement import all_solids, check_obstacles, check_pose
+from navstack.sim.crowd import Crowd
+from navstack.sim.estimation import Estimation, Localization
 from navstack.sim.sensors import SensorSuite
-from navstack.sim.solids import Solids
+from navstack.sim.solids import Solids, concatenate_solids
 from navstack.sim.world import World
 
-# a tenth of a microsecond instead of 0.4 per transform, 50 of them per simulated second
+_STOP = Twist2D()
+
+
+class CommandQueue:
+    """Commands that take effect after the command delay; a command older than the timeout becomes a stop."""
+
+    def __init__(self, params: SimParams) -> None:
+        frequency = params.physics_frequency
+        self._delay_steps = math.ceil(params.command_delay * frequency - 1e-9)
+        self._timeout_steps = (
+            None if params.command_timeout is None else math.ceil(params.command_timeout * frequency - 1e-9)
+        )
+        # (step from which it is in force, command), oldest first; the first one is in force
+        self._commands: deque[tuple[int, Twist2D]] = deque([(0, _STOP)])
+
+    @property
+    def current(self) -> Twist2D:
+        """The command in force."""
+        return self._commands[0][1]
+
+    def add(self, twist: Twist2D, now: int) -> None:
+        """Adds a command given at step `now`."""
+        step = now + self._delay_steps
+        if self._commands[-1][0] == step:
+            self._commands.pop()
+        self._commands.append((step, twist))
+
+    def advance(self, now: int, last: int) -> int:
+        """Puts the command of step `now` in force; returns the step, at most `last`, up to which it remains in force."""
+        commands = self._commands
+        while len(commands) > 1 and commands[1][0] <= now:
+            commands.popleft()
+        until = min(last, commands[1][0]) if len(commands) > 1 else last
+        if self._timeout_steps is not None:
+            expiry = commands[0][0] + self._timeout_steps
+            if expiry <= now:
+                commands[0] = (commands[0][0], _STOP)
+            else:
+                until = min(until, expiry)
+        return until
+
+
+def all_solids(world: World, crowd: Crowd | None, time: float) -> Solids:
+    """Returns the solids of the world at `time` (s), and the pedestrians."""
+    solids = world.solids_at(time)
+    return solids if crowd is None else concatenate_solids([solids, crowd.solids()])
+
+
+def check_pose(world: World, footprint: Footprint, pose: Pose2D, solids: Solids, *, start: bool = False) -> None:
+    """Raises InputError if the footprint collides at `pose` (map frame); `start` words the message for the start of a run."""
+    hit = world.collision(footprint, pose, solids=solids)
+    if hit is not None:
+        kind, _, x, y = hit
+        where = "the robot at the start " if start else "the robot at "
+        hint = "move the start" if start else "put it elsewhere"
+        raise InputError(
+            f"{where}({pose.x:g}, {pose.y:g}, {pose.yaw:g}) collides with the {kind} at ({x:.2f}, {y:.2f}); {hint}",
+            pose=pose,
+        )
+
+
+def check_obstacles(world: World, footprint: Footprint, pose: Pose2D, solids: Solids) -> None:
+    """Raises InputError, naming the obstacle, if one of the solids overlaps the footprint at `pose` (map frame)."""
+    hit = world.collision(footprint, pose, solids=solids)
+    if hit is not None:
+        kind, index, x, y = hit
+        name = world.name_of(kind, index)
+        what = f'"{name}"' if name else f"the {kind}"
+        raise InputError(f"{what} at ({x:.2f}, {y:.2f}) would overlap the robot; put it elsewhere", at=[x, y])
+
+
+_COMMAND: Final = slice(BodyState._fields.index("command_vx"), BodyState._fields.index("command_wz") + 1)
+_AT_REST: Final = (
+    *(f"{kind}{axis}" for kind in ("", "lagged_", "change_") for axis in ("vx", "vy", "wz")),
+    *("collided", "overrun", "rim", "traction"),
+)
+"""Fields of the state that are 0 where the robot has been put."""
+
+# a tenth of a microsecond instead of 0.4 per tuple, 50 of them per simulated second
+_body_state: Callable[[list[float]], BodyState] = partial(tuple.__new__, BodyState)  # pyright: ignore[reportAssignmentType]
 _transform: Callable[[list[float]], Transform2D] = partial(tuple.__new__, Transform2D)  # pyright: ignore[reportAssignmentType]
 
 
@@ -94,12 +180,14 @@ class SimulatedRobot:
 
         offset = Transform2D(params.map_to_odom[0], params.map_to_odom[1], normalize_angle(params.map_to_odom[2]))
         odometry = offset.inverse().apply(Pose2D(start.x, start.y, normalize_angle(start.yaw)))
-        self._state = np.zeros(layout.STATE_SIZE)
-        self._state[layout.X : layout.YAW + 1] = start.x, start.y, normalize_angle(start.yaw)
-        self._state[layout.OX : layout.OYAW + 1] = odometry
-        self._now: list[float] = self._state.tolist()
-        """`_state` as Python floats, which are faster to read one by one."""
-        self._samples = np.empty((0, layout.SAMPLE_SIZE))
+        self._state = np.zeros(1, STATE)
+        self._scalars: NDArray[np.float64] = self._state.view(np.float64)[: len(BodyState._fields)]
+        """View of the fields of `BodyState`."""
+        self._state["x"], self._state["y"], self._state["yaw"] = start.x, start.y, normalize_angle(start.yaw)
+        self._state["odom_x"], self._state["odom_y"], self._state["odom_yaw"] = odometry
+        self._now = _body_state(self._scalars.tolist())
+        """The state as Python floats, which are faster to read one by one."""
+        self._samples = np.empty((0, SAMPLE_SIZE))
         self._collided = False
         """The robot was in collision before or during the steps that have not been observed yet."""
 
@@ -147,7 +235,7 @@ class SimulatedRobot:
         last = max(first, math.ceil(time * self._frequency - 1e-6))
         steps = last - first
         if len(self._samples) < steps:
-            self._samples = np.empty((steps, layout.SAMPLE_SIZE))
+            self._samples = np.empty((steps, SAMPLE_SIZE))
         observed = first
         while self._step < last:
             # with moving obstacles step by step, each at its position at that time
@@ -165,7 +253,7 @@ class SimulatedRobot:
         samples = self._samples[self._step - first :]
         self._solids = solids = self._solids_until(until)
         self._set_command()
-        hits = kernels.drive(
+        hits = drive(
             self._state,
             self._body,
             self._vertices,
@@ -179,7 +267,7 @@ class SimulatedRobot:
             solids.first,
             samples,
         )
-        self._now = self._state.tolist()
+        self._now = _body_state(self._scalars.tolist())
         self._collided = self._collided or hits > 0 or self.in_collision
         if hits:
             self._add_collisions(samples[:steps])
@@ -187,7 +275,7 @@ class SimulatedRobot:
 
     def _add_collisions(self, samples: NDArray[np.float64]) -> None:
         """Adds the new collisions of the steps with these samples."""
-        columns = (layout.OVERRUN_HIT, layout.DRIVEN_HIT)
+        columns = (OVERRUN_HIT, DRIVEN_HIT)
         hits = [(step, int(row[k])) for step, row in enumerate(samples.tolist()) for k in columns if row[k] != -1]
         for step, hit in hits:
             kind, index, x, y = self.world.identify(hit, self._solids)
@@ -201,9 +289,10 @@ class SimulatedRobot:
         crowd = self._crowd
         if crowd is None:
             return solids
-        x, y, yaw, vx, vy = self._now[layout.X : layout.VY + 1]
-        c, s = math.cos(yaw), math.sin(yaw)
-        robot = np.array([x, y, c * vx - s * vy, s * vx + c * vy, self.footprint.circumscribed_radius])
+        now = self._now
+        c, s = math.cos(now.yaw), math.sin(now.yaw)
+        vx, vy = c * now.vx - s * now.vy, s * now.vx + c * now.vy
+        robot = np.array([now.x, now.y, vx, vy, self.footprint.circumscribed_radius])
         crowd.step((until - self._step) * self._dt, self.world.squares, self.world.grid, solids, robot)
         return solids._replace(discs=np.concatenate((solids.discs, crowd.solids().discs)), tops=self._solids.tops)
 
@@ -213,7 +302,7 @@ class SimulatedRobot:
         if self.params.is_steered:
             speed, self._steering = steered_command(self.params, twist, self._steering)
             twist = Twist2D(speed, 0.0, self._steering)
-        self._state[layout.COMMAND : layout.COMMAND + 3] = twist
+        self._scalars[_COMMAND] = twist
 
     def _observe(self, first: int, observed: int) -> None:
         """Publishes the frames and schedules the measurements of the steps in (observed, now]."""
@@ -243,7 +332,8 @@ class SimulatedRobot:
 
     def state(self) -> RobotState:
         """Returns the odometry: pose in the odometry frame and velocity of the wheels, at the current step."""
-        twist = self.estimation.twist or Twist2D(*self._now[layout.VX : layout.WZ + 1])
+        now = self._now
+        twist = self.estimation.twist or Twist2D(now.vx, now.vy, now.wz)
         return RobotState(Pose2D(*self._odometry_pose), twist, self.time, self.odom_frame)
 
     @property
@@ -251,7 +341,8 @@ class SimulatedRobot:
         """Pose of the base in the odometry frame, by the filter if there is one."""
         if self._filtered is not None:
             return self._filtered
-        return Transform2D(*self._now[layout.OX : layout.OYAW + 1])
+        now = self._now
+        return Transform2D(now.odom_x, now.odom_y, now.odom_yaw)
 
     def scans(self) -> Sequence[SensorData]:
         """Returns the sensor data since the last call, oldest first, each as measured at its time."""
@@ -321,10 +412,10 @@ class SimulatedRobot:
         check_pose(self.world, self.footprint, self._collision_pose(pose), self._solids)
         truth = Transform2D(pose.x, pose.y, normalize_angle(pose.yaw))
         state = self._state
-        state[layout.X : layout.LZ + 1] = *truth, *(0.0,) * 6
-        state[layout.GX : layout.GZ + 1] = state[layout.COLLIDING] = state[layout.OVERRUN] = 0.0
-        state[layout.RIM : layout.RIM + 4] = state[layout.TRACTION] = 0.0
-        self._now = state.tolist()
+        state["x"], state["y"], state["yaw"] = truth
+        for name in _AT_REST:
+            state[name] = 0.0
+        self._now = _body_state(self._scalars.tolist())
         self._collided = False
         if not inform_localization and self.estimation.localizer is not None:
             return
@@ -346,23 +437,23 @@ class SimulatedRobot:
     def pose(self) -> Pose2D:
         """True pose in the map."""
         now = self._now
-        return Pose2D(now[layout.X], now[layout.Y], now[layout.YAW])
+        return Pose2D(now.x, now.y, now.yaw)
 
     @property
     def distance_travelled(self) -> float:
         """True length of the path driven (m)."""
-        return self._now[layout.DISTANCE]
+        return self._now.distance
 
     @property
     def steering_angle(self) -> float:
         """Steering angle of a car or a tricycle (rad); 0 for any other base."""
-        return self._now[layout.STEER]
+        return self._now.steering
 
     @property
     def wheel_speeds(self) -> tuple[float, ...]:
-        """Speeds of the wheels (rad/s), in the order of `navstack.kinematics`; empty for a base without wheels."""
+        """Speeds of the wheels (rad/s), in the order of `navstack.core.kinematics`; empty for a base without wheels."""
         wheels = self.params.wheels
-        return tuple(rim / wheels.radius for rim in self._now[layout.RIM : layout.RIM + wheels.count])
+        return tuple(rim / wheels.radius for rim in self._state["rim"][0, : wheels.count].tolist())
 
     @property
     def encoder_ticks(self) -> tuple[int, ...]:
@@ -370,7 +461,7 @@ class SimulatedRobot:
         wheels = self.params.wheels
         if wheels.ticks_per_revolution is None:
             return ()
-        return tuple(round(count) for count in self._now[layout.TICK : layout.TICK + wheels.count])
+        return tuple(round(count) for count in self._state["ticks"][0, : wheels.count].tolist())
 
     @property
     def solids(self) -> Solids:
@@ -392,4 +483,4 @@ class SimulatedRobot:
     @property
     def in_collision(self) -> bool:
         """True from a collision until the robot has left it."""
-        return bool(self._now[layout.COLLIDING] or self._now[layout.OVERRUN])
+        return bool(self._now.collided or self._now.overrun)

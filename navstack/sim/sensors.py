@@ -6,15 +6,13 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from navstack.core import Footprint, FrameTree, ImuReading, Pose2D, SensorData, Transform2D, angle_between
-from navstack.core.errors import InputError
-from navstack.parameters.models.sim import SimParams
-from navstack.sim import _body_layout as body
+from navstack.core import Footprint, FrameTree, ImuReading, InputError, Pose2D, SensorData, Transform2D, angle_between
+from navstack.parameters import SimParams
+from navstack.sim.body import IN_COLLISION
 from navstack.sim.bumper import Bumper
 from navstack.sim.imu import Imu
-from navstack.sim.lidar import Lidar
+from navstack.sim.lidar import Lidar, Sonar
 from navstack.sim.solids import Solids
-from navstack.sim.sonar import Sonar
 from navstack.sim.world import World
 
 
@@ -101,7 +99,7 @@ class SensorSuite:
         for step, row in enumerate(rows, before + 1):
             if step >= self._scan_due:
                 self._take_scans(step, Pose2D(row[0], row[1], row[2]), solids)
-            colliding = row[body.IN_COLLISION] != 0.0
+            colliding = row[IN_COLLISION] != 0.0
             if colliding or self._pressed:
                 self._press_bumpers(step, Pose2D(row[0], row[1], row[2]), solids, colliding)
 

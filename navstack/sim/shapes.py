@@ -8,12 +8,12 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Literal, cast
+from typing import Annotated, Any, ClassVar, Final, Literal, cast, get_args
 
 import shapely
 from pydantic import Field, field_validator, model_validator
 
-from navstack.core.parameters import ParamModel, param
+from navstack.plugins import ParamModel, param
 
 LOW = 0.1
 """Height (m) of low obstacles: thresholds, feet of chairs, pallets. Only a lidar mounted at most this high sees them."""
@@ -141,7 +141,10 @@ class PedestrianMotion(ParamModel):
         return value
 
 
-Motion = Annotated[Still | OnTrack | DoorMotion | PedestrianMotion, Field(discriminator="kind")]
+_AnyMotion = Still | OnTrack | DoorMotion | PedestrianMotion
+Motion = Annotated[_AnyMotion, Field(discriminator="kind")]
+MOTIONS: Final[dict[str, type[ParamModel]]] = {m.model_fields["kind"].default: m for m in get_args(_AnyMotion)}
+"""`kind` of a shape's motion -> its model."""
 
 
 class Shape(ParamModel):

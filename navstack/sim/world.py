@@ -2,39 +2,25 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Sequence
-from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from navstack.core import Footprint, GridGeometry, OccupancyGrid, Pose2D
-from navstack.core.errors import InputError
-from navstack.sim._clearance_kernels import clearances
-from navstack.sim._collision_kernels import find_collision
-from navstack.sim._grid_kernels import free_rectangles, free_squares
-from navstack.sim._shape_kernels import place_polygons
+from navstack.core import Footprint, GridGeometry, InputError, OccupancyGrid, Pose2D
+from navstack.sim.collision import clearances, find_collision
 from navstack.sim.crowd import Crowd
+from navstack.sim.map_cells import cell_tables
+from navstack.sim.movers import Mover, TimedShapes
 from navstack.sim.shapes import LOW, PedestrianMotion, Shape, Still
-from navstack.sim.solids import Solids, concatenate_solids, solids_from_discs
-from navstack.sim.timed import TimedShapes, pack_outlines
+from navstack.sim.solids import Solids, concatenate_solids, pack_outlines, place_polygons, solids_from_discs
 
 OCCUPIED = 100
 """Cells of a map with at least this value are walls; the static layer's default lethal threshold."""
 
 _POINT = np.zeros((1, 2))
-
-
-class Mover(Protocol):
-    """Round obstacles whose positions are a function of time."""
-
-    def discs(self, time: float) -> NDArray[np.float64]:
-        """(k, 3) x, y, radius in the map (m) at `time` (s); k is constant."""
-        ...
 
 
 class World:
@@ -64,7 +50,7 @@ class World:
             [geometry.origin_x, geometry.origin_y, self.map.origin_yaw, geometry.resolution]
         )
         """[origin x, origin y, origin yaw, resolution] for the kernels."""
-        self._tables = _tables_of(self.map.data >= OCCUPIED)
+        self._tables = cell_tables(self.map.data >= OCCUPIED)
         self.squares: NDArray[np.uint8] = self._tables.squares
         """(4, ny, nx): free squares of every cell, one per quadrant; 0 = occupied."""
         self.movers = tuple(movers)
@@ -267,33 +253,6 @@ def _static_solids(shapes: Sequence[Shape]) -> Solids:
     corners, circles = place_polygons(outlines, first, centres, poses)
     tops = [shape.top for shape in (*(s for s in shapes if s.radius is not None), *polygons)]
     return Solids(np.array(discs, np.float64).reshape(-1, 3), circles, corners, first, np.array(tops, np.float64))
-
-
-class _Tables:
-    """Tables of a map's occupied cells for the kernels."""
-
-    def __init__(self, occupied: NDArray[np.bool_]) -> None:
-        self.squares = free_squares(occupied)
-
-    @cached_property
-    def leaps(self) -> NDArray[np.uint8]:
-        return free_rectangles(self.squares)
-
-
-_TABLES: dict[bytes, _Tables] = {}
-"""Hash of the occupied cells -> tables of the most recently used maps; many runs share a map."""
-_MAX_TABLES = 4
-
-
-def _tables_of(occupied: NDArray[np.bool_]) -> _Tables:
-    key = hashlib.blake2b(np.packbits(occupied).tobytes(), key=repr(occupied.shape).encode()).digest()
-    tables = _TABLES.pop(key, None)
-    if tables is None:
-        tables = _Tables(occupied)
-    _TABLES[key] = tables  # most recent last
-    if len(_TABLES) > _MAX_TABLES:
-        del _TABLES[next(iter(_TABLES))]
-    return tables
 
 
 def _check_finite(pose: Pose2D) -> None:

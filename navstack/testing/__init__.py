@@ -10,41 +10,30 @@ One line in a test file runs a suite on a plugin:
 Each function takes the plugin class and, as keywords, parameter values; it returns a class that pytest collects.
 """
 
-from navstack.testing.critic import CriticContract, critic_contract
-from navstack.testing.global_planner import GlobalPlannerContract, global_planner_contract
-from navstack.testing.layer import LayerContract, layer_contract
-from navstack.testing.local_planner import LocalPlannerContract, local_planner_contract
-from navstack.testing.localizer import LocalizerContract, localizer_contract
-from navstack.testing.path_following import (
-    GoalCheckerContract,
-    PathHandlerContract,
-    ProgressCheckerContract,
-    goal_checker_contract,
-    path_handler_contract,
-    progress_checker_contract,
-)
-from navstack.testing.recovery import RecoveryContract, recovery_contract
-from navstack.testing.smoother import SmootherContract, smoother_contract
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "CriticContract",
-    "GlobalPlannerContract",
-    "GoalCheckerContract",
-    "LayerContract",
-    "LocalPlannerContract",
-    "LocalizerContract",
-    "PathHandlerContract",
-    "ProgressCheckerContract",
-    "RecoveryContract",
-    "SmootherContract",
-    "critic_contract",
-    "global_planner_contract",
-    "goal_checker_contract",
-    "layer_contract",
-    "local_planner_contract",
-    "localizer_contract",
-    "path_handler_contract",
-    "progress_checker_contract",
-    "recovery_contract",
-    "smoother_contract",
-]
+if TYPE_CHECKING:
+    from navstack.testing.critic import CriticContract as CriticContract
+    from navstack.testing.critic import critic_contract as critic_contract
+    from navstack.testing.global_planner import GlobalPlannerContract as GlobalPlannerContract
+    from navstack.testing.global_planner import global_planner_contract as global_planner_contract
+    from navstack.testing.layer import LayerContract as LayerContract
+    from navstack.testing.layer import layer_contract as layer_contract
+    from navstack.testing.local_planner import LocalPlannerContract as LocalPlannerContract
+    from navstack.testing.local_planner import local_planner_contract as local_planner_contract
+    from navstack.testing.localizer import LocalizerContract as LocalizerContract
+    from navstack.testing.localizer import localizer_contract as localizer_contract
+    from navstack.testing.path_following import GoalCheckerContract as GoalCheckerContract
+    from navstack.testing.path_following import PathHandlerContract as PathHandlerContract
+    from navstack.testing.path_following import ProgressCheckerContract as ProgressCheckerContract
+    from navstack.testing.path_following import goal_checker_contract as goal_checker_contract
+    from navstack.testing.path_following import path_handler_contract as path_handler_contract
+    from navstack.testing.path_following import progress_checker_contract as progress_checker_contract
+    from navstack.testing.recovery import RecoveryContract as RecoveryContract
+    from navstack.testing.recovery import recovery_contract as recovery_contract
+    from navstack.testing.smoother import SmootherContract as SmootherContract
+    from navstack.testing.smoother import smoother_contract as smoother_contract
+else:
+    from navstack._lazy import lazy_face
+
+    __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

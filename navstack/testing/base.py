@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar, TypeVar, cast
 
-from navstack.core.parameters import ParamModel
+from navstack.plugins import ParamModel
 
 C = TypeVar("C", bound="Contract")
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from navstack.core import LETHAL, Pose2D, RobotState, Twist2D
-from navstack.interfaces import Critic, Rollouts, ScoringContext
+from navstack.plugins import Critic, Rollouts, ScoringContext
 from navstack.testing.base import Contract, contract_of
 from navstack.testing.doubles import FOOTPRINT, StopPlanner, local_costmap, straight_path
 

@@ -14,6 +14,7 @@ from navstack.core import (
     Footprint,
     FrameTree,
     GridGeometry,
+    NavError,
     Path,
     Pose2D,
     RobotState,
@@ -23,8 +24,7 @@ from navstack.core import (
     Window,
     normalize_angle,
 )
-from navstack.core.errors import NavError
-from navstack.interfaces import ControlInput, Layer, LocalPlan, LocalPlanner, VelocityLimits
+from navstack.plugins import ControlInput, Layer, LocalPlan, LocalPlanner, VelocityLimits
 
 FOOTPRINT = Footprint.from_radius(0.18)
 

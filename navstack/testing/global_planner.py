@@ -8,9 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navstack.core import Costmap, GridGeometry, Pose2D
-from navstack.core.errors import GoalOutsideMapError, InputError, NoValidPathError, PlanningError, StartOutsideMapError
-from navstack.interfaces import GlobalPlanner, Plan
+from navstack.core import (
+    Costmap,
+    GoalOutsideMapError,
+    GridGeometry,
+    InputError,
+    NoValidPathError,
+    PlanningError,
+    Pose2D,
+    StartOutsideMapError,
+)
+from navstack.plugins import GlobalPlanner, Plan
 from navstack.testing.base import Contract, contract_of
 
 RESOLUTION = 0.1

@@ -19,7 +19,7 @@ from navstack.core import (
     Transform2D,
     Window,
 )
-from navstack.interfaces import Layer, LayerContext
+from navstack.plugins import Layer, LayerContext
 from navstack.testing.base import Contract, contract_of
 
 GEOMETRY = GridGeometry(30, 20, 0.1, -1.0, -1.0)

@@ -9,9 +9,18 @@ from typing import Any, ClassVar, Final
 import numpy as np
 import pytest
 
-from navstack.core import LETHAL, Pose2D, RobotState, Transform2D, Twist2D, angle_between, normalize_angle
-from navstack.core.errors import ControlError, InvalidPathError
-from navstack.interfaces import ControlInput, LocalPlanner
+from navstack.core import (
+    LETHAL,
+    ControlError,
+    InvalidPathError,
+    Pose2D,
+    RobotState,
+    Transform2D,
+    Twist2D,
+    angle_between,
+    normalize_angle,
+)
+from navstack.plugins import ControlInput, LocalPlanner
 from navstack.testing.base import Contract, contract_of
 from navstack.testing.doubles import FOOTPRINT, control_input, driven, local_costmap, straight_path
 

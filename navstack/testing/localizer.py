@@ -9,9 +9,8 @@ from typing import Any, Final
 import numpy as np
 import pytest
 
-from navstack.core import GridGeometry, LaserScan, OccupancyGrid, Pose2D, Transform2D
-from navstack.core.errors import NavError
-from navstack.interfaces import Localizer, PoseEstimate
+from navstack.core import GridGeometry, LaserScan, NavError, OccupancyGrid, Pose2D, Transform2D
+from navstack.plugins import Localizer, PoseEstimate
 from navstack.testing.base import Contract, contract_of
 
 SENSOR: Final = Transform2D(0.1, 0.0, 0.0)

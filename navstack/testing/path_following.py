@@ -8,9 +8,8 @@ from typing import Any, Final
 import numpy as np
 import pytest
 
-from navstack.core import GridGeometry, Path, Pose2D, Transform2D, Twist2D, angle_between
-from navstack.core.errors import InvalidPathError
-from navstack.interfaces import Approach, GoalChecker, LocalPath, PathHandler, PluginSection, ProgressChecker
+from navstack.core import GridGeometry, InvalidPathError, Path, Pose2D, Transform2D, Twist2D, angle_between
+from navstack.plugins import Approach, GoalChecker, LocalPath, PathHandler, PluginSection, ProgressChecker
 from navstack.testing.base import Contract, contract_of
 from navstack.testing.doubles import driven, straight_path
 

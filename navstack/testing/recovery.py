@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from navstack.core import Pose2D, RobotState, Twist2D
-from navstack.core.errors import NavError
-from navstack.interfaces import RecoveryBehavior, RecoveryContext, RecoveryStatus, RecoveryStep
+from navstack.core import NavError, Pose2D, RobotState, Twist2D
+from navstack.plugins import RecoveryBehavior, RecoveryContext, RecoveryStatus, RecoveryStep
 from navstack.testing.base import Contract, contract_of
 from navstack.testing.doubles import EmptyCostmap, IdealRobot, StopPlanner
 

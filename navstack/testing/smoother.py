@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navstack.core import Costmap, GridGeometry, Path
-from navstack.core.errors import InputError
-from navstack.interfaces import Smoother
+from navstack.core import Costmap, GridGeometry, InputError, Path
+from navstack.plugins import Smoother
 from navstack.testing.base import Contract, contract_of
 
 

@@ -16,10 +16,7 @@ from typing import Any
 
 import pytest
 
-from navstack.live.security import Gate
-from navstack.live.server import LiveServer, serve
-from navstack.live.session import Origin, Session
-from navstack.live.stage import Options, Stage
+from navstack.live import Gate, LiveServer, Options, Origin, Session, Stage, serve
 from navstack.map_io import map_path
 from navstack.scenario import Scenario, load_scenario
 

@@ -12,10 +12,8 @@ from typing import Any
 
 import pytest
 
-from navstack.live.logged import LoggedSession
-from navstack.live.session import Origin, Session
-from navstack.live.stage import Options, Stage
-from navstack.parameters.configuration import load_configuration
+from navstack.live import LoggedSession, Options, Origin, Session, Stage
+from navstack.parameters import load_configuration
 from navstack.scenario import Scenario, load_scenario, run_scenario
 from tests.browser.conftest import CORRIDOR, Live, at, drag, value, wait_until
 from tests.replay.test_replay import Maker, record_of, replayed

@@ -9,10 +9,9 @@ from typing import Any
 import pytest
 import yaml
 
-from navstack.live.session import Session
-from navstack.live.stage import Options, Stage
-from navstack.motion.keyboard import MOVE_KEYS, START_SPEED
-from navstack.parameters.configuration import load_configuration
+from navstack.behaviors import MOVE_KEYS, START_SPEED
+from navstack.live import Options, Session, Stage
+from navstack.parameters import load_configuration
 from navstack.scenario import Scenario, shipped_scenarios
 from tests.browser.conftest import CORRIDOR, Live, at, drag, value, wait_until
 

@@ -17,13 +17,11 @@ import pytest
 from PIL import Image
 from scipy import stats
 
-from navstack.bench.compare_bench import Pair
-from navstack.bench.compare_scenarios import read_scenarios
-from navstack.bench.compare_tables import measures_table, scenarios_table
-from navstack.bench.speed_bench import read_reference, speed_tables
-from navstack.bench.table import Column, Table
 from navstack.cli.app import run
-from navstack.jobs import JobResult
+from navstack.studies import Column, JobResult, Table, read_reference, read_scenarios
+from navstack.studies.comparison import Pair
+from navstack.studies.parameter_sets import measures_table, scenarios_table
+from navstack.studies.speed import speed_tables
 
 
 @pytest.fixture

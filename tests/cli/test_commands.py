@@ -62,7 +62,7 @@ def test_simulate_prints_only_json_to_stdout(in_folder: Path, capfd: pytest.Capt
 
 
 def test_plan_json_and_files(in_folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    from navstack.places import load_places
+    from navstack.scenario import load_places
 
     office = load_places("office")
     start, goal = (f"{p.x},{p.y},{p.yaw}" for p in (office.start, office.goals[0]))
@@ -76,7 +76,7 @@ def test_plan_json_and_files(in_folder: Path, capfd: pytest.CaptureFixture[str])
 
 
 def test_plan_with_another_planner(in_folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    from navstack.places import load_places
+    from navstack.scenario import load_places
 
     office = load_places("office")
     start, goal = (f"{p.x},{p.y}" for p in (office.start, office.goals[0]))

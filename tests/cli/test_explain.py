@@ -131,7 +131,7 @@ def test_costmap_draws_the_recorded_costmap(navstack, driven: Path, tmp_path: Pa
 
 
 def test_the_picture_of_a_costmap_has_all_inputs_of_the_local_planner(driven: Path) -> None:
-    from navstack.plot.recorded_costmap import inputs_at
+    from navstack.plot.maps import inputs_at
 
     record = Record.load(driven)
     assert set(inputs_at(record, "local", 3.0)) == {"robot", "plan", "goal", "trajectory", "scan"}

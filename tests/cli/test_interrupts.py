@@ -14,8 +14,7 @@ import pytest
 
 from navstack.cli.app import run
 from navstack.cli.interrupts import interrupt_flag
-from navstack.core.errors import OutputError
-from navstack.core.file_lock import locked_folder
+from navstack.core import OutputError, locked_folder
 from navstack.record import Record
 from navstack.scenario import run_scenario
 
@@ -86,9 +85,9 @@ def test_a_signal_leaves_no_part_of_a_film(
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_a_plan(number: signal.Signals, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from navstack import plan_once
+    from navstack import bringup
 
-    monkeypatch.setattr(plan_once, "plan_on_map", lambda *_, **__: os.kill(os.getpid(), number))
+    monkeypatch.setattr(bringup, "plan_on_map", lambda *_, **__: os.kill(os.getpid(), number))
     assert run(["plan", "office", "--start", "1,7.45", "--goal", "3,7.45", "--out", str(tmp_path)]) == 128 + number
     assert list(tmp_path.iterdir()) == []
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from navstack.cli.app import run
-from navstack.lattice import generate_lattice, write_lattice
+from navstack.global_planner import generate_lattice, write_lattice
 
 
 def test_generate_and_check(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

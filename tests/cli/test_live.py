@@ -61,8 +61,7 @@ async def conversation(address: str) -> list[dict[str, Any]]:
     """What a page hears: the world, the first frame, the answers, and a frame after going to 4 s."""
     import aiohttp
 
-    from navstack.live.frame import decode
-    from navstack.live.messages import PROTOCOL
+    from navstack.live.messages import PROTOCOL, decode
 
     async with aiohttp.ClientSession() as client:
         page = await client.ws_connect(address + "socket", headers={"Origin": address.rstrip("/")})

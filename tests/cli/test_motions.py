@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
+from navstack.behaviors import poly_path, save_trajectory
 from navstack.cli.app import run
-from navstack.motion import poly_path, save_trajectory
-from navstack.places import load_places
 from navstack.record import Record
+from navstack.scenario import load_places
 
 
 def document(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, dict[str, Any]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from navstack.cli.arguments import parse_obstacles
-from navstack.core.errors import InputError
+from navstack.core import InputError
 from navstack.sim import LOW
 
 

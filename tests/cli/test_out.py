@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import typer
 
-from navstack.cli.app import app, run
-from navstack.cli.out_path import chosen_files, file_in, folder_only, names_a_file
-from navstack.core.errors import OutputError
+from navstack.cli.app import command_tree, run
+from navstack.cli.options import chosen_files, file_in, folder_only, names_a_file
+from navstack.core import OutputError
 
 PRODUCTS = {"picture": "plan.png", "plan": "plan.json"}
 
@@ -77,7 +76,7 @@ def commands(group: Any, name: str = "") -> list[tuple[str, Any]]:
 def test_every_out_option_states_what_it_takes() -> None:
     found = {
         name: option
-        for name, command in commands(typer.main.get_command(app))
+        for name, command in commands(command_tree())
         for option in command.params
         if "--out" in option.opts
     }

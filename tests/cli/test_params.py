@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from navstack.cli.app import run
-from navstack.parameters.configuration import load_configuration
-from navstack.parameters.report import same_parameters
+from navstack.parameters import load_configuration, same_parameters
 
 
 @pytest.fixture

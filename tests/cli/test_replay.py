@@ -10,7 +10,7 @@ import pytest
 from navstack.cli.app import run
 from navstack.map_io import load_map
 from navstack.record import Record
-from navstack.replay.export import export_run
+from navstack.replay import export_run
 from navstack.scenario import Run, read_scenario, shipped_scenarios
 
 

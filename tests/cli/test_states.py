@@ -9,9 +9,8 @@ import pytest
 from PIL import Image
 
 from navstack.cli.app import run
-from navstack.move_base.state_document import document_markdown
-from navstack.move_base.states import Action, Mode, NavEvent
-from navstack.move_base.transition_table import ROWS
+from navstack.move_base import ROWS, Mode, document_markdown
+from navstack.move_base.states import Action, NavEvent
 from navstack.plot.states import edges
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"

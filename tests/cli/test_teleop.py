@@ -18,13 +18,13 @@ import numpy as np
 import pytest
 
 import navstack as nav
+from navstack.behaviors import KeyboardTeleop
 from navstack.cli.app import run as command
 from navstack.cli.interrupts import interrupt_flag
 from navstack.cli.teleop import Session, drive
 from navstack.cli.terminal import ARROWS, map_lines, single_keys
 from navstack.core import GridGeometry, OccupancyGrid, Pose2D
 from navstack.explain import replay
-from navstack.motion.keyboard import KeyboardTeleop
 from navstack.record import Record
 from navstack.scenario import Run, Scenario
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from navstack.cli.app import run
-from navstack.jobs import SerialExecutor
-from tests.tune.room import make_room
+from navstack.studies.jobs import SerialExecutor
+from tests.studies.room import make_room
 
 
 def test_sweep_prints_a_ranking_and_writes_lines(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -45,8 +45,8 @@ def test_a_sweep_reports_runs_without_a_result(
     def fail(*_: object, **__: object) -> None:
         raise ZeroDivisionError("on purpose")
 
-    monkeypatch.setattr("navstack.tune.evaluation.ScenarioEvaluation.drive", fail)
-    monkeypatch.setattr("navstack.tune.sweep.ProcessExecutor", lambda work, workers: SerialExecutor(work))
+    monkeypatch.setattr("navstack.studies.evaluation.ScenarioEvaluation.drive", fail)
+    monkeypatch.setattr("navstack.studies.sweep.ProcessExecutor", lambda work, workers: SerialExecutor(work))
     options = ["--suite", str(make_room(tmp_path)), "--param", "sim_time=1:2", "--samples", "1"]
     assert run(["sweep", *options, "--out", str(tmp_path / "out"), "--json"]) == 1
     captured = capsys.readouterr()

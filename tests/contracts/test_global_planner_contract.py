@@ -12,19 +12,21 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from navstack.core import Costmap, Footprint, GridGeometry, Pose2D
-from navstack.core.errors import (
+from navstack.core import (
+    Costmap,
+    Footprint,
     GoalOccupiedError,
     GoalOutsideMapError,
+    GridGeometry,
     InputError,
     NoValidPathError,
     PlanningError,
     PlanningTimeoutError,
+    Pose2D,
     StartOccupiedError,
     StartOutsideMapError,
 )
-from navstack.interfaces import GlobalPlanner, Plan
-from navstack.plugins import GLOBAL_PLANNERS
+from navstack.plugins import GLOBAL_PLANNERS, GlobalPlanner, Plan
 
 RESOLUTION = 0.1
 LEGEND = {".": 0, "-": 60, "+": 200, "i": 253, "#": 254, "?": 255}

@@ -18,9 +18,12 @@ import pytest
 
 from navstack.core import (
     LETHAL,
+    ControlError,
     Costmap,
     Footprint,
     GridGeometry,
+    InvalidPathError,
+    NavError,
     Path,
     Pose2D,
     RobotState,
@@ -29,10 +32,8 @@ from navstack.core import (
     angle_between,
     normalize_angle,
 )
-from navstack.core.errors import ControlError, InvalidPathError, NavError
-from navstack.interfaces import ControlInput, LocalPlan, LocalPlanner
-from navstack.local_planner.path_follower import PathFollower
-from navstack.plugins import LOCAL_PLANNERS
+from navstack.local_planner import PathFollower
+from navstack.plugins import LOCAL_PLANNERS, ControlInput, LocalPlan, LocalPlanner
 
 PLANNERS = [entry.name for entry in LOCAL_PLANNERS if not issubclass(entry.cls, PathFollower)]
 FOOTPRINT = Footprint.from_radius(0.18)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from navstack.core.errors import UnknownPluginError
+from navstack.core import UnknownPluginError
 from navstack.localization import Amcl
 from navstack.plugins import LOCALIZERS
 from navstack.testing import localizer_contract

@@ -5,9 +5,8 @@ from __future__ import annotations
 import pytest
 
 from navstack.core import Pose2D, Twist2D
-from navstack.interfaces import RecoveryBehavior
 from navstack.move_base import GoalHandle, GoalStatus, Mode
-from navstack.plugins import RECOVERY_BEHAVIORS
+from navstack.plugins import RECOVERY_BEHAVIORS, RecoveryBehavior
 from tests.move_base.world import Bench, StraightPlanner, occupied
 
 ENTRIES = list(RECOVERY_BEHAVIORS)

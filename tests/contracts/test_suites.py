@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from navstack.local_planner.goal_checkers.simple import SimpleGoalCheckerParams
+from navstack.local_planner import RegulatedPurePursuitParams
+from navstack.local_planner.goal_checkers import SimpleGoalCheckerParams
 from navstack.local_planner.mppi.critics.goal_angle import GoalAngleCriticParams
 from navstack.local_planner.mppi.params import TrajectoryValidatorParams
-from navstack.local_planner.regulated_pure_pursuit import RegulatedPurePursuitParams
 from navstack.plugins import (
     CRITICS,
     GLOBAL_PLANNERS,

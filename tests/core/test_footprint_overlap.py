@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from navstack.core import Costmap, Footprint, GridGeometry, Pose2D
 from navstack.core.collision import footprint_cost
-from navstack.local_planner.trajectory_rollout._kernels import ON_LETHAL, perimeter_cost
+from navstack.local_planner.trajectory_rollout.escape import ON_LETHAL, perimeter_cost
 
 RESOLUTION = 0.05
 CELLS = 60

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from navstack.core import Path, Pose2D, Twist2D
+from navstack.core.kinematics import integrate
 from navstack.core.path_turns import reversals, tight_turn, turn_note
-from navstack.kinematics import integrate
 
 
 def arcs(*segments: tuple[float, float], step: float = 0.05, yaw: float = 0.0) -> Path:

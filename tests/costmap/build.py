@@ -13,7 +13,6 @@ from navstack.costmap import (
     InflationLayer,
     InflationLayerParams,
     LayeredCostmap,
-    LayerSpec,
     ObservationSourceParams,
     ObstacleLayer,
     ObstacleLayerParams,
@@ -22,6 +21,7 @@ from navstack.costmap import (
     VoxelLayer,
     VoxelLayerParams,
 )
+from navstack.plugins import Plugin
 
 
 def scan_source(**changes: Any) -> ObservationSourceParams:
@@ -36,21 +36,21 @@ def cloud_source(**changes: Any) -> ObservationSourceParams:
 
 def obstacle(
     sources: dict[str, ObservationSourceParams] | None = None, *, voxel: bool = False, **changes: Any
-) -> LayerSpec:
+) -> Plugin:
     sources = {"scan": scan_source()} if sources is None else sources
     common: dict[str, Any] = {"observation_sources": " ".join(sources), "sources": sources} | changes
     if voxel:
-        return LayerSpec("obstacle_layer", VoxelLayer, VoxelLayerParams(**common))
-    return LayerSpec("obstacle_layer", ObstacleLayer, ObstacleLayerParams(**common))
+        return Plugin("obstacle_layer", VoxelLayer, VoxelLayerParams(**common))
+    return Plugin("obstacle_layer", ObstacleLayer, ObstacleLayerParams(**common))
 
 
-def inflation(**changes: Any) -> LayerSpec:
+def inflation(**changes: Any) -> Plugin:
     values: dict[str, Any] = {"inflation_radius": 0.5, "cost_scaling_factor": 5.0}
-    return LayerSpec("inflation_layer", InflationLayer, InflationLayerParams(**(values | changes)))
+    return Plugin("inflation_layer", InflationLayer, InflationLayerParams(**(values | changes)))
 
 
-def static(**changes: Any) -> LayerSpec:
-    return LayerSpec("static_layer", StaticLayer, StaticLayerParams(**changes))
+def static(**changes: Any) -> Plugin:
+    return Plugin("static_layer", StaticLayer, StaticLayerParams(**changes))
 
 
 def frames_at(x: float = 0.0, y: float = 0.0, yaw: float = 0.0, stamp: float = 0.0) -> FrameTree:
@@ -61,7 +61,7 @@ def frames_at(x: float = 0.0, y: float = 0.0, yaw: float = 0.0, stamp: float = 0
 
 
 def rolling(
-    *layers: LayerSpec, size: float = 4.0, resolution: float = 0.05, frames: FrameTree | None = None, **changes: Any
+    *layers: Plugin, size: float = 4.0, resolution: float = 0.05, frames: FrameTree | None = None, **changes: Any
 ) -> LayeredCostmap:
     values: dict[str, Any] = {
         "global_frame": "odom",

@@ -3,26 +3,35 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 import shapely
 
-from navstack.core import Bounds, Costmap, Footprint, FrameTree, GridGeometry, Pose2D, Transform2D, Window
-from navstack.core.errors import FrameError, InputError, InternalError
-from navstack.core.parameters import ParamModel
+from navstack.core import (
+    Bounds,
+    Costmap,
+    Footprint,
+    FrameError,
+    FrameTree,
+    GridGeometry,
+    InputError,
+    InternalError,
+    Pose2D,
+    Transform2D,
+    Window,
+)
 from navstack.costmap import (
     CostmapParams,
     InflationLayer,
     KeepoutMaskLayer,
     LayeredCostmap,
-    LayerSpec,
     MaskLayerParams,
     inflation_cost,
 )
-from navstack.interfaces import Layer
-from navstack.plugins import LAYERS
+from navstack.plugins import LAYERS, Layer, ParamModel, Plugin
 from tests.costmap.build import cloud, cloud_source, frames_at, grid_of, inflation, obstacle, rolling, scan, static
 
 ROOM = """
@@ -35,7 +44,7 @@ ROOM = """
 
 
 def on_map(
-    *layers: LayerSpec, text: str = ROOM, frame: str = "map", frames: FrameTree | None = None, **map_changes: Any
+    *layers: Plugin, text: str = ROOM, frame: str = "map", frames: FrameTree | None = None, **map_changes: Any
 ) -> LayeredCostmap:
     return LayeredCostmap(
         "global_costmap",
@@ -134,7 +143,7 @@ def test_a_cell_is_lethal_if_and_only_if_it_overlaps_an_obstacle(kind: str, seed
     else:
         frames = frames_at()
         frames.set("map", "odom", Transform2D(6.0, 5.0, -yaw), 0.0)
-        layer = static() if kind.startswith("rolling") else LayerSpec("keepout", KeepoutMaskLayer, MaskLayerParams())
+        layer = static() if kind.startswith("rolling") else Plugin("keepout", KeepoutMaskLayer, MaskLayerParams())
         params = CostmapParams(global_frame="odom", rolling_window=True, width=20.0, height=20.0, resolution=0.7)
         footprint = Footprint.from_radius(0.2)
         costmap = LayeredCostmap("c", params, [layer], footprint=footprint, frames=frames, static_map=grid_of(text))
@@ -157,7 +166,7 @@ def test_a_cell_is_lethal_if_and_only_if_it_overlaps_an_obstacle(kind: str, seed
 
 
 def test_use_maximum_keeps_the_larger_cost() -> None:
-    costmap = on_map(static(), static(use_maximum=True)._replace(name="again"))
+    costmap = on_map(static(), replace(static(use_maximum=True), name="again"))
     costmap.update_at(Pose2D(1.0, 1.0), 0.0)
     assert costmap.master.cost_at(0.5, 0.5) == 254
     assert costmap.master.cost_at(2.5, 2.5) == 255
@@ -201,7 +210,7 @@ class _Shrinks(Layer):
 
 
 def test_bounds_may_only_grow() -> None:
-    costmap = on_map(static(), LayerSpec("greedy", _Shrinks, _NoParams()))
+    costmap = on_map(static(), Plugin("greedy", _Shrinks, _NoParams()))
     with pytest.raises(InternalError, match='"greedy" of global_costmap shrank the bounds'):
         costmap.update_at(Pose2D(0.0, 0.0), 0.0)
 

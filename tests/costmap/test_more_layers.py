@@ -9,15 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navstack.core import Footprint, FrameTree, GridGeometry, Pose2D, RangeReading, Transform2D
-from navstack.core.errors import InputError
+from navstack.core import Footprint, FrameTree, GridGeometry, InputError, Pose2D, RangeReading, Transform2D
 from navstack.costmap import (
     CostmapParams,
     DenoiseLayer,
     DenoiseLayerParams,
     KeepoutMaskLayer,
     LayeredCostmap,
-    LayerSpec,
     MaskLayerParams,
     RangeSensorLayer,
     RangeSensorLayerParams,
@@ -26,6 +24,7 @@ from navstack.costmap import (
     SpeedMaskLayerParams,
 )
 from navstack.map_io import load_map
+from navstack.plugins import Plugin
 from tests.costmap.build import cloud, cloud_source, frames_at, grid_of, inflation, obstacle, rolling, static
 
 HERE = Pose2D(0.0, 0.0)
@@ -37,9 +36,7 @@ def sonar(distance: float, stamp: float = 0.0, **changes: Any) -> RangeReading:
 
 
 def with_sonar(**changes: Any) -> LayeredCostmap:
-    return rolling(
-        LayerSpec("sonar_layer", RangeSensorLayer, RangeSensorLayerParams(**changes)), track_unknown_space=True
-    )
+    return rolling(Plugin("sonar_layer", RangeSensorLayer, RangeSensorLayerParams(**changes)), track_unknown_space=True)
 
 
 def test_cone_marks_its_arc_and_clears_the_space_before_it() -> None:
@@ -94,7 +91,7 @@ def test_invalid_readings_are_rejected() -> None:
     assert (costmap.master.data == 255).all()
 
 
-def masked(layer: LayerSpec, text: str, *more: LayerSpec, **mask_changes: Any) -> tuple[LayeredCostmap, Any]:
+def masked(layer: Plugin, text: str, *more: Plugin, **mask_changes: Any) -> tuple[LayeredCostmap, Any]:
     costmap = LayeredCostmap(
         "global_costmap",
         CostmapParams(),
@@ -109,7 +106,7 @@ def masked(layer: LayerSpec, text: str, *more: LayerSpec, **mask_changes: Any) -
 
 
 def test_keepout() -> None:
-    layer = LayerSpec("keepout", KeepoutMaskLayer, MaskLayerParams())
+    layer = Plugin("keepout", KeepoutMaskLayer, MaskLayerParams())
     costmap, mask = masked(layer, "....\n.##.\n?...")
     costmap.update_at(HERE, 0.0)
     assert costmap.master.data[::-1].tolist() == [[0, 0, 0, 0], [0, 254, 254, 0], [254, 0, 0, 0]]
@@ -125,7 +122,7 @@ def test_keepout() -> None:
 
 
 def test_keepout_in_a_rolling_window() -> None:
-    costmap = rolling(LayerSpec("keepout", KeepoutMaskLayer, MaskLayerParams()), resolution=0.5, frames=_with_map())
+    costmap = rolling(Plugin("keepout", KeepoutMaskLayer, MaskLayerParams()), resolution=0.5, frames=_with_map())
     costmap.layer("keepout").set_mask(grid_of("#" * 40, resolution=0.5))  # type: ignore[attr-defined]
     for x in (0.0, 3.0, 7.0):
         costmap.update_at(Pose2D(x, 0.0), 0.0)
@@ -143,7 +140,7 @@ def _with_map() -> FrameTree:
 
 def test_speed_mask() -> None:
     params = SpeedMaskLayerParams(type="percent", base=100.0, multiplier=-1.0)
-    costmap, mask = masked(LayerSpec("speed", SpeedMaskLayer, params), "....\n....\n....")
+    costmap, mask = masked(Plugin("speed", SpeedMaskLayer, params), "....\n....\n....")
     grid = grid_of("....\n....\n....")
     grid.data[0] = [0, 30, 100, -1]
     mask.set_mask(grid)
@@ -167,7 +164,7 @@ def test_masks_from_files(tmp_path: Path) -> None:
     from navstack.map_io import save_map
 
     yaml, _ = save_map(grid_of("#..."), tmp_path / "mask.yaml")
-    layer = LayerSpec("keepout", KeepoutMaskLayer, MaskLayerParams(mask=str(yaml)))
+    layer = Plugin("keepout", KeepoutMaskLayer, MaskLayerParams(mask=str(yaml)))
     values: dict[str, Any] = {"footprint": Footprint.from_radius(0.2), "frames": FrameTree()}
     params = CostmapParams(width=4.0, height=1.0, resolution=1.0)
     with pytest.raises(InputError, match="has no read_map function"):
@@ -179,7 +176,7 @@ def test_masks_from_files(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("connectivity", "kept"), [(8, {(0.525, 1.025), (0.575, 1.075)}), (4, set())])
 def test_denoise(connectivity: int, kept: set[tuple[float, float]]) -> None:
-    denoise = LayerSpec("denoise", DenoiseLayer, DenoiseLayerParams(group_connectivity_type=connectivity))
+    denoise = Plugin("denoise", DenoiseLayer, DenoiseLayerParams(group_connectivity_type=connectivity))
     costmap = rolling(obstacle({"points": cloud_source()}), denoise, inflation())
     pair = [(1.025, 0.025), (1.075, 0.025)]
     diagonal = [(0.525, 1.025), (0.575, 1.075)]
@@ -194,7 +191,7 @@ def test_denoise(connectivity: int, kept: set[tuple[float, float]]) -> None:
 
 def test_incremental_denoise_equals_a_full_update() -> None:
     rng = np.random.default_rng(2)
-    denoise = LayerSpec("denoise", DenoiseLayer, DenoiseLayerParams(minimal_group_size=4))
+    denoise = Plugin("denoise", DenoiseLayer, DenoiseLayerParams(minimal_group_size=4))
     source = {"points": cloud_source(obstacle_range=10.0)}
     by_steps = rolling(obstacle(source, footprint_clearing_enabled=False), denoise)
     at_once = rolling(obstacle(source, footprint_clearing_enabled=False), denoise)

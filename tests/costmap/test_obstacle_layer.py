@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from navstack.core import Bounds, Footprint, FrameTree, Pose2D, Transform2D
-from navstack.core.errors import InputError
+from navstack.core import Bounds, Footprint, FrameTree, InputError, Pose2D, Transform2D
 from navstack.costmap import LayeredCostmap, ObstacleLayer, VoxelLayer
 from tests.costmap.build import cloud, cloud_source, frames_at, inflation, obstacle, rolling, scan, scan_source
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from navstack.costmap.sensor_timeout import SensorTimeout
+from navstack.costmap.observation_buffer import SensorTimeout
 
 
 def test_starts_at_the_first_check_without_messages() -> None:

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from navstack.core import Footprint, FrameTree, Pose2D
-from navstack.core.errors import InputError
+from navstack.core import Footprint, FrameTree, InputError, Pose2D
 from navstack.costmap import CostmapParams, LayeredCostmap
-from navstack.costmap.reconfigure import apply_reconfigure
+from navstack.costmap.layered_costmap import apply_reconfigure
 from navstack.costmap.static_layer import StaticLayer
 from navstack.costmap.voxel_layer import VoxelLayer
 from tests.costmap.build import cloud, cloud_source, frames_at, grid_of, obstacle, rolling, static

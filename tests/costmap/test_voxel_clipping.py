@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from navstack.costmap._voxel_kernels import VOXEL_GRID, clear_voxel_rays
+from navstack.costmap.voxel_layer import VOXEL_GRID, clear_voxel_rays
 
 CELLS, RESOLUTION = 80, 0.05
 

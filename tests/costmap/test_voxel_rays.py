@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from navstack.costmap._voxel_kernels import VOXEL_GRID, clear_voxel_rays
+from navstack.costmap.voxel_layer import VOXEL_GRID, clear_voxel_rays
 
 N, RESOLUTION = 60, 0.1
 

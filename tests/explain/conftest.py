@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from navstack.core import Pose2D
-from navstack.parameters.configuration import load_configuration
+from navstack.parameters import load_configuration
 from navstack.record import Record
 from navstack.scenario import Scenario, run_scenario
 from tests.explain.rooms import two_rooms

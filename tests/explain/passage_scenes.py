@@ -21,9 +21,9 @@ from scipy import ndimage
 
 from navstack.core import Footprint, GridGeometry, OccupancyGrid
 from navstack.explain import PassageReport, find_passages
-from navstack.explain.passages import Passage, ShapePassage
-from navstack.explain.passages.crossing import crossings
-from navstack.parameters.configuration import load_configuration
+from navstack.explain.crossing import ShapePassage
+from navstack.explain.passages import Passage
+from navstack.parameters import load_configuration
 from tests.global_planner.pose_referee import Referee
 
 RESOLUTION: Final = 0.05
@@ -302,6 +302,18 @@ def way_faults(scene: Scene, report: PassageReport, passage: Passage, shape: Sha
     if int((signs[1:] * signs[:-1] < 0).sum()) != shape.changes:
         found.append("wrong number of changes")
     return [f"way: {fault[:40]}" for fault in found]
+
+
+def crossings(poses: NDArray[np.float64], passage: Passage) -> NDArray[np.int64]:
+    """Indices i at which a path (n, 3) crosses the line between the ends of a passage between pose i and i + 1."""
+    (ax, ay), (bx, by) = passage.ends
+    length = math.dist(*passage.ends)
+    side = ((bx - ax) * (poses[:, 1] - ay) - (by - ay) * (poses[:, 0] - ax)) / length
+    share = ((poses[:, 0] - ax) * (bx - ax) + (poses[:, 1] - ay) * (by - ay)) / length**2
+    at = np.flatnonzero((side[1:] > 0.0) != (side[:-1] > 0.0))
+    weight = side[at] / (side[at] - side[at + 1])
+    where = share[at] + weight * (share[at + 1] - share[at])
+    return at[(where >= 0.0) & (where <= 1.0)]
 
 
 def main() -> None:

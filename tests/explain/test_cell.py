@@ -6,8 +6,7 @@ import math
 
 import pytest
 
-from navstack.core import LETHAL, Costmap
-from navstack.core.errors import InputError
+from navstack.core import LETHAL, Costmap, InputError
 from navstack.explain import Replay, explain_cell, replay
 from navstack.record import Record
 from tests.explain.conftest import OBSTACLE

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from navstack.cli.app import run
-from navstack.core import GridGeometry, OccupancyGrid, Pose2D
-from navstack.core.errors import InputError, RecordError
+from navstack.core import GridGeometry, InputError, OccupancyGrid, Pose2D, RecordError
 from navstack.explain.command import explain_command
-from navstack.parameters.configuration import load_configuration
+from navstack.parameters import load_configuration
 from navstack.plot.fan import Fan, plot_fan
 from navstack.record import Record
 from navstack.scenario import Scenario, run_scenario

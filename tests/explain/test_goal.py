@@ -13,12 +13,10 @@ import pytest
 from PIL import Image
 
 from navstack.cli.app import run
-from navstack.core import Event, Pose2D
-from navstack.core.errors import InputError, RecordError
-from navstack.explain.goal import GoalReport, TimelineEntry, explain_goal, explain_goals
-from navstack.explain.goal.plans import plan_lines
+from navstack.core import Event, InputError, Pose2D, RecordError
+from navstack.explain.goal import GoalReport, TimelineEntry, explain_goal, explain_goals, plan_lines
 from navstack.map_io import load_map, map_path
-from navstack.parameters.configuration import load_configuration
+from navstack.parameters import load_configuration
 from navstack.record import Record
 from navstack.scenario import Run, Scenario
 from navstack.scenario.interactions import Kidnap

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from navstack.core import GridGeometry, OccupancyGrid
-from navstack.core.errors import InputError
+from navstack.core import GridGeometry, InputError, OccupancyGrid
 from navstack.explain import find_passages, inflation_curves
-from navstack.parameters.configuration import load_configuration
+from navstack.parameters import load_configuration
 
 
 @pytest.mark.parametrize("overrides", [[], ["global_costmap/inflation_layer/inflation_radius=0.33"]])

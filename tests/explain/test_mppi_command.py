@@ -10,7 +10,7 @@ import pytest
 from navstack.cli.app import run
 from navstack.core import GridGeometry, OccupancyGrid, Pose2D
 from navstack.explain.command import explain_command
-from navstack.parameters.configuration import load_configuration
+from navstack.parameters import load_configuration
 from navstack.record import Record
 from navstack.scenario import Scenario, run_scenario
 

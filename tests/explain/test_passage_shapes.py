@@ -8,14 +8,12 @@ import numpy as np
 import pytest
 import shapely
 
-from navstack.core import OccupancyGrid, Pose2D
-from navstack.core.errors import PlanningError
-from navstack.explain import PassageReport, find_passages
-from navstack.explain.passages import ShapePassage, crossing
-from navstack.explain.passages.crossing import crossings
-from navstack.parameters.configuration import Configuration, load_configuration
-from navstack.plan_once import plan_on_map
-from tests.explain.passage_scenes import KINDS, disagreements
+from navstack.bringup import plan_on_map
+from navstack.core import OccupancyGrid, PlanningError, Pose2D
+from navstack.explain import PassageReport, crossing, find_passages
+from navstack.explain.crossing import ShapePassage
+from navstack.parameters import Configuration, load_configuration
+from tests.explain.passage_scenes import KINDS, crossings, disagreements
 from tests.explain.passage_scenes import scene as random_scene
 from tests.explain.rooms import RESOLUTION, two_rooms
 

@@ -11,12 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from navstack.core import INSCRIBED, GridGeometry, OccupancyGrid
-from navstack.core.errors import InputError
+from navstack.core import INSCRIBED, GridGeometry, InputError, OccupancyGrid
 from navstack.explain import PassageReport, find_passages
-from navstack.explain.passages import narrow_places
+from navstack.explain.narrow_places import narrow_places
 from navstack.map_io import load_map
-from navstack.parameters.configuration import Configuration, load_configuration
+from navstack.parameters import Configuration, load_configuration
 from tests.explain.rooms import RESOLUTION, bare_room, two_rooms, with_boxes
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from navstack.core.errors import InputError, RecordError
+from navstack.core import InputError, RecordError
 from navstack.explain import replay
 from navstack.record import Record
 from navstack.scenario import Run, Scenario, run_scenario

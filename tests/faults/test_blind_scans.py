@@ -13,6 +13,7 @@ from navstack.bringup import build_move_base, simulated_robot
 from navstack.core import (
     Event,
     FrameTree,
+    GridGeometry,
     LaserScan,
     OccupancyGrid,
     Pose2D,
@@ -20,11 +21,10 @@ from navstack.core import (
     SensorData,
     Transform2D,
 )
-from navstack.core.grid import GridGeometry
-from navstack.costmap import LayeredCostmap, LayerSpec
-from navstack.costmap.range_sensor_layer import RangeSensorLayer, RangeSensorLayerParams
+from navstack.costmap import LayeredCostmap, RangeSensorLayer, RangeSensorLayerParams
 from navstack.move_base import GoalHandle, GoalStatus
-from navstack.parameters.configuration import load_configuration
+from navstack.parameters import load_configuration
+from navstack.plugins import Plugin
 from navstack.sim import World
 from tests.costmap.build import cloud_source, frames_at, obstacle, rolling, scan, scan_source
 
@@ -168,7 +168,7 @@ def test_each_source_is_reported_on_its_own() -> None:
 
 def sonar_costmap(frames: FrameTree) -> LayeredCostmap:
     params = RangeSensorLayerParams(topics=["/sonar", "/infrared"], no_readings_timeout=0.5)
-    return rolling(LayerSpec("range_sensor_layer", RangeSensorLayer, params), frames=frames)
+    return rolling(Plugin("range_sensor_layer", RangeSensorLayer, params), frames=frames)
 
 
 def reading(stamp: float, frame: str, *, topic: str = "/sonar", range_m: float = 1.0) -> RangeReading:

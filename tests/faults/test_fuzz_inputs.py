@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from navstack.core.errors import InputError
+from navstack.core import InputError
 from tools.fuzz import run as fuzz_run
 from tools.fuzz.inputs import KINDS, Input, Inputs
 from tools.fuzz.run import Counts, Plan, fuzz, fuzz_in_processes

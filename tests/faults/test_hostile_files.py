@@ -16,26 +16,26 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from navstack.bench.csv_reader import read_csv
-from navstack.bench.digests import digest_of_file
-from navstack.bench.movingai import read_map
-from navstack.bench.speed_bench import read_reference
-from navstack.core.bounded_reading import (
+from navstack.core import (
     CappedFile,
+    InputError,
+    MapError,
+    NavError,
     NotRegularFileError,
+    RecordError,
     TooLargeError,
     open_regular,
     read_bytes,
     short_repr,
 )
-from navstack.core.errors import InputError, MapError, NavError, RecordError
 from navstack.map_io import load_map
-from navstack.parameters.configuration import check_parameters
-from navstack.places import load_places
+from navstack.parameters import check_parameters
 from navstack.record import Record
 from navstack.record import archive as record_archive
-from navstack.scenario import Scenario, read_scenario
-from navstack.scenario.suites.barn_worlds import load_worlds
+from navstack.scenario import Scenario, load_places, load_worlds, read_scenario
+from navstack.studies import read_reference
+from navstack.studies.inputs import digest_of_file, read_csv
+from navstack.studies.movingai import read_map
 from tests.record import synthetic
 from tools.fuzz.inputs import Inputs
 

@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from navstack.bringup import build_move_base, simulated_robot
-from navstack.core import Event, OccupancyGrid, Pose2D, Transform2D
-from navstack.core.grid import GridGeometry
+from navstack.bringup import build_move_base, plan_on_map, simulated_robot
+from navstack.core import Event, GridGeometry, OccupancyGrid, Pose2D, Transform2D
 from navstack.move_base import GoalStatus
-from navstack.parameters.configuration import load_configuration
-from navstack.plan_once import plan_on_map
+from navstack.parameters import load_configuration
 
 START, GOAL = Pose2D(1.0, 1.0, 0.0), Pose2D(5.0, 1.0, 0.0)
 GEOMETRY = GridGeometry(120, 100, 0.05)

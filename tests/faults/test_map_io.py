@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from navstack.core.errors import MapError
+from navstack.core import MapError
 from navstack.map_io import load_map
 
 GOOD = {

@@ -16,10 +16,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navstack.core import Path, Pose2D, RobotState, Transform2D, Twist2D
-from navstack.core.errors import NoValidPathError, RecoveryError
-from navstack.interfaces import LocalPlan, Plan, RecoveryStatus, RecoveryStep
+from navstack.core import NoValidPathError, Path, Pose2D, RecoveryError, RobotState, Transform2D, Twist2D
 from navstack.move_base import GoalHandle, GoalStatus, InlinePlanning, Mode
+from navstack.plugins import LocalPlan, Plan, RecoveryStatus, RecoveryStep
 from tests.move_base.world import (
     NOTHING,
     Bench,
@@ -362,7 +361,7 @@ def run_one(seed: int) -> None:
     # after the fault the next valid goal succeeds
     repair(bench)
     about["slow"][0] = 0.0
-    bench.move_base._navigation.recoveries = ()
+    bench.move_base._recoveries.behaviors = ()
     good = manager.send_goal(Pose2D(-1.0, -1.0, 0.5))
     bench.run(good, limit=60.0)
     assert good.status is GoalStatus.SUCCEEDED, (about, good.result)

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from navstack.core.errors import ParameterError
-from navstack.parameters import packaged_folder
-from navstack.parameters.configuration import check_parameters, load_configuration
+from navstack.core import ParameterError
+from navstack.parameters import check_parameters, load_configuration, packaged_folder
 
 FILES = {
     "missing": (None, "not a file, folder or packaged set"),

@@ -7,11 +7,10 @@ from collections.abc import Callable
 
 import pytest
 
-from navstack.core import Pose2D, RobotState, Transform2D, Twist2D
-from navstack.core.errors import InputError
+from navstack.core import InputError, Pose2D, RobotState, Transform2D, Twist2D
 from navstack.move_base import GoalHandle, GoalStatus
+from navstack.move_base.control import FASTEST, SETTLE_S, OdometryCheck
 from navstack.move_base.errors import OdometryError
-from navstack.move_base.odometry_check import FASTEST, SETTLE_S, OdometryCheck
 from tests.move_base.world import LIMITS, Bench, TurnAndGo
 
 FAR = Pose2D(4.5, 0.0, 0.0)

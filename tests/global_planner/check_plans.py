@@ -14,12 +14,12 @@ from typing import Literal
 
 import numpy as np
 
-from navstack.core import Costmap, Footprint
-from navstack.core.errors import NavError
+from navstack.core import Costmap, Footprint, NavError
 from navstack.global_planner import SmacHybridParams, SmacHybridPlanner, SmacLatticeParams, SmacLatticePlanner
-from navstack.interfaces import GlobalPlanner
-from navstack.lattice import generate_lattice, write_lattice
+from navstack.global_planner._lattice_file import write_lattice
+from navstack.global_planner._lattice_generate import generate_lattice
 from navstack.map_io import load_map
+from navstack.plugins import GlobalPlanner
 from tests.conftest import SHARED
 from tests.global_planner.pose_referee import Referee, inflated, random_queries
 

@@ -18,12 +18,13 @@ from typing import Any
 
 import numpy as np
 
-from navstack.core import Costmap, Footprint, GridGeometry, Pose2D
-from navstack.core.errors import InputError, NavError
+from navstack.core import Costmap, Footprint, GridGeometry, InputError, NavError, Pose2D
 from navstack.global_planner import SmacHybridParams, SmacHybridPlanner, SmacLatticeParams, SmacLatticePlanner
-from navstack.interfaces import Plan
-from navstack.lattice import MotionModel, generate_lattice, write_lattice
-from navstack.smoother import ConstrainedSmoother, ConstrainedSmootherParams
+from navstack.global_planner._lattice import MotionModel
+from navstack.global_planner._lattice_file import write_lattice
+from navstack.global_planner._lattice_generate import generate_lattice
+from navstack.global_planner.smoothers import ConstrainedSmoother, ConstrainedSmootherParams
+from navstack.plugins import Plan
 from tests.global_planner.pose_referee import Referee, inflated
 
 MODELS: tuple[MotionModel, ...] = ("ackermann", "diff", "omni")

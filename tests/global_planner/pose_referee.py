@@ -16,10 +16,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from navstack.core import Costmap, Footprint, GridGeometry, Path, Pose2D
-from navstack.core.errors import PlanningError
-from navstack.interfaces import GlobalPlanner, Plan
-from tests.curves import brute_force
+from navstack.core import Costmap, Footprint, GridGeometry, Path, PlanningError, Pose2D
+from navstack.plugins import GlobalPlanner, Plan
+from tests.global_planner import brute_force
 
 TOLERANCE = 1e-6
 

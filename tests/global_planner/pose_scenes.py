@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from navstack.core import Costmap, Footprint, Path, Pose2D
-from navstack.interfaces import Plan
+from navstack.plugins import Plan
 from tests.global_planner.pose_referee import Referee, inflated
 
 RESOLUTION: Final = 0.05

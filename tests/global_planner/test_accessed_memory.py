@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from navstack.core import Costmap, GridGeometry, Pose2D
 from navstack.global_planner import AStarPlanner, GlobalPlannerROS, NavfnROS, ThetaStarPlanner
-from navstack.global_planner._search.cost_interpreter import navfn_costs
+from navstack.global_planner._search.cells import navfn_costs
 from navstack.global_planner._search.propagation import propagate_navfn
 from navstack.global_planner._search.wavefront import Wavefront
-from navstack.interfaces import GlobalPlanner
+from navstack.plugins import GlobalPlanner
 
 SIDE = 10_000  # 1e8 cells
 START, GOAL = (60, 70), (180, 140)

@@ -9,15 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navstack.core import Costmap, Footprint, GridGeometry, Pose2D
-from navstack.core.errors import NoValidPathError
+from navstack.core import Costmap, Footprint, GridGeometry, NoValidPathError, Pose2D
 from navstack.global_planner import SmacHybridParams, SmacHybridPlanner, SmacLatticeParams, SmacLatticePlanner
+from navstack.global_planner._lattice import MotionModel
+from navstack.global_planner._lattice_file import write_lattice
+from navstack.global_planner._lattice_generate import generate_lattice
 from navstack.global_planner._se2 import both_ends
-from navstack.global_planner._se2 import outcome as outcomes
-from navstack.global_planner._se2._search_kernels import FOUND
-from navstack.global_planner._se2.footprint import shape_of
+from navstack.global_planner._se2 import search as outcomes
 from navstack.global_planner._se2.records import SEGMENT
-from navstack.lattice import MotionModel, generate_lattice, write_lattice
+from navstack.global_planner._se2.search import FOUND
+from navstack.global_planner._se2.shape import shape_of
 from tests.global_planner.pose_referee import Referee
 
 LOPSIDED = Footprint(np.array([[0.5, 0.2], [0.5, -0.15], [-0.2, -0.2], [-0.2, 0.2]]))

@@ -7,13 +7,18 @@ import math
 import numpy as np
 import pytest
 
-from navstack.core import Costmap, Footprint, GridGeometry, Pose2D
-from navstack.core.clearance import clearance_along
-from navstack.core.errors import NoValidPathError, StartOccupiedError
+from navstack.core import (
+    Costmap,
+    Footprint,
+    GridGeometry,
+    NoValidPathError,
+    Pose2D,
+    StartOccupiedError,
+    clearance_along,
+)
 from navstack.global_planner import AStarParams, AStarPlanner, ThetaStarParams, ThetaStarPlanner
 from navstack.global_planner._search.cell_search import CellPlanner
-from navstack.interfaces import GlobalPlanner
-from navstack.plugins import GLOBAL_PLANNERS
+from navstack.plugins import GLOBAL_PLANNERS, GlobalPlanner
 
 BOTH: list[tuple[type[CellPlanner], type[AStarParams] | type[ThetaStarParams]]] = [
     (AStarPlanner, AStarParams),

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from navstack.core import Costmap, GridGeometry, Pose2D
-from navstack.core.errors import NoValidPathError
+from navstack.core import Costmap, GridGeometry, NoValidPathError, Pose2D
 from navstack.global_planner import (
     GridTraceback,
     Query,

@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navstack.core import Costmap, Footprint, GridGeometry, Pose2D
-from navstack.core.errors import NoValidPathError, StartOutsideMapError
+from navstack.core import Costmap, Footprint, GridGeometry, NoValidPathError, Pose2D, StartOutsideMapError
 from navstack.global_planner import GivenPath, GivenPathParams
 
 BOX = Footprint(((-0.15, -0.25), (0.65, -0.25), (0.65, 0.25), (-0.15, 0.25)))

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from navstack.core import Costmap, GridGeometry, Pose2D
 from navstack.global_planner import AStarParams, AStarPlanner, ThetaStarParams, ThetaStarPlanner
-from navstack.global_planner._search import _any_angle_kernels as kernels
-from navstack.global_planner._search._search_kernels import SETTINGS
+from navstack.global_planner._search import best_first as kernels
+from navstack.global_planner._search.best_first import SETTINGS
 
 NX, NY = 70, 60
 

@@ -6,9 +6,9 @@ import math
 
 import pytest
 
-from navstack.core.errors import GoalOccupiedError, NoValidPathError, PlanningError
+from navstack.core import GoalOccupiedError, NoValidPathError, PlanningError
 from navstack.global_planner import SmacHybridParams, SmacHybridPlanner
-from navstack.interfaces import Plan
+from navstack.plugins import Plan
 from tests.global_planner.pose_scenes import KINDS, Scene, solvable, unsolvable
 
 

@@ -9,9 +9,9 @@ import pytest
 
 from navstack.core import Costmap, Footprint, GridGeometry, Pose2D
 from navstack.global_planner import SmacHybridParams, SmacHybridPlanner
-from navstack.global_planner._se2 import _search_kernels as kernels
 from navstack.global_planner._se2 import both_ends
-from navstack.global_planner._se2.footprint import shape_of
+from navstack.global_planner._se2 import search as kernels
+from navstack.global_planner._se2.shape import shape_of
 
 BOX = Footprint(np.array([[0.3, 0.2], [0.3, -0.2], [-0.3, -0.2], [-0.3, 0.2]]))
 START, GOAL = Pose2D(1.0, 3.0, 0.0), Pose2D(15.2, 3.0, 0.0)

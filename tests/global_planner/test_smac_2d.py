@@ -7,10 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from navstack.core import Costmap, GridGeometry, Pose2D
-from navstack.core.errors import PlanningTimeoutError
+from navstack.core import Costmap, GridGeometry, PlanningTimeoutError, Pose2D
 from navstack.global_planner import AStarParams, AStarPlanner, Smac2DParams, Smac2DPlanner
-from navstack.parameters.configuration import load_configuration
+from navstack.parameters import load_configuration
 
 
 def costmap() -> Costmap:

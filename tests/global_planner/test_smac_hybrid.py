@@ -8,12 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navstack.core import Costmap, Footprint, GridGeometry, Pose2D
-from navstack.core.errors import (
+from navstack.core import (
+    Costmap,
+    Footprint,
     GoalOccupiedError,
+    GridGeometry,
     NoValidPathError,
     PlanningError,
     PlanningTimeoutError,
+    Pose2D,
     StartOccupiedError,
 )
 from navstack.global_planner import SmacHybridParams, SmacHybridPlanner

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navstack.core import Costmap, Footprint, GridGeometry, Pose2D
-from navstack.core.errors import InputError, NoValidPathError
+from navstack.core import Costmap, Footprint, GridGeometry, InputError, NoValidPathError, Pose2D
 from navstack.global_planner import SmacLatticeParams, SmacLatticePlanner
-from navstack.lattice import generate_lattice, write_lattice
-from navstack.parameters.configuration import load_configuration
+from navstack.global_planner._lattice_file import write_lattice
+from navstack.global_planner._lattice_generate import generate_lattice
+from navstack.parameters import load_configuration
 from tests.global_planner.fuzz_poses import run
 from tests.global_planner.pose_referee import Referee, inflated, random_queries, shortest_word, weighted_length
 from tests.global_planner.test_smac_hybrid import BOX, RESOLUTION, ROUND, empty, rooms
@@ -127,7 +127,7 @@ def test_nav2_names_and_files_in_yaml(tmp_path: Path) -> None:
     assert configuration.global_planner.cls is SmacLatticePlanner
     file = tmp_path / "broken.json"
     file.write_text("{}")
-    from navstack.core.errors import NavError
+    from navstack.core import NavError
 
     with pytest.raises(NavError, match=r"broken\.json:1: the key lattice_metadata is missing"):
         load_configuration(["turtlebot"], overrides=[*values, f"smac_lattice.lattice_filepath={file}"])

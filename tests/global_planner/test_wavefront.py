@@ -7,9 +7,9 @@ import pytest
 
 from navstack.core import Costmap, GridGeometry, Pose2D
 from navstack.global_planner import GlobalPlannerParams, GlobalPlannerROS, NavfnParams, NavfnROS
-from navstack.global_planner._search.coarse_heuristic import CoarseHeuristic
-from navstack.global_planner._search.cost_interpreter import global_planner_costs, navfn_costs
+from navstack.global_planner._search.cells import global_planner_costs, navfn_costs
 from navstack.global_planner._search.propagation import NAVFN_RISE, propagate_navfn
+from navstack.global_planner._search.wave_search import CoarseHeuristic
 from navstack.global_planner._search.wavefront import Wavefront
 
 

@@ -22,11 +22,18 @@ from numpy.typing import NDArray
 
 from navstack.core import GridGeometry, OccupancyGrid, Pose2D
 from navstack.localization import distance_field
-from navstack.localization.amcl import ParticleSet, Readings, SensorModel
-from navstack.localization.amcl._beam_kernels import BEAM, cast
-from navstack.localization.amcl._random_kernels import draw_gaussian, normal, random_state, uniform
-from navstack.localization.amcl._resample_kernels import RESAMPLING, particle_limit
-from navstack.parameters.models.amcl import DEFECTS, AmclParams
+from navstack.localization.particles import (
+    RESAMPLING,
+    ParticleSet,
+    draw_gaussian,
+    normal,
+    particle_limit,
+    random_state,
+    uniform,
+)
+from navstack.localization.sensor_model import BEAM, Readings, SensorModel, cast
+from navstack.parameters import AmclParams
+from navstack.parameters.models.amcl import DEFECTS
 from tests.conftest import golden_ros1_files
 
 Array = NDArray[Any]

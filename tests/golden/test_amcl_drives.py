@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from navstack.core import GridGeometry, LaserScan, OccupancyGrid, Pose2D, Transform2D
 from navstack.localization import Amcl
-from navstack.parameters.models.amcl import AmclParams
+from navstack.parameters import AmclParams
 from tests.conftest import golden_ros1_files
 
 Array = NDArray[Any]

@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from navstack.core import Bounds, Footprint, FrameTree, GridGeometry, Pose2D
-from navstack.core.line_kernels import clear_line
+from navstack.core import Bounds, Footprint, FrameTree, GridGeometry, Pose2D, clear_line
 from navstack.costmap import CostmapParams, LayeredCostmap
-from navstack.costmap._polygon_kernels import fill_convex
+from navstack.costmap.obstacle_layer import fill_convex
 
 
 @pytest.fixture(scope="module")

@@ -9,12 +9,20 @@ import numpy as np
 import pytest
 
 from navstack.core import Footprint, FrameTree, GridGeometry, LaserScan, OccupancyGrid, Transform2D
-from navstack.costmap import CostmapParams, LayeredCostmap, LayerSpec
-from navstack.costmap.inflation_layer import InflationLayer, InflationLayerParams
-from navstack.costmap.observation_buffer import ObservationSourceParams
-from navstack.costmap.obstacle_layer import ObstacleLayer, ObstacleLayerParams
-from navstack.costmap.static_layer import StaticLayer, StaticLayerParams
-from navstack.costmap.voxel_layer import VoxelLayer, VoxelLayerParams
+from navstack.costmap import (
+    CostmapParams,
+    InflationLayer,
+    InflationLayerParams,
+    LayeredCostmap,
+    ObservationSourceParams,
+    ObstacleLayer,
+    ObstacleLayerParams,
+    StaticLayer,
+    StaticLayerParams,
+    VoxelLayer,
+    VoxelLayerParams,
+)
+from navstack.plugins import Plugin
 from tests.conftest import golden_files
 from tests.golden.test_costmap_static import exact_inflation
 
@@ -40,17 +48,17 @@ def costmap_of(case: dict[str, np.ndarray], frames: FrameTree, static_map: Occup
         "sources": {"scan": source},
     }
     if voxel:
-        obstacle = LayerSpec(
+        obstacle = Plugin(
             "obstacle_layer", VoxelLayer, VoxelLayerParams(z_voxels=2, z_resolution=0.2, unknown_threshold=15, **common)
         )
     else:
-        obstacle = LayerSpec("obstacle_layer", ObstacleLayer, ObstacleLayerParams(**common))
-    inflation = LayerSpec(
+        obstacle = Plugin("obstacle_layer", ObstacleLayer, ObstacleLayerParams(**common))
+    inflation = Plugin(
         "inflation_layer",
         InflationLayer,
         InflationLayerParams(inflation_radius=radius, cost_scaling_factor=factor),
     )
-    static = [LayerSpec("static_layer", StaticLayer, StaticLayerParams())] if static_map else []
+    static = [Plugin("static_layer", StaticLayer, StaticLayerParams())] if static_map else []
     ny, nx = case["master"].shape[1:]
     return LayeredCostmap(
         "costmap",

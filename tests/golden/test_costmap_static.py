@@ -10,9 +10,15 @@ import pytest
 from scipy.ndimage import distance_transform_edt
 
 from navstack.core import Footprint, FrameTree, GridGeometry, OccupancyGrid, Pose2D
-from navstack.costmap import CostmapParams, LayeredCostmap, LayerSpec
-from navstack.costmap.inflation_layer import InflationLayer, InflationLayerParams
-from navstack.costmap.static_layer import StaticLayer, StaticLayerParams
+from navstack.costmap import (
+    CostmapParams,
+    InflationLayer,
+    InflationLayerParams,
+    LayeredCostmap,
+    StaticLayer,
+    StaticLayerParams,
+)
+from navstack.plugins import Plugin
 from tests.conftest import golden_files
 
 CASES = golden_files("costmap_static_*.npz")
@@ -24,7 +30,7 @@ def costmap_of(case: dict[str, np.ndarray], *, inflate: bool = True) -> LayeredC
     ny, nx = occupancy.shape
     grid = OccupancyGrid(occupancy, GridGeometry(nx, ny, resolution), raw=True)
     layers = [
-        LayerSpec(
+        Plugin(
             "static_layer",
             StaticLayer,
             StaticLayerParams(
@@ -34,7 +40,7 @@ def costmap_of(case: dict[str, np.ndarray], *, inflate: bool = True) -> LayeredC
     ]
     if inflate:
         layers.append(
-            LayerSpec(
+            Plugin(
                 "inflation_layer",
                 InflationLayer,
                 InflationLayerParams(

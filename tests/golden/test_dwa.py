@@ -16,14 +16,22 @@ import numpy as np
 import pytest
 import shapely
 
-from navstack.core import Costmap, Footprint, GridGeometry, Path, Pose2D, RobotState, Twist2D, normalize_angle
-from navstack.core.errors import NoValidControlError
-from navstack.interfaces import LocalPlan
+from navstack.core import (
+    Costmap,
+    Footprint,
+    GridGeometry,
+    NoValidControlError,
+    Path,
+    Pose2D,
+    RobotState,
+    Twist2D,
+    normalize_angle,
+)
 from navstack.local_planner import DWAParams, DWAPlanner
 from navstack.local_planner.critics import ObstacleCritic
-from navstack.local_planner.dwa._generator_kernels import axis_values
-from navstack.local_planner.dwa.default_critics import DEFAULT_CRITICS
-from navstack.local_planner.trajectory_rollout._kernels import perimeter_cost
+from navstack.local_planner.dwa import DEFAULT_CRITICS, axis_values
+from navstack.local_planner.trajectory_rollout.escape import perimeter_cost
+from navstack.plugins import LocalPlan
 from tests.conftest import golden_files
 
 RAW_RELATIVE = 1e-6

@@ -19,9 +19,8 @@ import pytest
 
 from navstack.core import Pose2D
 from navstack.map_io import load_map, map_path
-from navstack.parameters.configuration import load_configuration
-from navstack.places import load_places
-from navstack.scenario import RunResult, Scenario, run_scenario
+from navstack.parameters import load_configuration
+from navstack.scenario import RunResult, Scenario, load_places, run_scenario
 
 WILLOW = "maps/turtlebot_apps__willow-2010-02-18-0.10/willow-2010-02-18-0.10.yaml"
 START = Pose2D(29.75, 7.95, 0.0)
@@ -109,7 +108,7 @@ from pathlib import Path
 from navstack.parameters.configuration import load_configuration
 from navstack.map_io import load_map
 from navstack.map_io import map_path
-from navstack.places import load_places
+from navstack.scenario.places import load_places
 from navstack.scenario import Scenario, run_scenario
 office = load_places("office")
 scenario = Scenario(load_map(map_path("office")), load_configuration(["turtlebot"]), office.start, office.goals[:1],

@@ -15,14 +15,14 @@ from typing import Any
 
 import pytest
 
-from navstack.core import Pose2D, Twist2D
-from navstack.move_base import GoalHandle
-from navstack.recovery import (
+from navstack.behaviors import (
     ClearCostmapRecovery,
     ClearCostmapRecoveryParams,
     RotateRecovery,
     RotateRecoveryParams,
 )
+from navstack.core import Pose2D, Twist2D
+from navstack.move_base import GoalHandle
 from tests.conftest import golden_files
 from tests.move_base.world import Bench, StraightPlanner, occupied
 

@@ -17,7 +17,7 @@ from navstack.bringup import build_move_base, simulated_robot
 from navstack.core import Event, Pose2D, Twist2D
 from navstack.map_io import load_map
 from navstack.move_base import GoalHandle, MoveBase
-from navstack.parameters.configuration import load_configuration
+from navstack.parameters import load_configuration
 from navstack.sim import SimulatedRobot
 
 DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "parity" / "end_to_end.md"

@@ -23,14 +23,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from navstack.core import Costmap, Footprint, GridGeometry, Path, Pose2D, RobotState, Twist2D
-from navstack.core.errors import ControlError
-from navstack.interfaces import Approach, LocalPath
-from navstack.local_planner.goal_checkers.simple import SimpleGoalChecker, SimpleGoalCheckerParams
-from navstack.local_planner.graceful._law_kernels import LAW, law
+from navstack.core import ControlError, Costmap, Footprint, GridGeometry, Path, Pose2D, RobotState, Twist2D
+from navstack.local_planner import regulated_pure_pursuit as regulation
+from navstack.local_planner.goal_checkers import SimpleGoalChecker, SimpleGoalCheckerParams
+from navstack.local_planner.graceful import LAW, law
 from navstack.local_planner.path_follower import Following
-from navstack.local_planner.regulated_pure_pursuit import regulation
-from navstack.plugins import LOCAL_PLANNERS
+from navstack.plugins import LOCAL_PLANNERS, Approach, LocalPath
 from tests.conftest import golden_nav2_files
 
 COMMAND = 1e-7

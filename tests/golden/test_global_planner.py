@@ -16,10 +16,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from navstack.core import Costmap, GridGeometry, Pose2D
-from navstack.core.errors import NoValidPathError
-from navstack.global_planner import GlobalPlannerParams, GlobalPlannerROS
-from navstack.global_planner._search.cost_interpreter import global_planner_costs
+from navstack.core import Costmap, GridGeometry, NoValidPathError, Pose2D
+from navstack.global_planner import GlobalPlannerParams, GlobalPlannerROS, global_planner_costs
 from tests.conftest import golden_files
 from tests.golden.plan_cases import Case, cases
 

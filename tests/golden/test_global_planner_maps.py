@@ -7,14 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from navstack.bench.map_pairs import SEARCHING, blocked_points, costmap_of, reachable_pairs, run_pairs
-from navstack.core import Costmap, GridGeometry, Pose2D
+from navstack.core import Costmap, GridGeometry, MapError, Pose2D
 from navstack.core import Path as RobotPath
-from navstack.core.errors import MapError
-from navstack.interfaces import Plan
 from navstack.map_io import load_map, map_names, map_path
-from navstack.parameters.configuration import Configuration, load_configuration
-from navstack.plugins import GLOBAL_PLANNERS
+from navstack.parameters import Configuration, load_configuration
+from navstack.plugins import GLOBAL_PLANNERS, Plan
+from navstack.studies import SEARCHING
+from navstack.studies.planners import blocked_points, costmap_of, reachable_pairs, run_pairs
 from tests.conftest import data_files
 
 MAX_BYTES = 200_000

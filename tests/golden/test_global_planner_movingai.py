@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from navstack.bench.movingai import TOLERANCE, Answer, Problem, build, read_problems, run, summary
+from navstack.studies.movingai import TOLERANCE, Answer, Problem, build, read_problems, run, summary
 
 TENTH = 114
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from navstack.core.errors import MapError
+from navstack.core import MapError
 from navstack.map_io import load_map, save_map
 from tests.conftest import data_files, golden_files
 

@@ -23,12 +23,12 @@ import pytest
 from numpy.typing import NDArray
 
 from navstack.core import Costmap, Footprint, GridGeometry, Pose2D, RobotState, Twist2D
-from navstack.interfaces import Inflation
+from navstack.local_planner import MPPIParams
 from navstack.local_planner.mppi.batch import TrajectoryContext
 from navstack.local_planner.mppi.optimizer import Optimizer
-from navstack.local_planner.mppi.params import MPPIParams
 from navstack.local_planner.mppi.planner import is_safe, make_critics
-from navstack.parameters.configuration import load_configuration
+from navstack.parameters import load_configuration
+from navstack.plugins import Inflation
 from tests.conftest import golden_nav2_files
 
 VELOCITY = 1e-6

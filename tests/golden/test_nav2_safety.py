@@ -14,11 +14,10 @@ import pytest
 from numpy.typing import NDArray
 
 from navstack.core import Twist2D
-from navstack.parameters.models.velocity_smoother import VelocitySmootherParams
-from navstack.safety import VelocitySmoother
-from navstack.safety import _contact_kernels as contact
-from navstack.safety import _smoother_kernels as smoother
-from navstack.safety import _zone_kernels as zones
+from navstack.parameters import VelocitySmootherParams
+from navstack.safety import VelocitySmoother, zones
+from navstack.safety import approach as contact
+from navstack.safety import velocity_smoother as smoother
 from tests.conftest import golden_nav2_files
 
 FILES = golden_nav2_files("tables*.npz")

@@ -15,10 +15,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from navstack.core import Costmap, GridGeometry, Pose2D
-from navstack.core.errors import GoalOccupiedError, NoValidPathError
-from navstack.global_planner import NavfnParams, NavfnROS
-from navstack.global_planner._search.cost_interpreter import WaveCosts, navfn_costs, wave_costs
+from navstack.core import Costmap, GoalOccupiedError, GridGeometry, NoValidPathError, Pose2D
+from navstack.global_planner import NavfnParams, NavfnROS, WaveCosts, navfn_costs, wave_costs
 from navstack.global_planner._search.propagation import propagate_navfn
 from navstack.global_planner._search.traceback import navfn_path
 from navstack.global_planner._search.wavefront import Wavefront

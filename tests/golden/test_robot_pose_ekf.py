@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from navstack.localization.ekf import RobotPoseEkf
+from navstack.localization.pose_ekf import RobotPoseEkf
 from tests.conftest import golden_ros1_files
 
 MODES = ("odom_only", "odom_imu", "imu_dropout", "odom_dropout")

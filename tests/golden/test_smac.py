@@ -17,8 +17,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from navstack.core import Costmap, Footprint, GridGeometry, Pose2D
-from navstack.core.errors import PlanningError
+from navstack.core import Costmap, Footprint, GridGeometry, PlanningError, Pose2D
 from navstack.global_planner import SmacHybridParams, SmacHybridPlanner
 from tests.conftest import golden_nav2_files
 from tests.global_planner.pose_referee import Referee

@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from navstack.core import Costmap, Footprint, GridGeometry, Pose2D
-from navstack.core.errors import PlanningError
+from navstack.core import Costmap, Footprint, GridGeometry, PlanningError, Pose2D
 from navstack.global_planner import SmacHybridParams, SmacLatticeParams, SmacLatticePlanner
 from tests.golden.test_smac import FILES, JOBS, MOST, WORST, archive, cost_of
 

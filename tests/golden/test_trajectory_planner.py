@@ -25,11 +25,19 @@ import pytest
 import shapely
 from numpy.typing import NDArray
 
-from navstack.core import Costmap, Footprint, GridGeometry, Pose2D, RobotState, Twist2D, normalize_angle
-from navstack.core.errors import NoValidControlError
-from navstack.interfaces import LocalPlan
+from navstack.core import (
+    Costmap,
+    Footprint,
+    GridGeometry,
+    NoValidControlError,
+    Pose2D,
+    RobotState,
+    Twist2D,
+    normalize_angle,
+)
 from navstack.local_planner import TrajectoryPlanner, TrajectoryPlannerParams
 from navstack.local_planner.trajectory_rollout.escape import Additions
+from navstack.plugins import LocalPlan
 from tests.conftest import golden_ros1_files
 
 SAMPLE_ATOL = 1e-12

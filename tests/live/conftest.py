@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from navstack.live.session import Origin, Session
+from navstack.live.checkpoints import Origin
+from navstack.live.session import Session
 from navstack.map_io import map_path
 from navstack.scenario import Scenario, load_scenario
 

@@ -13,12 +13,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navstack.live import answers
+from navstack.live import checkpoints as twin_module
 from navstack.live import session as session_module
-from navstack.live import twin as twin_module
+from navstack.live import stage as answers
 from navstack.live.checkpoints import MAX_COUNT, Checkpoints, snapshot
 from navstack.live.session import Session
-from navstack.parameters.configuration import load_configuration
+from navstack.parameters import load_configuration
 from navstack.scenario import Run, Scenario, load_scenario
 
 Advance = Callable[..., None]

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from navstack.core.errors import InputError, RecordError
+from navstack.core import InputError, RecordError
 from navstack.explain import explain_command
-from navstack.live import answers, messages
-from navstack.live.frame import Frame
+from navstack.live import messages
+from navstack.live import stage as answers
 from navstack.live.logged import LoggedSession
-from navstack.live.stage import Options, Stage
+from navstack.live.messages import Frame
+from navstack.live.stage import Options, Stage, world_frame
 from navstack.live.view import LAYERS, SessionView
-from navstack.live.world import world_frame
 from navstack.record import Record
 from tests.replay.test_replay import Maker, record_of, replayed
 

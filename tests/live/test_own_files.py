@@ -10,14 +10,12 @@ from typing import Any
 
 import pytest
 
-from navstack.core.errors import InputError
+from navstack.core import InputError
 from navstack.live import messages, parameters
-from navstack.live.own_files import OwnFiles
-from navstack.live.session import Origin, Session
-from navstack.live.stage import Options, Stage
-from navstack.parameters.configuration import load_configuration
-from navstack.parameters.report import parameters_of
-from navstack.parameters.sources import packaged_folder
+from navstack.live.checkpoints import Origin
+from navstack.live.session import Session
+from navstack.live.stage import Options, OwnFiles, Stage
+from navstack.parameters import load_configuration, packaged_folder, parameters_of
 from navstack.scenario import Scenario, load_scenario, run_scenario
 
 SPEED = "DWAPlannerROS/max_vel_x"

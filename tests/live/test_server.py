@@ -13,11 +13,10 @@ from typing import Any
 import aiohttp
 import pytest
 
-from navstack.core.errors import InputError
+from navstack.core import InputError
 from navstack.live import messages
-from navstack.live.frame import decode
-from navstack.live.security import Gate
-from navstack.live.server import LiveServer, serve
+from navstack.live.messages import decode
+from navstack.live.server import Gate, LiveServer, serve
 from navstack.live.session import Session
 from navstack.live.stage import Options, Stage
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from navstack.core.errors import InputError
+from navstack.core import InputError
 from navstack.live.session import Session
 from navstack.scenario import Scenario, load_scenario, run_scenario
 

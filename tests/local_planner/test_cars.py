@@ -11,11 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navstack.core import Path, Pose2D, RobotState, Twist2D, normalize_angle
-from navstack.core.costs import LETHAL
-from navstack.core.errors import ControlError
-from navstack.interfaces import ControlInput
-from navstack.local_planner.regulated_pure_pursuit.regulation import Window, held_to_radius
+from navstack.core import LETHAL, ControlError, Path, Pose2D, RobotState, Twist2D, normalize_angle
+from navstack.local_planner.regulated_pure_pursuit import Window, held_to_radius
+from navstack.plugins import ControlInput
 from navstack.testing.doubles import FOOTPRINT, driven, local_costmap
 from tests.local_planner.test_followers import pursuit
 

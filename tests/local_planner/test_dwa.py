@@ -11,18 +11,36 @@ import pytest
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from navstack.core import INSCRIBED, LETHAL, Costmap, Footprint, GridGeometry, Path, Pose2D, RobotState, Twist2D
-from navstack.core.errors import InvalidPathError, NoValidControlError
-from navstack.core.parameters import ParamModel, PluginSpec, param
-from navstack.interfaces import ControlInput, Critic, RejectionDetail, Rollouts, ScoringContext, VelocityLimits
-from navstack.local_planner import DWAParams, DWAPlanner
+from navstack.core import (
+    INSCRIBED,
+    LETHAL,
+    Costmap,
+    Footprint,
+    GridGeometry,
+    InvalidPathError,
+    NoValidControlError,
+    Path,
+    Pose2D,
+    RobotState,
+    Twist2D,
+)
 from navstack.local_planner.critics import ObstacleCritic, OscillationCritic
 from navstack.local_planner.critics.obstacle import ObstacleParams
 from navstack.local_planner.critics.oscillation import OscillationParams
-from navstack.local_planner.dwa.default_critics import DEFAULT_CRITICS
-from navstack.local_planner.dwa.generator import velocity_window
-from navstack.local_planner.stop_rotate import braking_twist, turning_twist
-from navstack.plugins import CRITICS
+from navstack.local_planner.dwa import DEFAULT_CRITICS, DWAParams, DWAPlanner, velocity_window
+from navstack.local_planner.sampling_planner import braking_twist, turning_twist
+from navstack.plugins import (
+    CRITICS,
+    ControlInput,
+    Critic,
+    ParamModel,
+    PluginSpec,
+    RejectionDetail,
+    Rollouts,
+    ScoringContext,
+    VelocityLimits,
+    param,
+)
 
 FOOTPRINT = Footprint.from_radius(0.18)
 TURTLEBOT: dict[str, Any] = {
@@ -474,3 +492,30 @@ def test_an_obstacle_between_the_cells_of_the_edges_is_a_collision_with_its_cell
     critic.prepare(ScoringContext(at(pose).state, costmap, box, LINE, Pose2D(1.0, 0.0), planner_on().limits))
     assert critic.score(rollouts).tolist() == [-6.0]
     assert critic.explain(0).cell == cell
+
+
+BOX = [(0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2), (0.3, -0.2)]
+DIAMOND = [(0.3, 0.0), (0.0, 0.3), (-0.3, 0.0), (0.0, -0.3)]
+AROUND_BOX = {(ix, iy) for ix in range(17, 24) for iy in range(18, 23) if ix in (17, 23) or iy in (18, 22)}
+AROUND_DIAMOND = {(ix, iy) for ix in range(17, 24) for iy in range(17, 24) if abs(ix - 20) + abs(iy - 20) == 3}
+
+
+@pytest.mark.parametrize(("corners", "around"), [(BOX, AROUND_BOX), (DIAMOND, AROUND_DIAMOND)])
+def test_an_unknown_cell_on_an_edge_is_the_cell_that_is_blamed(
+    corners: list[tuple[float, float]], around: set[tuple[int, int]]
+) -> None:
+    """Every cell of the border, of edges in all eight directions; cells of 0.1 m, the robot in the middle of (20, 20)."""
+    footprint, pose = Footprint(np.array(corners)), Pose2D(0.05, 0.05, 0.0)
+    poses, limits = np.array([[pose]]), planner_on().limits
+    critic = ObstacleCritic("obstacle", ObstacleParams())
+    blamed: dict[tuple[int, int], tuple[int, int] | None] = {}
+    for ix in range(15, 26):
+        for iy in range(15, 26):
+            costmap = Costmap(GridGeometry(40, 40, 0.1, -2.0, -2.0), frame="odom")
+            costmap.data[iy, ix] = 255
+            critic.prepare(ScoringContext(RobotState(pose), costmap, footprint, LINE, Pose2D(1.0, 0.0), limits))
+            if critic.score(Rollouts(np.zeros((1, 3)), poses, np.ones(1, np.int64)))[0] == -6.0:
+                detail = critic.explain(0)
+                blamed[ix, iy] = detail.cell
+                assert detail.cost == 255 and detail.step == 0 and detail.pose == pose
+    assert blamed == {cell: cell for cell in around}

@@ -9,10 +9,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navstack.core import LETHAL, Costmap, Footprint, GridGeometry, Path, Pose2D, RobotState, Twist2D
-from navstack.core.errors import NoValidControlError
-from navstack.interfaces import ControlInput, LocalPlan
+from navstack.core import (
+    LETHAL,
+    Costmap,
+    Footprint,
+    GridGeometry,
+    NoValidControlError,
+    Path,
+    Pose2D,
+    RobotState,
+    Twist2D,
+)
 from navstack.local_planner import TrajectoryPlanner, TrajectoryPlannerParams
+from navstack.plugins import ControlInput, LocalPlan
 
 BOX = Footprint(np.array([[-0.2, -0.15], [0.2, -0.15], [0.2, 0.15], [-0.2, 0.15]]))
 GOAL = Pose2D(2.0, 0.0)

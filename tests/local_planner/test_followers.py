@@ -9,28 +9,28 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navstack.bench.limits import LIMIT_CASES, Limits, excess, search_excess
-from navstack.core import LETHAL, Footprint, Path, Pose2D, RobotState, Transform2D, Twist2D
-from navstack.core.errors import NoValidControlError
-from navstack.core.grid import grid_record
-from navstack.core.overlap_kernels import lethal_cells_under, place_scaled
-from navstack.interfaces import LocalPath
-from navstack.local_planner import (
-    GracefulController,
-    GracefulParams,
-    RegulatedPurePursuit,
-    RegulatedPurePursuitParams,
-    RotationShim,
-    RotationShimParams,
+from navstack.core import (
+    LETHAL,
+    Footprint,
+    NoValidControlError,
+    Path,
+    Pose2D,
+    RobotState,
+    Transform2D,
+    Twist2D,
+    grid_record,
+    lethal_cells_under,
+    place_scaled,
 )
-from navstack.local_planner.goal_checkers.simple import SimpleGoalCheckerParams
-from navstack.local_planner.graceful._law_kernels import LAW, law
-from navstack.local_planner.path_follower import Following
-from navstack.local_planner.regulated_pure_pursuit.arc_check import ArcCheck, Scene
-from navstack.local_planner.regulated_pure_pursuit.regulation import Window, held_to_radius
-from navstack.local_planner.turning import limited_turning_speed, turning_speed
-from navstack.parameters.configuration import check_parameters
+from navstack.local_planner import RegulatedPurePursuit, RegulatedPurePursuitParams, RotationShim, RotationShimParams
+from navstack.local_planner.goal_checkers import SimpleGoalCheckerParams
+from navstack.local_planner.graceful import LAW, GracefulController, GracefulParams, law
+from navstack.local_planner.path_follower import Following, limited_turning_speed, turning_speed
+from navstack.local_planner.regulated_pure_pursuit import ArcCheck, Scene, Window, held_to_radius
+from navstack.parameters import check_parameters
+from navstack.plugins import LocalPath
 from navstack.testing.doubles import control_input, driven, local_costmap
+from tests.local_planner.limits import LIMIT_CASES, Limits, excess, search_excess
 
 FAR = SimpleGoalCheckerParams(path_length_tolerance=0.0, xy_goal_tolerance=0.0)
 
@@ -300,6 +300,30 @@ def shim(**values: Any) -> RotationShim:
         use_dynamic_window=True, use_rotate_to_heading=False, max_linear_accel=1.0, max_linear_decel=-1.0
     )
     return RotationShim(RotationShimParams(closed_loop=False, sections={"primary_controller": window}, **values))
+
+
+@pytest.mark.parametrize(
+    ("error", "speed", "checked"),
+    [
+        (1.0, 1.0, [0.125 * i for i in range(1, 9)]),  # a left turn: for the whole time
+        (-1.0, -1.0, [-0.125]),  # a right turn: while it has turned by less than 1 - 0.75
+        (-1.5, -2.0, [-0.25, -0.5]),
+        (0.5, 1.0, []),  # a short turn: not at all
+    ],
+)
+def test_the_headings_that_nav2_checks_in_a_turn(error: float, speed: float, checked: list[float]) -> None:
+    """From simulate_ahead_time and angular_dist_threshold, in steps of a period of 1/8 s: every number is exact."""
+    params = RotationShimParams(
+        controller_frequency=8.0,
+        simulate_ahead_time=1.0,
+        angular_dist_threshold=0.75,
+        sections={"primary_controller": RegulatedPurePursuitParams()},
+    )
+    controller = RotationShim(params, as_nav2=True)
+    state, path = RobotState(Pose2D(0.0, 0.0), Twist2D()), LocalPath(np.zeros((2, 3)), 0.0, 0.0, 0, 2)
+    costmap = local_costmap(state.pose)
+    now = Following(state, path, Pose2D(0.0, 2.0), costmap, LONG, None, False, False, True, True)
+    assert list(controller._headings(now, error, speed)) == checked
 
 
 def test_the_shim_brakes_before_it_turns() -> None:

@@ -10,14 +10,12 @@ import pytest
 from numpy.typing import NDArray
 
 from navstack.core import Costmap, Footprint, GridGeometry, Path, Pose2D, RobotState, Twist2D
-from navstack.interfaces import ControlInput, Rollouts, ScoringContext
-from navstack.local_planner import DWAParams, DWAPlanner
 from navstack.local_planner.critics import BaseObstacleCritic, PreferForwardCritic, RotateToGoalCritic
 from navstack.local_planner.critics.base_obstacle import BaseObstacleParams
 from navstack.local_planner.critics.prefer_forward import PreferForwardParams
 from navstack.local_planner.critics.rotate_to_goal import RotateToGoalParams
-from navstack.local_planner.dwa.planner import make_critics
-from navstack.plugins import CRITICS
+from navstack.local_planner.dwa import DWAParams, DWAPlanner, make_critics
+from navstack.plugins import CRITICS, ControlInput, Rollouts, ScoringContext
 
 GEOMETRY = GridGeometry(40, 40, 0.05, -1.0, -1.0)
 FOOTPRINT = Footprint.from_radius(0.1)

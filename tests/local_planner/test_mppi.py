@@ -11,14 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navstack.core import Footprint, Pose2D, RobotState, Twist2D
-from navstack.core.errors import NoValidControlError, ParameterError
-from navstack.interfaces import ControlInput, Inflation
+from navstack.core import Footprint, NoValidControlError, ParameterError, Pose2D, RobotState, Twist2D
 from navstack.local_planner.mppi import MPPIParams, MPPIPlanner
-from navstack.local_planner.mppi._noise_kernels import fill_normals
-from navstack.local_planner.mppi._sine_kernels import LANES
-from navstack.local_planner.mppi._update_kernels import smooth, softmax
-from navstack.local_planner.mppi.batch import Batch, Motion, TrajectoryContext
+from navstack.local_planner.mppi.batch import LANES, Batch, Motion, TrajectoryContext
 from navstack.local_planner.mppi.collisions import EVERYWHERE, CollisionTest, table
 from navstack.local_planner.mppi.critics import (
     ConstraintCritic,
@@ -29,9 +24,10 @@ from navstack.local_planner.mppi.critics import (
     TwirlingCritic,
     VelocityDeadbandCritic,
 )
-from navstack.local_planner.mppi.motion_models import DIFF, OMNI, MotionModelParams
-from navstack.local_planner.mppi.optimizer import FILTERS, Optimizer
-from navstack.parameters.configuration import check_parameters, load_configuration
+from navstack.local_planner.mppi.optimizer import FILTERS, Optimizer, fill_normals, smooth, softmax
+from navstack.local_planner.mppi.params import DIFF, OMNI, MotionModelParams
+from navstack.parameters import check_parameters, load_configuration
+from navstack.plugins import ControlInput, Inflation
 from navstack.testing.doubles import FOOTPRINT, driven, local_costmap, straight_path
 
 f32 = np.float32

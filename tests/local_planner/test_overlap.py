@@ -11,10 +11,19 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navstack.core import LETHAL, Costmap, Footprint, GridGeometry, Path, Pose2D, RobotState, Twist2D
-from navstack.core.errors import NoValidControlError
-from navstack.interfaces import ControlInput
-from navstack.local_planner import DWAParams, DWAPlanner
+from navstack.core import (
+    LETHAL,
+    Costmap,
+    Footprint,
+    GridGeometry,
+    NoValidControlError,
+    Path,
+    Pose2D,
+    RobotState,
+    Twist2D,
+)
+from navstack.local_planner.dwa import DWAParams, DWAPlanner
+from navstack.plugins import ControlInput
 
 BOX = Footprint(np.array([[-0.3, -0.2], [0.3, -0.2], [0.3, 0.2], [-0.3, 0.2]]), 0.01)
 L_SHAPE = Footprint(np.array([[-0.2, -0.2], [0.5, -0.2], [0.5, 0.0], [0.15, 0.0], [0.15, 0.3], [-0.2, 0.3]]), 0.01)

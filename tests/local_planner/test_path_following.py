@@ -9,9 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navstack.core import GridGeometry, Path, Pose2D, Transform2D, Twist2D
-from navstack.core.errors import InvalidPathError
-from navstack.interfaces import Approach
+from navstack.core import GridGeometry, InvalidPathError, Path, Pose2D, Transform2D, Twist2D
 from navstack.local_planner.goal_checkers import (
     AdaptiveToleranceGoalChecker,
     AxisGoalChecker,
@@ -21,7 +19,8 @@ from navstack.local_planner.goal_checkers import (
 )
 from navstack.local_planner.path_handlers import FeasiblePathHandler
 from navstack.local_planner.progress_checkers import PoseProgressChecker, SimpleProgressChecker
-from navstack.parameters.configuration import check_parameters, load_configuration
+from navstack.parameters import check_parameters, load_configuration
+from navstack.plugins import Approach
 
 GOAL = Pose2D(0.0, 0.0, 0.0)
 WINDOW = GridGeometry(80, 80, 0.05, -2.0, -2.0)

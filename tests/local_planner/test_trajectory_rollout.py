@@ -10,14 +10,22 @@ import pytest
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from navstack.core import LETHAL, Costmap, Footprint, GridGeometry, Path, Pose2D, RobotState, Twist2D
-from navstack.core.errors import NoValidControlError
-from navstack.interfaces import ControlInput, ScoringContext
+from navstack.core import (
+    LETHAL,
+    Costmap,
+    Footprint,
+    GridGeometry,
+    NoValidControlError,
+    Path,
+    Pose2D,
+    RobotState,
+    Twist2D,
+)
 from navstack.local_planner import TrajectoryPlanner, TrajectoryPlannerParams
-from navstack.local_planner.trajectory_rollout._kernels import heading_errors
-from navstack.local_planner.trajectory_rollout.critics import PathDistanceCritic
+from navstack.local_planner.trajectory_rollout.critics import PathDistanceCritic, heading_errors
 from navstack.local_planner.trajectory_rollout.escape import OscillationFlags
-from navstack.local_planner.trajectory_rollout.params import y_speeds
+from navstack.local_planner.trajectory_rollout.planner import y_speeds
+from navstack.plugins import ControlInput, ScoringContext
 
 FOOTPRINT = Footprint.from_radius(0.18)
 LINE = np.column_stack((np.linspace(0.0, 1.5, 31), np.zeros(31), np.zeros(31)))

@@ -9,12 +9,11 @@ import pytest
 from numpy.typing import NDArray
 from velocity_sequences import DIFFERENTIAL, OMNIDIRECTIONAL, MotionModel, ackermann, simulate_sequences
 
-from navstack.core import LETHAL, Costmap, Footprint, GridGeometry, Pose2D, RobotState, Twist2D
-from navstack.core.errors import InputError
-from navstack.interfaces import ScoringContext
-from navstack.local_planner import DWAParams, DWAPlanner
+from navstack.core import LETHAL, Costmap, Footprint, GridGeometry, InputError, Pose2D, RobotState, Twist2D
+from navstack.local_planner.dwa import DWAParams, DWAPlanner
 from navstack.local_planner.scoring import score
-from navstack.local_planner.trajectory_rollout._kernels import perimeter_cost
+from navstack.local_planner.trajectory_rollout.escape import perimeter_cost
+from navstack.plugins import ScoringContext
 
 FOOTPRINT = Footprint.from_radius(0.18)
 STATE = RobotState(Pose2D(0.0, 0.0, 0.1), Twist2D(0.3, 0.0, 0.0))

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import GridGeometry, LaserScan, OccupancyGrid, Transform2D
-from navstack.sim._grid_kernels import free_rectangles, free_squares
-from navstack.sim._lidar_kernels import cast_ray
+from navstack.sim.lidar import cast_ray
+from navstack.sim.map_cells import free_rectangles, free_squares
 
 BEAMS = 120
 

@@ -11,11 +11,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from navstack.core import ImuReading, Pose2D, Transform2D, Twist2D
-from navstack.core.errors import InputError
-from navstack.localization.ekf import Ekf
-from navstack.localization.ekf.filtered_odometry import FilteredOdometry
-from navstack.parameters.localization_sections import default_filter
+from navstack.core import ImuReading, InputError, Pose2D, Transform2D, Twist2D
+from navstack.localization.ekf import Ekf, FilteredOdometry
+from navstack.parameters import default_filter
 from navstack.parameters.models.ekf import STATES, EkfParams
 
 Array = NDArray[np.float64]

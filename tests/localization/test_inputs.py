@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navstack.core import LaserScan, OccupancyGrid, Pose2D, Transform2D
-from navstack.core.errors import InputError
+from navstack.core import InputError, LaserScan, OccupancyGrid, Pose2D, Transform2D
 from navstack.localization.amcl import Amcl
 from navstack.localization.scan_matcher import ScanMatcher
 from navstack.localization.searching import SearchingLocalizer
-from navstack.parameters.models.amcl import AmclParams
+from navstack.parameters import AmclParams
 from tests.localization.rooms import free_pose, rooms, scan_from
 
 SENSOR = Transform2D(0.1, 0.0, 0.0)

@@ -9,14 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from navstack.core import LaserScan, OccupancyGrid, Pose2D, Transform2D
-from navstack.core.errors import ParameterError
+from navstack.core import LaserScan, OccupancyGrid, ParameterError, Pose2D, Transform2D
 from navstack.localization.amcl import Amcl
-from navstack.localization.beams import FEWEST, Beams, continuity, scan_beams
-from navstack.localization.lost import Agreement, LostDetector, LostParams
-from navstack.localization.searching import SearchingLocalizer
-from navstack.parameters.configuration import load_configuration
-from navstack.parameters.models.amcl import AmclParams
+from navstack.localization.global_search import FEWEST, Beams, continuity, scan_beams
+from navstack.localization.searching import Agreement, LostDetector, SearchingLocalizer
+from navstack.parameters import AmclParams, LostParams, load_configuration
 from tests.localization.rooms import free_pose, rooms, scan_from
 
 SENSOR = Transform2D(0.1, 0.0, 0.0)

@@ -8,10 +8,9 @@ import math
 import numpy as np
 import pytest
 
-from navstack.core import LaserScan, OccupancyGrid, Pose2D, Transform2D
-from navstack.core.errors import InputError
-from navstack.interfaces import PoseEstimate
+from navstack.core import InputError, LaserScan, OccupancyGrid, Pose2D, Transform2D
 from navstack.localization.scan_matcher import ScanMatcher, ScanMatcherParams
+from navstack.plugins import PoseEstimate
 from tests.localization.rooms import free_pose, rooms, scan_from
 
 SENSOR = Transform2D(0.1, 0.0, 0.0)

@@ -8,12 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from navstack.core import GridGeometry, LaserScan, OccupancyGrid, Transform2D
-from navstack.core.errors import MapError
-from navstack.localization._search_kernels import STRIDE, block_bounds
-from navstack.localization.beams import Beams, scan_beams
-from navstack.localization.match_map import MatchMap
-from navstack.localization.scan_search import search_scan
+from navstack.core import GridGeometry, LaserScan, MapError, OccupancyGrid, Transform2D
+from navstack.localization.global_search import STRIDE, Beams, MatchMap, block_bounds, scan_beams, search_scan
 from tests.localization.rooms import free_pose, rooms, scan_from
 
 STEP = math.radians(6.0)

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from navstack.core import LaserScan, Transform2D
-from navstack.logs.builder import MessageBuilder
 from navstack.logs.writer import open_writer, typestore
+from navstack.ros_messages import MessageBuilder
 
 START_NS = 1_700_000_000_000_000_000
 COUNT = 200

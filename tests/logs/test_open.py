@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import navstack as nav
-from navstack.core.errors import LogError
+from navstack.core import LogError
 from navstack.logs import open_log
 from tests.logs.samples import COUNT, PERIOD_NS, START_NS, write_rosbag2, write_sample
 
@@ -76,6 +76,49 @@ def test_truncated_file_says_what_can_be_read(logs: dict[str, Path], tmp_path: P
     assert len(messages) == caught.value.data["messages"]
     if name == "bag" and share > 0.5:
         assert len(messages) > 100
+
+
+def _mcap_of_several_chunks(path: Path) -> tuple[list[bytes], int, int]:
+    """Write an MCAP file; return its messages, and where its last chunk and the compressed data of that begin."""
+    from mcap.reader import make_reader
+
+    write_sample(path, 6000)
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None and len(summary.chunk_indexes) > 1
+    last = summary.chunk_indexes[-1]
+    with open_log(path) as log:
+        whole = [message.raw for message in log.messages()]
+    # after kind and length: two times, size, checksum, the name and the length of what is compressed
+    return whole, last.chunk_start_offset, last.chunk_start_offset + 9 + 28 + 4 + len(last.compression) + 8
+
+
+def test_damaged_chunk_of_an_indexed_mcap_is_an_error_where_it_is_read(tmp_path: Path) -> None:
+    """The summary is enough to open a file: a chunk is read when its messages are wanted."""
+    file = tmp_path / "long.mcap"
+    whole, chunk, body = _mcap_of_several_chunks(file)
+    content = bytearray(file.read_bytes())
+    content[body : body + 4] = b"none"
+    file.write_bytes(content)
+    found: list[bytes] = []
+    with open_log(file) as log:
+        assert sum(channel.count for channel in log.channels) == len(whole) == 9001
+        with pytest.raises(LogError, match="a chunk cannot be decompressed") as caught:
+            found += (message.raw for message in log.messages())
+        early = [message.raw for message in log.messages(end=1.0)]
+    assert caught.value.data["offset"] == chunk
+    assert early == whole[: len(early)] and len(early) > 20
+
+
+def test_chunk_that_expands_to_more_than_it_claims_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "bomb.mcap"
+    _, chunk, _ = _mcap_of_several_chunks(file)
+    content = bytearray(file.read_bytes())
+    content[chunk + 25 : chunk + 33] = (1000).to_bytes(8, "little")
+    file.write_bytes(content)
+    with open_log(file) as log, pytest.raises(LogError, match="a chunk has 1001 bytes instead of 1000"):
+        for _ in log.messages():
+            pass
 
 
 def test_bag_without_index_is_read_in_part(logs: dict[str, Path], tmp_path: Path) -> None:

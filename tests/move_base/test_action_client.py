@@ -2,11 +2,10 @@ from __future__ import annotations
 
 import pytest
 
-from navstack.core import Pose2D
-from navstack.core.errors import GoalTransitionError, InputError
+from navstack.core import GoalTransitionError, InputError, Pose2D
 from navstack.move_base import GoalStatus, SimpleActionClient
-from navstack.move_base.comm_state import CANCELLABLE, CLIENT_TRANSITIONS, ClientStateMachine, CommState
-from navstack.move_base.goal import GoalResult
+from navstack.move_base.action_client import CANCELLABLE, CLIENT_TRANSITIONS, ClientStateMachine, CommState
+from navstack.move_base.goals import GoalResult
 
 from .world import Bench
 

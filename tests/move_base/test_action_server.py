@@ -2,10 +2,9 @@ from __future__ import annotations
 
 import pytest
 
-from navstack.core import Pose2D
-from navstack.core.errors import GoalTransitionError, InputError
-from navstack.move_base import Goal, GoalStatus, SimpleActionServer, status_messages
-from navstack.move_base.goal import GoalHandle
+from navstack.core import GoalTransitionError, InputError, Pose2D
+from navstack.move_base import Goal, GoalStatus, SimpleActionServer, goals
+from navstack.move_base.goals import GoalHandle
 
 S = GoalStatus
 
@@ -56,14 +55,14 @@ def test_a_new_goal_replaces_the_current_one_when_it_is_accepted(server: SimpleA
     b = server.submit(goal("b", 2.0), 2.0)
     assert (a.status, b.status, server.preempt_requested) == (S.ACTIVE, S.PENDING, True)
     server.accept(3.0)
-    assert (a.status, a.text) == (S.PREEMPTED, status_messages.REPLACED)
+    assert (a.status, a.text) == (S.PREEMPTED, goals.REPLACED)
     assert a.result.error_name == "REPLACED"
     assert (b.status, server.preempt_requested) == (S.ACTIVE, False)
 
 
 def test_a_newer_goal_recalls_the_waiting_goal(server: SimpleActionServer) -> None:
     a, b = server.submit(goal("a", 1.0), 1.0), server.submit(goal("b", 2.0), 2.0)
-    assert (a.status, a.text, a.result.error_name) == (S.RECALLED, status_messages.REPLACED, "REPLACED")
+    assert (a.status, a.text, a.result.error_name) == (S.RECALLED, goals.REPLACED, "REPLACED")
     assert server.next is b
 
 
@@ -73,7 +72,7 @@ def test_a_goal_with_an_older_stamp_is_recalled(server: SimpleActionServer, wait
     if not waiting:
         server.accept(5.0)
     late = server.submit(goal("b", 4.9), 6.0)
-    assert (late.status, late.text) == (S.RECALLED, status_messages.REPLACED)
+    assert (late.status, late.text) == (S.RECALLED, goals.REPLACED)
     assert first.status is (S.PENDING if waiting else S.ACTIVE)
     same = server.submit(goal("c", 5.0), 6.0)
     assert same.status is S.PENDING
@@ -130,7 +129,7 @@ def test_cancel_by_time(server: SimpleActionServer) -> None:
     assert (a.status, b.status) == (S.PREEMPTING, S.PENDING)
     # later goals with an earlier stamp are recalled on arrival
     early = server.submit(goal("early", 1.5), 3.0)
-    assert (early.status, early.text) == (S.RECALLED, status_messages.CANCELED_BEFORE)
+    assert (early.status, early.text) == (S.RECALLED, goals.CANCELED_BEFORE)
     server.cancel(4.0, stamp=1.0)
     assert server.last_cancel == 1.5
 

@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from navstack.core.errors import GoalTransitionError
-from navstack.move_base.goal_status import SERVER_TRANSITIONS, GoalStatus, ServerCall, after
+from navstack.core import GoalTransitionError
+from navstack.move_base.goals import SERVER_TRANSITIONS, GoalStatus, ServerCall, after
 
 NUMBERS = [
     "PENDING",

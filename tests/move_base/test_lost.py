@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
+from navstack.behaviors import SpinToLocalize, SpinToLocalizeParams
 from navstack.core import Pose2D, Twist2D
-from navstack.interfaces import LocalizationStatus, RecoveryContext, RecoveryStatus
-from navstack.move_base import GoalStatus, status_messages
-from navstack.recovery import SpinToLocalize, SpinToLocalizeParams
+from navstack.move_base import GoalStatus, states
+from navstack.plugins import LocalizationStatus, RecoveryContext, RecoveryStatus
 from tests.move_base.world import Bench, EmptyCostmap, KinematicRobot, TurnAndGo, Waiting
 
 LOST = LocalizationStatus(True, 0.9, 0.12, "lost since 0.9 s: the map explains 12% of the scan")
@@ -72,7 +72,7 @@ def test_it_waits_and_plans_anew_when_it_is_found() -> None:
 def test_it_is_given_up_after_its_time(action: str, recoveries: int) -> None:
     bench = bench_of(action, until=1e9, recoveries=recoveries, timeout=5.0)
     handle = bench.run(bench.move_base.send_goal(GOAL))
-    assert (handle.status, handle.text) == (GoalStatus.ABORTED, status_messages.LOST)
+    assert (handle.status, handle.text) == (GoalStatus.ABORTED, states.LOST)
     result = handle.result
     assert (result.error_code, result.error_name) == (9025, "LOST")
     assert LOST.text in result.message

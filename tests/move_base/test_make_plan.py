@@ -5,11 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from navstack.core import Costmap, Pose2D
-from navstack.core.errors import FrameError, GoalOccupiedError, InputError
-from navstack.interfaces import Plan
+from navstack.core import Costmap, FrameError, GoalOccupiedError, InputError, Pose2D
 from navstack.move_base.errors import BusyError
-from navstack.move_base.make_plan import rings
+from navstack.move_base.planning import rings
+from navstack.plugins import Plan
 
 from .world import Bench, StraightPlanner, occupied
 

@@ -8,13 +8,12 @@ import pickle
 import numpy as np
 import pytest
 
-from navstack.core import Costmap, GridGeometry, Pose2D
-from navstack.core.errors import GoalOccupiedError, NoValidPathError, StartOccupiedError
+from navstack.bringup import plan_on_map
+from navstack.core import Costmap, GoalOccupiedError, GridGeometry, NoValidPathError, Pose2D, StartOccupiedError
 from navstack.global_planner import AStarParams, AStarPlanner, NavfnROS
 from navstack.map_io import load_map, map_path
-from navstack.move_base.occupied_cell import add_layer
-from navstack.parameters.configuration import load_configuration
-from navstack.plan_once import plan_on_map
+from navstack.move_base.planning import add_layer
+from navstack.parameters import load_configuration
 from tests.costmap.build import frames_at, inflation, obstacle, rolling, scan
 
 

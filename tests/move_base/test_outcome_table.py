@@ -13,9 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from navstack.core import Pose2D
-from navstack.core.errors import InvalidPathError
-from navstack.move_base import GoalHandle, GoalStatus, status_messages
+from navstack.core import InvalidPathError, Pose2D
+from navstack.move_base import GoalHandle, GoalStatus, goals
 from navstack.move_base.states import NavEvent
 
 from .test_real_parts import FAR, NEAR, WALL, Office
@@ -95,7 +94,7 @@ def bad_state() -> GoalHandle:
     office = Office()
     handle = office.move_base.send_goal(FAR)
     office.run_to(1.0)
-    office.move_base._navigation.apply(NavEvent.GOAL_ACCEPTED, office.robot.time)
+    office.move_base._apply(NavEvent.GOAL_ACCEPTED, office.robot.time)
     return handle
 
 
@@ -177,7 +176,7 @@ def test_the_text_of_accepted() -> None:
     office = Office()
     handle = office.move_base.send_goal(FAR)
     office.tick()
-    assert (handle.status, handle.text) == (S.ACTIVE, status_messages.ACCEPTED)
+    assert (handle.status, handle.text) == (S.ACTIVE, goals.ACCEPTED)
 
 
 def test_the_rows_match_the_reference(reference_dir: Path) -> None:

@@ -7,11 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from navstack.core import Path, Pose2D, Transform2D, Twist2D
-from navstack.core.errors import InputError, InternalError, InvalidPathError
-from navstack.interfaces import Plan
-from navstack.move_base import GoalStatus, InlinePlanning, Mode, Trigger, status_messages
+from navstack.core import InputError, InternalError, InvalidPathError, Path, Pose2D, Transform2D, Twist2D
+from navstack.move_base import GoalStatus, InlinePlanning, Mode, Trigger, goals, states
 from navstack.move_base.states import NavEvent
+from navstack.plugins import Plan
 
 from .world import Bench, StraightPlanner, TurnAndGo, Waiting, no_control, occupied
 
@@ -61,7 +60,7 @@ def test_replaced_by_a_new_goal() -> None:
     second = bench.move_base.send_goal(Pose2D(0.0, 2.0))
     assert (first.status, second.status) == (S.ACTIVE, S.PENDING)
     bench.run(second)
-    assert (first.status, first.text) == (S.PREEMPTED, status_messages.REPLACED)
+    assert (first.status, first.text) == (S.PREEMPTED, goals.REPLACED)
     assert first.result.error_name == "REPLACED"
     assert second.status is S.SUCCEEDED
 
@@ -73,8 +72,8 @@ def test_recalled_for_a_newer_goal_or_an_older_stamp() -> None:
     waiting = bench.move_base.send_goal(Pose2D(1.0, 1.0))
     newest = bench.move_base.send_goal(Pose2D(0.0, 1.0))
     older = bench.move_base.send_goal(Pose2D(0.0, 1.0), stamp=-1.0)
-    assert (waiting.status, waiting.text) == (S.RECALLED, status_messages.REPLACED)
-    assert (older.status, older.text) == (S.RECALLED, status_messages.REPLACED)
+    assert (waiting.status, waiting.text) == (S.RECALLED, goals.REPLACED)
+    assert (older.status, older.text) == (S.RECALLED, goals.REPLACED)
     bench.run(newest)
     assert [h.status for h in (first, newest)] == [S.PREEMPTED, S.SUCCEEDED]
 
@@ -84,7 +83,7 @@ def test_stamped_before_the_last_cancel() -> None:
     bench.run_to(3.0)
     bench.move_base.cancel_goals_at_and_before(2.5)
     handle = bench.move_base.send_goal(FAR, stamp=2.0)
-    assert (handle.status, handle.text) == (S.RECALLED, status_messages.CANCELED_BEFORE)
+    assert (handle.status, handle.text) == (S.RECALLED, goals.CANCELED_BEFORE)
 
 
 @pytest.mark.parametrize(
@@ -107,7 +106,7 @@ def test_bad_quaternion(orientation: tuple[float, float, float, float], active: 
         assert bench.robot.twist.vx > 0.0
     handle = bench.move_base.send_goal(Pose2D(1.0, 1.0), orientation=orientation)
     bench.run(handle)
-    assert (handle.status, handle.text) == (S.ABORTED, status_messages.BAD_QUATERNION)
+    assert (handle.status, handle.text) == (S.ABORTED, states.BAD_QUATERNION)
     assert (handle.result.error_code, handle.result.error_name) == (9013, "INVALID_GOAL")
     # parity 25: the robot is stopped, the planner too
     assert bench.robot.twist == Twist2D()
@@ -128,9 +127,9 @@ def test_a_quaternion_about_z_may_have_any_length() -> None:
 def test_a_position_that_is_not_finite() -> None:
     bench = Bench()
     handle = bench.run(bench.move_base.send_goal(Pose2D(math.nan, 0.0)))
-    assert (handle.status, handle.text) == (S.ABORTED, status_messages.BAD_POSITION)
+    assert (handle.status, handle.text) == (S.ABORTED, states.BAD_POSITION)
     nan_yaw = bench.run(bench.move_base.send_goal(Pose2D(0.0, 0.0, math.nan)))
-    assert (nan_yaw.status, nan_yaw.text) == (S.ABORTED, status_messages.BAD_QUATERNION)
+    assert (nan_yaw.status, nan_yaw.text) == (S.ABORTED, states.BAD_QUATERNION)
     with pytest.raises(InputError, match="stamp"):
         bench.move_base.send_goal(FAR, stamp=math.nan)
 
@@ -140,7 +139,7 @@ def test_the_local_planner_rejects_the_plan() -> None:
     driver.refuse = InvalidPathError("not for me")
     bench = Bench(driver=driver)
     handle = bench.run(bench.move_base.send_goal(FAR))
-    assert (handle.status, handle.text) == (S.ABORTED, status_messages.PLAN_REFUSED)
+    assert (handle.status, handle.text) == (S.ABORTED, states.PLAN_REFUSED)
     assert (handle.result.error_code, handle.result.message) == (103, "not for me")
 
 
@@ -149,7 +148,7 @@ def test_no_plan(enabled: bool) -> None:
     recoveries = [Waiting("a"), Waiting("b", 1.0)]
     bench = Bench(planner=StraightPlanner(occupied), recoveries=recoveries, recovery_behavior_enabled=enabled)
     handle = bench.run(bench.move_base.send_goal(FAR))
-    assert (handle.status, handle.text) == (S.ABORTED, status_messages.NO_PLAN)
+    assert (handle.status, handle.text) == (S.ABORTED, states.NO_PLAN)
     result = handle.result
     assert (result.error_code, result.error_name) == (206, "GOAL_OCCUPIED")
     assert result.recovery_names == (("a", "b") if enabled else ())
@@ -165,7 +164,7 @@ def test_no_control() -> None:
     recoveries = [Waiting("a"), Waiting("b")]
     bench = Bench(driver=TurnAndGo(no_control), recoveries=recoveries)
     handle = bench.run(bench.move_base.send_goal(FAR))
-    assert (handle.status, handle.text) == (S.ABORTED, status_messages.NO_CONTROL)
+    assert (handle.status, handle.text) == (S.ABORTED, states.NO_CONTROL)
     assert (handle.result.error_code, handle.result.error_name) == (106, "NO_VALID_CONTROL")
     assert handle.result.recovery_names == ("a", "b")
     # 3.0 s without a command; a recovery does not restart the patience (C++): every later failure recovers again
@@ -180,7 +179,7 @@ def test_oscillation() -> None:
         recoveries=[Waiting("a")],
     )
     handle = bench.run(bench.move_base.send_goal(FAR))
-    assert (handle.status, handle.text) == (S.ABORTED, status_messages.OSCILLATING)
+    assert (handle.status, handle.text) == (S.ABORTED, states.OSCILLATING)
     assert (handle.result.error_code, handle.result.error_name) == (105, "FAILED_TO_MAKE_PROGRESS")
     assert handle.result.recovery_names == ("a",)
     # 10 s without progress, recovered in the next cycle, another 10 s
@@ -214,13 +213,13 @@ def test_stale_sensors() -> None:
     bench = Bench()
     bench.local_costmap.stale = lambda now: now >= 2.0
     handle = bench.run(bench.move_base.send_goal(FAR))
-    assert (handle.status, handle.text) == (S.ABORTED, status_messages.STALE_SENSORS)
+    assert (handle.status, handle.text) == (S.ABORTED, states.STALE_SENSORS)
     assert (handle.result.error_code, handle.result.error_name) == (9020, "SENSOR_DATA_STALE")
     assert handle.result.time_s == pytest.approx(5.0)
     # stopped immediately
     assert all(c == Twist2D() for t, c in bench.robot.commands if t >= 2.0)
     warned = [e.text for e in bench.listener.of("warning")]
-    assert warned == [status_messages.LOG_STALE.format(name="local_costmap")]
+    assert warned == [states.LOG_STALE.format(name="local_costmap")]
     assert handle.result.data["stale_cycles"] == 16
 
 
@@ -236,7 +235,7 @@ def test_sensors_become_stale_during_a_recovery() -> None:
     bench = Bench(planner=StraightPlanner(occupied), recoveries=[Waiting("turn", 60.0, frequency=20.0)])
     bench.local_costmap.stale = lambda now: now >= 10.0
     handle = bench.run(bench.move_base.send_goal(FAR))
-    assert handle.text == status_messages.STALE_SENSORS
+    assert handle.text == states.STALE_SENSORS
     assert handle.result.time_s == pytest.approx(13.0)
     assert all(c == Twist2D() for t, c in bench.robot.commands if t >= 10.0)
     assert any(c != Twist2D() for t, c in bench.robot.commands if 9.9 <= t < 10.0)
@@ -249,18 +248,18 @@ def test_shutdown() -> None:
     waiting = bench.move_base.send_goal(Pose2D(1.0, 1.0))
     bench.move_base.shutdown()
     for h in (handle, waiting):
-        assert (h.status, h.text, h.result.error_name) == (S.ABORTED, status_messages.KILLED, "SHUTDOWN")
+        assert (h.status, h.text, h.result.error_name) == (S.ABORTED, states.KILLED, "SHUTDOWN")
     assert bench.robot.twist == Twist2D()
     late = bench.run(bench.move_base.send_goal(FAR))
-    assert (late.status, late.text) == (S.ABORTED, status_messages.KILLED)
+    assert (late.status, late.text) == (S.ABORTED, states.KILLED)
 
 
 def test_a_bug_in_the_state_machine_ends_the_goal() -> None:
     bench = Bench()
     handle = bench.move_base.send_goal(FAR)
     bench.run_to(2.0)
-    bench.move_base._navigation.apply(NavEvent.RECOVERY_ENDED, 2.0)  # illegal while driving
-    assert (handle.status, handle.text) == (S.ABORTED, status_messages.BAD_STATE)
+    bench.move_base._apply(NavEvent.RECOVERY_ENDED, 2.0)  # illegal while driving
+    assert (handle.status, handle.text) == (S.ABORTED, states.BAD_STATE)
     assert (handle.result.error_code, bench.robot.twist) == (9099, Twist2D())
     assert bench.run(bench.move_base.send_goal(Pose2D(1.0, 0.0))).status is S.SUCCEEDED
 
@@ -274,7 +273,7 @@ def test_a_robot_that_rejects_commands() -> None:
 
     bench.robot.broken = broken
     handle = bench.run(bench.move_base.send_goal(FAR))
-    assert (handle.status, handle.text) == (S.ABORTED, status_messages.DRIVER_FAILED)
+    assert (handle.status, handle.text) == (S.ABORTED, states.DRIVER_FAILED)
     assert "cable" in handle.result.message
 
 
@@ -294,7 +293,7 @@ def test_a_goal_in_another_frame_is_transformed_at_acceptance() -> None:
 def test_a_goal_in_an_unknown_frame() -> None:
     bench = Bench(recoveries=[Waiting("a")])
     handle = bench.run(bench.move_base.send_goal(Pose2D(1.0, 0.0), "moon"))
-    assert (handle.status, handle.text) == (S.ABORTED, status_messages.NO_PLAN)
+    assert (handle.status, handle.text) == (S.ABORTED, states.NO_PLAN)
     assert (handle.result.error_code, handle.result.error_name) == (102, "TF_ERROR")
     assert "moon" in handle.result.message
 
@@ -345,7 +344,7 @@ def test_a_failure_of_another_kind_continues_in_the_list() -> None:
     handle = bench.run(bench.move_base.send_goal(FAR))
     # the plan after "a" resets the index, since "a" was a planning recovery; the next three are control recoveries
     assert handle.result.recovery_names == ("a", "a", "b", "c")
-    assert handle.text == status_messages.NO_CONTROL
+    assert handle.text == states.NO_CONTROL
 
 
 def test_alternating_recoveries_end() -> None:
@@ -448,7 +447,7 @@ def test_a_planner_slower_than_its_patience_still_reaches_the_goal() -> None:
 def test_a_planner_that_never_answers() -> None:
     bench = Bench(planning=InlinePlanning(math.inf), recoveries=[Waiting("a")])
     handle = bench.run(bench.move_base.send_goal(FAR))
-    assert (handle.status, handle.text) == (S.ABORTED, status_messages.NO_PLAN)
+    assert (handle.status, handle.text) == (S.ABORTED, states.NO_PLAN)
     assert (handle.result.error_code, handle.result.error_name) == (207, "TIMEOUT")
 
 
@@ -557,7 +556,7 @@ def test_plans_in_another_frame_or_not_finite_are_rejected() -> None:
     for plan, code in ((wrong, 9099), (nan, 9099), ("a plan", 9099), (empty, 200)):
         bench = Bench(planner=StraightPlanner(lambda n, plan=plan: plan))
         handle = bench.run(bench.move_base.send_goal(FAR))
-        assert (handle.text, handle.result.error_code) == (status_messages.NO_PLAN, code)
+        assert (handle.text, handle.result.error_code) == (states.NO_PLAN, code)
 
 
 def test_results_are_plain_data() -> None:
@@ -579,7 +578,7 @@ def test_a_time_limit_ends_a_goal_without_end(own: bool) -> None:
     if not own:
         bench.move_base.goal_time_limit_s = 20.0
     handle = bench.run(bench.move_base.send_goal(FAR, time_limit_s=20.0 if own else None))
-    assert (handle.status, handle.text) == (S.ABORTED, status_messages.TIME_LIMIT)
+    assert (handle.status, handle.text) == (S.ABORTED, states.TIME_LIMIT)
     assert (handle.result.error_code, handle.result.error_name) == (9016, "GOAL_TIME_LIMIT")
     assert handle.result.message == "the goal was not reached within its time limit of 20 s"
     assert handle.result.time_s == pytest.approx(20.0, abs=0.01)
@@ -590,10 +589,35 @@ def test_a_time_limit_counts_from_acceptance_and_also_ends_a_recovery() -> None:
     bench = Bench(planner=StraightPlanner(occupied), recoveries=[Waiting("long", 60.0, frequency=20.0)])
     bench.run_to(3.0)
     handle = bench.run(bench.move_base.send_goal(FAR, time_limit_s=10.0))
-    assert handle.text == status_messages.TIME_LIMIT
+    assert handle.text == states.TIME_LIMIT
     assert handle.result.ended_at == pytest.approx(13.0, abs=0.21)
     assert handle.result.recovery_names == ("long",)
     assert bench.robot.twist == Twist2D()
     with pytest.raises(InputError, match="a positive time in seconds, not -1"):
         bench.move_base.send_goal(FAR, time_limit_s=-1)
-    assert bench.run(bench.move_base.send_goal(FAR, time_limit_s=math.inf)).text == status_messages.NO_PLAN
+    assert bench.run(bench.move_base.send_goal(FAR, time_limit_s=math.inf)).text == states.NO_PLAN
+
+
+def test_the_stopwatch_measures_every_call_of_a_planner_also_one_that_fails() -> None:
+    reads: list[float] = []
+
+    def stopwatch() -> float:
+        reads.append(0.25 * len(reads) ** 2)
+        return reads[-1]
+
+    planner, driver = (
+        StraightPlanner(lambda n: occupied(n) if n == 0 else None),
+        TurnAndGo(lambda n: no_control(n) if n == 0 else None),
+    )
+    bench = Bench(planner=planner, driver=driver, stopwatch=stopwatch)
+    handle = bench.move_base.send_goal(FAR)
+    planning: list[float] = []
+    control: list[float] = []
+    while not handle.is_done:
+        bench.tick()
+        tick = bench.move_base.last_tick
+        planning += [] if tick.planning_s is None else [tick.planning_s]
+        control += [] if tick.control_s is None else [tick.control_s]
+    assert (len(planning), len(control)) == (len(planner.calls), driver.calls)
+    assert planning[0] == reads[1] - reads[0] and len(reads) == 2 * (len(planning) + len(control))
+    assert Bench().move_base.last_tick.planning_s is None

@@ -9,11 +9,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navstack.core import Costmap, GridGeometry, Pose2D, RobotState, Twist2D
-from navstack.core.errors import InternalError, NavError, NoValidPathError, RecoveryError
-from navstack.interfaces import Plan, RecoveryContext
+from navstack.core import (
+    Costmap,
+    GridGeometry,
+    InternalError,
+    NavError,
+    NoValidPathError,
+    Pose2D,
+    RecoveryError,
+    RobotState,
+    Twist2D,
+)
 from navstack.move_base import GoalStatus, plugin_calls
-from navstack.record.log import render_log
+from navstack.plugins import Plan, RecoveryContext
+from navstack.record.recorder import render_log
 from tests.move_base.world import Bench, StraightPlanner, TurnAndGo, Waiting
 
 HERE = "tests/move_base/test_plugin_calls.py"

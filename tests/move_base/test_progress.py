@@ -3,7 +3,7 @@ from __future__ import annotations
 import math
 
 from navstack.core import Pose2D, normalize_angle
-from navstack.move_base.progress import OscillationChecker, Progress
+from navstack.move_base.checks import OscillationChecker, Progress
 
 
 def test_distance_counts_from_the_last_progress() -> None:

@@ -15,8 +15,8 @@ import pytest
 from navstack.bringup import build_move_base, simulated_robot
 from navstack.core import Event, LaserScan, Pose2D, Transform2D, Twist2D
 from navstack.map_io import load_map, map_path
-from navstack.move_base import GoalHandle, GoalStatus, Mode, MoveBase, status_messages
-from navstack.parameters.configuration import load_configuration
+from navstack.move_base import GoalHandle, GoalStatus, Mode, MoveBase, goals, states
+from navstack.parameters import load_configuration
 from navstack.sim import SimulatedRobot
 
 S = GoalStatus
@@ -73,9 +73,9 @@ def test_cancelled_replaced_and_recalled() -> None:
     assert office.move_base.command.vx > 0.1
     bumped = office.move_base.send_goal(NEAR)
     second = office.move_base.send_goal(NEAR)
-    assert (bumped.status, bumped.text) == (S.RECALLED, status_messages.REPLACED)
+    assert (bumped.status, bumped.text) == (S.RECALLED, goals.REPLACED)
     office.tick()
-    assert (first.status, first.text) == (S.PREEMPTED, status_messages.REPLACED)
+    assert (first.status, first.text) == (S.PREEMPTED, goals.REPLACED)
     # the robot keeps its last command until the first one for the new goal
     assert office.move_base.command.vx > 0.1
     office.move_base.cancel_goal(second)
@@ -87,7 +87,7 @@ def test_cancelled_replaced_and_recalled() -> None:
     assert early.status is S.RECALLED
     office.move_base.cancel_goals_at_and_before(100.0)
     late = office.move_base.send_goal(NEAR, stamp=50.0)
-    assert (late.status, late.text) == (S.RECALLED, status_messages.CANCELED_BEFORE)
+    assert (late.status, late.text) == (S.RECALLED, goals.CANCELED_BEFORE)
 
 
 def test_bad_quaternion_while_driving() -> None:
@@ -95,14 +95,14 @@ def test_bad_quaternion_while_driving() -> None:
     office.move_base.send_goal(FAR)
     office.run_to(3.0)
     handle = office.run(office.move_base.send_goal(NEAR, orientation=(0.0, 0.0, 0.0, 0.0)), 0.3)
-    assert (handle.status, handle.text) == (S.ABORTED, status_messages.BAD_QUATERNION)
+    assert (handle.status, handle.text) == (S.ABORTED, states.BAD_QUATERNION)
     assert office.is_stopped()
 
 
 def test_no_plan() -> None:
     office = Office()
     handle = office.run(office.move_base.send_goal(WALL))
-    assert (handle.status, handle.text) == (S.ABORTED, status_messages.NO_PLAN)
+    assert (handle.status, handle.text) == (S.ABORTED, states.NO_PLAN)
     assert handle.result.error_code in (204, 206)
     assert handle.result.recovery_names == (
         "conservative_reset",
@@ -133,7 +133,7 @@ def test_no_control() -> None:
     # with this padding the footprint hits both walls of the corridor for every command
     office = Office("local_costmap/footprint_padding=1.5")
     handle = office.run(office.move_base.send_goal(FAR))
-    assert (handle.status, handle.text) == (S.ABORTED, status_messages.NO_CONTROL)
+    assert (handle.status, handle.text) == (S.ABORTED, states.NO_CONTROL)
     assert (handle.result.error_code, handle.result.error_name) == (106, "NO_VALID_CONTROL")
     assert handle.result.data["failed_commands"] > 10
     assert office.robot.distance_travelled < 0.01
@@ -142,7 +142,7 @@ def test_no_control() -> None:
 def test_oscillation() -> None:
     office = Office("DWAPlannerROS/max_vel_x=0.0", "oscillation_timeout=3.0")
     handle = office.run(office.move_base.send_goal(FAR), 200.0)
-    assert (handle.status, handle.text) == (S.ABORTED, status_messages.OSCILLATING)
+    assert (handle.status, handle.text) == (S.ABORTED, states.OSCILLATING)
     assert (handle.result.error_code, handle.result.error_name) == (105, "FAILED_TO_MAKE_PROGRESS")
     assert handle.result.recoveries == 3
     assert office.is_stopped()
@@ -171,7 +171,7 @@ def test_stale_sensors() -> None:
     office.run_to(3.0)
     office.robot.scans = lambda: ()  # type: ignore[method-assign]
     office.run(handle)
-    assert (handle.status, handle.text) == (S.ABORTED, status_messages.STALE_SENSORS)
+    assert (handle.status, handle.text) == (S.ABORTED, states.STALE_SENSORS)
     assert handle.result.error_name == "SENSOR_DATA_STALE"
     # half a second until stale, then controller_patience
     assert handle.result.ended_at == pytest.approx(3.0 + 0.5 + 3.0, abs=0.45)
@@ -223,13 +223,13 @@ def test_shutdown_and_a_bug() -> None:
     office = Office()
     handle = office.move_base.send_goal(FAR)
     office.run_to(2.0)
-    office.move_base._navigation.apply(NavEvent.GOAL_ACCEPTED, office.robot.time)
-    assert (handle.status, handle.text) == (S.ABORTED, status_messages.BAD_STATE)
+    office.move_base._apply(NavEvent.GOAL_ACCEPTED, office.robot.time)
+    assert (handle.status, handle.text) == (S.ABORTED, states.BAD_STATE)
     assert office.is_stopped()
     handle = office.move_base.send_goal(FAR)
     office.run_to(4.0)
     office.move_base.shutdown()
-    assert (handle.status, handle.text) == (S.ABORTED, status_messages.KILLED)
+    assert (handle.status, handle.text) == (S.ABORTED, states.KILLED)
     assert office.is_stopped()
 
 

@@ -9,11 +9,10 @@ import pytest
 
 import navstack as nav
 from navstack.bringup import reconfigure
-from navstack.core import Pose2D, Twist2D
-from navstack.core.errors import InputError, ParameterError
-from navstack.interfaces import RecoveryContext
+from navstack.core import InputError, ParameterError, Pose2D, Twist2D
 from navstack.move_base import GoalStatus, Mode, MoveBase
 from navstack.move_base.states import NavEvent
+from navstack.plugins import RecoveryContext
 from navstack.sim import SimulatedRobot
 
 from .world import Bench, StraightPlanner, TurnAndGo, Waiting, occupied

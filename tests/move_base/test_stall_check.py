@@ -7,8 +7,8 @@ import math
 import pytest
 
 from navstack.core import Pose2D, RobotState, Twist2D
+from navstack.move_base.checks import StallCheck
 from navstack.move_base.errors import NoProgressError
-from navstack.move_base.stall_check import StallCheck
 from tests.move_base.world import LIMITS, Bench, KinematicRobot, Waiting
 
 TIMEOUT = 2.0

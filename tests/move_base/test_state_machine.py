@@ -4,12 +4,9 @@ import itertools
 
 import pytest
 
-from navstack.core.errors import InternalError
-from navstack.move_base import Mode, Trigger, status_messages
-from navstack.move_base.state_document import table_markdown
-from navstack.move_base.state_machine import TABLE, step
-from navstack.move_base.states import Action, NavEvent, NavState, Outcome
-from navstack.move_base.transition_table import ROWS
+from navstack.core import InternalError
+from navstack.move_base import Mode, Trigger, states
+from navstack.move_base.states import ROWS, TABLE, Action, NavEvent, NavState, Outcome, step, table_markdown
 
 # event: (to, recovery index, outcome) per mode; "=" self-transition, "-" illegal.
 # index: . keep, 0 reset, + next, p/c/o reset when the trigger is PLANNING_R/CONTROLLING_R/OSCILLATION_R; L the trigger LOST_R
@@ -126,10 +123,10 @@ def test_outcomes_have_the_texts_of_cpp() -> None:
         "OSCILLATING": "Robot is oscillating. Even after executing recovery behaviors.",
         "BAD_STATE": "Reached a case that should not be hit in move_base. This is a bug, please report it.",
         "KILLED": "Aborting on the goal because the node has been killed",
-        "STALE_SENSORS": status_messages.STALE_SENSORS,
-        "LOST": status_messages.LOST,
-        "DRIVER_FAILED": status_messages.DRIVER_FAILED,
-        "TIME_LIMIT": status_messages.TIME_LIMIT,
+        "STALE_SENSORS": states.STALE_SENSORS,
+        "LOST": states.LOST,
+        "DRIVER_FAILED": states.DRIVER_FAILED,
+        "TIME_LIMIT": states.TIME_LIMIT,
     }
 
 

@@ -7,11 +7,10 @@ from collections.abc import Generator
 
 import pytest
 
-from navstack.core import Pose2D, Twist2D
-from navstack.core.costs import LETHAL
+from navstack.core import LETHAL, Pose2D, Twist2D
 from navstack.move_base import GoalHandle, GoalStatus, Mode, MoveBaseParams, ThreadPlanning
 from navstack.move_base.errors import BusyError
-from navstack.move_base.thread_planning import MAX_HUNG
+from navstack.move_base.planning import MAX_HUNG
 
 from .world import Bench, StraightPlanner, occupied
 

@@ -14,7 +14,9 @@ from navstack.core import (
     Event,
     Footprint,
     FrameTree,
+    GoalOccupiedError,
     GridGeometry,
+    NoValidControlError,
     Path,
     Pose2D,
     RobotState,
@@ -25,15 +27,15 @@ from navstack.core import (
     angle_between,
     normalize_angle,
 )
-from navstack.core.errors import GoalOccupiedError, NoValidControlError
-from navstack.core.parameters import ParamModel
-from navstack.interfaces import (
+from navstack.move_base import GoalHandle, MoveBase, MoveBaseParams, Planning
+from navstack.plugins import (
     ControlInput,
     GlobalPlanner,
     Layer,
     LayerContext,
     LocalPlan,
     LocalPlanner,
+    ParamModel,
     Plan,
     RecoveryBehavior,
     RecoveryContext,
@@ -41,7 +43,6 @@ from navstack.interfaces import (
     RecoveryStep,
     VelocityLimits,
 )
-from navstack.move_base import GoalHandle, MoveBase, MoveBaseParams, Planning
 from navstack.testing import doubles
 
 NOTHING = object()
@@ -316,6 +317,7 @@ class Bench:
         start: Pose2D = Pose2D(0.0, 0.0, 0.0),
         map_to_odom: Transform2D = Transform2D(),
         recovery_time_limit_s: float = 120.0,
+        stopwatch: Callable[[], float] | None = None,
         **params: Any,
     ) -> None:
         defaults: dict[str, Any] = {
@@ -346,6 +348,7 @@ class Bench:
             global_update_frequency=1.0,
             local_update_frequency=5.0,
             recovery_time_limit_s=recovery_time_limit_s,
+            stopwatch=stopwatch,
         )
 
     def tick(self) -> float:

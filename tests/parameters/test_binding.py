@@ -7,9 +7,9 @@ from typing import Any, ClassVar, Literal
 
 import pytest
 
-from navstack.core.parameters import ParamModel, PluginSpec, param
 from navstack.parameters import Finding, Space, read_sources
 from navstack.parameters.binding import Binder
+from navstack.plugins import ParamModel, PluginSpec, param
 
 
 class Inner(ParamModel):

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from navstack.core.errors import ParameterError, UnknownPluginError
+from navstack.core import ParameterError, UnknownPluginError
 from navstack.parameters import Finding
 from navstack.parameters.configuration import check_parameters, choose_global_planner, load_configuration
 from tests.conftest import data_files

@@ -10,12 +10,13 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navstack.core.errors import ParameterError
-from navstack.core.parameters import ParamModel
-from navstack.parameters.configuration import Configuration, load_configuration
+from navstack.core import ParameterError
+from navstack.parameters.configuration import load_configuration
+from navstack.parameters.configuration_types import Configuration
 from navstack.parameters.report import as_dict, as_yaml, parameters_of, same_parameters
-from navstack.parameters.report.document import value_text
+from navstack.parameters.yaml_editor import value_text
 from navstack.parameters.yaml_reader import parse_value, plain
+from navstack.plugins import ParamModel
 from tests.parameters.robots import name_of, robots
 from tests.parameters.test_configuration import robot
 

@@ -9,12 +9,10 @@ from typing import Any
 
 import pytest
 
-from navstack.core.parameters import ParamModel
-from navstack.parameters.model_fields import bounds_of, iter_names
-from navstack.parameters.models.costmap import CostmapParams
-from navstack.parameters.models.move_base import MoveBaseParams
-from navstack.parameters.report.schema import children_of
-from navstack.plugins import GLOBAL_PLANNERS, LAYERS, LOCAL_PLANNERS, RECOVERY_BEHAVIORS
+from navstack.parameters.binding import bounds_of, iter_names
+from navstack.parameters.models.move_base import CostmapParams, MoveBaseParams
+from navstack.parameters.report import children_of
+from navstack.plugins import GLOBAL_PLANNERS, LAYERS, LOCAL_PLANNERS, RECOVERY_BEHAVIORS, ParamModel
 
 OBSTACLE: type[ParamModel] = LAYERS.get("costmap_2d/ObstacleLayer").cls.Params
 TABLES: dict[str, list[type[ParamModel]]] = {

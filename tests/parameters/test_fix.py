@@ -11,8 +11,8 @@ import pytest
 
 from navstack.cli.app import run
 from navstack.parameters import check_parameters, load_configuration
+from navstack.parameters.binding import iter_names
 from navstack.parameters.fix import KeyFixes, fix_keys
-from navstack.parameters.model_fields import iter_names
 from navstack.parameters.report import same_parameters
 from navstack.parameters.spelling import is_certain, nearest
 from navstack.parameters.yaml_reader import edited_files

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from navstack.core.errors import ParameterError
+from navstack.core import ParameterError
 from navstack.parameters.configuration import load_configuration
 
 SQUARE = [[0.2, 0.2], [0.2, -0.2], [-0.2, -0.2], [-0.2, 0.2]]

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from navstack.core.errors import ParameterError
-from navstack.parameters.configuration import Configuration, load_configuration
-from navstack.parameters.report import Migration, migrate, same_parameters
-from navstack.parameters.report.migrate import SINGLE_FILE
+from navstack.core import ParameterError
+from navstack.parameters.configuration import load_configuration
+from navstack.parameters.configuration_types import Configuration
+from navstack.parameters.report import SINGLE_FILE, Migration, migrate, same_parameters
 from tests.parameters.robots import name_of, robots
 
 ROBOTS = [["turtlebot"], *robots()]

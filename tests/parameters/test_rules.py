@@ -9,12 +9,11 @@ from typing import Any, ClassVar
 
 import pytest
 
-from navstack.core.parameter_checks import CheckContext, Issue, LayerTraits
-from navstack.core.parameters import ParamModel, param
 from navstack.costmap import InflationLayer
 from navstack.parameters import Finding
 from navstack.parameters.configuration import check_parameters, load_configuration
-from navstack.plugins import LAYERS
+from navstack.parameters.rules import rules_page
+from navstack.plugins import LAYERS, REGISTRIES, RULES, CheckContext, LayerTraits, ParamModel, Problem, param, rule
 from tests.parameters.test_configuration import INFLATION, OBSTACLE, SCAN, STATIC, robot
 
 
@@ -133,19 +132,33 @@ def test_rules_are_skipped_if_a_source_cannot_be_read() -> None:
     assert {f.rule for f in findings if f.severity != "info"} == {"no-source"}
 
 
-def test_every_rule_is_documented() -> None:
-    """rules.md has a section for each rule, declared by a plugin or for the whole robot, and none for others."""
+def test_the_page_of_rules_is_that_of_the_registry() -> None:
+    """`python tools/rules_page.py` writes it."""
     root = Path(__file__).parents[2]
-    files = [(root / "navstack" / "parameters" / "rules.py").read_text(encoding="utf-8")]
-    files += [p.read_text(encoding="utf-8") for p in (root / "navstack").rglob("*.py")]
-    rules = set(re.findall(r'"(?:error|warning|info)",\s*"([a-z-]+)"', files[0]))
-    for code in files:
-        rules |= set(re.findall(r'Issue\(\s*"(?:error|warning|info)",\s*"([a-z-]+)"', code))
-    sections = re.findall(
-        r"^## (.+)$", (root / "docs" / "reference" / "rules.md").read_text(encoding="utf-8"), re.MULTILINE
-    )
-    assert len(rules) >= 20
-    assert sorted(sections) == sorted([*rules, "Your own rules"])
+    for registry in REGISTRIES:
+        list(registry)
+    page = (root / "docs" / "reference" / "rules.md").read_text(encoding="utf-8")
+    assert page == rules_page()
+    own = {name: one for name, one in RULES.items() if one.module.startswith("navstack.")}
+    assert re.findall(r"^## (.+)$", page, re.MULTILINE) == [*sorted(own), "Your own rules"]
+    assert len(own) >= 60
+    assert all(len(one.text.split()) > 10 for one in own.values())
+
+
+def test_every_rule_of_a_plugin_is_in_the_registry() -> None:
+    declared: set[tuple[str, str]] = set()
+    for path in (Path(__file__).parents[2] / "navstack").rglob("*.py"):
+        declared |= set(
+            re.findall(r'Issue\(\s*"(error|warning|info)",\s*"([a-z-]+)"', path.read_text(encoding="utf-8"))
+        )
+    assert len(declared) >= 20
+    assert {name for _, name in declared} <= set(RULES)
+    assert {(RULES[name].severity, name) for _, name in declared} <= declared
+
+
+def test_a_name_of_a_rule_is_used_once() -> None:
+    with pytest.raises(ValueError, match='"blind" is registered already'):
+        rule("blind", "warning")(lambda configuration: iter(()))
 
 
 def test_zero_sideways_samples_count_as_one() -> None:
@@ -160,14 +173,16 @@ class _TheirParams(ParamModel):
 
     reach: float = param(1.0, "reach", unit="m")
 
-    def check(self, context: CheckContext) -> Iterator[Issue]:
+    @rule("their-reach", "warning")
+    def covers_the_robot(self, context: CheckContext) -> Iterator[Problem]:
+        """Their page."""
         if self.reach < 0.0:
             raise RuntimeError("negative reach")
         radius = context.costmap.footprint.circumscribed_radius
         if self.reach < radius:
             where = f"{context.name} in {context.costmap.name}"
             message = f"reach = {self.reach:g} m of {where} is less than {radius:.3g} m; raise it"
-            yield Issue("warning", "their-reach", ("reach", "/local_costmap/robot_radius"), message, "1")
+            yield Problem(("reach", "/local_costmap/robot_radius"), message, "1")
 
 
 class _TheirLayer(InflationLayer):

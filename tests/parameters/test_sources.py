@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from navstack.parameters import packaged_sets, read_sources
-from navstack.parameters.folders import role_of
+from navstack.parameters.sources import role_of
 
 
 def write(folder: Path, **files: str) -> Path:

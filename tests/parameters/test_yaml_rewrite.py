@@ -10,10 +10,11 @@ import pytest
 
 from navstack.parameters import packaged_folder
 from navstack.parameters.configuration import load_configuration
-from navstack.parameters.report import same_parameters, value_text
+from navstack.parameters.report import same_parameters
+from navstack.parameters.yaml_editor import value_text
 from navstack.parameters.yaml_rewrite import OVERLAY_FILE, rewrite_parameters
-from navstack.tune.default_ranges import default_space
-from navstack.tune.space import Value
+from navstack.studies.search_space import Value
+from navstack.studies.search_space_parser import default_space
 
 RADII = ("global_costmap/inflation_layer/inflation_radius", "local_costmap/inflation_layer/inflation_radius")
 

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from navstack.core import Footprint
-from navstack.core.errors import InputError, OutputError
+from navstack.core import Footprint, InputError, OutputError
 from navstack.plot import animate_run, colors
 from navstack.record import RunRecorder
 from tests.plot.test_pictures import a_run, count

@@ -15,9 +15,8 @@ from matplotlib.figure import Figure
 
 import navstack as nav
 from navstack import explain, plot
-from navstack.core.errors import InputError
-from navstack.plot.barn import plot_success, plot_times
-from navstack.plot.compare import plot_pairs
+from navstack.core import InputError
+from navstack.plot.benchmarks import plot_pairs, plot_success, plot_times
 from navstack.record import Record
 from tests.explain.conftest import scenario
 

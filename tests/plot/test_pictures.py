@@ -16,19 +16,20 @@ from navstack.core import (
     Event,
     Footprint,
     GridGeometry,
+    InputError,
     OccupancyGrid,
+    OutputError,
     Path,
     Pose2D,
     RobotState,
     Transform2D,
     Twist2D,
 )
-from navstack.core.errors import InputError, OutputError
-from navstack.interfaces import Plan
 from navstack.plot import canvas, colors, plot_costmap, plot_plan, plot_run
-from navstack.plot.compare import plot_pairs
+from navstack.plot.benchmarks import plot_pairs
 from navstack.plot.picture import Picture, round_length
 from navstack.plot.run import area_of_run, circumstances, headline, incidents
+from navstack.plugins import Plan
 from navstack.record import Record, RunRecorder
 from tests.record import synthetic
 
@@ -537,7 +538,8 @@ def test_a_costmap_shows_plan_scan_goal_and_trajectory(costmap):
 
 
 def test_the_title_of_a_film_does_not_tell_the_end(record, tmp_path, monkeypatch):
-    from navstack.plot import animate, animate_run
+    from navstack.plot import animate_run
+    from navstack.plot import film as animate
 
     titles = []
 
@@ -555,7 +557,7 @@ def test_the_title_of_a_film_does_not_tell_the_end(record, tmp_path, monkeypatch
 
 
 def test_text_in_backticks_is_code_in_reports():
-    from navstack.tune.report_html import ReportHeader, sensitivity_page
+    from navstack.studies.report import ReportHeader, sensitivity_page
 
     picture = ROOT / "docs" / "images" / "states.png"
     page = "\n".join(sensitivity_page([], ReportHeader("a <b>", "p", "", "with `vx_samples`"), picture))

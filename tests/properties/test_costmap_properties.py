@@ -10,10 +10,20 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy.ndimage import distance_transform_edt
 
-from navstack.core import Bounds, Costmap, Footprint, FrameTree, GridGeometry, LaserScan, Pose2D, Transform2D, Window
-from navstack.core.errors import InputError
+from navstack.core import (
+    Bounds,
+    Costmap,
+    Footprint,
+    FrameTree,
+    GridGeometry,
+    InputError,
+    LaserScan,
+    Pose2D,
+    Transform2D,
+    Window,
+)
 from navstack.costmap import InflationLayer, InflationLayerParams, inflation_cost
-from navstack.interfaces import LayerContext
+from navstack.plugins import LayerContext
 from tests.costmap.build import cloud, cloud_source, frames_at, inflation, obstacle, rolling, scan, scan_source
 
 SETTINGS = settings(deadline=None, max_examples=50, derandomize=True)

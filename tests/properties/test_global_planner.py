@@ -11,11 +11,17 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.ndimage import label
 
-from navstack.core import Costmap, GridGeometry, Pose2D
-from navstack.core.errors import GoalOccupiedError, NoValidPathError, StartOccupiedError
-from navstack.global_planner import GlobalPlannerParams, GlobalPlannerROS, NavfnParams, NavfnROS
-from navstack.global_planner._search.cost_interpreter import WaveCosts, global_planner_costs, navfn_costs
-from navstack.interfaces import Plan
+from navstack.core import Costmap, GoalOccupiedError, GridGeometry, NoValidPathError, Pose2D, StartOccupiedError
+from navstack.global_planner import (
+    GlobalPlannerParams,
+    GlobalPlannerROS,
+    NavfnParams,
+    NavfnROS,
+    WaveCosts,
+    global_planner_costs,
+    navfn_costs,
+)
+from navstack.plugins import Plan
 
 RESOLUTION = 0.05
 KINDS = ["any", "sparse", "walls", "free", "lethal", "unknown"]

@@ -12,10 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from navstack.core import Costmap, Pose2D
-from navstack.core.errors import GoalOccupiedError, NoValidPathError, StartOccupiedError
+from navstack.core import Costmap, GoalOccupiedError, NoValidPathError, Pose2D, StartOccupiedError
 from navstack.global_planner import AStarParams, AStarPlanner, ThetaStarParams, ThetaStarPlanner
-from navstack.interfaces import GlobalPlanner, Plan
+from navstack.plugins import GlobalPlanner, Plan
 from tests.properties.test_global_planner import RESOLUTION, problems
 
 Cell = tuple[int, int]

@@ -17,8 +17,15 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.ndimage import label
 
-from navstack.core import Costmap, GridGeometry, Pose2D
-from navstack.core.errors import GoalOccupiedError, NoValidPathError, PlanningError, StartOccupiedError
+from navstack.core import (
+    Costmap,
+    GoalOccupiedError,
+    GridGeometry,
+    NoValidPathError,
+    PlanningError,
+    Pose2D,
+    StartOccupiedError,
+)
 from navstack.global_planner import (
     AStarParams,
     AStarPlanner,
@@ -30,8 +37,8 @@ from navstack.global_planner import (
     ThetaStarParams,
     ThetaStarPlanner,
 )
-from navstack.global_planner._search import goal_potential
-from navstack.interfaces import GlobalPlanner, Plan
+from navstack.global_planner._search import wave_search as goal_potential
+from navstack.plugins import GlobalPlanner, Plan
 
 RESOLUTION = 0.05
 PER_CELL = 20

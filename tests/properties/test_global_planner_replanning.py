@@ -7,10 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navstack.core import Costmap, GridGeometry, Pose2D
-from navstack.core.errors import PlanningError
+from navstack.core import Costmap, GridGeometry, PlanningError, Pose2D
 from navstack.global_planner import GlobalPlannerParams, GlobalPlannerROS, NavfnParams, NavfnROS
-from navstack.global_planner._search import goal_potential
+from navstack.global_planner._search import wave_search as goal_potential
 
 COST_TOLERANCE = 0.005
 KINDS = ["navfn", "navfn astar", "navfn known", "global_planner", "global_planner linear", "global_planner astar"]

@@ -10,23 +10,25 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navstack.core import Costmap, Footprint, GridGeometry, Path, Pose2D, RobotState, Transform2D, Twist2D
-from navstack.core.errors import ControlError, InvalidPathError, NoValidControlError
-from navstack.interfaces import ControlInput, LocalPlan, LocalPlanner, Rollouts, ScoringContext
-from navstack.local_planner import DWAParams, DWAPlanner
-from navstack.local_planner.critics import ObstacleCritic
-from navstack.local_planner.critics._bound_kernels import highest_around
-from navstack.local_planner.critics._map_grid_critic import MapGridCritic
-from navstack.local_planner.critics.obstacle import first_lethal_cell
-from navstack.local_planner.dwa.fused_scoring import FusedScorer
-from navstack.local_planner.dwa.generator import DWAGenerator, velocity_window
-from navstack.local_planner.dwa.planner import make_critics
+from navstack.core import (
+    ControlError,
+    Costmap,
+    Footprint,
+    GridGeometry,
+    InvalidPathError,
+    NoValidControlError,
+    Path,
+    Pose2D,
+    RobotState,
+    Transform2D,
+    Twist2D,
+)
+from navstack.local_planner import DWAParams, DWAPlanner, PathFollower
+from navstack.local_planner.critics.obstacle import first_lethal_cell, highest_around
 from navstack.local_planner.map_grid import MapGridBuilder
-from navstack.local_planner.path_follower import PathFollower
-from navstack.local_planner.rollouts import compute_cells
-from navstack.local_planner.scoring import ScoreTable, score
-from navstack.local_planner.trajectory_rollout._kernels import perimeter_cost
-from navstack.plugins import LOCAL_PLANNERS
+from navstack.local_planner.rollouts import shared_cells
+from navstack.local_planner.trajectory_rollout.escape import perimeter_cost
+from navstack.plugins import LOCAL_PLANNERS, ControlInput, LocalPlan, LocalPlanner, Rollouts, ScoringContext
 
 PLANNERS = [entry.name for entry in LOCAL_PLANNERS if not issubclass(entry.cls, PathFollower)]
 FOOTPRINTS = [
@@ -185,6 +187,11 @@ def test_no_footprint_costs_more_than_the_bound(
             assert limit >= 254
 
 
+def scoring_context(costmap: Costmap, plan: np.ndarray[Any, Any], robot: Pose2D) -> ScoringContext:
+    limits = DWAPlanner(DWAParams()).limits
+    return ScoringContext(RobotState(robot), costmap, FOOTPRINTS[0], plan, robot, limits)
+
+
 @SETTINGS
 @given(
     costmap=costmaps(),
@@ -207,8 +214,9 @@ def test_a_resumed_wavefront_gives_the_same_scores(
     points[:, :, 0] += g.origin_x
     points[:, :, 1] += g.origin_y
     rollouts = Rollouts(np.zeros((12, 3)), points, rng.integers(1, 5, 12))
-    grid = MapGridBuilder().build(costmap, line, robot, last_only=last_only)
-    cells = compute_cells(rollouts, g)
+    context = scoring_context(costmap, line, robot)
+    grid = MapGridBuilder().build(context, line, robot[:2], last_only=last_only)
+    cells = shared_cells(context, rollouts)
     ahead = 0.05 if nose else 0.0
 
     def scored() -> np.ndarray[Any, Any]:
@@ -240,8 +248,9 @@ def test_directed_and_undirected_wavefronts_have_the_same_distances(
 ) -> None:
     g = costmap.geometry
     end = np.array([[g.origin_x + at[0] * g.width_m * 0.999, g.origin_y + at[1] * g.height_m * 0.999, 0.0]])
-    directed = MapGridBuilder().build(costmap, end, robot, last_only=True)
-    undirected = MapGridBuilder().build(costmap, end, robot, last_only=False)
+    context = scoring_context(costmap, end, robot)
+    directed = MapGridBuilder().build(context, end, robot[:2], last_only=True)
+    undirected = MapGridBuilder().build(context, end, robot[:2], last_only=False)
     assert directed.seeds == undirected.seeds
     np.testing.assert_array_equal(directed.values(), undirected.values())
 
@@ -274,66 +283,3 @@ def test_mirrored_scenes_have_mirrored_tables(pose: Pose2D, velocity: Twist2D, s
     # a point within float32's precision of a cell's border may fall on either side of it
     different = sum(not np.isclose(left[k], right[k], equal_nan=True) for k in left)
     assert different <= 0.02 * len(left) + 1
-
-
-@SETTINGS
-@given(data=st.data())
-def test_fused_scoring_equals_scoring_one_by_one(data: st.DataObject) -> None:
-    params = DWAParams(
-        ros_distro=data.draw(st.sampled_from(["noetic", "indigo"])),
-        sum_scores=data.draw(st.booleans()),
-        twirling_scale=data.draw(st.sampled_from([0.0, 0.3])),
-        occdist_scale=data.draw(st.sampled_from([0.0, 0.01, 0.5])),
-        forward_point_distance=data.draw(st.sampled_from([0.325, -0.2, 0.0, 3.0])),
-        scaling_speed=data.draw(st.sampled_from([0.0, 0.25, 9.0])),
-    )
-    at_once, one_by_one = make_critics(params), make_critics(params)
-    scorer = FusedScorer.of(at_once)
-    assert scorer is not None
-    for _ in range(3):
-        costmap, footprint = data.draw(costmaps()), data.draw(st.sampled_from(FOOTPRINTS))
-        state = RobotState(data.draw(poses), data.draw(twists))
-        plan = data.draw(plans())
-        if len(plan) == 0 or not np.isfinite(plan).all():
-            plan = np.array([state.pose])
-        if data.draw(st.booleans()):  # in the middle of the costmap, where scores differ
-            g = costmap.geometry
-            middle = np.array([g.origin_x + 0.5 * g.width_m, g.origin_y + 0.5 * g.height_m, 0.0])
-            state = RobotState(Pose2D(*middle), state.velocity)
-            plan = plan - plan[0] + middle
-        limits = DWAPlanner(params).limits
-        generator = DWAGenerator(
-            DWAParams(
-                vx_samples=4,
-                vy_samples=2,
-                vth_samples=5,
-                sim_time=1.0,
-                sim_granularity=0.05,
-                angular_sim_granularity=0.2,
-                use_dwa=data.draw(st.booleans()),
-            ),
-            0.5,
-        )
-        samples = generator.lattice(velocity_window(state.velocity, limits, 0.5))
-        rollouts = generator.simulate(samples, state, limits)
-        tables: list[ScoreTable] = []
-        notes: list[Any] = []
-        for number, critics in enumerate((at_once, one_by_one)):
-            context = ScoringContext(state, costmap, footprint, plan, Pose2D(*plan[-1]), limits)
-            tables.append(score(critics, context, rollouts) if number else scorer.score(context, rollouts))
-            scorer.publish()
-            notes.append(context.notes)
-            for critic in critics:
-                critic.debrief(state.velocity, state.pose)
-        a, b = tables
-        assert a.best == b.best
-        assert notes[0] == notes[1]
-        for name in ("costs", "scales", "totals", "rejected_by"):
-            np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=name)
-        for one, other in zip(at_once, one_by_one, strict=True):
-            assert one.scale == other.scale
-            if isinstance(one, ObstacleCritic) and isinstance(other, ObstacleCritic) and one.scale != 0.0:
-                np.testing.assert_array_equal(one.first_collision, other.first_collision)
-            if isinstance(one, MapGridCritic) and isinstance(other, MapGridCritic):
-                assert one.grid is not None and other.grid is not None
-                np.testing.assert_array_equal(one.grid.values(), other.grid.values())

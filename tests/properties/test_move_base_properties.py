@@ -5,12 +5,10 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navstack.core import Pose2D, Twist2D
-from navstack.core.errors import GoalTransitionError, InternalError
-from navstack.interfaces import LocalPlan, RecoveryStatus, RecoveryStep
+from navstack.core import GoalTransitionError, InternalError, Pose2D, Twist2D
 from navstack.move_base import Goal, GoalStatus, Mode, SimpleActionServer
-from navstack.move_base.state_machine import step
-from navstack.move_base.states import Action, IndexRule, NavEvent, NavState
+from navstack.move_base.states import Action, IndexRule, NavEvent, NavState, step
+from navstack.plugins import LocalPlan, RecoveryStatus, RecoveryStep
 from tests.move_base.world import Bench, StraightPlanner, TurnAndGo, Waiting, no_control, occupied
 
 OURS = settings(deadline=None, max_examples=60, derandomize=True)

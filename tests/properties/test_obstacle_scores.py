@@ -6,12 +6,11 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navstack.core import Costmap, Footprint, GridGeometry, Pose2D, RobotState
-from navstack.core.collision import footprint_cost, overlaps_obstacle
-from navstack.interfaces import Rollouts, ScoringContext
+from navstack.core import Costmap, Footprint, GridGeometry, Pose2D, RobotState, footprint_cost, overlaps_obstacle
 from navstack.local_planner import DWAParams, DWAPlanner
 from navstack.local_planner.critics import ObstacleCritic
 from navstack.local_planner.critics.obstacle import ObstacleParams
+from navstack.plugins import Rollouts, ScoringContext
 
 FOOTPRINTS = [
     Footprint.from_radius(0.25, 0.01),
@@ -34,8 +33,7 @@ LIMITS = DWAPlanner(DWAParams(max_vel_trans=0.5)).limits
 def test_obstacle_scores_equal_those_of_every_point_on_its_own(
     seed: int, resolution: float, lethal: float, sums: bool, alike: bool, speed: float, footprint: Footprint
 ) -> None:
-    """Points that cannot change the score are left out, edges are looked up in tables, lethal cells are listed; fine maps have
-    parts of each kind. Rollouts that resemble each other share tables."""
+    """Points that cannot change the score are left out, by a bound; the cost of a common first point is computed once."""
     rng = np.random.default_rng(seed)
     g = GridGeometry(90, 80, resolution, -1.0, 0.5)
     costs = (rng.random((g.ny, g.nx)) ** 6 * 100.0).astype(np.uint8)

@@ -10,13 +10,19 @@ import yaml
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from navstack.core.errors import ParameterError
-from navstack.parameters import Finding
-from navstack.parameters.configuration import check_parameters, load_configuration
-from navstack.parameters.report import as_yaml, parameters_of, same_parameters
-from navstack.parameters.report.document import value_text
-from navstack.parameters.sources import packaged_sets
-from navstack.parameters.yaml_reader import parse_yaml, plain
+from navstack.core import ParameterError
+from navstack.parameters import (
+    Finding,
+    as_yaml,
+    check_parameters,
+    load_configuration,
+    packaged_sets,
+    parameters_of,
+    plain,
+    same_parameters,
+    value_text,
+)
+from navstack.parameters.yaml_reader import parse_yaml
 
 PROPERTY = settings(deadline=None, max_examples=60, derandomize=True)
 

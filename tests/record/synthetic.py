@@ -22,7 +22,7 @@ from navstack.core import (
     Twist2D,
     Window,
 )
-from navstack.interfaces import LocalPlan
+from navstack.plugins import LocalPlan
 from navstack.record import RunRecorder
 
 GOALS = ((8.2, 1.8, 0.0), (11.0, 6.6, math.pi / 2), (2.2, 6.4, math.pi))

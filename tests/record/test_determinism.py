@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from navstack.core import Pose2D
-from navstack.core.errors import OutputError
-from navstack.record import columns, scans
+from navstack.core import OutputError, Pose2D
+from navstack.record import buffers as scans
+from navstack.record import columns
 from tests.record import synthetic
 
 ROOT = Path(__file__).resolve().parents[2]

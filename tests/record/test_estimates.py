@@ -10,17 +10,16 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from navstack.core import LaserScan, OccupancyGrid, Pose2D, Transform2D
-from navstack.core.errors import InputError
-from navstack.interfaces import Localizer, PoseEstimate
+from navstack.core import InputError, LaserScan, OccupancyGrid, Pose2D, Transform2D
 from navstack.map_io import load_map, map_path
-from navstack.parameters.configuration import load_configuration
+from navstack.parameters import load_configuration
 from navstack.plot import plot_estimate, plot_run
-from navstack.plot.estimates import ellipse
 from navstack.plot.film import Film
+from navstack.plot.localization import ellipse
+from navstack.plugins import Localizer, PoseEstimate
 from navstack.record import Record
-from navstack.record.beliefs import believed_poses, estimate_at, estimates_of, moved
 from navstack.record.estimates import ESTIMATE_TABLE, MAX_DRAWN, EstimateBuffer, check_estimates
+from navstack.record.reader import believed_poses, estimate_at, estimates_of, moved
 from navstack.scenario import Run, Scenario
 
 

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from navstack.core.errors import OutputError, RecordError
+from navstack.core import OutputError, RecordError
 from navstack.record import Record
 from navstack.record import archive as record_archive
 from navstack.record.archive import write

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from navstack.move_base import TickResult
 from navstack.record import format as fmt
-from navstack.record.metrics import RunMetrics, compute_metrics
-from navstack.record.timings import Timings, timed
+from navstack.record.metrics import RunMetrics, Timings, compute_metrics
 
 ROOT = Path(__file__).resolve().parents[2]
 GOAL = {"state": "SUCCEEDED", "path_length_m": 1.0, "recoveries": 2}
@@ -73,15 +73,16 @@ def test_runs_of_a_few_cycles(cycles: int) -> None:
     assert m.speed_mean_m_s == m.jerk_rms_m_s3 == m.curvature_mean_1_m == 0.0
 
 
-def test_timings_count_every_call_also_one_that_fails() -> None:
+def test_timings_add_the_calls_of_a_tick() -> None:
     timings = Timings()
-    plan = timed(lambda x: 1 / x, timings.planning_s)
-    assert plan(2) == 0.5
-    with pytest.raises(ZeroDivisionError):
-        plan(0)
+    timings.add(TickResult(0.0))
+    timings.add(TickResult(0.2, planning_s=0.004, control_s=0.001))
+    timings.add(TickResult(0.4, planning_s=0.002))
     reported = timings.as_dict()
-    assert reported["planning_ms"]["count"] == 2 and reported["control_ms"] == {"count": 0}
+    assert reported["planning_ms"]["count"] == 2 and reported["control_ms"]["count"] == 1
+    assert reported["planning_ms"]["max"] == 4.0 and reported["control_ms"]["p50"] == 1.0
     assert set(reported["planning_ms"]) == {"count", "p50", "p95", "p99", "max"}
+    assert Timings().as_dict()["control_ms"] == {"count": 0}
 
 
 def test_the_documentation_names_every_metric_column_and_array() -> None:

@@ -8,12 +8,10 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navstack.core import Costmap, Event, Footprint, GridGeometry, Window
-from navstack.core.errors import jsonable
+from navstack.core import Costmap, Event, Footprint, GridGeometry, Window, jsonable
 from navstack.record import Record, RunRecorder
-from navstack.record.archive import write
-from navstack.record.log import render_log
-from navstack.record.validation import check
+from navstack.record.archive import check, write
+from navstack.record.recorder import render_log
 
 
 def a_recorder() -> RunRecorder:

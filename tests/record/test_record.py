@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from navstack.core import Costmap, Event, Footprint, GridGeometry, Pose2D, RobotState, Transform2D, Twist2D, Window
-from navstack.interfaces import LocalPlan
+from navstack.plugins import LocalPlan
 from navstack.record import Record, RunRecorder
 from tests.record import synthetic
 

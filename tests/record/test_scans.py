@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from navstack.core import DeferredScan, LaserScan, Pose2D, RobotState, Transform2D, Twist2D
-from navstack.parameters.configuration import load_configuration
+from navstack.parameters import load_configuration
 from navstack.record import Record
-from navstack.record.scans import ScanBuffer
+from navstack.record.buffers import ScanBuffer
 from navstack.scenario import Scenario, run_scenario
 from tests.explain.rooms import RESOLUTION, two_rooms
 from tests.record.test_record import a_recorder

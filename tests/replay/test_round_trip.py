@@ -8,15 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navstack.core import Pose2D, RangeReading
-from navstack.core.errors import InputError, RecordError
+from navstack.core import InputError, Pose2D, RangeReading, RecordError
 from navstack.logs import open_log
 from navstack.map_io import load_map, map_path
-from navstack.parameters.configuration import load_configuration
+from navstack.parameters import load_configuration
 from navstack.record import Record
 from navstack.replay import LogReplay
 from navstack.replay.export import export_run
-from navstack.replay.setup import logged_map
+from navstack.replay.player import logged_map
 from navstack.replay.topics import find_topics
 from navstack.scenario import Run, Scenario, read_scenario, shipped_scenarios
 
@@ -133,7 +132,7 @@ def test_run_of_another_version_is_refused(tmp_path: Path) -> None:
 
 
 def test_costmaps_of_the_export_are_those_of_the_run(tmp_path: Path) -> None:
-    from navstack.logs.builder import published_costs
+    from navstack.ros_messages import published_costs
 
     scenario = packaged("narrow_door")
     run = recorded(scenario)
@@ -155,6 +154,38 @@ def test_costmaps_of_the_export_are_those_of_the_run(tmp_path: Path) -> None:
             assert expected is not None and grid is not None and origin is not None
             assert np.array_equal(grid, values[expected.data])
             assert (origin.x, origin.y) == (expected.geometry.origin_x, expected.geometry.origin_y)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "stands_still"), [((), True), (("navstack/sim/wheel_slip=0.05",), False)], ids=["exact", "slips"]
+)
+def test_transforms_of_the_export_lead_to_the_true_pose(
+    overrides: tuple[str, ...], stands_still: bool, tmp_path: Path
+) -> None:
+    """map -> odom is static for an odometry without errors; otherwise it moves. The chain of both gives the true pose."""
+    export_run(recorded(office(*overrides)), tmp_path / "run.bag")
+    edges: dict[str, set[tuple[str, str]]] = {"/tf": set(), "/tf_static": set()}
+    places: dict[tuple[str, str], tuple[complex, complex]] = {}
+    checked = 0
+    with open_log(tmp_path / "run.bag") as log:
+        for message in log.messages(["/tf", "/tf_static", "/base_pose_ground_truth"]):
+            if message.topic in edges:
+                for item in message.data.transforms:
+                    edge = item.header.frame_id, item.child_frame_id
+                    edges[message.topic].add(edge)
+                    at, q = item.transform.translation, item.transform.rotation
+                    places[edge] = complex(at.x, at.y), complex(q.w, q.z) ** 2
+                    if edge[1] == "laser":
+                        assert at.z == 0.3
+                continue
+            (x, turn), (step, _) = places["map", "odom"], places["odom", "base_footprint"]
+            true = message.data.pose.pose.position
+            assert abs(x + turn * step - complex(true.x, true.y)) < 1e-9
+            checked += 1
+    assert checked > 100
+    assert (("map", "odom") in edges["/tf_static"]) == stands_still
+    assert (("map", "odom") in edges["/tf"]) != stands_still
+    assert ("odom", "base_footprint") in edges["/tf"]
 
 
 def test_mcap_passes_the_checks_of_its_library(tmp_path: Path) -> None:

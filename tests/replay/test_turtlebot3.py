@@ -7,12 +7,11 @@ from pathlib import Path
 import pytest
 
 from navstack.core import Pose2D
-from navstack.logs import open_log
-from navstack.logs.log_info import log_info
-from navstack.parameters.configuration import load_configuration
+from navstack.logs import log_info, open_log
+from navstack.parameters import load_configuration
 from navstack.replay import LogReplay, ReplayOptions
+from navstack.replay.player import empty_map
 from navstack.replay.report import ReplayReport
-from navstack.replay.setup import empty_map
 from navstack.replay.topics import find_topics
 
 

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from navstack.map_io import load_map, map_path
-from navstack.move_base import GoalStatus
-from navstack.move_base import status_messages as texts
+from navstack.move_base import GoalStatus, goals, states
 from tests.conftest import golden_files
 from tests.ros1.conftest import Graph, new_graph, paced, wait_for
 from tests.ros1.rig import Event, Rig, rest_after
@@ -153,7 +152,7 @@ def test_cancels_and_goals_that_are_not_taken(rig: Rig) -> None:
     assert result_of(rig, "another") == ("RECALLED", "")
     # an older goal does not replace a newer one
     rig.send_goal(*FAR, id="older", stamp=1.0)
-    assert result_of(rig, "older") == ("RECALLED", texts.REPLACED)
+    assert result_of(rig, "older") == ("RECALLED", goals.REPLACED)
     rig.do("cancel", id="by id")
     assert result_of(rig, "by id") == ("PREEMPTED", "")
     for name in ("all", "all of the shell"):
@@ -167,12 +166,12 @@ def test_cancels_and_goals_that_are_not_taken(rig: Rig) -> None:
     rig.do("cancel", stamp=until)
     assert result_of(rig, "by stamp") == ("PREEMPTED", "")
     rig.send_goal(*FAR, id="stamped before", stamp=until - 0.5)
-    assert result_of(rig, "stamped before") == ("RECALLED", texts.CANCELED_BEFORE)
+    assert result_of(rig, "stamped before") == ("RECALLED", goals.CANCELED_BEFORE)
     rig.do("nothing", at=until + 0.1)
     half = math.sqrt(0.5)
     for number, q in enumerate([(math.nan, 0.0, 0.0, 1.0), (half, 0.0, 0.0, half), (0.0, half, 0.0, half)]):
         rig.send_goal(*FAR, id=f"tilted {number}", q=q)
-        assert result_of(rig, f"tilted {number}") == ("ABORTED", texts.BAD_QUATERNION)
+        assert result_of(rig, f"tilted {number}") == ("ABORTED", states.BAD_QUATERNION)
 
 
 def test_faults_stop_the_robot_with_one_line(rig: Rig) -> None:

@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 
 from navstack.bringup import build_move_base, simulated_robot
 from navstack.core import Costmap, LaserScan, SensorData
-from navstack.logs.builder import published_costs
 from navstack.map_io import load_map, map_path
-from navstack.parameters.configuration import load_configuration
-from navstack.places import load_places
-from navstack.scenario import Scenario
+from navstack.parameters import load_configuration
+from navstack.ros_messages import published_costs
+from navstack.scenario import Scenario, load_places
 from tests.ros1.conftest import PYTHON, TIMEOUT_S, Graph, paced, wait_for
 from tests.ros1.rig import Rig
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from navstack.replay.export import export_run
+from navstack.replay import export_run
 from navstack.scenario import Run, read_scenario, shipped_scenarios
 from tests.ros1.conftest import PYTHON, TIMEOUT_S, Graph, wait_for
 

@@ -16,16 +16,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from navstack.core import Pose2D, RobotState
-from navstack.core.errors import InputError
-from navstack.interfaces import RecoveryStatus
-from navstack.logs.rotations import Transform3D
-from navstack.motion import poly_path
-from navstack.ros1 import motion_nodes, private, ros, static_transform
-from navstack.ros1.clock import NodeClock
-from navstack.ros1.open_motion import Damping, Settings, shorter
+from navstack.behaviors import poly_path
+from navstack.core import InputError, Pose2D, RobotState
+from navstack.plugins import BehaviorStatus
+from navstack.ros1 import motion_nodes, parameters, ros, static_transform
+from navstack.ros1.node import NodeClock
+from navstack.ros1.open_motion import NO_CONTEXT, Damping, Settings, shorter
 from navstack.ros1.tour import Score, cut
 from navstack.ros1.trajectories import without
+from navstack.ros_messages import Transform3D
 from tests.ros1.conftest import PYTHON, TIMEOUT_S, paced, wait_for
 from tests.ros1.module_graph import ModuleGraph, module_graph
 
@@ -66,13 +65,13 @@ while True:
 """
 CALLER = """
 import sys
-from navstack.ros1 import generated_messages, ros
+from navstack.ros1 import ros
 rospy = ros.rospy()
 rospy.init_node("caller", disable_signals=True)
 rospy.wait_for_service("/move_distance")
 rospy.wait_for_service("/turn_radian")
-move = rospy.ServiceProxy("/move_distance", generated_messages.message("handsfree_msgs/srv/SpecialMove"))
-turn = rospy.ServiceProxy("/turn_radian", generated_messages.message("handsfree_msgs/srv/SpecialTurn"))
+move = rospy.ServiceProxy("/move_distance", ros.message("handsfree_msgs/srv/SpecialMove"))
+turn = rospy.ServiceProxy("/turn_radian", ros.message("handsfree_msgs/srv/SpecialTurn"))
 print([move(target_distance_move=-0.3).success, turn(target_radian_turn=-1.0).success, turn(6.28).success,
     move(float("nan")).success, move(0.0).success])
 """
@@ -227,28 +226,28 @@ def test_shorter_way(angle: float, turn: float) -> None:
     assert shorter(angle) == pytest.approx(turn, abs=1e-12)
 
 
-def _cycles_of_a_late_turn(damping: Damping | None) -> int:
+def _cycles_of_a_late_turn(*, damped: bool) -> int:
     """Turn by 1.11 rad with ten commands per second and a new pose after every third; return the cycles, at most 100."""
     motion = Settings(0.03, 0.436, 10.0, "t", "b", "o").turn(1.11, direct=True)
     motion.frame = "odom"
     yaw = seen = 0.0
-    motion.begin(Pose2D(0.0, 0.0, 0.0), RobotState(Pose2D(0.0, 0.0, 0.0)))
+    motion.start(NO_CONTEXT, 0.0)
     for cycle in range(100):
         seen = yaw if cycle % 3 == 0 else seen
         pose = Pose2D(0.0, 0.0, seen)
-        step = motion.command(pose, RobotState(pose), 0.1 * cycle, 0.1 * (damping.factor if damping else 1.0))
-        if step.status is not RecoveryStatus.RUNNING:
+        if not damped:
+            motion.damping = Damping()
+        step = motion.step(RobotState(pose), 0.1 * cycle)
+        if step.status is not BehaviorStatus.RUNNING:
             assert yaw == pytest.approx(1.11, abs=0.03)
             return cycle
-        if damping is not None:
-            damping.commanded(step.twist)
         yaw += 0.1 * step.twist.wz
     return 100
 
 
 def test_a_late_robot_does_not_swing_about_its_target() -> None:
-    assert _cycles_of_a_late_turn(None) == 100
-    assert _cycles_of_a_late_turn(Damping()) < 50
+    assert _cycles_of_a_late_turn(damped=False) == 100
+    assert _cycles_of_a_late_turn(damped=True) < 50
 
 
 def test_a_motion_within_the_tolerance_is_made_too() -> None:
@@ -294,7 +293,7 @@ def test_default_parameters(monkeypatch: pytest.MonkeyPatch) -> None:
     assert motion_nodes.linear_settings() == Settings(0.08, 0.1, *common)
     assert motion_nodes.turn_settings() == Settings(0.03, 0.436, *common)
     _parameters(monkeypatch, {"~base_aliases": "wheels", "~direct": 1})
-    assert private.texts("base_aliases", []) == ["wheels"] and private.flag("direct", False)
+    assert parameters.texts("base_aliases", []) == ["wheels"] and parameters.flag("direct", False)
 
 
 def test_score_of_a_tour() -> None:

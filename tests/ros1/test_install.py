@@ -10,8 +10,8 @@ from xml.etree import ElementTree
 import pytest
 
 from navstack.cli.app import run
-from navstack.core.errors import InputError, OutputError
-from navstack.ros1 import package_files, package_install
+from navstack.core import InputError, OutputError
+from navstack.ros1 import packages
 from navstack.ros1.launch_advice import advise
 from tests.conftest import data_files
 from tests.ros1.conftest import PYTHON, WANTED, missing
@@ -89,7 +89,7 @@ def test_installed_packages(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -
     assert _names(folder) == list(PACKAGES)
     assert _ros(folder, PYTHON, "-c", CHECK).strip().endswith("fine")
     scripts = folder / "navstack_ros1" / "scripts"
-    assert _names(scripts) == sorted(package_files.NODES)
+    assert _names(scripts) == sorted(packages.NODES)
     assert all(stat.S_IMODE(file.stat().st_mode) == 0o755 for file in scripts.iterdir())
     (folder / "navstack_ros1" / "mine.txt").touch()
     assert run(["ros1", "install", str(folder)]) == 2
@@ -106,11 +106,11 @@ def test_nothing_is_half_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     (foreign / "move_base").mkdir(parents=True)
     (foreign / "move_base" / "package.xml").write_text("<package/>")
     with pytest.raises(InputError, match="was not written by navstack"):
-        package_install.install(foreign, force=True, drop_in=True)
+        packages.install(foreign, force=True, drop_in=True)
     assert _names(foreign) == ["move_base"]
 
     folder = tmp_path / "ros"
-    package_install.install(folder, force=False, drop_in=True)
+    packages.install(folder, force=False, drop_in=True)
     before = {file: file.stat().st_ino for file in folder.rglob("*")}
     real = Path.rename
 
@@ -121,16 +121,16 @@ def test_nothing_is_half_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(Path, "rename", fails)
     with pytest.raises(OutputError, match="No space left on device"):
-        package_install.install(folder, force=True, drop_in=True)
+        packages.install(folder, force=True, drop_in=True)
     assert {file: file.stat().st_ino for file in folder.rglob("*")} == before
 
 
 def test_scripts_and_manifests() -> None:
-    text = package_files.script("sim", "/home/a b/python", "/src/nav")
+    text = packages.script("sim", "/home/a b/python", "/src/nav")
     assert text.splitlines()[-1] == "exec '/home/a b/python' -m navstack ros1 sim \"$@\""
     assert "PYTHONPATH=/src/nav${PYTHONPATH:+:$PYTHONPATH}" in text
-    assert "PYTHONPATH" not in package_files.script("sim", "/usr/bin/python3", "")
-    root = ElementTree.fromstring(package_files.package_xml("navstack_ros1", "d"))
+    assert "PYTHONPATH" not in packages.script("sim", "/usr/bin/python3", "")
+    root = ElementTree.fromstring(packages.package_xml("navstack_ros1", "d"))
     assert root.findtext("name") == "navstack_ros1" and root.get("format") == "2"
 
 

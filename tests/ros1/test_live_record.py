@@ -8,7 +8,7 @@ from navstack.bringup import build_move_base, simulated_robot
 from navstack.core import Pose2D
 from navstack.explain import explain_goal
 from navstack.map_io import load_map, map_path
-from navstack.parameters.configuration import load_configuration
+from navstack.parameters import load_configuration
 from navstack.record import Record
 from navstack.ros1.live_record import LATEST, LiveRecord
 from navstack.sim import World

@@ -8,17 +8,9 @@ import numpy as np
 import pytest
 
 from navstack.core import LaserScan, Twist2D, Window
-from navstack.interfaces import LocalPlan
-from navstack.move_base.tick_result import TickResult
-from navstack.ros1.loop_times import (
-    CLOCK,
-    EITHER,
-    PROGRAMS,
-    STEP,
-    THREADS,
-    LoopTimes,
-    ThreadTimes,
-)
+from navstack.move_base import TickResult
+from navstack.plugins import LocalPlan
+from navstack.ros1.diagnostics import CLOCK, EITHER, PROGRAMS, STEP, THREADS, LoopTimes, ThreadTimes
 
 
 class FakeTimes(ThreadTimes):

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from navstack.core import Footprint, FrameTree, LaserScan, Pose2D, RobotState, SensorData, Transform2D, Twist2D
-from navstack.parameters.models.collision_monitor import CollisionMonitorParams, MonitorSourceParams, ZoneParams
+from navstack.parameters import CollisionMonitorParams, MonitorSourceParams, ZoneParams
 from navstack.safety import CollisionMonitor
 
 FOOTPRINT = Footprint(np.array([[0.2, 0.15], [-0.2, 0.15], [-0.2, -0.15], [0.2, -0.15]]))

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navstack.core import Twist2D
-from navstack.core.errors import InputError
-from navstack.explain.command_chain import chain_sentence
-from navstack.parameters.models.velocity_smoother import VelocitySmootherParams
-from navstack.record.commands import CommandBuffer, RecordedCommand, recorded_command
+from navstack.core import InputError, Twist2D
+from navstack.explain.command import chain_sentence
+from navstack.parameters import VelocitySmootherParams
+from navstack.record import RecordedCommand, recorded_command
+from navstack.record.commands import CommandBuffer
 from navstack.safety import CommandChain, CommandStep, VelocitySmoother
 from tests.safety.rig import ScriptedRobot, monitor, scan_of, square, zone
 

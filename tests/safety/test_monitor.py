@@ -8,13 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navstack.core import Costmap, GridGeometry, LaserScan, PointCloud, RangeReading, Transform2D, Twist2D
-from navstack.core.errors import InputError
-from navstack.parameters.models.collision_monitor import (
-    ExclusionZoneParams,
-    MonitorSourceParams,
-    SubPolygonParams,
-)
+from navstack.core import Costmap, GridGeometry, InputError, LaserScan, PointCloud, RangeReading, Transform2D, Twist2D
+from navstack.parameters import ExclusionZoneParams, MonitorSourceParams, SubPolygonParams
 from navstack.safety import PolygonObservation, Shape
 from tests.safety.rig import frames_at, monitor, scan_of, square, zone
 

@@ -6,9 +6,8 @@ import math
 
 import pytest
 
-from navstack.core import Twist2D
-from navstack.core.errors import InputError
-from navstack.parameters.models.twist_mux import MuxInputParams, MuxLockParams, TwistMuxParams
+from navstack.core import InputError, Twist2D
+from navstack.parameters import MuxInputParams, MuxLockParams, TwistMuxParams
 from navstack.safety import CommandMultiplexer
 
 GO, TURN = Twist2D(0.5), Twist2D(0.0, 0.0, 1.0)

@@ -12,13 +12,14 @@ from hypothesis import strategies as st
 from shapely import affinity
 
 from navstack.core import Footprint, FrameTree, LaserScan, Pose2D, Transform2D, Twist2D
-from navstack.parameters.models.collision_monitor import (
+from navstack.parameters import (
     CollisionDetectorParams,
     CollisionMonitorParams,
     ExclusionZoneParams,
+    LidarParams,
     MonitorSourceParams,
+    SimParams,
 )
-from navstack.parameters.models.sim import LidarParams, SimParams
 from navstack.safety import CollisionDetector, CollisionMonitor, CommandChain
 from navstack.sim import Shape as Obstacle
 from navstack.sim import SimulatedRobot, World

@@ -6,8 +6,7 @@ from typing import Any
 
 import pytest
 
-from navstack.parameters import Finding
-from navstack.parameters.configuration import check_parameters
+from navstack.parameters import Finding, check_parameters
 from navstack.plugins import LOCAL_PLANNERS
 from tests.parameters.test_configuration import robot
 

@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navstack.core import GridGeometry, OccupancyGrid, Pose2D
-from navstack.core.errors import InputError, RecordError
+from navstack.core import GridGeometry, InputError, OccupancyGrid, Pose2D, RecordError
 from navstack.explain import explain_command
-from navstack.explain.command_chain import chain_sentence
-from navstack.parameters.configuration import load_configuration
+from navstack.explain.command import chain_sentence
+from navstack.parameters import load_configuration
 from navstack.plot import plot_commands, plot_run
 from navstack.record import Record
 from navstack.scenario import Scenario, run_scenario

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from navstack.core.errors import ParameterError
-from navstack.parameters.configuration import check_parameters, load_configuration
+from navstack.core import ParameterError
+from navstack.parameters import check_parameters, load_configuration
 
 NAV2 = """\
 velocity_smoother:

@@ -10,11 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navstack.core import RobotState, Twist2D
-from navstack.core.errors import InputError
-from navstack.parameters.models.velocity_smoother import VelocitySmootherParams
+from navstack.core import InputError, RobotState, Twist2D
+from navstack.parameters import VelocitySmootherParams
 from navstack.safety import VelocitySmoother
-from navstack.safety import _smoother_kernels as kernels
+from navstack.safety import velocity_smoother as kernels
 
 F = 20.0
 

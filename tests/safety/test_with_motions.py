@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from navstack.behaviors import read_step
 from navstack.core import GridGeometry, OccupancyGrid, Pose2D
-from navstack.motion.steps import read_step
-from navstack.parameters.configuration import load_configuration
+from navstack.parameters import load_configuration
 from navstack.scenario import GoalOutcome, Scenario, run_scenario
-from navstack.sim import Shape
-from navstack.sim.shapes import DoorMotion
+from navstack.sim import DoorMotion, Shape
 
 START = Pose2D(5.0, 5.0, 0.0)
 AHEAD = "[[1.0, 0.25], [1.0, -0.25], [0.0, -0.25], [0.0, 0.25]]"

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from navstack.bringup import plan_on_map
 from navstack.core import Pose2D
 from navstack.map_io import load_map, map_path
-from navstack.parameters.configuration import load_configuration
-from navstack.plan_once import plan_on_map
+from navstack.parameters import load_configuration
 from navstack.scenario import Run, load_scenario, run_scenario, shipped_scenarios
 
 SLACK = 1e-6

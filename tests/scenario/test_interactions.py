@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navstack.core.errors import InputError, NavError, ScenarioError
+from navstack.core import InputError, NavError, ScenarioError
 from navstack.explain import explain_goals, replay
 from navstack.map_io import map_path
 from navstack.plot import plot_run
 from navstack.record import Record
 from navstack.scenario import Run, Scenario, load_scenario, run_scenario
-from navstack.scenario.file.writer import write_scenario
+from navstack.scenario.file_writer import write_scenario
 from navstack.scenario.interactions import INTERACTION, as_data
 
 PERSON = {"kind": "pedestrian", "goals": [[10.0, 7.5], [4.0, 7.5]]}

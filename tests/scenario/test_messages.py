@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from navstack.core.errors import ScenarioError
+from navstack.core import ScenarioError
 from navstack.scenario import check_scenario, load_scenario, read_scenario
-from navstack.scenario.file.spec import scenarios_in
+from navstack.scenario.file_reader import scenarios_in
 
 GOOD = "map: office\nstart: corridor_west\ngoals: [office_2]\n"
 

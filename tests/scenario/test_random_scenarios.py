@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import pytest
 
-from navstack.scenario.suites.random_check import check_random
-from navstack.scenario.suites.random_scenarios import random_scenario
+from navstack.scenario.random_scenarios import check_random, random_scenario
 
 SHORT_S = 2.0
 FOUR = 50

@@ -8,10 +8,11 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from navstack.core.parameters import ParamModel
-from navstack.parameters.report.reference import table_of
-from navstack.scenario.file.models import MOTIONS, Success, Tour
-from navstack.sim import Shape
+from navstack.parameters.report import table_of
+from navstack.plugins import ParamModel
+from navstack.scenario.spec import Tour
+from navstack.scenario.success import Success
+from navstack.sim import MOTIONS, Shape
 
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "scenarios.md"
 BEGIN, END = "<!-- tables: written by a test -->", "<!-- end of the tables -->"

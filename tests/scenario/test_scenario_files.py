@@ -11,13 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navstack.bench.compare_scenarios import read_scenarios
 from navstack.cli.app import run
 from navstack.cli.arguments import scenario_file
-from navstack.core import Pose2D
-from navstack.core.errors import InputError, InternalError
+from navstack.core import InputError, InternalError, Pose2D
 from navstack.map_io import map_path
-from navstack.places import load_places
 from navstack.record import Record
 from navstack.record.metrics import metrics_of
 from navstack.scenario import (
@@ -30,7 +27,9 @@ from navstack.scenario import (
     run_scenario,
     shipped_scenarios,
 )
-from navstack.scenario.file.spec import is_scenario_file
+from navstack.scenario.file_reader import is_scenario_file
+from navstack.scenario.places import load_places
+from navstack.studies import read_scenarios
 
 SHORT = """
 name: short
@@ -266,7 +265,7 @@ def test_shipped_scenarios_have_descriptions() -> None:
     assert len(files) >= 8
     for path in files.values():
         spec = read_scenario(path)
-        assert spec.description and spec.parts.settings.name
+        assert spec.description and spec.values["name"]
 
 
 def test_a_pause_ends_despite_rounding(short: Path) -> None:

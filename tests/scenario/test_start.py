@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from navstack.core import Footprint, Pose2D
-from navstack.scenario.file.start_check import collision_at_start
+from navstack.scenario.spec import collision_at_start
 from navstack.sim import Shape, World
 from tests.sim.worlds import random_map
 

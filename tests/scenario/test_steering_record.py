@@ -11,14 +11,13 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from navstack.core.errors import InputError, RecordError
-from navstack.explain import explain_command
-from navstack.explain.printing import print_command
+from navstack.core import InputError, RecordError
+from navstack.explain import explain_command, print_command
 from navstack.plot import plot_run, plot_steering
+from navstack.plot.commands import wheel_lines
 from navstack.plot.film import Film
-from navstack.plot.steering import wheel_lines
 from navstack.record import Record, SteeredBase
-from navstack.record.validation import check
+from navstack.record.archive import check
 from navstack.scenario import load_scenario, run_scenario, shipped_scenarios
 from navstack.sim import SimParams
 

@@ -11,16 +11,24 @@ import numpy as np
 import pytest
 
 import navstack as nav
-from navstack.core import Pose2D
-from navstack.core.errors import InputError, RecordError, ScenarioError
+from navstack.behaviors import (
+    FollowStep,
+    InvalidMotionError,
+    MotionLimits,
+    from_path,
+    parse_angle,
+    parse_length,
+    read_step,
+    save_trajectory,
+    step_data,
+    step_text,
+)
+from navstack.core import InputError, Pose2D, RecordError, ScenarioError
 from navstack.explain import explain_command, explain_goal, explain_tracking
-from navstack.motion import InvalidMotionError, MotionLimits, from_path, save_trajectory
-from navstack.motion.steps import FollowStep, parse_angle, parse_length, read_step, step_data, step_text
-from navstack.move_base import GoalStatus
-from navstack.move_base.errors import BusyError
+from navstack.move_base import BusyError, GoalStatus
 from navstack.record import Record
 from navstack.scenario import Run, Scenario, load_scenario, run_scenario
-from navstack.scenario.file.writer import write_scenario
+from navstack.scenario.file_writer import write_scenario
 
 PLACES = nav.load_places("office")
 ROOM = Pose2D(2.4, 11.6, 0.5)

@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 
 from navstack.cli.app import run
-from navstack.core.errors import InputError
-from navstack.scenario import ScenarioSpec, load_suite, suite_names
-from navstack.scenario.suites import random_maps
+from navstack.core import InputError
+from navstack.scenario import ScenarioSpec, load_suite, random_maps, suite_names
 
 
 def contents(specs: list[ScenarioSpec]) -> list[object]:
-    return [(s.name, s.parts.start, s.parts.goals, s.parts.shapes, s.map().data.tobytes()) for s in specs]
+    return [(s.name, s.start, s.goals, s.shapes, s.map().data.tobytes()) for s in specs]
 
 
 @pytest.mark.parametrize("name", ["office", "narrow", "crowd", "warehouse"])
@@ -24,7 +23,7 @@ def test_a_suite_is_the_same_every_time_and_splits_by_number(name: str) -> None:
     assert contents(load_suite(name, count=6)) == contents(whole)
     train, held_out = load_suite(name, split="train", count=3), load_suite(name, split="held_out", count=3)
     assert contents(train) == contents(whole)[0::2] and contents(held_out) == contents(whole)[1::2]
-    assert len({s.name for s in whole}) == 6 and len({s.parts.start for s in whole}) > 1
+    assert len({s.name for s in whole}) == 6 and len({s.start for s in whole}) > 1
 
 
 def test_barn_needs_a_directory(data_dir: Path) -> None:

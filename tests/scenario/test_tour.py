@@ -11,12 +11,11 @@ import pytest
 
 import navstack as nav
 from navstack.cli.app import run as command
-from navstack.core import Pose2D, Twist2D
-from navstack.core.errors import InputError
+from navstack.core import InputError, Pose2D, Twist2D
 from navstack.map_io import map_names, map_path
-from navstack.places import load_places, visit_order
 from navstack.record import Record
 from navstack.scenario import Run, Scenario, drive_tour
+from navstack.scenario.places import load_places, visit_order
 
 
 def file_of(tmp_path: Path, text: str) -> Path:

@@ -11,8 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely import affinity
 
-from navstack.core import Footprint, GridGeometry, OccupancyGrid, Pose2D, Twist2D
-from navstack.core.errors import InputError
+from navstack.core import Footprint, GridGeometry, InputError, OccupancyGrid, Pose2D, Twist2D
 from navstack.sim import OnTrack, Shape, SimParams, SimulatedRobot, World
 
 CIRCLE = Footprint.from_radius(0.18)

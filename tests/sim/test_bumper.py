@@ -11,8 +11,7 @@ import pytest
 
 import navstack as nav
 from navstack.bringup import build_move_base, simulated_robot
-from navstack.core import Footprint, LaserScan, PointCloud, Pose2D, Twist2D
-from navstack.core.errors import InputError
+from navstack.core import Footprint, InputError, LaserScan, PointCloud, Pose2D, Twist2D
 from navstack.sim import LOW, BumperParams, LidarParams, SimParams, SimulatedRobot, World
 from navstack.sim.bumper import SPACING, outline_points
 from tests.sim.test_robot import BOX, CIRCLE, corridor

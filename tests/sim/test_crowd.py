@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from navstack.core import Footprint, Pose2D, Twist2D
 from navstack.sim import PedestrianMotion, Shape, SimParams, SimulatedRobot, World
-from navstack.sim._crowd_kernels import push_from_other, push_from_wall
+from navstack.sim.crowd import push_from_other, push_from_wall
 from tests.sim.worlds import ascii_map
 
 CIRCLE = Footprint.from_radius(0.18)

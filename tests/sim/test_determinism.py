@@ -10,7 +10,7 @@ import sys
 SCRIPT = """
 import hashlib
 from navstack.core import Footprint, Pose2D, Twist2D
-from navstack.places import load_places
+from navstack.scenario.places import load_places
 from navstack.sim import LidarParams, SimParams, SimulatedRobot, World
 from tests.test_maps import read
 

@@ -12,7 +12,7 @@ from navstack.bringup import simulated_robot
 from navstack.core import Pose2D, Twist2D
 from navstack.localization import Amcl
 from navstack.map_io import load_map
-from navstack.parameters.configuration import load_configuration
+from navstack.parameters import load_configuration
 from navstack.sim import SimulatedRobot
 
 START = Pose2D(2.5, 9.7, 0.0)

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from navstack.core import OccupancyGrid, Pose2D
 from navstack.map_io import map_names
-from navstack.places import load_places
+from navstack.scenario import load_places
 from navstack.sim import Lidar, LidarParams, Shape, World
-from navstack.sim._grid_kernels import free_rectangles, free_squares
+from navstack.sim.map_cells import free_rectangles, free_squares
 from tests.sim.worlds import ascii_map, random_map, to_world
 from tests.test_maps import read
 

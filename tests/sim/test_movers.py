@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from navstack.core import Footprint, LaserScan, PointCloud, Pose2D, Twist2D
-from navstack.core.errors import InputError
+from navstack.core import Footprint, InputError, LaserScan, PointCloud, Pose2D, Twist2D
 from navstack.sim import DoorMotion, LidarParams, Shape, SimParams, SimulatedRobot, Track, TrackedDiscs, World
 
 CIRCLE = Footprint.from_radius(0.18)

@@ -7,9 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from navstack.core import Footprint, GridGeometry, OccupancyGrid, Pose2D, Transform2D, Twist2D
-from navstack.core.errors import InputError
-from navstack.interfaces import Robot
+from navstack.core import Footprint, GridGeometry, InputError, OccupancyGrid, Pose2D, Transform2D, Twist2D
+from navstack.plugins import Robot
 from navstack.sim import LidarParams, SimParams, SimulatedRobot, World
 from tests.sim.worlds import ascii_map
 

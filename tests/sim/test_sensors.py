@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from navstack.core import Footprint, LaserScan, Pose2D, RangeReading, Transform2D, Twist2D, angle_between
-from navstack.core.errors import InputError
+from navstack.core import Footprint, InputError, LaserScan, Pose2D, RangeReading, Transform2D, Twist2D, angle_between
 from navstack.sim import ImuParams, LidarParams, Shape, SimParams, SimulatedRobot, SonarParams, World
 from tests.sim.worlds import ascii_map
 

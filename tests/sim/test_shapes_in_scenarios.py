@@ -10,11 +10,10 @@ import pytest
 
 import navstack as nav
 from navstack.core import Pose2D
-from navstack.plot import plot_run
-from navstack.plot.animate import animate_run
-from navstack.plot.obstacles import obstacle_patches
+from navstack.plot import animate_run, plot_run
+from navstack.plot.run import obstacle_patches
 from navstack.record import Record
-from navstack.record.validation import check
+from navstack.record.archive import check
 from navstack.scenario import Run, Scenario, run_scenario
 from navstack.sim import DoorMotion, OnTrack, PedestrianMotion, Shape
 

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from navstack.core import Footprint, LaserScan, PointCloud, Pose2D, Twist2D
 from navstack.sim import DoorMotion, LidarParams, OnTrack, PedestrianMotion, Shape, SimParams, SimulatedRobot, World
-from navstack.sim.timed import Door
+from navstack.sim.movers import Door
 
 CIRCLE = Footprint.from_radius(0.18)
 AHEAD = LidarParams(x=0.0, beams=1, range_min=0.0, range_max=20.0)

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 import navstack as nav
-from navstack.core import Footprint, Pose2D, Twist2D
-from navstack.core.errors import ParameterError
-from navstack.kinematics import METHODS, WheelOdometry
-from navstack.parameters.models.wheels import WheelParams
+from navstack.core import Footprint, ParameterError, Pose2D, Twist2D
+from navstack.core.kinematics import METHODS, WheelOdometry
+from navstack.parameters.models.sim import WheelParams
 from navstack.sim import SimParams, SimulatedRobot, World
 from navstack.sim.body import wheel_drive
 

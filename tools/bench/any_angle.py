@@ -14,8 +14,8 @@ from pathlib import Path
 
 from reference import data_folder
 
-from navstack.bench.map_pairs import reset_planner
-from navstack.bench.movingai import Problem, as_costmap, build, map_file, read_map, read_problems, solve
+from navstack.studies.movingai import Problem, as_costmap, build, map_file, read_map, read_problems, solve
+from navstack.studies.planners import reset_planner
 
 
 def timed(name: str, folder: Path, problems: list[Problem]) -> tuple[float, list[float]]:

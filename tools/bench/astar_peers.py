@@ -19,10 +19,10 @@ import numpy as np
 import tcod.path  # pyright: ignore[reportMissingImports]
 from scipy import ndimage
 
-from navstack.bench.map_pairs import reachable_pairs
 from navstack.core import Costmap, GridGeometry, Pose2D
 from navstack.global_planner import AStarParams, AStarPlanner
 from navstack.map_io import load_map
+from navstack.studies.planners import reachable_pairs
 
 
 def median_ms(run: Callable[[], object], repeats: int) -> float:

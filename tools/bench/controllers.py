@@ -11,12 +11,11 @@ import os
 import sys
 from pathlib import Path
 
-from navstack.bench.controllers_bench import CONTROLLERS
 from navstack.core import Pose2D
 from navstack.map_io import load_map, map_path
-from navstack.parameters.configuration import load_configuration
-from navstack.places import load_places
-from navstack.scenario import Scenario, run_scenario
+from navstack.parameters import load_configuration
+from navstack.scenario import Scenario, load_places, run_scenario
+from navstack.studies.controllers import CONTROLLERS
 
 DATA = Path(os.environ.get("NAVSTACK_DATA") or Path(__file__).resolve().parents[3] / "shared" / "data")
 WILLOW = DATA / "maps" / "turtlebot_apps__willow-2010-02-18-0.10" / "willow-2010-02-18-0.10.yaml"

@@ -30,17 +30,15 @@ from reference import Reference
 
 from navstack.core import Costmap, Footprint, GridGeometry, Pose2D, RobotState, Twist2D
 from navstack.core import Path as NavPath
-from navstack.interfaces import ControlInput, Inflation
-from navstack.local_planner.mppi import MPPIParams, MPPIPlanner
+from navstack.local_planner import OMNI, MotionModelParams, MPPIParams, MPPIPlanner
 from navstack.local_planner.mppi.batch import TrajectoryContext
 from navstack.local_planner.mppi.critics.cost import CostCriticParams
 from navstack.local_planner.mppi.critics.path_align import PathAlignCriticParams
 from navstack.local_planner.mppi.critics.path_angle import PathAngleCriticParams
 from navstack.local_planner.mppi.critics.path_follow import PathFollowCriticParams
-from navstack.local_planner.mppi.motion_models import OMNI, MotionModelParams
 from navstack.local_planner.mppi.optimizer import Optimizer
 from navstack.local_planner.path_follower import Following
-from navstack.plugins import LOCAL_PLANNERS
+from navstack.plugins import LOCAL_PLANNERS, ControlInput, Inflation
 
 NAV2 = Path(os.environ.get("NAVSTACK_GOLDEN_NAV2") or Path(__file__).resolve().parents[3] / "shared" / "golden_nav2")
 

@@ -23,10 +23,10 @@ from pathlib import Path
 import numpy as np
 from reference import Reference, data_folder
 
-from navstack.bench.speed_scenes import SCENES, frames_at_origin, rolling_costmap
 from navstack.core import Costmap, Footprint, FrameTree, GridGeometry, LaserScan, Pose2D, Transform2D
 from navstack.costmap import InflationLayer, InflationLayerParams
-from navstack.interfaces import LayerContext
+from navstack.plugins import LayerContext
+from navstack.studies.speed import SCENES, frames_at_origin, rolling_costmap
 
 TARGETS = {
     "inflate_willow_010": 2.0,

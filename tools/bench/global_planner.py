@@ -24,11 +24,18 @@ from PIL import Image
 from reference import Reference, data_folder
 
 from navstack.core import Costmap, GridGeometry, Pose2D
-from navstack.global_planner import GlobalPlannerParams, GlobalPlannerROS, NavfnParams, NavfnROS
-from navstack.global_planner._search.coarse_heuristic import CoarseHeuristic
-from navstack.global_planner._search.cost_interpreter import WaveCosts, wave_costs
-from navstack.global_planner._search.propagation import NavfnPropagation, WaveQuery, WaveRun, propagate_navfn
+from navstack.global_planner import (
+    GlobalPlannerParams,
+    GlobalPlannerROS,
+    NavfnParams,
+    NavfnPropagation,
+    NavfnROS,
+    WaveCosts,
+    wave_costs,
+)
+from navstack.global_planner._search.propagation import WaveQuery, WaveRun, propagate_navfn
 from navstack.global_planner._search.traceback import navfn_path
+from navstack.global_planner._search.wave_search import CoarseHeuristic
 from navstack.global_planner._search.wavefront import Wavefront
 
 Run = Callable[[], object]

@@ -21,10 +21,8 @@ from numpy.typing import NDArray
 from reference import Reference
 
 from navstack.core import GridGeometry, LaserScan, OccupancyGrid, Transform2D
-from navstack.localization.beams import scan_beams
-from navstack.localization.match_map import MatchMap
-from navstack.localization.scan_matcher import ScanMatcher
-from navstack.localization.scan_search import search_scan
+from navstack.localization import ScanMatcher, scan_beams
+from navstack.localization.global_search import MatchMap, search_scan
 
 FOLDER = Path(os.environ.get("NAVSTACK_GOLDEN_ROS1") or Path(__file__).resolve().parents[3] / "shared" / "golden_ros1")
 WRONG_M = 0.5

@@ -36,7 +36,7 @@ from navstack.global_planner import (
     NavfnROS,
     ThetaStarPlanner,
 )
-from navstack.interfaces import GlobalPlanner
+from navstack.plugins import GlobalPlanner
 
 PLANNERS = {
     "navfn": NavfnROS,

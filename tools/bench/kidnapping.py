@@ -23,9 +23,9 @@ import numpy as np
 from global_search import FOLDER, WRONG_M, load_drive, load_grid, scan_of
 
 from navstack.core import Pose2D, Transform2D
-from navstack.localization.amcl import Amcl
+from navstack.localization import Amcl
 from navstack.localization.searching import SearchingLocalizer
-from navstack.parameters.models.amcl import AmclParams
+from navstack.parameters import AmclParams
 
 BEFORE_S = 10.0
 Drives = dict[str, dict[str, Any]]

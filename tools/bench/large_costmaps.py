@@ -17,11 +17,10 @@ from pathlib import Path
 
 from reference import Reference
 
-from navstack.bench.stage_times import stage_times
 from navstack.map_io import load_map, packaged_map_file
-from navstack.parameters.configuration import load_configuration
-from navstack.places import load_places
-from navstack.scenario import Scenario, run_scenario
+from navstack.parameters import load_configuration
+from navstack.scenario import Scenario, load_places, run_scenario
+from navstack.studies.speed import stage_times
 
 ROBOT = """
 controller_frequency: 20.0

@@ -29,14 +29,11 @@ from numpy.typing import NDArray
 from reference import Reference, data_folder
 from scipy.ndimage import distance_transform_edt
 
-from navstack.core import Costmap, Footprint, GridGeometry, Path, Pose2D, RobotState, Twist2D
-from navstack.core.errors import ControlError
-from navstack.interfaces import ControlInput, LocalPlanner, Rollouts, ScoringContext
+from navstack.core import ControlError, Costmap, Footprint, GridGeometry, Path, Pose2D, RobotState, Twist2D
 from navstack.local_planner import DWAParams, DWAPlanner, TrajectoryPlanner, TrajectoryPlannerParams
-from navstack.local_planner.dwa.default_critics import DEFAULT_CRITICS
-from navstack.local_planner.dwa.planner import make_critics
+from navstack.local_planner.dwa import DEFAULT_CRITICS, make_critics
 from navstack.local_planner.scoring import score
-from navstack.plugins import CRITICS, LOCAL_PLANNERS
+from navstack.plugins import CRITICS, LOCAL_PLANNERS, ControlInput, LocalPlanner, Rollouts, ScoringContext
 
 sys.path.insert(0, str(FilePath(__file__).resolve().parents[2] / "examples" / "velocity_sequences"))
 from velocity_sequences import simulate_sequences

@@ -24,9 +24,10 @@ from reference import Reference
 
 from navstack.core import GridGeometry, OccupancyGrid, Pose2D, Twist2D
 from navstack.localization import distance_field
-from navstack.localization.amcl import ParticleSet, Readings, SensorModel
 from navstack.localization.ekf import Ekf
-from navstack.parameters.models.amcl import AmclParams
+from navstack.localization.particles import ParticleSet
+from navstack.localization.sensor_model import Readings, SensorModel
+from navstack.parameters import AmclParams
 from navstack.parameters.models.ekf import STATES, EkfParams
 
 ROS1 = Path(os.environ.get("NAVSTACK_GOLDEN_ROS1") or Path(__file__).resolve().parents[3] / "shared" / "golden_ros1")

@@ -21,12 +21,10 @@ import numpy as np
 from global_search import FOLDER, WRONG_M, load_drive, load_grid
 from reference import Reference
 
-from navstack.core import OccupancyGrid, Pose2D
-from navstack.core.errors import NavError
+from navstack.core import NavError, OccupancyGrid, Pose2D
 from navstack.map_io import load_map, map_path, packaged_map_file
-from navstack.parameters.configuration import load_configuration
-from navstack.places import load_places
-from navstack.scenario import Run, Scenario
+from navstack.parameters import load_configuration
+from navstack.scenario import Run, Scenario, load_places
 from navstack.sim import PedestrianMotion, Shape
 
 GOALS = 3

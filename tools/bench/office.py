@@ -16,12 +16,10 @@ from typing import NamedTuple
 import numpy as np
 from reference import data_folder
 
-from navstack.bringup import true_footprint
-from navstack.core import OccupancyGrid, Pose2D
-from navstack.core.errors import PlanningError
+from navstack.bringup import plan_on_map, true_footprint
+from navstack.core import OccupancyGrid, PlanningError, Pose2D
 from navstack.map_io import load_map
-from navstack.parameters.configuration import Configuration, load_configuration
-from navstack.plan_once import plan_on_map
+from navstack.parameters import Configuration, load_configuration
 from navstack.scenario import Scenario, run_scenario
 from navstack.sim import World
 

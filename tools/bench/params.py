@@ -15,7 +15,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from navstack.parameters.configuration import check_parameters, load_configuration
+from navstack.parameters import check_parameters, load_configuration
 
 ALPHABETS = ("ab:- \n", "[]{},: \n", "&a*b: \n", "\ta: b\n", "0123456789.e:\n ", "'\"|>#\n a:")
 

@@ -16,9 +16,8 @@ from types import SimpleNamespace
 from typing import Any
 
 from navstack.cli.arguments import map_of, parse_pose
-from navstack.parameters.configuration import load_configuration
-from navstack.places import load_places
-from navstack.scenario import Scenario
+from navstack.parameters import load_configuration
+from navstack.scenario import Scenario, load_places
 
 _SHARED = Path(__file__).resolve().parents[3] / "shared"
 

@@ -23,14 +23,11 @@ import numpy as np
 
 from navstack.cli.scenario_options import ScenarioOptions
 from navstack.core import LaserScan, Pose2D, Transform2D, Twist2D
-from navstack.logs import messages as ros
 from navstack.logs import open_log
-from navstack.logs.builder import MessageBuilder
 from navstack.logs.writer import BagWriter, typestore
-from navstack.replay import LogReplay
-from navstack.replay.export import export_run
-from navstack.replay.setup import logged_map
-from navstack.replay.topics import find_topics
+from navstack.replay import LogReplay, export_run, find_topics, logged_map
+from navstack.ros_messages import MessageBuilder
+from navstack.ros_messages import messages as ros
 from navstack.scenario import Run
 
 START_NS = 1_700_000_000 * 10**9

@@ -10,10 +10,10 @@ import time
 
 import numpy as np
 
-from navstack.bench.calibration import calibration_ms
 from navstack.core import Footprint, FrameTree, LaserScan, PointCloud, SensorData, Transform2D, Twist2D
-from navstack.parameters.models.collision_monitor import CollisionMonitorParams, MonitorSourceParams, ZoneParams
+from navstack.parameters import CollisionMonitorParams, MonitorSourceParams, ZoneParams
 from navstack.safety import CollisionMonitor
+from navstack.studies.speed import calibration_ms
 
 NAV2_MS = {
     ("scan 360", "stop polygon"): 4.45,

@@ -20,8 +20,7 @@ import yaml
 from numpy.typing import NDArray
 from reference import Reference, data_folder
 
-from navstack.core import Costmap, Footprint, GridGeometry, Pose2D
-from navstack.core.errors import PlanningError
+from navstack.core import Costmap, Footprint, GridGeometry, PlanningError, Pose2D
 from navstack.global_planner import SmacHybridParams, SmacHybridPlanner
 
 

@@ -16,11 +16,10 @@ import numpy as np
 from global_search import WRONG_M, load_grid
 
 from navstack.bringup import simulated_robot
-from navstack.core import LaserScan, OccupancyGrid, Pose2D, Twist2D
-from navstack.core.errors import NavError
-from navstack.localization.scan_matcher import ScanMatcher
+from navstack.core import LaserScan, NavError, OccupancyGrid, Pose2D, Twist2D
+from navstack.localization import ScanMatcher
 from navstack.map_io import load_map, map_path
-from navstack.parameters.configuration import load_configuration
+from navstack.parameters import load_configuration
 from navstack.sim import SimulatedRobot
 
 TURN_S = 11.6

@@ -18,9 +18,10 @@ from unittest.mock import patch
 
 from reference import data_folder
 
-from navstack.bench.barn import barn_configuration, load_worlds, run_world
 from navstack.local_planner.trajectory_rollout import planner as trajectory_rollout
 from navstack.local_planner.trajectory_rollout.escape import Additions
+from navstack.scenario import load_worlds
+from navstack.studies.barn import barn_configuration, run_world
 
 DATA = data_folder("data")
 MEASURES = ("full_turns", "check", "longer")

@@ -12,12 +12,10 @@ import argparse
 import time
 from collections.abc import Callable
 
-from navstack.jobs import JobResult, usable_cores
-from navstack.parameters.configuration import load_configuration
+from navstack.parameters import load_configuration
 from navstack.scenario import warm_up
-from navstack.tune.sampling import candidates
-from navstack.tune.setup import SearchOptions, prepare
-from navstack.tune.sweep import Sweep, run_sweep
+from navstack.studies import JobResult, SearchOptions, Sweep, candidates, prepare, run_sweep
+from navstack.studies.executors import usable_cores
 
 SPACE = ("DWAPlannerROS/sim_time=1.0:2.5", "DWAPlannerROS/vx_samples=4:8", "DWAPlannerROS/occdist_scale=0.01:0.1:log")
 

@@ -59,9 +59,9 @@ def _section(path: str, context: Any, command: Any, level: int) -> str:
 
 def page() -> str:
     """The Markdown of the command reference."""
-    from navstack.cli.app import app
+    from navstack.cli.app import command_tree
 
-    command = typer.main.get_command(app)
+    command = command_tree()
     context = typer.Context(command, info_name="navstack")
     return INTRODUCTION + _section("navstack", context, command, 2) + "\n"
 

@@ -19,12 +19,9 @@ from PIL import Image
 
 from navstack.core import Footprint, GridGeometry, OccupancyGrid, Pose2D, RobotState, Transform2D, Twist2D
 from navstack.map_io import load_map, load_mask
-from navstack.parameters.configuration import check_parameters, load_configuration
-from navstack.parameters.sources import packaged_folder, read_sources
-from navstack.places import load_places
+from navstack.parameters import check_parameters, load_configuration, packaged_folder, read_sources
 from navstack.record import Record, RunRecorder
-from navstack.scenario import Scenario, check_scenario, read_scenario, shipped_scenarios
-from navstack.scenario.suites.barn_worlds import load_worlds
+from navstack.scenario import Scenario, check_scenario, load_places, load_worlds, read_scenario, shipped_scenarios
 from tools.fuzz.arrays import mutated_archive, packed
 from tools.fuzz.images import mutated_image
 from tools.fuzz.launch import mutated_launch

@@ -10,15 +10,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from navstack.core import LaserScan, OccupancyGrid, PointCloud, Pose2D, Transform2D, Twist2D
-from navstack.core.errors import LogError
-from navstack.core.grid import GridGeometry
-from navstack.logs import messages as ros
-from navstack.logs import open_log
-from navstack.logs.builder import MessageBuilder
-from navstack.logs.log_info import log_info
-from navstack.logs.messages import Clock
+from navstack.core import GridGeometry, LaserScan, LogError, OccupancyGrid, PointCloud, Pose2D, Transform2D, Twist2D
+from navstack.logs import log_info, open_log
 from navstack.logs.writer import BagWriter, McapWriter, typestore
+from navstack.ros_messages import Clock, MessageBuilder
+from navstack.ros_messages import messages as ros
 
 FORMATS: Final = ("bag", "mcap", "compressed.bag")
 _START_NS: Final = 1_600_000_000 * 10**9

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from navstack.core.errors import NavError
+from navstack.core import NavError
 from tools.fuzz.inputs import KINDS, CommandError, Inputs, valid_record
 from tools.fuzz.measure import limit_address_space, measured, queued_seconds
 

@@ -1,5 +1,1 @@
-"""`navstack bench`: benchmarks of the planners, the whole stack and parameter sets."""
-
-from navstack.cli.bench.app import app
-
-__all__ = ["app"]
+"""`navstack bench`: benchmarks of the planners, the whole stack and parameter sets. One module per command."""

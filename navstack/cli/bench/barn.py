@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from navstack.cli import options
 from navstack.cli.bench.execution import BenchOutput, Processes, whole_numbers
 from navstack.cli.options import with_options
-
-if TYPE_CHECKING:
-    from navstack.bench.barn_bench import BarnReport, BarnTask
+from navstack.core import InputError, resolved
+from navstack.studies import BarnTask, for_workers
 
 
 @with_options(output=BenchOutput)
@@ -44,11 +43,6 @@ def barn(
     output: BenchOutput,
 ) -> int:
     """Drive through the BARN worlds, scored as in the BARN Challenge: a table per world, totals with confidence intervals."""
-    from navstack.bench.barn_bench import BarnTask, barn_jobs, barn_report
-    from navstack.bench.digests import for_workers
-    from navstack.core.errors import InputError
-    from navstack.core.files import resolved
-
     if record and output.out is None:
         raise InputError("--record needs a folder for the records; add --out DIR", argument="--record")
     task = BarnTask(
@@ -59,23 +53,7 @@ def barn(
         rough,
         noise,
         records=resolved(output.out) / "records" if record and output.out is not None else None,
+        numbers=tuple(whole_numbers(worlds, "--worlds")) or None,
+        seeds=seeds,
     )
-    jobs = barn_jobs(task, whole_numbers(worlds, "--worlds") or None, seeds)
-    results = output.run(task, jobs, task.described(), processes=processes)
-    report = barn_report(task, results, jobs)
-    files = _plot(task, report, output.out) if output.out is not None and report.outcomes else {}
-    document = {**task.described(), "seeds": seeds, **report.document()}
-    return output.report(document, report.tables, results, files=files, notes=report.notes)
-
-
-def _plot(task: BarnTask, report: BarnReport, folder: Path) -> dict[str, Path]:
-    """Draws the outcomes and times of the worlds; the files by name."""
-    from navstack.plot.barn import plot_success, plot_times
-
-    what = task.described()
-    title = f"BARN, {' + '.join(what['params'])}, {what['distro']}{', rough' if task.rough else ''}"
-    rows = report.worlds.rows
-    return {
-        "success": plot_success(rows, folder / "success.png", title=f"{title}: outcomes"),
-        "times": plot_times(rows, folder / "times.png", title=f"{title}: times"),
-    }
+    return output.carry_out(task, processes=processes)

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from navstack.cli.bench.execution import BenchOutput, Processes
 from navstack.cli.options import with_options
-
-if TYPE_CHECKING:
-    from navstack.bench.table import Table
+from navstack.studies import ControllersTask, read_groups, read_tunings
 
 
 @with_options(output=BenchOutput)
@@ -49,35 +46,5 @@ def controllers(
     A row per suite and controller: success, time, clearance, jerk, contacts and the time of a control cycle, with confidence
     intervals. Controllers: dwa, trajectory_rollout, mppi, pure_pursuit, rotation_shim, graceful.
     """
-    from navstack.bench.controllers_bench import (
-        JERK_PERIOD_S,
-        ControllersTask,
-        measured_runs,
-        read_groups,
-        read_tunings,
-    )
-    from navstack.bench.controllers_tables import all_tables, controllers_notes
-
-    task = ControllersTask(read_tunings(controller), read_groups(suite or [], count))
-    jobs = task.jobs(seeds)
-    results = output.run(task, jobs, task.described(), processes=processes)
-    runs = measured_runs(task, results, jobs)
-    tables = all_tables(runs)
-    files = _plot(tables[0], output.out) if output.out is not None and runs else {}
-    document = {
-        **task.described(),
-        "seeds": seeds,
-        "rows": tables[0],
-        "runs": [
-            {"controller": r.controller, "suite": r.group, "scenario": r.scenario, "seed": r.seed, **r.values}
-            for r in runs
-        ],
-    }
-    return output.report(document, tables, results, files=files, notes=controllers_notes(runs, JERK_PERIOD_S))
-
-
-def _plot(table: Table, folder: Path) -> dict[str, Path]:
-    from navstack.plot.controllers import plot_controllers
-
-    title = "Controllers with their packaged tunings"
-    return {"picture": plot_controllers(table.rows, folder / "controllers.png", title=title)}
+    task = ControllersTask(read_tunings(controller), read_groups(suite or [], count), seeds)
+    return output.carry_out(task, processes=processes)

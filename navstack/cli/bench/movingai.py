@@ -9,6 +9,8 @@ import typer
 
 from navstack.cli.bench.execution import BenchOutput, Processes
 from navstack.cli.options import with_options
+from navstack.core import resolved
+from navstack.studies import DEFAULT_PLANNERS, MovingaiTask
 
 
 @with_options(output=BenchOutput)
@@ -25,19 +27,6 @@ def movingai(
     output: BenchOutput,
 ) -> int:
     """Solve N. Sturtevant's grid path finding problems and compare path lengths with the published optima."""
-    from navstack.bench.digests import digest_of_file
-    from navstack.bench.movingai import map_file
-    from navstack.bench.movingai_bench import DEFAULT_PLANNERS, MovingaiTask, movingai_jobs, movingai_tables
-    from navstack.core.files import resolved
-
-    task = MovingaiTask(resolved(folder))
-    jobs = movingai_jobs(task.folder, list(dict.fromkeys(planner)) or DEFAULT_PLANNERS, list(dict.fromkeys(map_)))
-    used = list(dict.fromkeys(job.input[1] for job in jobs))
-    what = {
-        "bench": "movingai",
-        "problems": digest_of_file(task.folder / "problems.tsv"),
-        "maps": {name: digest_of_file(map_file(task.folder, name)) for name in used},
-    }
-    results = output.run(task, jobs, what, processes=processes)
-    tables = movingai_tables(task.folder, results, jobs)
-    return output.report({**what, "planners": {table.title: table for table in tables}}, tables, results)
+    planners = tuple(dict.fromkeys(planner)) or DEFAULT_PLANNERS
+    task = MovingaiTask(resolved(folder), planners, tuple(dict.fromkeys(map_)))
+    return output.carry_out(task, processes=processes)

@@ -9,6 +9,7 @@ import typer
 from navstack.cli import options
 from navstack.cli.bench.execution import BenchOutput, Processes
 from navstack.cli.options import with_options
+from navstack.studies import SEARCHING, PlannersTask, for_workers, map_files
 
 
 @with_options(output=BenchOutput)
@@ -43,17 +44,14 @@ def planners(
     missed a pair, or if a path crosses a blocked cell. A map given by name or file that cannot be read is an error (exit
     code 2).
     """
-    from navstack.bench.digests import for_workers
-    from navstack.bench.map_pairs import SEARCHING
-    from navstack.bench.planners_bench import PlannersTask, map_files, planners_jobs, planners_report
-    from navstack.parameters.configuration import choose_global_planner
-
     files, unreadable = map_files(map_)
-    task = PlannersTask(tuple(for_workers(p) for p in params), tuple(set_), pairs, seed)
-    names = [choose_global_planner(task.configuration, n).name for n in planner or SEARCHING]
-    jobs = planners_jobs(files, list(dict.fromkeys(names)))
-    what = task.described(files)
-    results = output.run(task, jobs, what, processes=processes)
-    report = planners_report(files, unreadable, results, jobs)
-    code = output.report({**what, **report.document()}, report.tables, results, notes=report.notes)
-    return code if report.all_safe and not unreadable else 1
+    task = PlannersTask(
+        tuple(for_workers(p) for p in params),
+        tuple(set_),
+        pairs,
+        seed,
+        files,
+        tuple(planner) or SEARCHING,
+        tuple(unreadable),
+    )
+    return output.carry_out(task, processes=processes)

@@ -8,6 +8,8 @@ import typer
 
 from navstack.cli.bench.execution import BenchOutput, Processes
 from navstack.cli.options import with_options
+from navstack.core import InputError
+from navstack.studies import FootprintTask, RandomTask
 
 
 @with_options(output=BenchOutput)
@@ -34,33 +36,11 @@ def random(
 
     A scenario depends on its number only: `navstack bench random 1 --first N` repeats it.
     """
-    from navstack.bench.random_bench import RandomTask, random_jobs, random_tables
-    from navstack.core.errors import InputError
-
-    if footprints:
-        if time_limit is not None:
-            raise InputError(
-                "--footprints has its own time limits; leave --time-limit out",
-                argument="--time-limit",
-                value=time_limit,
-            )
-        return _footprints(count, first, processes, output)
-    limit = 20.0 if time_limit is None else time_limit
-    what = {"bench": "random", "time_limit_s": limit}
-    results = output.run(RandomTask(limit), random_jobs(first, count), what, processes=processes)
-    tables = random_tables(results)
-    document = {**what, "first": first, "count": count, "tables": {table.title: table for table in tables}}
-    code = output.report(document, tables, results)
-    return code or int(any(result.value["faults"] for result in results if not result.failed))
-
-
-def _footprints(count: int, first: int, processes: int | None, output: BenchOutput) -> int:
-    """The exit code is 1 after a collision."""
-    from navstack.bench.random_bench import FootprintTask, footprint_tables, random_jobs
-
-    what = {"bench": "random", "scenarios": "footprints"}
-    results = output.run(FootprintTask(), random_jobs(first, count), what, processes=processes)
-    tables = footprint_tables(results)
-    document = {**what, "first": first, "count": count, "tables": {table.title: table for table in tables}}
-    code = output.report(document, tables, results)
-    return code or int(any(result.value["collision"] is not None for result in results if not result.failed))
+    if not footprints:
+        task = RandomTask(first, count, 20.0 if time_limit is None else time_limit)
+        return output.carry_out(task, processes=processes)
+    if time_limit is not None:
+        raise InputError(
+            "--footprints has its own time limits; leave --time-limit out", argument="--time-limit", value=time_limit
+        )
+    return output.carry_out(FootprintTask(first, count), processes=processes)

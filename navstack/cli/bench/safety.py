@@ -8,6 +8,7 @@ import typer
 
 from navstack.cli.bench.execution import BenchOutput, Processes
 from navstack.cli.options import with_options
+from navstack.studies import SafetyTask
 
 
 @with_options(output=BenchOutput)
@@ -21,11 +22,4 @@ def safety(
     """Drive three robots by random velocities among people who walk and boxes that appear, with and without the collision
     monitor. Each contact with the monitor is explained; the exit code is 1 if one of them cannot be.
     """
-    from navstack.bench.safety_bench import SafetyTask, safety_jobs, safety_tables, unexplained
-
-    what = {"bench": "safety"}
-    results = output.run(SafetyTask(), safety_jobs(first, count), what, processes=processes)
-    tables = safety_tables(results)
-    document = {**what, "first": first, "count": count, "tables": {table.title: table for table in tables}}
-    code = output.report(document, tables, results)
-    return code or int(bool(unexplained(results)))
+    return output.carry_out(SafetyTask(first, count), processes=processes)

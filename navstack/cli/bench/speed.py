@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from navstack.cli import options
+from navstack.cli.arguments import map_of, scenario_file
 from navstack.cli.bench.execution import BenchOutput
 from navstack.cli.options import with_options
-
-if TYPE_CHECKING:
-    from navstack.scenario import Scenario
+from navstack.core import InputError
+from navstack.map_io import map_names
+from navstack.parameters import load_configuration
+from navstack.scenario import Scenario, load_places, read_scenario, shipped_scenarios
+from navstack.studies import SpeedTask, for_workers, read_reference, short_names
 
 
 @with_options(output=BenchOutput)
@@ -45,33 +48,14 @@ def speed(
 
     Each figure comes with the calibration: the time of a fixed piece of work at that moment. Ratios are scaled by it.
     """
-    from navstack.bench.digests import digest_of_scenario, for_workers, short_names
-    from navstack.bench.speed_bench import SpeedTask, read_reference, speed_document, speed_jobs, speed_tables
-
     known = read_reference(reference) if reference is not None else None
     scenario = _scenario(map_, [for_workers(p) for p in params], set_)
-    what = {
-        "bench": "speed",
-        "drives": Path(map_).name,
-        "params": short_names(params),
-        "set": list(set_),
-        "scenario": digest_of_scenario(scenario),
-        "repeats": repeats,
-    }
-    results = output.run(SpeedTask(scenario, repeats), speed_jobs(), what, processes=1)
-    tables = speed_tables(results, known)
-    return output.report({**what, **speed_document(results, known)}, tables, results)
+    named = {"drives": Path(map_).name, "params": short_names(params), "set": list(set_)}
+    return output.carry_out(SpeedTask(scenario, repeats, named, known), processes=1)
 
 
 def _scenario(name: str, params: list[str], overrides: list[str]) -> Scenario:
     """The scenario file of that name, or the tour of a packaged map. Raises InputError, MapError, ScenarioError."""
-    from navstack.cli.arguments import map_of, scenario_file
-    from navstack.core.errors import InputError
-    from navstack.map_io import map_names
-    from navstack.parameters.configuration import load_configuration
-    from navstack.places import load_places
-    from navstack.scenario import Scenario, read_scenario, shipped_scenarios
-
     file = scenario_file(name)
     if file is not None:
         return read_scenario(file).build(params=params or None, overrides=overrides)

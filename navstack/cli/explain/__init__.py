@@ -1,5 +1,1 @@
-"""`navstack explain`: diagnostics of runs and parameters."""
-
-from navstack.cli.explain.app import app
-
-__all__ = ["app"]
+"""`navstack explain`: diagnostics of runs and parameters. One module per command."""

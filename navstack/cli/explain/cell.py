@@ -7,6 +7,10 @@ from typing import Annotated
 import typer
 
 from navstack.cli import options
+from navstack.cli.arguments import parse_costmap_name, parse_point
+from navstack.cli.output import print_json, stdout
+from navstack.explain import explain_cell, print_cell, replay
+from navstack.record import Record
 
 
 def cell(
@@ -20,12 +24,6 @@ def cell(
 
     The run is replayed up to the given time.
     """
-    from navstack.cli.arguments import parse_costmap_name, parse_point
-    from navstack.cli.output import print_json, stdout
-    from navstack.explain import explain_cell, replay
-    from navstack.explain.printing import print_cell
-    from navstack.record import Record
-
     x, y = parse_point(at, "--at")
     name = parse_costmap_name(costmap)
     report = explain_cell(replay(Record.load(run), time), x, y, costmap=name)

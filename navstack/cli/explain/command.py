@@ -8,6 +8,10 @@ from typing import Annotated
 import typer
 
 from navstack.cli import options
+from navstack.cli.output import print_files, print_json, stdout
+from navstack.explain import explain_command, print_command
+from navstack.plot import plot_command
+from navstack.record import Record
 
 
 def command(
@@ -23,12 +27,6 @@ def command(
 
     The run is replayed up to the given time.
     """
-    from navstack.cli.output import print_files, print_json, stdout
-    from navstack.explain import explain_command
-    from navstack.explain.printing import print_command
-    from navstack.plot import plot_command
-    from navstack.record import Record
-
     report = explain_command(Record.load(run), time)
     files = {"picture": str(plot_command(report, out))} if out is not None else {}
     if json_:

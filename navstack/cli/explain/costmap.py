@@ -6,6 +6,11 @@ from pathlib import Path
 from typing import Annotated
 
 from navstack.cli import options
+from navstack.cli.arguments import parse_costmap_name
+from navstack.cli.output import print_files, print_json
+from navstack.explain import time_in
+from navstack.plot import plot_costmap_at
+from navstack.record import Record
 
 
 def costmap(
@@ -16,12 +21,6 @@ def costmap(
     json_: options.Json = False,
 ) -> None:
     """Draw a costmap of a run at a given time, with its cost bands."""
-    from navstack.cli.arguments import parse_costmap_name
-    from navstack.cli.output import print_files, print_json
-    from navstack.explain.replay import time_in
-    from navstack.plot import plot_costmap_at
-    from navstack.record import Record
-
     name = parse_costmap_name(costmap)
     record = Record.load(run)
     at = time_in(record, time)

@@ -8,6 +8,10 @@ from typing import Annotated
 import typer
 
 from navstack.cli import options
+from navstack.cli.output import print_files, print_json, stdout
+from navstack.explain import explain_goal, explain_goals, print_goal
+from navstack.plot import plot_goal_reports
+from navstack.record import Record
 
 
 def goal(
@@ -19,12 +23,6 @@ def goal(
     json_: options.Json = False,
 ) -> None:
     """Explain the outcome of a goal: states, plans, failures with their reasons, recoveries, times without progress."""
-    from navstack.cli.output import print_files, print_json, stdout
-    from navstack.explain import explain_goal, explain_goals
-    from navstack.explain.printing import print_goal
-    from navstack.plot import plot_goal_reports
-    from navstack.record import Record
-
     record = Record.load(run)
     reports = explain_goals(record) if number is None else (explain_goal(record, number),)
     files: dict[str, str] = {}

@@ -6,8 +6,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.box import SIMPLE_HEAD
+from rich.table import Table
 
 from navstack.cli import options
+from navstack.cli.arguments import map_of
+from navstack.cli.options import chosen_files
+from navstack.cli.output import print_files, print_json, stdout
+from navstack.core import describe_cost, write_json
+from navstack.explain import inflation_curves
+from navstack.parameters import load_configuration
+from navstack.plot import plot_inflation_curves
 
 if TYPE_CHECKING:
     from navstack.explain import InflationCurve
@@ -26,14 +35,6 @@ def inflation(
     json_: options.Json = False,
 ) -> None:
     """Print cost against distance to the nearest obstacle for both costmaps of a parameter set."""
-    from navstack.cli.arguments import map_of
-    from navstack.cli.out_path import chosen_files
-    from navstack.cli.output import print_json
-    from navstack.core.files import write_json
-    from navstack.explain import inflation_curves
-    from navstack.parameters.configuration import load_configuration
-    from navstack.plot import plot_inflation_curves
-
     resolution = map_of(map_)[1].geometry.resolution if map_ is not None else None
     configuration = load_configuration(params, overrides=set_)
     curves = inflation_curves(configuration, map_resolution=resolution)
@@ -53,12 +54,6 @@ def inflation(
 
 
 def _print(curves: list[InflationCurve], files: dict[str, str]) -> None:
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-
-    from navstack.cli.output import print_files, stdout
-    from navstack.core import describe_cost
-
     for curve in curves:
         table = Table(
             "cells",

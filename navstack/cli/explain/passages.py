@@ -8,11 +8,20 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from navstack.cli import options
+from navstack.cli.arguments import footprint_overrides, map_of, parse_costmap_name
+from navstack.cli.options import chosen_files
+from navstack.cli.output import counting_bar, print_files, print_json, print_note, stdout
+from navstack.core import write_json
+from navstack.explain import find_passages, print_passages
+from navstack.parameters import load_configuration
+from navstack.plot import plot_passage_report
+from navstack.record import RUN_FILE, Record
+from navstack.scenario import Scenario
 
 if TYPE_CHECKING:
     from navstack.core import OccupancyGrid
     from navstack.explain import PassageReport
-    from navstack.parameters.configuration import Configuration
+    from navstack.parameters import Configuration
 
 MOSTLY_UNKNOWN = 0.9
 """Share of unknown cells on the border of free space above which the walls of a map are considered unknown."""
@@ -81,11 +90,6 @@ def passages(
 
     For a robot that is not round: at which headings it passes, and, with a turning radius, with how many changes of direction.
     """
-    from navstack.cli.arguments import parse_costmap_name
-    from navstack.cli.output import counting_bar, print_files, print_json, stdout
-    from navstack.explain import find_passages
-    from navstack.explain.printing import print_passages
-
     name = parse_costmap_name(chosen.costmap)
     path, grid, configuration = _opened(chosen)
     with counting_bar("openings", quiet=json_) as progress:
@@ -114,12 +118,6 @@ def passages(
 
 def _opened(chosen: PassageOptions) -> tuple[Path, OccupancyGrid, Configuration]:
     """Return file, map and parameters, for a run those of its record."""
-    from navstack.cli.arguments import footprint_overrides, map_of
-    from navstack.parameters.configuration import load_configuration
-    from navstack.record import Record
-    from navstack.record.format import RUN_FILE
-    from navstack.scenario import Scenario
-
     overrides = [*chosen.set_, *footprint_overrides(chosen.footprint)]
     path = Path(chosen.map_)
     if path.suffix != ".npz" and not path.joinpath(RUN_FILE).is_file():
@@ -142,10 +140,6 @@ def _document(report: PassageReport, name: str) -> dict[str, Any]:
 
 def _write(report: PassageReport, document: dict[str, Any], name: str, out: Path) -> dict[str, str]:
     """Writes picture and document, or the one that is asked for; returns the names of the files."""
-    from navstack.cli.out_path import chosen_files
-    from navstack.core.files import write_json
-    from navstack.plot import plot_passage_report
-
     chosen = chosen_files(out, {"picture": "passages.png", "passages": "passages.json"})
     files = {what: str(file) for what, file in chosen.items()}
     if "picture" in chosen:
@@ -156,8 +150,6 @@ def _write(report: PassageReport, document: dict[str, Any], name: str, out: Path
 
 
 def _note_unknown_walls(report: PassageReport, name: str) -> None:
-    from navstack.cli.output import print_note
-
     if report.unknown_border > MOSTLY_UNKNOWN:
         print_note(
             f"{100.0 * report.unknown_border:.0f} % of the cells that border free space in {name} are unknown, not "

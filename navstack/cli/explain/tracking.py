@@ -7,8 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.markup import escape
 
 from navstack.cli import options
+from navstack.cli.output import print_files, print_json, stdout, titled_table
+from navstack.core import InputError, write_text
+from navstack.explain import choose_tracking, explain_tracking
+from navstack.plot import plot_tracking
+from navstack.record import Record
 
 if TYPE_CHECKING:
     from navstack.explain import TrackingReport
@@ -32,13 +38,6 @@ def tracking(
 
     The errors are those of the true pose of the simulated robot; `believed` is the distance that the robot knew of.
     """
-    from navstack.cli.output import print_files, print_json
-    from navstack.core.errors import InputError
-    from navstack.core.files import write_text
-    from navstack.explain import explain_tracking
-    from navstack.explain.tracking import choose_tracking
-    from navstack.record import Record
-
     reports = list(explain_tracking(Record.load(run)))
     if number is not None:
         reports = [choose_tracking(reports, number)]
@@ -60,10 +59,6 @@ def tracking(
 
 def print_tracking(report: TrackingReport) -> None:
     """Prints the errors of a followed trajectory."""
-    from rich.markup import escape
-
-    from navstack.cli.output import stdout, titled_table
-
     out = stdout()
     out.print(
         f"[bold]{escape(report.name)}[/] in {escape(report.frame)}, from {report.begin:.2f} s: followed for "
@@ -79,8 +74,6 @@ def print_tracking(report: TrackingReport) -> None:
 
 def draw(report: TrackingReport, out: Path) -> Path:
     """Draws a followed trajectory. Raises OutputError."""
-    from navstack.plot.tracking import plot_tracking
-
     found = report.statistics()["distance_m"]
     return plot_tracking(
         out,

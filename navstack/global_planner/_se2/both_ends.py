@@ -18,11 +18,11 @@ from typing import Final
 import numpy as np
 
 from navstack.core import Window
-from navstack.global_planner._se2 import _search_kernels as kernels
+from navstack.global_planner._se2 import search as kernels
 from navstack.global_planner._se2.engine import UNLIMITED, PoseSearch
-from navstack.global_planner._se2.footprint import Shape
-from navstack.global_planner._se2.outcome import Outcome, Pose, turned_around
 from navstack.global_planner._se2.primitives import PrimitiveTable
+from navstack.global_planner._se2.search import Outcome, Pose, turned_around
+from navstack.global_planner._se2.shape import Shape
 
 FIRST: Final = 8192
 """States that the search from the start expands at least before that from the goal begins; then turns twice as long follow."""

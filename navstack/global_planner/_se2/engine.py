@@ -10,19 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Window
-from navstack.curves.curve_kernels import STRAIGHT
-from navstack.global_planner._se2 import _curve_check_kernels as curves
-from navstack.global_planner._se2 import _heuristic_kernels as heuristics
-from navstack.global_planner._se2 import _path_kernels as paths
-from navstack.global_planner._se2 import _search_kernels as kernels
-from navstack.global_planner._se2 import _shape_kernels as shapes
-from navstack.global_planner._se2._rejoin_kernels import rejoin
+from navstack.global_planner._curves import STRAIGHT
+from navstack.global_planner._se2 import curve_checks as curves
+from navstack.global_planner._se2 import heuristics, paths
+from navstack.global_planner._se2 import search as kernels
+from navstack.global_planner._se2 import shape as shapes
 from navstack.global_planner._se2.connection import may_connect
-from navstack.global_planner._se2.footprint import Shape
-from navstack.global_planner._se2.memory import curve_table, untouched_zeros
-from navstack.global_planner._se2.outcome import Outcome, Pose
+from navstack.global_planner._se2.paths import rejoin
 from navstack.global_planner._se2.primitives import PrimitiveTable
-from navstack.global_planner._se2.records import ENTRY, FIELD, NODE, SEGMENT, SETTINGS
+from navstack.global_planner._se2.records import ENTRY, FIELD, NODE, SEGMENT, SETTINGS, curve_table, untouched_zeros
+from navstack.global_planner._se2.search import Outcome, Pose
+from navstack.global_planner._se2.shape import Shape
 from navstack.global_planner._search.cells import union
 
 UNLIMITED: Final = 1 << 62

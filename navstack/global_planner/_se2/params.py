@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar, Final, Literal
 
-from navstack.core.parameter_checks import CheckContext, Issue
-from navstack.core.parameters import ParamModel, param
-from navstack.global_planner._search.parameter_checks import unknown_not_tracked
-from navstack.global_planner._search.start_goal import StartPolicy
+from navstack.global_planner._search.start_goal import StartPolicy, unknown_not_tracked
+from navstack.plugins import CheckContext, Issue, ParamModel, param
 
 GoalHeadingMode = Literal["DEFAULT", "BIDIRECTIONAL", "ALL_DIRECTION"]
 _SMOOTHER_NOTE: Final = (

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.curves.curve_kernels import LEFT as LEFT_ARC
-from navstack.curves.curve_kernels import RIGHT as RIGHT_ARC
-from navstack.curves.curve_kernels import STRAIGHT as LINE
+from navstack.global_planner._curves import LEFT as LEFT_ARC
+from navstack.global_planner._curves import RIGHT as RIGHT_ARC
+from navstack.global_planner._curves import STRAIGHT as LINE
 from navstack.global_planner._se2.records import HEADING, PRIMITIVE, SEGMENT
 
 STRAIGHT, LEFT, RIGHT = 0, 1, 2

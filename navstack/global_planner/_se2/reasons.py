@@ -8,18 +8,25 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import UNKNOWN, Costmap, Footprint, Pose2D, describe_cost
-from navstack.core.errors import GoalOccupiedError, NoValidPathError, PlanningError, PlanningTimeoutError
-from navstack.global_planner._se2 import _search_kernels as kernels
+from navstack.core import (
+    UNKNOWN,
+    Costmap,
+    Footprint,
+    GoalOccupiedError,
+    NoValidPathError,
+    PlanningError,
+    PlanningTimeoutError,
+    Pose2D,
+    describe_cost,
+)
+from navstack.global_planner._se2 import search as kernels
 from navstack.global_planner._se2.engine import PoseSearch
-from navstack.global_planner._se2.outcome import Outcome
 from navstack.global_planner._se2.params import PosePlannerParams
+from navstack.global_planner._se2.search import Outcome
 from navstack.global_planner._search import planning_errors
 from navstack.global_planner._search.best_first import BestFirst
-from navstack.global_planner._search.cells import cell_coordinates
-from navstack.global_planner._search.cost_interpreter import CellCosts, cell_costs
-from navstack.global_planner._search.gaps import Gap, gaps, narrowest
-from navstack.global_planner._search.search_space import SearchSpace
+from navstack.global_planner._search.cells import CellCosts, SearchSpace, cell_coordinates, cell_costs
+from navstack.global_planner._search.planning_errors import Gap, gaps, narrowest
 
 _MAX_EXPANDED: Final = 4_000_000
 _AHEAD: Final = 6

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Final
+import mmap
+from functools import lru_cache
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 PRIMITIVE: Final = np.dtype(
     [
@@ -46,7 +49,10 @@ SEGMENT: Final = np.dtype(
         ("x", "f8"),
         ("y", "f8"),
         ("yaw", "f8"),
-        ("kind_", "i8"),  # of navstack.curves; 0 turns in place, -1 holonomic (a straight line in any direction)
+        (
+            "kind_",
+            "i8",
+        ),  # of navstack.global_planner._curves; 0 turns in place, -1 holonomic (a straight line in any direction)
         ("size", "f8"),  # signed length; the angle of a turn in place
         ("radius", "f8"),
         ("sideways", "f8"),  # direction of a holonomic line, relative to the yaw
@@ -131,3 +137,29 @@ SETTINGS: Final = np.dtype(
         ("approach_since", "i8"),
     ]
 )
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Large arrays of which a search touches little.
+
+
+_SMALL: Final = 1 << 22
+"""Bytes: numpy asks for huge pages from here on."""
+
+
+def untouched_zeros(count: int, dtype: np.dtype[Any]) -> NDArray[Any]:
+    """Return zeros (count,) whose pages are created when they are touched, 4 kB each.
+
+    `np.zeros` of megabytes asks for huge pages: one access then clears 2 MB, which takes longer than a short search.
+    """
+    size = count * dtype.itemsize
+    if size < _SMALL or not hasattr(mmap, "MAP_PRIVATE"):
+        return np.zeros(count, dtype)
+    return np.frombuffer(mmap.mmap(-1, size, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS), dtype)
+
+
+@lru_cache(maxsize=6)
+def curve_table(half: int, bins: int, radius: float, cusp: float | None) -> NDArray[np.float32]:
+    """The lengths of curves that are known so far, shared by all searches for the same curves: a length is always the same."""
+    del radius, cusp  # None: Dubins
+    return untouched_zeros((2 * half + 1) * (half + 1) * bins, np.dtype(np.float32))

@@ -13,14 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Costmap, Footprint, Path, Pose2D, Window
-from navstack.core.parameters import ParamModel, param
 from navstack.global_planner._search import planning_errors as errors
 from navstack.global_planner._search.best_first import UNLIMITED
-from navstack.global_planner._search.cells import Cell
-from navstack.global_planner._search.cost_interpreter import CostInterpreter
+from navstack.global_planner._search.cells import Cell, CostInterpreter, SearchSpace
 from navstack.global_planner._search.orientation_filter import OrientationFilter
 from navstack.global_planner._search.plan_cache import PlanCache, Request
-from navstack.global_planner._search.search_space import SearchSpace
 from navstack.global_planner._search.start_goal import (
     SearchStart,
     StartPolicy,
@@ -29,7 +26,7 @@ from navstack.global_planner._search.start_goal import (
     goal_candidates,
     with_yaw_in_range,
 )
-from navstack.interfaces import GlobalPlanner, Plan
+from navstack.plugins import GlobalPlanner, ParamModel, Plan, param
 
 
 class SearchParams(ParamModel):

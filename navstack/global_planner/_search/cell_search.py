@@ -10,15 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Pose2D, Window
-from navstack.core.parameter_checks import CheckContext, Issue
-from navstack.core.parameters import param
 from navstack.global_planner._search.base import Query, Route, Search, SearchParams, SearchPlanner, Unreachable
 from navstack.global_planner._search.best_first import UNLIMITED, BestFirst
-from navstack.global_planner._search.cells import Cell
-from navstack.global_planner._search.cost_interpreter import CellCosts, cell_costs
+from navstack.global_planner._search.cells import Cell, CellCosts, cell_costs
 from navstack.global_planner._search.orientation_filter import OrientationFilter, OrientationMode
-from navstack.global_planner._search.parameter_checks import unknown_not_tracked
-from navstack.global_planner._search.start_goal import StartPolicy
+from navstack.global_planner._search.start_goal import StartPolicy, unknown_not_tracked
+from navstack.plugins import CheckContext, Issue, param
 
 _EPSILON: Final = 1e-9
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Costmap, Footprint, GridGeometry, Pose2D, Window
-from navstack.interfaces import Plan
+from navstack.plugins import Plan
 
 CHUNK: Final = 1 << 20
 """Number of cells compared at once: a comparison of a map of millions of cells at once would need as many bytes."""

@@ -10,8 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Costmap, Pose2D
-from navstack.global_planner._search.cells import Cell, position_in_cells, start_fronts
-from navstack.global_planner._search.cost_interpreter import NAVFN_NEUTRAL, WaveCosts, order_independent
+from navstack.global_planner._search.cells import (
+    NAVFN_NEUTRAL,
+    Cell,
+    WaveCosts,
+    order_independent,
+    position_in_cells,
+    start_fronts,
+)
 from navstack.global_planner._search.wavefront import Guide, Wavefront
 
 NAVFN_RISE: Final = 2.0 * NAVFN_NEUTRAL  # navfn.cpp, priInc

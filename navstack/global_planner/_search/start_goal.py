@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import FREE, Costmap, Footprint, Pose2D, normalize_angle
-from navstack.core.errors import GoalOutsideMapError, InputError, StartOutsideMapError
+from navstack.core import (
+    FREE,
+    Costmap,
+    Footprint,
+    GoalOutsideMapError,
+    InputError,
+    Pose2D,
+    StartOutsideMapError,
+    normalize_angle,
+)
 from navstack.global_planner._search import planning_errors as errors
-from navstack.global_planner._search.cells import Cell
-from navstack.global_planner._search.search_space import SearchSpace
+from navstack.global_planner._search.cells import Cell, SearchSpace
+from navstack.plugins import CheckContext, Issue
 
 StartPolicy = Literal["clear_cell", "clear_footprint", "nearest_free", "refuse"]
 
@@ -141,3 +150,21 @@ def goal_candidates(costmap: Costmap, goal: Pose2D, tolerance: float) -> list[tu
     if own is not None:  # the exact goal; rounding may have moved its lattice point
         found.insert(0, (0.0, goal, own))
     return [(pose, cell) for _, pose, cell in found]
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Checks that global planners share; their parameter models call them in `check`.
+
+
+def unknown_not_tracked(context: CheckContext, allow_unknown: bool) -> Iterator[Issue]:
+    """`allow_unknown: false` keeps plans out of unknown space only if a layer tracks it."""
+    costmap = context.global_costmap
+    if allow_unknown or costmap.track_unknown_space:
+        return
+    if any(layer.traits.tracks_unknown_space for layer in costmap.layers):
+        return
+    message = (
+        "allow_unknown = false has no effect because no layer of the global costmap tracks unknown space; set "
+        "track_unknown_space: true in global_costmap"
+    )
+    yield Issue("warning", "unknown-not-tracked", ("allow_unknown",), message)

@@ -9,13 +9,376 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Costmap, Window
-from navstack.core.errors import InputError
-from navstack.global_planner._search import _wavefront_kernels as kernels
-from navstack.global_planner._search.cells import Cell, start_fronts
-from navstack.global_planner._search.cost_interpreter import WaveCosts
+from navstack.core import Costmap, InputError, Window, kernel
+from navstack.global_planner._search.cells import Cell, WaveCosts, start_fronts
 
-UNREACHED: Final = float(kernels.HIGH)
+# ----------------------------------------------------------------------------------------------------------------------
+# The wavefront that fills a potential over a costmap (navfn, global_planner).
+#
+# A label-correcting propagation by buckets, in navfn's order (algorithms.md 3): three lists of cells (current, next, overflow)
+# and a threshold that rises by a fixed step whenever current and next are both empty. Cells are numbered k = iy * nx + ix.
+#
+# Memory per cell is 5 bytes: `pot`, the potential (float32, HIGH where unreached), and `pending` (uint8), which is 1 while the
+# cell is in a list, and always on the outermost ring, which is blocked.
+#
+# A list is processed in two passes. The first updates the potential of each cell in order and stores in `flags` which
+# neighbours to queue; the second turns the flags into lists. The result equals that of processing one cell after the other,
+# to the bit: which neighbours a cell queues depends on potentials only, and whether a neighbour is queued already depends only
+# on the cells before it. Two passes need two thirds of the time, because no load waits for a preceding store and no
+# branch is unpredictable.
+#
+# Only an open window of both arrays holds values; the memory outside is undefined. Unreached cells on the border of the window
+# have the potential EDGE, so one comparison per processed cell detects that the window must grow first. A short query on a
+# huge map therefore touches only the cells it needs.
+
+
+# pyright: basic
+
+
+HIGH = np.float32(1e10)
+EDGE = np.float32(4e10)
+BEYOND = np.float32(2e10)
+INF = np.float32(np.inf)
+PENDING = np.uint8(1)
+OVERFLOW = np.uint32(1 << 31)  # bit of a collected cell: it goes to the overflow list
+MAX_CELLS = 1 << 31
+
+STATE = np.dtype(
+    [
+        ("nx", np.int64),
+        ("ny", np.int64),
+        ("window", np.int64, 4),  # the open window x0, y0, x1, y1, half open
+        ("n_current", np.int64),  # lengths of the lists
+        ("n_overflow", np.int64),
+        ("expanded", np.int64),  # how often a potential was lowered
+        ("max_expanded", np.int64),
+        ("stop", np.int64),  # cell that ends the propagation once it has a potential; -1: none
+        ("guide_shift", np.int64),  # the guide has one value per square of 2**guide_shift cells
+        ("quadratic", np.int64),  # 1: plane wave over two neighbours, 0: from the lowest neighbour
+        ("threshold", np.float32),
+        ("rise", np.float32),  # increment of the threshold
+        ("last", np.float32),  # the propagation ends when the threshold exceeds it
+        ("limit", np.float32),  # largest sum of potential and guide
+    ],
+    align=True,
+)
+"""State and settings of a wavefront, an array of shape (1,)."""
+
+
+@kernel
+def _clear(pot, pending, first, end):
+    """Reset the cells `first` to `end`, which are uint64 so that the compiler can rule out negative indices."""
+    for k in range(first, end):
+        pot[k] = HIGH
+    for k in range(first, end):
+        pending[k] = 0
+
+
+@kernel
+def open_window(pot, pending, state, x0, y0, x1, y1):
+    """Grow the open window to contain `[x0, x1) x [y0, y1)`, clipped to the grid; open it there if it is empty (x1 = 0)."""
+    s = state[0]
+    nx, ny = s.nx, s.ny
+    x0, y0, x1, y1 = max(x0, 0), max(y0, 0), min(x1, nx), min(y1, ny)
+    ox0, oy0, ox1, oy1 = s.window[0], s.window[1], s.window[2], s.window[3]
+    if ox1 == 0:
+        ox0, oy0, ox1, oy1 = x0, y0, x0, y0
+    else:
+        x0, y0, x1, y1 = min(x0, ox0), min(y0, oy0), max(x1, ox1), max(y1, oy1)
+        for x in range(ox0, ox1):  # the former border
+            for y in (oy0, oy1 - 1):
+                if pot[y * nx + x] > BEYOND:
+                    pot[y * nx + x] = HIGH
+        for y in range(oy0, oy1):
+            for x in (ox0, ox1 - 1):
+                if pot[y * nx + x] > BEYOND:
+                    pot[y * nx + x] = HIGH
+    for y in range(y0, y1):
+        row = y * nx
+        if y < oy0 or y >= oy1:
+            _clear(pot, pending, np.uint64(row + x0), np.uint64(row + x1))
+        else:
+            _clear(pot, pending, np.uint64(row + x0), np.uint64(row + ox0))
+            _clear(pot, pending, np.uint64(row + ox1), np.uint64(row + x1))
+    for x in range(x0, x1):
+        for y in (y0, y1 - 1):
+            k = y * nx + x
+            if pot[k] == HIGH:
+                pot[k] = EDGE
+            if y == 0 or y == ny - 1:
+                pending[k] = PENDING
+    for y in range(y0, y1):
+        for x in (x0, x1 - 1):
+            k = y * nx + x
+            if pot[k] == HIGH:
+                pot[k] = EDGE
+            if x == 0 or x == nx - 1:
+                pending[k] = PENDING
+    s.window[0], s.window[1], s.window[2], s.window[3] = x0, y0, x1, y1
+
+
+@kernel
+def _grow_at(pot, pending, state, k):
+    """Grow the open window on the side where cell k is on its border."""
+    s = state[0]
+    x, y = k % s.nx, k // s.nx
+    x0, y0, x1, y1 = s.window[0], s.window[1], s.window[2], s.window[3]
+    margin = max(64, (x1 - x0 + y1 - y0) // 4)
+    open_window(
+        pot,
+        pending,
+        state,
+        x - margin if x == x0 else x0,
+        y - margin if y == y0 else y0,
+        x + 1 + margin if x + 1 == x1 else x1,
+        y + 1 + margin if y + 1 == y1 else y1,
+    )
+
+
+@kernel
+def _with_capacity(cells, count, capacity):
+    """`cells`, or a copy of its first `count` entries in a larger array if it has less than `capacity` entries."""
+    if cells.size >= capacity:
+        return cells
+    larger = np.empty(2 * capacity, np.uint32)
+    for i in range(count):  # a slice would add a second of compile time
+        larger[i] = cells[i]
+    return larger
+
+
+@kernel
+def seed(cost, pot, pending, weights, state, current, cells, values, fronts):
+    """Set the potential of `cells` to `values` and queue the free cells of `fronts`, in order. All are in the open window."""
+    for i in range(cells.size):
+        pot[cells[i]] = values[i]
+    n = 0
+    for i in range(fronts.size):
+        k = fronts[i]
+        if weights[cost[k]] < INF and not pending[k]:
+            pending[k] = PENDING
+            current[n] = k
+            n += 1
+    s = state[0]
+    s.n_current = n
+    s.n_overflow = 0
+
+
+@kernel
+def _arrival(left, right, up, down, h, per_h, plane):
+    """The potential at which the wave enters a cell of cost h: along one axis, or as a plane wave over two (navfn).
+
+    Equal to C++ to the bit: the last digit can decide whether a neighbour is queued, and then the potentials behind it
+    differ by far more. `plane`: the difference below which it is a plane wave: h, or 0 for never. `per_h` = 1 / h in
+    float64: the product, rounded to float32, is the correctly rounded quotient of the two float32 (a quotient is never
+    closer than 2**-49 of itself to a rounding boundary; the product is off by 2**-52).
+    """
+    a = left if left < right else right
+    b = up if up < down else down
+    low = a if a < b else b
+    d = np.float32(abs(a - b))
+    q = np.float64(np.float32(np.float64(d) * per_h))
+    part = np.float32(-0.2301 * (q * q) + (0.5307 * q + 0.7040))
+    return low + h * (part if d < plane else np.float32(1.0))
+
+
+@kernel
+def complete(cost, pot, steps, weights, state, x, y, reach):
+    """Compute the potential of unreached free cells within `reach` of (x, y) from their neighbours (clearEndpoint)."""
+    s = state[0]
+    nx = s.nx
+    x0, x1 = max(1, s.window[0] + 1, x - reach), min(nx - 1, s.window[2] - 1, x + reach + 1)
+    y0, y1 = max(1, s.window[1] + 1, y - reach), min(s.ny - 1, s.window[3] - 1, y + reach + 1)
+    for cy in range(y0, y1):
+        for cx in range(x0, x1):
+            k = cy * nx + cx
+            if pot[k] >= HIGH and weights[cost[k]] < INF:
+                h = steps[cost[k]]
+                plane = h if s.quadratic else np.float32(0.0)
+                p = _arrival(pot[k - 1], pot[k + 1], pot[k - nx], pot[k + nx], h, 1.0 / np.float64(h), plane)
+                if p < HIGH:
+                    pot[k] = p
+
+
+@kernel
+def _neighbour_table(nx):
+    """By the lower 5 bits of a flag: the offsets (64, 4) of the neighbours to queue, and how many there are (64,).
+
+    Bits 0 to 3: left, right, up, down. Bit 4: the cell is below the threshold; without it, offsets include OVERFLOW.
+    """
+    offsets = np.zeros((64, 4), np.uint32)
+    counts = np.zeros(64, np.uint8)
+    for flag in range(64):
+        n = 0
+        for b in range(4):
+            if flag >> b & 1:
+                to = -1 if b == 0 else 1 if b == 1 else -nx if b == 2 else nx
+                offsets[flag, n] = np.uint32(to) + (np.uint64(0) if flag & 16 else np.uint64(OVERFLOW))
+                n += 1
+        counts[flag] = n
+    return offsets, counts
+
+
+@kernel
+def propagate(cost, pot, pending, steps, weights, current, following, overflow, flags, guide, state):
+    """Run the wavefront; a later call resumes where it stopped.
+
+    `cost` (ny*nx,) uint8; `steps` (256,) float32: cost of entering a cell, by its byte; `weights` (256,) float32: `steps`
+    over sqrt(2), the gain below which a neighbour is not queued, inf where blocked; `state` (1,): see STATE. It ends when
+    the lists are empty, when the threshold exceeds `last`, after the list in which `max_expanded` potentials have been
+    lowered, or when the cell `stop` has a potential.
+
+    `guide`, unless of size 0: potentials from the target, one per square of 2**guide_shift cells with a border of one square
+    (no border with shift 0). Cells where the sum of both potentials, less their own cost, which both include, exceeds
+    `limit` are pruned.
+
+    Returns the three lists and `flags` (uint8), replaced by larger arrays where they had to grow.
+    """
+    s = state[0]
+    nx = s.nx
+    n_current = s.n_current
+    n_overflow = np.uint64(s.n_overflow)
+    expanded = s.expanded
+    max_expanded = s.max_expanded
+    threshold = s.threshold
+    rise = s.rise
+    last = s.last
+    limit = s.limit
+    stop = s.stop
+    zero = np.uint64(0)
+    one = np.uint64(1)
+    two = np.uint64(2)
+    three = np.uint64(3)
+    stride = np.uint64(nx)
+    guided = guide.size > 0
+    coarse = s.guide_shift > 0
+    shift = np.uint64(s.guide_shift)
+    guide_stride = np.uint64(((nx - 1) >> s.guide_shift) + 3)
+    per_step = np.empty(256, np.float64)
+    planes = np.empty(256, np.float32)
+    for b in range(256):
+        per_step[b] = 1.0 / np.float64(steps[b])
+        planes[b] = steps[b] if s.quadratic else 0.0
+    offsets, counts = _neighbour_table(nx)
+    while n_current > 0 and threshold <= last and expanded < max_expanded:
+        length = np.uint64(n_current)
+        following = _with_capacity(following, 0, 4 * n_current + 4)
+        if flags.size < n_current:
+            flags = np.empty(2 * n_current, np.uint8)
+        first = zero
+        while first < length:
+            outside = length
+            for i in range(first, length):
+                k = np.uint64(current[i])
+                byte = cost[k]
+                pending[k] = 0
+                old = pot[k]
+                if old > BEYOND:
+                    outside = i
+                    break
+                left, right = pot[k - one], pot[k + one]
+                up, down = pot[k - stride], pot[k + stride]
+                h = steps[byte]
+                p = _arrival(left, right, up, down, h, per_step[byte], planes[byte])
+                if guided:
+                    if coarse:
+                        y = np.uint32(k) // np.uint32(nx)
+                        x = np.uint32(k) - y * np.uint32(nx)
+                        rest = guide[((np.uint64(y) >> shift) + one) * guide_stride + (np.uint64(x) >> shift) + one]
+                    else:
+                        rest = guide[k]
+                    p = INF if p + rest - h > limit else p
+                pot[k] = p if p < old else old
+                e = p if p < old else INF
+                flags[i] = (
+                    np.uint8(left > e + weights[cost[k - one]])
+                    | (np.uint8(right > e + weights[cost[k + one]]) << 1)
+                    | (np.uint8(up > e + weights[cost[k - stride]]) << 2)
+                    | (np.uint8(down > e + weights[cost[k + stride]]) << 3)
+                    | (np.uint8(p < threshold) << 4)
+                    | (np.uint8(e < INF) << 5)
+                )
+            if outside < length:
+                _grow_at(pot, pending, state, np.int64(current[outside]))
+            first = outside
+        collected = zero
+        lowered = zero
+        for i in range(length):
+            flag = flags[i]
+            k = current[i]
+            lowered += np.uint64(flag >> 5)
+            # always four are written; the next cell overwrites the excess
+            n0, n1 = np.uint32(k + offsets[flag, 0]), np.uint32(k + offsets[flag, 1])
+            n2, n3 = np.uint32(k + offsets[flag, 2]), np.uint32(k + offsets[flag, 3])
+            following[collected] = n0
+            following[collected + one] = n1
+            following[collected + two] = n2
+            following[collected + three] = n3
+            collected += np.uint64(counts[flag])
+        expanded += np.int64(lowered)
+        overflow = _with_capacity(overflow, n_overflow, np.int64(n_overflow + collected) + 1)
+        n_following = zero
+        for i in range(collected):
+            entry = following[i]
+            k = np.uint64(entry & ~OVERFLOW)
+            new = np.uint64(pending[k] ^ PENDING)
+            pending[k] = PENDING
+            if entry >= OVERFLOW:
+                overflow[n_overflow] = k
+                n_overflow += new
+            else:
+                following[n_following] = k
+                n_following += new
+        current, following = following, current
+        n_current = np.int64(n_following)
+        if n_current == 0:
+            threshold += rise
+            current, overflow = overflow, current
+            n_current = np.int64(n_overflow)
+            n_overflow = zero
+        if stop >= 0 and pot[stop] < HIGH:
+            break
+    s.n_current = n_current
+    s.n_overflow = np.int64(n_overflow)
+    s.expanded = expanded
+    s.threshold = threshold
+    return current, following, overflow, flags
+
+
+@kernel
+def _minimum_of_row(cost, least, first, count, out, to):
+    """Lower `out[to:]` to the minimum over every four of the `count` cells from `first` (all uint64)."""
+    four = np.uint64(4)
+    whole = count // four
+    for i in range(whole):
+        k = first + four * i
+        a, b = least[cost[k]], least[cost[k + np.uint64(1)]]
+        c, d = least[cost[k + np.uint64(2)]], least[cost[k + np.uint64(3)]]
+        a = a if a < b else b
+        c = c if c < d else d
+        a = a if a < c else c
+        b = out[to + i]
+        out[to + i] = a if a < b else b
+    for k in range(first + four * whole, first + count):
+        a, b = least[cost[k]], out[to + whole]
+        out[to + whole] = a if a < b else b
+
+
+@kernel
+def coarsen(cost, steps, weights, nx, ny, out):
+    """Write the least cost (integer) of a free cell in each square of 4 x 4 cells to `out` uint8 (bordered); 0 = none is free."""
+    coarse_nx = ((nx - 1) >> 2) + 3
+    for i in range(np.uint64(out.size)):
+        out[i] = 255
+    least = np.empty(256, np.uint8)  # by byte: its cost less one, 255 where blocked
+    for b in range(256):
+        least[b] = np.uint8(steps[b]) - 1 if weights[b] < INF else 255
+    for y in range(ny):
+        _minimum_of_row(cost, least, np.uint64(y * nx), np.uint64(nx), out, np.uint64(((y >> 2) + 1) * coarse_nx + 1))
+    for i in range(np.uint64(out.size)):
+        out[i] = np.uint8(out[i] + 1)  # 255 + 1 = 0
+
+
+UNREACHED: Final = float(HIGH)
 _MARGIN: Final = 32
 _INITIAL_CAPACITY: Final = 4096
 _NO_GUIDE: Final = np.empty(0, np.float32)
@@ -47,9 +410,9 @@ class Wavefront:
         self._pending = np.empty(0, np.uint8)
         self._lists = [np.empty(_INITIAL_CAPACITY, np.uint32) for _ in range(3)]
         self._flags = np.empty(_INITIAL_CAPACITY, np.uint8)
-        self._state = np.zeros(1, kernels.STATE)
+        self._state = np.zeros(1, STATE)
         # views of single fields: access to a field of a record takes longer
-        fields: dict[str, NDArray[Any]] = {name: self._state[name] for name in kernels.STATE.names or ()}
+        fields: dict[str, NDArray[Any]] = {name: self._state[name] for name in STATE.names or ()}
         self._window = fields["window"][0]
         self._fields = fields
         self._cost = np.empty(0, np.uint8)
@@ -130,7 +493,7 @@ class Wavefront:
         margin = max(nx, ny) if whole else _MARGIN
         xs = [target[0], *(x for (x, _), _ in seeds)]
         ys = [target[1], *(y for (_, y), _ in seeds)]
-        kernels.open_window(
+        open_window(
             self._pot,
             self._pending,
             self._state,
@@ -140,7 +503,7 @@ class Wavefront:
             max(ys) + margin + 1,
         )
         inside = [y * nx + x for x, y in fronts if 0 < x < nx - 1 and 0 < y < ny - 1]
-        kernels.seed(
+        seed(
             self._cost,
             self._pot,
             self._pending,
@@ -178,7 +541,7 @@ class Wavefront:
     def _allocate(self, nx: int, ny: int) -> None:
         if (nx, ny) == (self.nx, self.ny):
             return
-        if nx * ny > kernels.MAX_CELLS:
+        if nx * ny > MAX_CELLS:
             raise InputError(f"a costmap of {nx} x {ny} cells is too large to plan on; the limit is 2**31 cells")
         self.nx, self.ny = nx, ny
         self._pot = np.empty(nx * ny, np.float32)
@@ -199,7 +562,7 @@ class Wavefront:
         if guide is not None:
             f["limit"][0] = guide.limit
             f["guide_shift"][0] = guide.shift
-        *self._lists, self._flags = kernels.propagate(
+        *self._lists, self._flags = propagate(
             self._cost,
             self._pot,
             self._pending,
@@ -222,7 +585,7 @@ class Wavefront:
         """Grow the open window to contain the cell, so that its potential can be read."""
         x0, y0, x1, y1 = self._window.tolist()
         if not (x0 <= ix < x1 and y0 <= iy < y1):
-            kernels.open_window(
+            open_window(
                 self._pot,
                 self._pending,
                 self._state,
@@ -260,7 +623,7 @@ class Wavefront:
             return
         threshold_field = self._fields["threshold"]
         suspended, threshold = self._queued(), float(threshold_field[0])
-        self._pending[cells] = kernels.PENDING
+        self._pending[cells] = PENDING
         self._queue(cells.astype(np.uint32))
         threshold_field[0] = min(threshold, float(lowest.min()) + rise)
         self.run(last=threshold)
@@ -280,7 +643,7 @@ class Wavefront:
     def complete(self, cell: Cell, reach: int) -> None:
         """Compute the potential of unreached free cells within `reach` cells of `cell` from their neighbours."""
         costs = self.costs
-        kernels.complete(self._cost, self._pot, costs.steps, costs.weights, self._state, *cell, reach)
+        complete(self._cost, self._pot, costs.steps, costs.weights, self._state, *cell, reach)
 
     def potential_of(self, ix: int, iy: int) -> float:
         """Potential of a cell, inf if unreached."""

@@ -1,3 +1,4 @@
+# pyright: basic
 """Keeps the robot's centre off obstacles (BaseObstacleCritic of Nav2's dwb_critics; move_base scores the footprint)."""
 
 from __future__ import annotations
@@ -7,11 +8,11 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core.parameters import ParamModel, param
-from navstack.interfaces import Critic, Rollouts, ScoringContext
-from navstack.local_planner.critics._kernels import centre_costs
+from navstack.core import kernel
 from navstack.local_planner.rollouts import shared_cells
-from navstack.plugins import CRITICS
+from navstack.plugins import CRITICS, Critic, ParamModel, Rollouts, ScoringContext, param
+
+IN_COLLISION, OFF_MAP = -6.0, -4.0
 
 
 class BaseObstacleParams(ParamModel):
@@ -22,13 +23,13 @@ class BaseObstacleParams(ParamModel):
 
 
 @CRITICS.register("base_obstacle", aliases=("dwb_critics/BaseObstacleCritic", "BaseObstacle"))
-class BaseObstacleCritic(Critic):
+class BaseObstacleCritic(Critic[BaseObstacleParams]):
     """Cost of the centre's cell; rejects a centre on inscribed, lethal or unknown cells. Fast, and exact for round robots."""
 
     Params: ClassVar[type[ParamModel]] = BaseObstacleParams
     CODES: ClassVar[dict[int, str]] = {
-        -6: "centre on an inscribed, lethal or unknown cell",
-        -4: "centre off the map",
+        int(IN_COLLISION): "centre on an inscribed, lethal or unknown cell",
+        int(OFF_MAP): "centre off the map",
     }
 
     def __init__(self, name: str, params: BaseObstacleParams) -> None:
@@ -55,3 +56,28 @@ class BaseObstacleCritic(Critic):
         costs = self._context.costmap.data
         centre_costs(costs, cells.flat, rollouts.counts, rollouts.alive, self.params.sum_scores, self._out)
         return self._out
+
+
+@kernel
+def centre_costs(costs, cells, counts, alive, sum_scores, out):
+    """BaseObstacleCritic of Nav2: cost at each rollout's last cell, or the sum over all its points.
+
+    IN_COLLISION or OFF_MAP, whichever comes first.
+
+    `cells` (K, T): flat, -1 off the map.
+    """
+    flat = costs.ravel()
+    for k in range(len(counts)):
+        if not alive[k]:
+            continue
+        score = 0.0
+        for i in range(counts[k]):
+            if cells[k, i] < 0:
+                score = OFF_MAP
+                break
+            cost = flat[cells[k, i]]
+            if cost >= 253:
+                score = IN_COLLISION
+                break
+            score = score + cost if sum_scores else float(cost)
+        out[k] = score

@@ -5,28 +5,19 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
-from navstack.core import Pose2D
-from navstack.core.parameters import ParamModel, param
-from navstack.interfaces import ScoringContext
-from navstack.local_planner._map_grid_kernels import extend_plan
-from navstack.local_planner.critics._map_grid_critic import NOSE_CODES, MapGridCritic
-from navstack.local_planner.critics._weights import RosDistro, distance_weight
-from navstack.local_planner.map_grid import MapGrid
-from navstack.plugins import CRITICS
+from navstack.local_planner.critics.goal import GoalParams
+from navstack.local_planner.map_grid import NOSE_CODES, MapGrid, MapGridCritic, distance_weight
+from navstack.plugins import CRITICS, ParamModel, ScoringContext, param
 
 
-class GoalFrontParams(ParamModel):
-    """Weight, and position of the nose."""
+class GoalFrontParams(GoalParams):
+    """Weight, as of the critic goal, and position of the nose."""
 
-    FROM_NAVSTACK = frozenset({"ros_distro"})
-
-    goal_distance_bias: float = param(0.8, "weight of the distance to the local goal, per metre", ge=0.0)
     forward_point_distance: float = param(0.325, "distance of the nose from the robot's centre", unit="m")
-    ros_distro: RosDistro = param("noetic", "scoring scale of noetic, or of the releases before 2018")
 
 
 @CRITICS.register("goal_front")
-class GoalFrontCritic(MapGridCritic):
+class GoalFrontCritic(MapGridCritic[GoalFrontParams]):
     """Distance from the nose at the rollout's last point to the end of a plan that is extended beyond the goal.
 
     The plan's last pose is moved away from the robot by `forward_point_distance`.
@@ -46,7 +37,11 @@ class GoalFrontCritic(MapGridCritic):
     def build(self, context: ScoringContext) -> MapGrid:
         """Distances to the extended goal."""
         ahead = self.params.forward_point_distance
-        pose = context.state.pose
-        plan = extend_plan(context.plan, float(pose.x), float(pose.y), ahead)
-        nose = Pose2D(pose.x + ahead * math.cos(pose.yaw), pose.y + ahead * math.sin(pose.yaw))
-        return self._builder.build(context.costmap, plan, nose, last_only=True)
+        x, y, yaw = context.state.pose
+        plan = context.plan.copy()
+        end_x, end_y, _ = plan[-1].tolist()
+        bearing = math.atan2(end_y - y, end_x - x)
+        plan[-1, 0] = end_x + ahead * math.cos(bearing)
+        plan[-1, 1] = end_y + ahead * math.sin(bearing)
+        nose = x + ahead * math.cos(yaw), y + ahead * math.sin(yaw)
+        return self._builder.build(context, plan, nose, last_only=True)

@@ -1,3 +1,4 @@
+# pyright: basic
 """Rejects reversals of direction (base_local_planner/src/oscillation_cost_function.cpp)."""
 
 from __future__ import annotations
@@ -7,12 +8,10 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Pose2D, Twist2D
-from navstack.core.parameters import ParamModel, param
-from navstack.interfaces import Critic, Rollouts, ScoringContext
-from navstack.local_planner.critics._kernels import oscillation_scores
-from navstack.plugins import CRITICS
+from navstack.core import Pose2D, Twist2D, plain_kernel
+from navstack.plugins import CRITICS, Critic, ParamModel, Rollouts, ScoringContext, param
 
+REVERSAL = -5.0
 AXES = ("forward", "strafe", "rot")
 
 
@@ -24,7 +23,7 @@ class OscillationParams(ParamModel):
 
 
 @CRITICS.register("oscillation", aliases=("base_local_planner/OscillationCostFunction",))
-class OscillationCritic(Critic):
+class OscillationCritic(Critic[OscillationParams]):
     """Rejects rollouts in a direction that the robot has just left.
 
     When the selected vx changes its sign, the previous sign is forbidden until the robot has moved or turned far enough.
@@ -32,13 +31,14 @@ class OscillationCritic(Critic):
     """
 
     Params: ClassVar[type[ParamModel]] = OscillationParams
-    CODES: ClassVar[dict[int, str]] = {-5: "turns back to a direction it has just left"}
+    CODES: ClassVar[dict[int, str]] = {int(REVERSAL): "turns back to a direction it has just left"}
 
     def __init__(self, name: str, params: OscillationParams) -> None:
         super().__init__(name, params)
         self._last_sign = [0, 0, 0]
         self._since = Pose2D(0.0, 0.0)
         self._min_vel_trans = 0.0
+        self._out = np.empty(0)
         self.allowed_signs = [0, 0, 0]
         """Per axis (vx, vy, wz) the only allowed sign, 0 if both are allowed."""
 
@@ -53,10 +53,12 @@ class OscillationCritic(Critic):
 
     def score(self, rollouts: Rollouts) -> NDArray[np.float64]:
         """(K,) 0, or -5 for a forbidden direction."""
-        out = np.empty(len(rollouts.counts))
+        k = len(rollouts.counts)
+        if len(self._out) != k:
+            self._out = np.empty(k)
         forward, strafe, rotation = self.allowed_signs
-        oscillation_scores(rollouts.commands, forward, strafe, rotation, out)
-        return out
+        oscillation_scores(rollouts.commands, forward, strafe, rotation, self._out)
+        return self._out
 
     def debrief(self, command: Twist2D, pose: Pose2D) -> None:
         """Update the flags with the selected command."""
@@ -86,3 +88,14 @@ class OscillationCritic(Critic):
             flags[f"{axis}_pos_only"] = sign > 0
             flags[f"{axis}_neg_only"] = sign < 0
         return flags
+
+
+@plain_kernel
+def oscillation_scores(commands, sign_x, sign_y, sign_theta, out):
+    """Write REVERSAL for each command against the only allowed sign of an axis, else 0, to `out` (K,).
+
+    Signs: 1, -1, or 0 to allow both.
+    """
+    for k in range(len(commands)):
+        reversal = commands[k, 0] * sign_x < 0.0 or commands[k, 1] * sign_y < 0.0 or commands[k, 2] * sign_theta < 0.0
+        out[k] = REVERSAL if reversal else 0.0

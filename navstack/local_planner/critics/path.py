@@ -4,12 +4,8 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from navstack.core.parameters import ParamModel, param
-from navstack.interfaces import DistanceGrid, ScoringContext
-from navstack.local_planner.critics._map_grid_critic import CENTRE_CODES, MapGridCritic
-from navstack.local_planner.critics._weights import RosDistro, distance_weight
-from navstack.local_planner.map_grid import shared_path_grid
-from navstack.plugins import CRITICS
+from navstack.local_planner.map_grid import CENTER_CODES, MapGridCritic, RosDistro, distance_weight, shared_path_grid
+from navstack.plugins import CRITICS, DistanceGrid, ParamModel, ScoringContext, param
 
 
 class PathParams(ParamModel):
@@ -17,19 +13,18 @@ class PathParams(ParamModel):
 
     FROM_NAVSTACK = frozenset({"ros_distro"})
 
-    path_distance_bias: float = param(0.6, "weight of the distance to the plan, per metre", ge=0.0)
+    path_distance_bias: float = param(
+        0.6, "weight of the distance to the plan, per metre (32 before 2018: see ros_distro)", ge=0.0
+    )
     ros_distro: RosDistro = param("noetic", "scoring scale of noetic, or of the releases before 2018")
 
 
 @CRITICS.register("path")
-class PathCritic(MapGridCritic):
+class PathCritic(MapGridCritic[PathParams]):
     """Distance (cells, around obstacles) from the rollout's last point to the plan."""
 
     Params: ClassVar[type[ParamModel]] = PathParams
-    CODES: ClassVar[dict[int, str]] = CENTRE_CODES
-
-    def __init__(self, name: str, params: PathParams) -> None:
-        super().__init__(name, params)
+    CODES: ClassVar[dict[int, str]] = CENTER_CODES
 
     def weight(self, context: ScoringContext) -> float:
         """`path_distance_bias` times the resolution; half of that before 2018."""

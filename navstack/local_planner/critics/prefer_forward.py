@@ -7,9 +7,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core.parameters import ParamModel, param
-from navstack.interfaces import Critic, Rollouts
-from navstack.plugins import CRITICS
+from navstack.plugins import CRITICS, Critic, ParamModel, Rollouts, param
 
 
 class PreferForwardParams(ParamModel):
@@ -27,7 +25,7 @@ class PreferForwardParams(ParamModel):
 
 
 @CRITICS.register("prefer_forward", aliases=("dwb_critics/PreferForwardCritic", "PreferForward"))
-class PreferForwardCritic(Critic):
+class PreferForwardCritic(Critic[PreferForwardParams]):
     """`penalty` for driving backward or almost standing still, else |wz| times `theta_scale`."""
 
     Params: ClassVar[type[ParamModel]] = PreferForwardParams

@@ -13,9 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navstack.core import Pose2D
-from navstack.core.parameters import ParamModel, param
-from navstack.interfaces import Critic, Rollouts, ScoringContext
-from navstack.plugins import CRITICS
+from navstack.plugins import CRITICS, Critic, ParamModel, Rollouts, ScoringContext, param
 
 NOT_SLOWER, NOT_TURNING = -7.0, -8.0
 
@@ -37,7 +35,7 @@ class RotateToGoalParams(ParamModel):
 
 
 @CRITICS.register("rotate_to_goal", aliases=("dwb_critics/RotateToGoalCritic", "RotateToGoal"))
-class RotateToGoalCritic(Critic):
+class RotateToGoalCritic(Critic[RotateToGoalParams]):
     """Zero until the robot is within `xy_goal_tolerance` of the goal; then allows only slower commands, then only turns.
 
     A legal rollout costs its heading error at the goal (rad) and, until the robot has stopped, the squared speed times

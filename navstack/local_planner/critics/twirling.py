@@ -7,9 +7,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core.parameters import ParamModel, param
-from navstack.interfaces import Critic, Rollouts
-from navstack.plugins import CRITICS
+from navstack.plugins import CRITICS, Critic, ParamModel, Rollouts, param
 
 
 class TwirlingParams(ParamModel):
@@ -19,7 +17,7 @@ class TwirlingParams(ParamModel):
 
 
 @CRITICS.register("twirling", aliases=("base_local_planner/TwirlingCostFunction",))
-class TwirlingCritic(Critic):
+class TwirlingCritic(Critic[TwirlingParams]):
     """|wz| of the command."""
 
     Params: ClassVar[type[ParamModel]] = TwirlingParams

@@ -1,3 +1,4 @@
+# pyright: basic
 """A batch of sampled trajectories, the path that they are compared with, and the context of their critics."""
 
 from __future__ import annotations
@@ -9,10 +10,56 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Costmap, Pose2D
-from navstack.interfaces import Inflation, Rollouts, ScoringContext
-from navstack.local_planner.mppi._critic_kernels import furthest_pose, travelled
-from navstack.local_planner.mppi._sine_kernels import LANES
+from navstack.core import Costmap, Pose2D, kernel
+from navstack.plugins import Inflation, Rollouts, ScoringContext
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Sine and cosine in float32, without branches, so that loops over lanes are vectorized. Accurate to 1e-7.
+
+
+# pyright: basic
+
+
+f32 = np.float32
+LANES = 64
+"""Trajectories that a kernel works on at a time: a constant, so that the compiler knows that its buffers do not overlap."""
+
+
+@kernel
+def quadrant_sine(angle, quadrant):
+    """Return sine and cosine of `angle`, within pi / 4 of zero, plus `quadrant` quarter turns.
+
+    Polynomials of the least maximum error on the quarter turn, of degree 7 and 8.
+    """
+    z = angle * angle
+    s = ((f32(-1.9515296e-4) * z + f32(8.3321609e-3)) * z - f32(1.6666655e-1)) * z * angle + angle
+    c = ((f32(2.4433157e-5) * z - f32(1.3887316e-3)) * z + f32(4.1666646e-2)) * z * z - f32(0.5) * z + f32(1.0)
+    swap = (quadrant & np.int32(1)) != 0
+    sine = c if swap else s
+    cosine = s if swap else c
+    sine = -sine if (quadrant & np.int32(2)) != 0 else sine
+    cosine = -cosine if ((quadrant + np.int32(1)) & np.int32(2)) != 0 else cosine
+    return sine, cosine
+
+
+@kernel
+def sine_cosine(angle):
+    """Return sine and cosine of an angle (rad)."""
+    quarters = np.floor(angle * f32(0.63661977) + f32(0.5))
+    # pi / 2 in three parts, so that the product with a small integer is exact (Cody and Waite)
+    rest = ((angle - quarters * f32(1.5703125)) - quarters * f32(4.8375130e-4)) - quarters * f32(7.5497899e-8)
+    return quadrant_sine(rest, np.int32(quarters))
+
+
+@kernel
+def turn_sine(turns):
+    """Return sine and cosine of an angle in whole turns."""
+    quarters = np.floor(turns * f32(4.0) + f32(0.5))
+    return quadrant_sine((turns - quarters * f32(0.25)) * f32(6.2831855), np.int32(quarters))
+
+
+# pyright: basic
+
 
 Floats = NDArray[np.float32]
 
@@ -172,3 +219,155 @@ class TrajectoryContext(ScoringContext):
             nearest = np.empty(lanes, np.int32)
             self.furthest = int(furthest_pose(batch.points, batch.number, self.path, length, nearest, scratch))
         return self.furthest
+
+
+# --- kernels --------------------------------------------------------------------------------------------------------
+
+
+@kernel
+def travelled(points, begin, out):
+    """Length of the trajectories from point `begin` on (m)."""
+    out[:] = f32(0.0)
+    for t in range(begin + 1, points.shape[1]):
+        x, y = points[0, t], points[1, t]
+        before_x, before_y = points[0, t - 1], points[1, t - 1]
+        for k in range(len(out)):
+            dx, dy = x[k] - before_x[k], y[k] - before_y[k]
+            out[k] += np.sqrt(dx * dx + dy * dy)
+
+
+@kernel
+def furthest_pose(points, number, path, length, nearest, scratch):
+    """Return the largest index of the pose of `path` (4, n) that is the nearest to the last point of a trajectory.
+
+    For each of the first `number` trajectories the poses up to the first one with an arc length (row 3) of at least its own
+    `length` (K,) are considered. `nearest` (K,) int32 and `scratch` (K,) are work space.
+    """
+    last = points.shape[1] - 1
+    px, py = points[0, last], points[1, last]
+    for k in range(len(nearest)):
+        nearest[k] = 0
+        scratch[k] = f32(np.inf)
+    for i in range(path.shape[1]):
+        x, y = path[0, i], path[1, i]
+        before = path[3, i - 1] if i > 0 else f32(-1.0)
+        at = np.int32(i)
+        for k in range(len(nearest)):
+            dx, dy = px[k] - x, py[k] - y
+            distance = dx * dx + dy * dy
+            distance = distance if before < length[k] else f32(np.inf)
+            nearer = distance < scratch[k]
+            nearest[k] = at if nearer else nearest[k]
+            scratch[k] = distance if nearer else scratch[k]
+    furthest = np.int32(0)
+    for k in range(number):
+        furthest = max(furthest, nearest[k])
+    return np.int64(furthest)
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Reachable velocities and trajectories of a batch. Arrays are (.., T, K) float32: a row is one time step of all trajectories.
+
+
+# pyright: basic
+
+
+@kernel
+def envelope(speed, up, down, turnover, as_nav2):
+    """Return the lowest and the highest speed that is reachable from `speed` within a step.
+
+    `up` and `down` (both positive): change of the speed by speeding up and slowing down. `turnover` is up / down: what is left
+    of a step after slowing down to 0 is used for speeding up. ROS differs: Nav2 uses one limit for both parts, and from a speed
+    of 0 speeds up by `down`.
+    """
+    slowed, raised = speed - down, speed + down
+    if as_nav2:
+        forward = speed > f32(0.0)
+        return (slowed if forward else speed - up), (speed + up if forward else raised)
+    below = slowed if slowed >= f32(0.0) else slowed * turnover
+    above = raised if raised <= f32(0.0) else raised * turnover
+    return (below if speed >= f32(0.0) else speed - up), (above if speed < f32(0.0) else speed + up)
+
+
+@kernel
+def reach_axis(noise, controls, start, rates, first, offset, as_nav2, out):
+    """Write the velocities that an axis reaches on its way to the sampled controls `controls` (T,) + `noise` (T, K) to `out`.
+
+    `start` is the speed before the first step. `rates` (3,): see `envelope`. Steps before `first` keep `start`; step t follows
+    control t - `offset`.
+    """
+    steps, number = noise.shape
+    up, down, turnover = rates[0], rates[1], rates[2]
+    speed = np.empty(LANES, np.float32)
+    for begin in range(0, number, LANES):
+        for i in range(LANES):
+            speed[i] = start
+        for t in range(steps):
+            if t >= first:
+                control = controls[t - offset]
+                sampled = noise[t - offset, begin : begin + LANES]
+                for i in range(LANES):
+                    low, high = envelope(speed[i], up, down, turnover, as_nav2)
+                    target = control + sampled[i]
+                    target = target if target > low else low
+                    speed[i] = target if target < high else high
+            row = out[t, begin : begin + LANES]
+            for i in range(LANES):
+                row[i] = speed[i]
+
+
+@kernel
+def integrate(speeds, start, dt, omni, points):
+    """Write the points (3, T, K) x, y, yaw of velocities (3, T, K) from the pose `start` (3,) on; the first is `dt` later.
+
+    A step is driven in the direction before it (Euler), as in Nav2.
+    """
+    steps, number = speeds.shape[1], speeds.shape[2]
+    x = np.empty(LANES, np.float32)
+    y = np.empty(LANES, np.float32)
+    yaw = np.empty(LANES, np.float32)
+    cosine = np.empty(LANES, np.float32)
+    sine = np.empty(LANES, np.float32)
+    for begin in range(0, number, LANES):
+        for i in range(LANES):
+            x[i] = start[0]
+            y[i] = start[1]
+            yaw[i] = start[2]
+        for t in range(steps):
+            forward = speeds[0, t, begin : begin + LANES]
+            turning = speeds[2, t, begin : begin + LANES]
+            for i in range(LANES):
+                sine[i], cosine[i] = sine_cosine(yaw[i])
+            for i in range(LANES):
+                x[i] += forward[i] * cosine[i] * dt
+                y[i] += forward[i] * sine[i] * dt
+            if omni:
+                sideways = speeds[1, t, begin : begin + LANES]
+                for i in range(LANES):
+                    x[i] -= sideways[i] * sine[i] * dt
+                    y[i] += sideways[i] * cosine[i] * dt
+            for i in range(LANES):
+                yaw[i] += turning[i] * dt
+            row = points[0, t, begin : begin + LANES]
+            for i in range(LANES):
+                row[i] = x[i]
+            row = points[1, t, begin : begin + LANES]
+            for i in range(LANES):
+                row[i] = y[i]
+            row = points[2, t, begin : begin + LANES]
+            for i in range(LANES):
+                row[i] = yaw[i]
+
+
+@kernel
+def integrate_one(controls, start, dt, points):
+    """Write the trajectory (T, 3) of velocities (T, 3), as `integrate` does."""
+    x, y, yaw = start[0], start[1], start[2]
+    for t in range(len(controls)):
+        sine, cosine = sine_cosine(yaw)
+        x += (controls[t, 0] * cosine - controls[t, 1] * sine) * dt
+        y += (controls[t, 0] * sine + controls[t, 1] * cosine) * dt
+        yaw += controls[t, 2] * dt
+        points[t, 0] = x
+        points[t, 1] = y
+        points[t, 2] = yaw

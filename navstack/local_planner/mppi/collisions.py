@@ -1,3 +1,4 @@
+# pyright: basic
 """What a cost means for the robot's centre and its footprint, as tables for the kernels."""
 
 from __future__ import annotations
@@ -9,16 +10,169 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.interfaces import Inflation, RejectionDetail
-from navstack.local_planner.mppi._collision_kernels import (
-    CHECK,
-    COLLISION,
-    FREE,
-    batch_costs,
-    cells_near,
-    first_collision,
-)
-from navstack.local_planner.mppi.batch import PLACE, Batch, Floats, TrajectoryContext
+from navstack.core import OUTSIDE, edge_cost, footprint_overlaps_lethal, kernel
+from navstack.local_planner.mppi.batch import LANES, PLACE, Batch, Floats, TrajectoryContext
+from navstack.plugins import Inflation, RejectionDetail
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Costs and collisions along the trajectories of a batch.
+
+
+# pyright: basic
+
+
+f32 = np.float32
+
+FREE, COLLISION, CHECK = 0, 1, 2
+"""What a cost under the centre means: no collision, a collision, the footprint decides."""
+
+
+@kernel
+def footprint_value(costs, place, corners, exact, x, y, yaw, scratch):
+    """Return the highest cost on the edges of the footprint at a pose relative to the anchor; 254 beyond the grid.
+
+    With `exact`, also 254 if the footprint overlaps a lethal cell that its edges miss. See `batch_costs`.
+    """
+    cells, placed = scratch
+    origin_x, origin_y, resolution = place[0].origin_x, place[0].origin_y, place[0].resolution
+    px, py, angle = np.float64(x), np.float64(y), np.float64(yaw)
+    cost = edge_cost(costs, origin_x, origin_y, resolution, corners, px, py, angle, cells)
+    if cost == OUTSIDE:
+        return np.int64(254)
+    missed = False
+    if exact and cost != 254:
+        missed = footprint_overlaps_lethal(costs, origin_x, origin_y, resolution, corners, px, py, angle, placed)
+    return np.int64(254) if missed else cost
+
+
+@kernel
+def cells_of(costs, place, x, y, out):
+    """Write the flat cells of LANES points to `out`; -1 beyond the grid."""
+    ny, nx = costs.shape
+    scale = f32(1.0 / place[0].resolution)
+    shift_x = f32(-place[0].origin_x / place[0].resolution)
+    shift_y = f32(-place[0].origin_y / place[0].resolution)
+    width, height = f32(nx), f32(ny)
+    columns = np.int32(nx)
+    for i in range(LANES):
+        fx = x[i] * scale + shift_x
+        fy = y[i] * scale + shift_y
+        inside = (fx >= f32(0.0)) & (fy >= f32(0.0)) & (fx < width) & (fy < height)
+        ix = np.int32(fx if inside else f32(0.0))
+        iy = np.int32(fy if inside else f32(0.0))
+        out[i] = iy * columns + ix if inside else np.int32(-1)
+
+
+@kernel
+def cells_near(costs, lowest, unknown_free, reach, out):
+    """Write to `out` (ny, nx) where a footprint may touch a cell of at least the cost `lowest`, or leave the grid.
+
+    `reach`: cells between the centre and the farthest corner. A square around each such cell is marked: a superset.
+    `unknown_free`: cost 255 does not count.
+    """
+    ny, nx = costs.shape
+    rows = np.zeros((ny, nx), np.bool_)
+    for iy in range(ny):
+        last = -reach - 1  # column of the last such cell; the border is one
+        for ix in range(nx):
+            cost = costs[iy, ix]
+            if cost >= lowest and not (unknown_free and cost == 255):
+                last = ix
+            rows[iy, ix] = ix - last <= reach or ix < reach
+        last = nx + reach
+        for ix in range(nx - 1, -1, -1):
+            cost = costs[iy, ix]
+            if cost >= lowest and not (unknown_free and cost == 255):
+                last = ix
+            if last - ix <= reach or nx - 1 - ix < reach:
+                rows[iy, ix] = True
+    above = np.full(nx, -reach - 1)
+    for iy in range(ny):
+        for ix in range(nx):
+            if rows[iy, ix]:
+                above[ix] = iy
+            out[iy, ix] = iy - above[ix] <= reach or iy < reach
+    below = np.full(nx, ny + reach)
+    for iy in range(ny - 1, -1, -1):
+        for ix in range(nx):
+            if rows[iy, ix]:
+                below[ix] = iy
+            if below[ix] - iy <= reach or ny - 1 - iy < reach:
+                out[iy, ix] = True
+
+
+@kernel
+def batch_costs(costs, near, place, corners, points, step, values, meaning, unknown_free, exact, out, collided):
+    """Write the sum of `values` of the costs under every `step`-th point to `out` (K,), and which trajectories collide.
+
+    `place` (1,): origin of the grid relative to the points' anchor, and resolution (m). `values` (2, 256): what a cost under the
+    centre adds, and a cost of the footprint where `meaning` (256,) says CHECK. A trajectory that collides adds nothing more.
+    `unknown_free`: cost 255 under the footprint is no collision. `near` (ny, nx), or (0, 0) for everywhere: cells in which the
+    footprint is checked; in the others its cost counts as 0.
+    """
+    flat = costs.ravel()
+    close = near.ravel()
+    everywhere = close.size == 0
+    steps, number = points.shape[1], points.shape[2]
+    scratch = np.empty(corners.shape, np.int32), np.empty(corners.shape)
+    cells = np.empty(LANES, np.int32)
+    total = np.empty(LANES, np.float32)
+    hit = np.empty(LANES, np.bool_)
+    for begin in range(0, number, LANES):
+        for i in range(LANES):
+            total[i] = f32(0.0)
+            hit[i] = False
+        for t in range(0, steps, step):
+            x, y, yaw = points[0, t], points[1, t], points[2, t]
+            cells_of(costs, place, x[begin : begin + LANES], y[begin : begin + LANES], cells)
+            for i in range(LANES):
+                if hit[i]:
+                    continue
+                cost = flat[cells[i]] if cells[i] >= 0 else np.uint8(255)
+                what = meaning[cost]
+                if what == FREE:
+                    total[i] += values[0, cost]
+                else:
+                    k = begin + i
+                    value = np.int64(254)
+                    if what == CHECK and cells[i] >= 0 and not everywhere and not close[cells[i]]:
+                        value = np.int64(0)
+                    elif what == CHECK:
+                        value = footprint_value(costs, place, corners, exact, x[k], y[k], yaw[k], scratch)
+                    if value == 254 or (value == 255 and not unknown_free):
+                        hit[i] = True
+                    else:
+                        total[i] += values[1, value] if values[1, 0] >= f32(0.0) else values[0, cost]
+        for i in range(LANES):
+            out[begin + i] = total[i]
+            collided[begin + i] = hit[i]
+
+
+@kernel
+def first_collision(costs, near, place, corners, points, row, step, meaning, unknown_free, exact):
+    """Return the first of every `step`-th point of a trajectory that collides, and its footprint's cost; -1 without one."""
+    flat = costs.ravel()
+    close = near.ravel()
+    ny, nx = costs.shape
+    scratch = np.empty(corners.shape, np.int32), np.empty(corners.shape)
+    for t in range(0, points.shape[1], step):
+        fx = (np.float64(points[0, t, row]) - place[0].origin_x) / place[0].resolution
+        fy = (np.float64(points[1, t, row]) - place[0].origin_y) / place[0].resolution
+        cost, may_touch = np.uint8(255), True
+        if 0.0 <= fx < nx and 0.0 <= fy < ny:
+            cell = np.int64(fy) * nx + np.int64(fx)
+            cost = flat[cell]
+            may_touch = close.size == 0 or close[cell]
+        if meaning[cost] == COLLISION:
+            return t, np.int64(cost)
+        if meaning[cost] == CHECK and may_touch:
+            value = footprint_value(
+                costs, place, corners, exact, points[0, t, row], points[1, t, row], points[2, t, row], scratch
+            )
+            if value == 254 or (value == 255 and not unknown_free):
+                return t, value
+    return -1, np.int64(0)
+
 
 INSCRIBED, LETHAL, UNKNOWN = 253, 254, 255
 EVERYWHERE = np.empty((0, 0), np.bool_)

@@ -8,9 +8,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.interfaces import ControlDiagnostics, LocalPlan, RejectionDetail, Rollouts
 from navstack.local_planner.mppi.batch import Batch, Floats, TrajectoryContext
 from navstack.local_planner.mppi.optimizer import Optimizer
+from navstack.plugins import ControlDiagnostics, LocalPlan, RejectionDetail, Rollouts
 
 STANDSTILL_M_S: Final = 0.01
 """A slower robot stands still."""

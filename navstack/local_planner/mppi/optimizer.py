@@ -1,3 +1,4 @@
+# pyright: basic
 """The optimization of a control sequence by weighted samples (Williams et al., information-theoretic MPC), as in Nav2."""
 
 from __future__ import annotations
@@ -9,14 +10,217 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Pose2D, Twist2D
-from navstack.local_planner.mppi import _update_kernels as update
-from navstack.local_planner.mppi._noise_kernels import fill_normals
-from navstack.local_planner.mppi._rollout_kernels import integrate, integrate_one, reach_axis
-from navstack.local_planner.mppi.batch import Batch, Floats, Motion, TrajectoryContext, padded
-from navstack.local_planner.mppi.motion_models import ACKERMANN, OMNI
-from navstack.local_planner.mppi.params import SAME_PERIOD_S, SHORTEST_FILTERED, MPPIParams
+from navstack.core import Pose2D, Twist2D, kernel
+from navstack.local_planner.mppi.batch import (
+    LANES,
+    Batch,
+    Floats,
+    Motion,
+    TrajectoryContext,
+    envelope,
+    integrate,
+    integrate_one,
+    padded,
+    reach_axis,
+    turn_sine,
+)
+from navstack.local_planner.mppi.params import ACKERMANN, OMNI, SAME_PERIOD_S, SHORTEST_FILTERED, MPPIParams
 from navstack.local_planner.mppi.trajectory_critic import TrajectoryCritic
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The update of the controls: control cost, weights, average, smoothing filter, limits.
+
+
+# pyright: basic
+
+
+f32 = np.float32
+
+
+@kernel
+def add_control_cost(noise, controls, factors, costs):
+    """Add the sum over axes and steps of `factors` (3,) * control * noise to `costs` (K,)."""
+    steps, number = noise.shape[1], noise.shape[2]
+    total = np.empty(LANES, np.float32)
+    for begin in range(0, number, LANES):
+        for i in range(LANES):
+            total[i] = f32(0.0)
+        for axis in range(3):
+            if factors[axis] == f32(0.0):
+                continue
+            for t in range(steps):
+                scale = factors[axis] * controls[t, axis]
+                row = noise[axis, t, begin : begin + LANES]
+                for i in range(LANES):
+                    total[i] += scale * row[i]
+        row = costs[begin : begin + LANES]
+        for i in range(LANES):
+            row[i] += total[i]
+
+
+@kernel
+def softmax(costs, number, temperature, weights):
+    """Write exp(-(cost - lowest) / temperature), divided by the sum, of the first `number` costs to `weights` (K,), 0 beyond.
+
+    Returns the sum before the division; NaN if a cost is NaN.
+    """
+    lowest = costs[0]
+    for k in range(number):
+        lowest = min(lowest, costs[k])
+    total = 0.0
+    for k in range(number):
+        weights[k] = np.exp(-(costs[k] - lowest) / temperature)
+        total += np.float64(weights[k])
+    for k in range(number):
+        weights[k] = f32(np.float64(weights[k]) / total)
+    for k in range(number, len(weights)):
+        weights[k] = f32(0.0)
+    return total
+
+
+@kernel
+def add_weighted_noise(noise, weights, omni, controls):
+    """Add the average of the noise (3, T, K), weighted by `weights` (K,), to `controls` (T, 3)."""
+    steps, number = noise.shape[1], noise.shape[2]
+    total = np.empty(LANES, np.float32)
+    for axis in range(3):
+        if axis == 1 and not omni:
+            continue
+        for t in range(steps):
+            for i in range(LANES):
+                total[i] = f32(0.0)
+            for begin in range(0, number, LANES):
+                row = noise[axis, t, begin : begin + LANES]
+                weight = weights[begin : begin + LANES]
+                for i in range(LANES):
+                    total[i] += weight[i] * row[i]
+            width = LANES // 2
+            while width > 0:
+                for i in range(width):
+                    total[i] += total[i + width]
+                width //= 2
+            controls[t, axis] += total[0]
+
+
+@kernel
+def smooth(controls, before, coefficients, out):
+    """Filter `controls` (T, 3) with nine `coefficients` over time (Savitzky and Golay) into `out`; the last row is kept.
+
+    `before` (4, 3) stands to the left of the first row, the last row repeated to the right of the last one.
+    """
+    steps = len(controls)
+    for axis in range(3):
+        for t in range(steps - 1):
+            total = f32(0.0)
+            for i in range(9):
+                at = t + i - 4
+                if at < 0:
+                    value = before[at + 4, axis]
+                else:
+                    value = controls[min(at, steps - 1), axis]
+                total += coefficients[i] * value
+            out[t, axis] = total
+        out[steps - 1, axis] = controls[steps - 1, axis]
+
+
+@kernel
+def clip_turn(controls, radius):
+    """Lower the turning speeds of `controls` (T, 3) to what a turning radius (m) allows; 0: no limit."""
+    if radius > f32(0.0):
+        for t in range(len(controls)):
+            highest = abs(controls[t, 0]) / radius
+            controls[t, 2] = min(max(controls[t, 2], -highest), highest)
+
+
+@kernel
+def limit(controls, start, highest, lowest, first_rates, rates, shifting, as_nav2):
+    """Clip `controls` (T, 3) to the limits `lowest` .. `highest` (3,) and to the envelope of the control before.
+
+    The one before the first is `start` (3,); with `shifting` the first is `start` itself. `first_rates` and `rates` (3, 3):
+    axis, then as for `envelope`, for the step to the first control and between controls.
+    """
+    if shifting:
+        for axis in range(3):
+            controls[0, axis] = start[axis]
+    for axis in range(3):
+        before = start[axis]
+        for t in range(len(controls)):
+            rate = first_rates[axis] if t == 0 else rates[axis]
+            value = min(max(controls[t, axis], lowest[axis]), highest[axis])
+            if as_nav2:
+                forward = before >= f32(0.0)
+                low = before - rate[1] if forward else before - rate[0]
+                high = before + rate[0] if forward else before + rate[1]
+            else:
+                low, high = envelope(before, rate[0], rate[1], rate[2], False)
+            before = min(max(value, low), high)
+            controls[t, axis] = before
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Normally distributed noise from a counter: every number is a function of the key and its index.
+
+
+# pyright: basic
+
+
+u32 = np.uint32
+
+
+@kernel
+def mixed(value, key):
+    """Return a hash of 32 bits: two rounds of multiplication and shift, the second half of the key between them."""
+    h = u32(value ^ (value >> u32(16)))
+    h = u32(h * u32(0x21F0AAAD))
+    h = u32((h ^ (h >> u32(15))) ^ key)
+    h = u32(h * u32(0xD35A2D97))
+    h = u32(h ^ (h >> u32(15)))
+    h = u32(h * u32(0x735A2D97))
+    return u32(h ^ (h >> u32(15)))
+
+
+@kernel
+def fill_normals(keys, sigma, out):
+    """Write independent normal numbers of standard deviation `sigma` to `out` (n,) float32, n a multiple of 2 * LANES.
+
+    `keys` (2,) uint32. Box and Muller's method on two uniform numbers of 24 bits, on LANES pairs at a time.
+    """
+    first, second = keys[0], keys[1]
+    uniform = np.empty(2 * LANES, np.float32)
+    bits = uniform.view(np.uint32)
+    exponent = np.empty(LANES, np.float32)
+    for begin in range(0, len(out), 2 * LANES):
+        for i in range(LANES):
+            number = u32(u32(begin + 2 * i) + first)
+            # in (0, 1], because of the logarithm
+            uniform[i] = (f32(np.int32(mixed(number, second) >> u32(8))) + f32(1.0)) * f32(2.0**-24)
+            uniform[LANES + i] = f32(np.int32(mixed(u32(number + u32(1)), second) >> u32(8))) * f32(2.0**-24)
+        # u = m * 2**e with m in [1, 2)
+        for i in range(LANES):
+            exponent[i] = f32(np.int32(bits[i] >> u32(23)) - np.int32(127))
+            bits[i] = u32((bits[i] & u32(0x007FFFFF)) | u32(0x3F800000))
+        row = out[begin : begin + 2 * LANES]
+        for i in range(LANES):
+            m = uniform[i]
+            large = m > f32(1.4142135)
+            e = exponent[i] + f32(1.0) if large else exponent[i]
+            x = (f32(0.5) * m if large else m) - f32(1.0)
+            # log(1 + x) on [-0.293, 0.414]: Chebyshev fit of (log(1 + x) - x + x * x / 2) / x**3, error below 1e-7
+            z = x * x
+            p = f32(7.0376836e-2) * x - f32(1.1514610e-1)
+            p = p * x + f32(1.1676998e-1)
+            p = p * x - f32(1.2420141e-1)
+            p = p * x + f32(1.4249323e-1)
+            p = p * x - f32(1.6668057e-1)
+            p = p * x + f32(2.0000714e-1)
+            p = p * x - f32(2.4999994e-1)
+            p = p * x + f32(3.3333331e-1)
+            logarithm = (p * x * z - f32(0.5) * z) + x + e * f32(0.6931472)
+            radius = np.sqrt(max(f32(-2.0) * logarithm, f32(0.0))) * sigma
+            sine, cosine = turn_sine(uniform[LANES + i])
+            row[i] = radius * cosine
+            row[LANES + i] = radius * sine
+
 
 FILTERS: Final = {
     1: np.full(9, 1.0 / 9.0, np.float32),
@@ -135,7 +339,7 @@ class Optimizer:
         first = self.controls[:1].copy()
         big = np.full(3, np.inf, np.float32)
         rates = self.rates(self.period)
-        update.limit(first, start, big, -big, rates, rates, False, self.as_nav2)
+        limit(first, start, big, -big, rates, rates, False, self.as_nav2)
         self.controls[0] = first[0]
 
     def draw(self, attempt: int) -> None:
@@ -217,15 +421,15 @@ class Optimizer:
         factors = np.zeros(3, np.float32)
         moving = self.sigma > 0.0
         factors[moving] = np.float32(self.params.gamma) / self.sigma[moving] ** 2
-        update.add_control_cost(self.sampled, self.controls, factors, self.costs)
+        add_control_cost(self.sampled, self.controls, factors, self.costs)
 
     def weigh(self) -> None:
         """Softmax of the totals."""
-        update.softmax(self.costs, self.params.batch_size, np.float32(self.params.temperature), self.weights)
+        softmax(self.costs, self.params.batch_size, np.float32(self.params.temperature), self.weights)
 
     def average(self) -> None:
         """Replace the sequence by the weighted average of the samples."""
-        update.add_weighted_noise(self.sampled, self.weights, self.omni, self.controls)
+        add_weighted_noise(self.sampled, self.weights, self.omni, self.controls)
 
     def smooth(self) -> None:
         """Filter the sequence over time."""
@@ -233,7 +437,7 @@ class Optimizer:
             return
         before = self.history[1:] if self.as_nav2 or not self.shifting else self.history[:-1]
         out = np.empty_like(self.controls)
-        update.smooth(self.controls, np.ascontiguousarray(before), FILTERS[self.params.sgf_order], out)
+        smooth(self.controls, np.ascontiguousarray(before), FILTERS[self.params.sgf_order], out)
         self.controls = out
 
     def limit(self, start: Floats) -> None:
@@ -242,13 +446,13 @@ class Optimizer:
         highest = np.array([m.vx_max, m.vy_max, m.wz_max], np.float32)
         lowest = np.array([m.vx_min, -m.vy_max, -m.wz_max], np.float32)
         radius = np.float32(self.radius)
-        update.clip_turn(self.controls, radius)
+        clip_turn(self.controls, radius)
         first, rates = self.rates(self.period), self.rates(self.params.model_dt)
         start = start.copy()
         if not self.omni:
             start[1] = 0.0
-        update.limit(self.controls, start, highest, lowest, first, rates, self.shifting, self.as_nav2)
-        update.clip_turn(self.controls, radius)
+        limit(self.controls, start, highest, lowest, first, rates, self.shifting, self.as_nav2)
+        clip_turn(self.controls, radius)
 
     def trajectory(self, pose: Pose2D) -> None:
         """Integrate the sequence itself."""
@@ -297,19 +501,19 @@ class Optimizer:
         kept = self.controls[self.sent : self.sent + 1].copy()
         big = np.full(3, np.inf, np.float32)
         last = np.array(self.last, np.float32)
-        update.limit(kept, last, big, -big, rates, rates, False, False)
+        limit(kept, last, big, -big, rates, rates, False, False)
         if self.radius > 0.0:
             # brake no faster than the turning speed can follow the turning radius
             slowest = self.radius * (abs(float(last[2])) - float(rates[2, 0]))
             if abs(kept[0, 0]) < slowest:
                 kept[0, 0] = np.copysign(np.float32(slowest), last[0])
-            update.clip_turn(kept, np.float32(self.radius))
+            clip_turn(kept, np.float32(self.radius))
         if np.array_equal(kept[0], self.controls[self.sent]):
             return
         self.controls[self.sent] = kept[0]
         rates = self.rates(self.params.model_dt)
-        update.limit(self.controls[self.sent + 1 :], kept[0], big, -big, rates, rates, False, False)
-        update.clip_turn(self.controls[self.sent + 1 :], np.float32(self.radius))
+        limit(self.controls[self.sent + 1 :], kept[0], big, -big, rates, rates, False, False)
+        clip_turn(self.controls[self.sent + 1 :], np.float32(self.radius))
 
     def finish(self, command: Twist2D) -> None:
         """Remember the command that is sent, and shift the sequence to the next cycle."""

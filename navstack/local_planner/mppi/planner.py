@@ -13,19 +13,15 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from navstack.core import Path, Twist2D
-from navstack.core.errors import NoValidControlError, ParameterError
-from navstack.core.parameters import ParamModel
-from navstack.interfaces import ControlDiagnostics, LocalPlan, VelocityLimits
-from navstack.local_planner.mppi._collision_kernels import CHECK, COLLISION, FREE
+from navstack.core import NoValidControlError, ParameterError, Path, Twist2D
 from navstack.local_planner.mppi.batch import Floats, TrajectoryContext
-from navstack.local_planner.mppi.collisions import EVERYWHERE, CollisionTest
+from navstack.local_planner.mppi.collisions import CHECK, COLLISION, EVERYWHERE, FREE, CollisionTest
 from navstack.local_planner.mppi.diagnostics import all_collide, diagnose
 from navstack.local_planner.mppi.optimizer import Optimizer
 from navstack.local_planner.mppi.params import MPPIParams, TrajectoryValidatorParams
 from navstack.local_planner.mppi.trajectory_critic import TrajectoryCritic
 from navstack.local_planner.path_follower import Following, PathFollower, check_speed
-from navstack.plugins import CRITICS, LOCAL_PLANNERS
+from navstack.plugins import CRITICS, LOCAL_PLANNERS, ControlDiagnostics, LocalPlan, ParamModel, VelocityLimits
 
 
 def make_critics(params: MPPIParams) -> list[TrajectoryCritic]:

@@ -1,17 +1,18 @@
+# pyright: basic
 """Base of the critics of MPPI: they score a whole batch, and never reject; collisions cost much."""
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core.parameters import ParamModel, param
-from navstack.interfaces import Critic, Rollouts, ScoringContext
-from navstack.local_planner.mppi._critic_kernels import add_powered
+from navstack.core import kernel
 from navstack.local_planner.mppi.batch import Batch, Floats, TrajectoryContext
+from navstack.plugins import Critic, ParamModel, Rollouts, ScoringContext, param
 
 PERIOD_S = 0.05
 """Time between the points of rollouts of other planners, which have no time step of their own."""
@@ -81,3 +82,37 @@ class TrajectoryCritic(Critic):
         scores = out[: batch.number].astype(np.float64)
         scores[batch.collided[: batch.number]] = -1.0
         return scores
+
+
+# --- kernels --------------------------------------------------------------------------------------------------------
+
+f32 = np.float32
+TWO_PI = f32(2.0 * math.pi)
+
+
+@kernel
+def add_powered(scores, weight, power, totals):
+    """Turn raw `scores` (K,) into (weight * score) ** power, and add them to `totals` (K,)."""
+    for k in range(len(scores)):
+        scores[k] = scores[k] * weight
+    if power > 1:
+        for k in range(len(scores)):
+            value = scores[k]
+            for _ in range(power - 1):
+                value *= scores[k]
+            scores[k] = value
+    for k in range(len(scores)):
+        totals[k] += scores[k]
+
+
+@kernel
+def add_outside(row, low, high, weight, out):
+    """Add `weight` times how far the values of `row` (K,) are outside of low .. high to `out` (K,)."""
+    for k in range(len(row)):
+        out[k] += (max(row[k] - high, f32(0.0)) + max(low - row[k], f32(0.0))) * weight
+
+
+@kernel
+def wrapped(angle):
+    """Return the absolute value of an angle (rad) in (-pi, pi]."""
+    return abs(angle - TWO_PI * np.floor(angle * f32(1.0 / (2.0 * math.pi)) + f32(0.5)))

@@ -1,6 +1,5 @@
 """Trajectory rollout: TrajectoryPlannerROS of base_local_planner."""
 
-from navstack.local_planner.trajectory_rollout.params import TrajectoryPlannerParams
-from navstack.local_planner.trajectory_rollout.planner import TrajectoryPlanner
+from navstack.local_planner.trajectory_rollout.planner import TrajectoryPlanner, TrajectoryPlannerParams
 
 __all__ = ["TrajectoryPlanner", "TrajectoryPlannerParams"]

@@ -1,20 +1,21 @@
+# pyright: basic
 """Critics of trajectory rollout (TrajectoryPlanner::generateTrajectory of base_local_planner)."""
 
 from __future__ import annotations
 
+import math
 import sys
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.interfaces import Critic, RejectionDetail, Rollouts, ScoringContext
-from navstack.local_planner.critics._map_grid_critic import CENTRE_CODES, MapGridCritic
+from navstack.core import kernel, line_next, line_start
 from navstack.local_planner.critics.goal import GoalCritic, GoalParams
 from navstack.local_planner.critics.obstacle import ObstacleCritic, ObstacleParams
-from navstack.local_planner.map_grid import MapGrid
+from navstack.local_planner.map_grid import BLOCKED, CENTER_CODES, FREE_UNREACHED, STATE_SIZE, MapGrid, MapGridCritic
 from navstack.local_planner.rollouts import single_points
-from navstack.local_planner.trajectory_rollout._kernels import heading_errors, open_footprint
+from navstack.plugins import Critic, RejectionDetail, Rollouts, ScoringContext
 
 HEADING_SCALE = 0.3
 """Weight of the heading error with heading_scoring: a constant in C++."""
@@ -22,10 +23,10 @@ NOT_VISIBLE = sys.float_info.max
 """Heading error if no pose of the plan is visible, as in C++."""
 
 
-class PathDistanceCritic(MapGridCritic):
+class PathDistanceCritic(MapGridCritic[None]):
     """Distance to the plan, in cells or metres; cells under the robot count as free."""
 
-    CODES: ClassVar[dict[int, str]] = CENTRE_CODES
+    CODES: ClassVar[dict[int, str]] = CENTER_CODES
 
     def __init__(self, bias: float, per_metre: bool) -> None:
         super().__init__("path", None)
@@ -42,7 +43,7 @@ class PathDistanceCritic(MapGridCritic):
         nx = context.costmap.geometry.nx
         if self._scratch.shape[1] != nx:
             self._scratch = np.empty((2, nx), np.int64)
-        built = self._builder.build(context.costmap, context.plan, context.state.pose, last_only=False)
+        built = self._builder.build(context, context.plan, context.state.pose[:2], last_only=False)
         pose = np.array(context.state.pose)
         open_footprint(built.grid, built.storage, context.footprint.vertices, pose, self._scratch[0], self._scratch[1])
         return built
@@ -55,19 +56,13 @@ class GoalDistanceCritic(GoalCritic):
         super().__init__("goal", GoalParams())
         self._bias = bias
         self._per_metre = per_metre
-        self.step_back = True
 
     def weight(self, context: ScoringContext) -> float:
         """The bias, per cell or per metre."""
         return self._bias * (context.costmap.geometry.resolution if self._per_metre else 1.0)
 
-    def build(self, context: ScoringContext) -> MapGrid:
-        """Distances to the local goal; see `GoalCritic`."""
-        pose = context.state.pose
-        return self._builder.build(context.costmap, context.plan, pose, last_only=True, step_back=self.step_back)
 
-
-class SimpleAttractorCritic(Critic):
+class SimpleAttractorCritic(Critic[None]):
     """simple_attractor: squared distance (m²) from the last point to the end of the local plan."""
 
     def __init__(self, weight: float) -> None:
@@ -103,7 +98,7 @@ class UnscaledObstacleCritic(ObstacleCritic):
         return self.params.occdist_scale * (context.costmap.geometry.resolution if self._per_metre else 1.0)
 
 
-class HeadingCritic(Critic):
+class HeadingCritic(Critic[None]):
     """heading_scoring: angle (rad) between the heading and the direction of the farthest visible pose of the plan."""
 
     def __init__(self) -> None:
@@ -177,3 +172,93 @@ class SinglePointCritic(Critic):
         """Rejection by the inner critic."""
         detail = self._inner.explain(row)
         return detail if detail.reason else RejectionDetail()
+
+
+# --- kernels --------------------------------------------------------------------------------------------------------
+
+
+@kernel
+def heading_errors(costs, origin_x, origin_y, resolution, plan, poses, alive, out):
+    """Write the angle (rad) from each pose's heading to the farthest visible cell of the plan to `out` (K,).
+
+    `poses` (K, 3). A cell is visible if no cell on the line to it costs 253 or more; inf if no cell is visible.
+    """
+    ny, nx = costs.shape
+    flat = costs.ravel()
+    for k in range(len(poses)):
+        if not alive[k]:
+            continue
+        out[k] = np.inf
+        x, y = poses[k, 0], poses[k, 1]
+        fx, fy = (x - origin_x) / resolution, (y - origin_y) / resolution
+        if not (fx >= 0.0 and fy >= 0.0 and fx < nx and fy < ny):
+            continue
+        x0, y0 = int(fx), int(fy)
+        for j in range(len(plan) - 1, -1, -1):
+            gx, gy = (plan[j, 0] - origin_x) / resolution, (plan[j, 1] - origin_y) / resolution
+            if not (gx >= 0.0 and gy >= 0.0 and gx < nx and gy < ny):
+                continue
+            x1, y1 = int(gx), int(gy)
+            line = line_start(x0, y0, x1, y1, nx)
+            cell, error = y0 * nx + x0, line[0] // 2
+            free = True
+            for _ in range(line[0] + 1):
+                if flat[cell] >= 253:
+                    free = False
+                    break
+                cell, error = line_next(cell, error, line)
+            if free:
+                to_x = origin_x + (x1 + 0.5) * resolution - x
+                to_y = origin_y + (y1 + 0.5) * resolution - y
+                turn = math.atan2(to_y, to_x) - poses[k, 2]
+                out[k] = abs(turn - 2.0 * math.pi * math.floor((turn + math.pi) / (2.0 * math.pi)))
+                break
+
+
+@kernel
+def open_footprint(grid, storage, vertices, pose, lows, highs):
+    """Make blocked cells under the footprint at `pose` passable in a started wavefront: the robot already covers them.
+
+    As FootprintHelper::getFootprintCells: the cells on the edges and between them; if a vertex is off the map, only the edges
+    before it. `grid`, `storage`: see `start_wavefront`. `lows`, `highs` (nx,) int64 are scratch.
+    """
+    nx, ny = grid[0].nx, grid[0].ny
+    origin_x, origin_y, resolution = grid[0].origin_x, grid[0].origin_y, grid[0].resolution
+    width = nx + 2
+    distances = storage[STATE_SIZE : STATE_SIZE + (ny + 2) * width]
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    lows[:] = ny
+    highs[:] = -1
+    number = len(vertices)
+    x0, y0 = 0, 0
+    filled = True
+    for i in range(number + 1):
+        j = 0 if i == number else i
+        fx = ((pose[0] + (vertices[j, 0] * c - vertices[j, 1] * s)) - origin_x) / resolution
+        fy = ((pose[1] + (vertices[j, 0] * s + vertices[j, 1] * c)) - origin_y) / resolution
+        if not (fx >= 0.0 and fy >= 0.0 and fx < nx and fy < ny):
+            filled = False
+            break
+        x1, y1 = int(fx), int(fy)
+        if i > 0:
+            line = line_start(x0, y0, x1, y1, nx)
+            cell, error = y0 * nx + x0, line[0] // 2
+            for _ in range(line[0] + 1):
+                iy = cell // nx
+                ix = cell - iy * nx
+                lows[ix] = min(lows[ix], iy)
+                highs[ix] = max(highs[ix], iy)
+                open_cell(distances, (iy + 1) * width + ix + 1)
+                cell, error = line_next(cell, error, line)
+        x0, y0 = x1, y1
+    if filled:
+        for ix in range(nx):
+            for iy in range(lows[ix], highs[ix] + 1):
+                open_cell(distances, (iy + 1) * width + ix + 1)
+
+
+@kernel
+def open_cell(distances, cell):
+    """Make a blocked cell passable."""
+    if distances[cell] == BLOCKED:
+        distances[cell] = FREE_UNREACHED

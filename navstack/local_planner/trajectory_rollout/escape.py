@@ -1,3 +1,4 @@
+# pyright: basic
 """How trajectory rollout avoids getting stuck: direction flags, a limit of one full turn in place, and escapes backward.
 
 The flags are those of base_local_planner's TrajectoryPlanner (rotating_left, stuck_left, ..). The others are additions, with
@@ -12,9 +13,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from navstack.core import Pose2D, angle_between
-from navstack.interfaces import Rollouts, ScoringContext
-from navstack.local_planner.trajectory_rollout._kernels import perimeter_cost
+from navstack.core import (
+    Pose2D,
+    angle_between,
+    edge_cost,
+    kernel,
+    line_next,
+    line_start,
+    overlaps_lethal,
+    place_footprint,
+)
+from navstack.plugins import Rollouts, ScoringContext
 
 FOOTPRINT_SCALES = tuple(round(1.0 - 0.05 * i, 2) for i in range(6))
 """Scales of the footprint, one of which must be free at the current pose for an escape; padding accounts for the rest."""
@@ -212,3 +221,57 @@ def free_backup_points(context: ScoringContext, rollouts: Rollouts, distance: fl
     # a point that slides along the footprint's edge may fall into either of two cells
     scale -= 0.5 * g.resolution / max(context.footprint.inscribed_radius, g.resolution)
     return len(poses) if all(is_free(pose, scale) for pose in poses) else 0
+
+
+# --- kernels --------------------------------------------------------------------------------------------------------
+
+ON_LETHAL, ON_UNKNOWN, OFF_MAP = -1, -2, -3
+"""Results of `perimeter_cost`."""
+
+
+@kernel
+def perimeter_cost(costs, origin_x, origin_y, resolution, vertices, x, y, yaw, scale):
+    """Highest cost along the edges of the footprint `vertices` (n, 2), scaled by `scale`; ON_LETHAL, ON_UNKNOWN or OFF_MAP.
+
+    ON_LETHAL also if the footprint overlaps a lethal cell elsewhere. ROS differs: only the cells of its edges are checked.
+    """
+    number = len(vertices)
+    corners = np.empty((2, number))
+    for j in range(number):
+        corners[0, j] = scale * vertices[j, 0]
+        corners[1, j] = scale * vertices[j, 1]
+    cells, placed = np.empty((2, number), np.int32), np.empty((2, number))
+    highest = edge_cost(costs, origin_x, origin_y, resolution, corners, x, y, yaw, cells)
+    if highest < 254:
+        place_footprint(costs, origin_x, origin_y, resolution, corners, x, y, yaw, placed)
+        return ON_LETHAL if overlaps_lethal(costs, placed) else highest
+    return collision_reason(costs, origin_x, origin_y, resolution, corners, x, y, yaw)
+
+
+@kernel
+def collision_reason(costs, origin_x, origin_y, resolution, corners, x, y, yaw):
+    """The first of ON_LETHAL, ON_UNKNOWN and OFF_MAP along the edges of a footprint that is in collision."""
+    ny, nx = costs.shape
+    flat = costs.ravel()
+    c, s = math.cos(yaw), math.sin(yaw)
+    number = corners.shape[1]
+    x0, y0 = 0, 0
+    for i in range(number + 1):
+        j = 0 if i == number else i
+        vx, vy = corners[0, j], corners[1, j]
+        fx = ((x + (vx * c - vy * s)) - origin_x) / resolution
+        fy = ((y + (vx * s + vy * c)) - origin_y) / resolution
+        if not (fx >= 0.0 and fy >= 0.0 and fx < nx and fy < ny):
+            return OFF_MAP
+        x1, y1 = int(fx), int(fy)
+        if i > 0:
+            line = line_start(x0, y0, x1, y1, nx)
+            cell, error = y0 * nx + x0, line[0] // 2
+            for _ in range(line[0] + 1):
+                if flat[cell] == 254:
+                    return ON_LETHAL
+                if flat[cell] == 255:
+                    return ON_UNKNOWN
+                cell, error = line_next(cell, error, line)
+        x0, y0 = x1, y1
+    return OFF_MAP

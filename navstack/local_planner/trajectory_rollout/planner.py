@@ -1,3 +1,4 @@
+# pyright: basic
 """Trajectory rollout of ROS 1: base_local_planner/TrajectoryPlannerROS, move_base's default local planner.
 
 B. P. Gerkey, K. Konolige, "Planning and Control in Unstructured Terrain", 2008; as in base_local_planner/src/
@@ -9,20 +10,21 @@ moved.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import field_validator
 
-from navstack.core import Costmap, Footprint, Pose2D, RobotState, Twist2D
-from navstack.core.parameters import ParamModel
-from navstack.interfaces import ControlInput, Critic, LocalPlan, Rollouts, ScoringContext, VelocityLimits
-from navstack.local_planner.goal_checker import LatchingGoalChecker
-from navstack.local_planner.map_grid import MapGrid
+from navstack.core import Costmap, Footprint, Pose2D, RobotState, Twist2D, kernel
+from navstack.local_planner import parameter_checks as checks
+from navstack.local_planner.goal_checkers import LatchingGoalChecker
+from navstack.local_planner.map_grid import STATE_SIZE, MapGrid, RosDistro, grid_value
+from navstack.local_planner.rollouts import check_points
 from navstack.local_planner.sampling_planner import SamplingPlanner, control_period
 from navstack.local_planner.scoring import ScoreTable, score
-from navstack.local_planner.trajectory_rollout._kernels import distances_ahead, sum_in_order
 from navstack.local_planner.trajectory_rollout.critics import (
     GoalDistanceCritic,
     HeadingCritic,
@@ -38,9 +40,353 @@ from navstack.local_planner.trajectory_rollout.escape import (
     OscillationFlags,
     free_backup_points,
 )
-from navstack.local_planner.trajectory_rollout.params import TrajectoryPlannerParams, y_speeds
-from navstack.local_planner.trajectory_rollout.samples import STRAFE, TrajectoryRolloutGenerator
-from navstack.plugins import LOCAL_PLANNERS
+from navstack.plugins import (
+    LOCAL_PLANNERS,
+    CheckContext,
+    ControlInput,
+    Critic,
+    Issue,
+    LocalPlan,
+    ParamModel,
+    Rollouts,
+    ScoringContext,
+    TrajectoryGenerator,
+    VelocityLimits,
+    param,
+)
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Parameters of TrajectoryPlannerROS.
+
+
+class TrajectoryPlannerParams(ParamModel):
+    """Parameters of TrajectoryPlannerROS (trajectory_planner_ros.cpp, base_local_planner/cfg/BaseLocalPlanner.cfg)."""
+
+    RENAMED: ClassVar[Mapping[str, str]] = {
+        "pdist_scale": "path_distance_bias",
+        "gdist_scale": "goal_distance_bias",
+        "min_in_place_rotational_vel": "min_in_place_vel_theta",
+        "backup_vel": "escape_vel",
+        "acc_limit_x": "acc_lim_x",
+        "acc_limit_y": "acc_lim_y",
+        "acc_limit_th": "acc_lim_theta",
+        "acc_lim_th": "acc_lim_theta",
+        "vth_samples": "vtheta_samples",
+    }
+    NO_EFFECT: ClassVar[Mapping[str, str]] = {
+        "stop_time_buffer": "its use is commented out in ROS",
+        "world_model": 'ROS supports only "costmap"',
+        "point_grid": "belongs to a world model that ROS has removed",
+        "restore_defaults": "a button of dynamic_reconfigure",
+        "publish_cost_grid_pc": "ROS does not read it: cost_cloud is always published",
+        "global_frame_id": "ROS does not read it: cost_cloud is in the costmap's frame",
+        "max_vel_y": "y_vels has the sideways speeds",
+        "min_vel_y": "y_vels has the sideways speeds",
+    }
+    SEARCHED: ClassVar[frozenset[str]] = frozenset({"controller_frequency"})
+    FROM_NAVSTACK: ClassVar[frozenset[str]] = frozenset({"ros_distro"})
+
+    CLAMPED: ClassVar[frozenset[str]] = frozenset(
+        {
+            "acc_lim_x",
+            "acc_lim_y",
+            "acc_lim_theta",
+            "max_vel_x",
+            "min_vel_x",
+            "max_vel_theta",
+            "min_vel_theta",
+            "min_in_place_vel_theta",
+            "sim_time",
+            "sim_granularity",
+            "angular_sim_granularity",
+            "vx_samples",
+            "vtheta_samples",
+            "path_distance_bias",
+            "goal_distance_bias",
+            "occdist_scale",
+            "heading_lookahead",
+            "oscillation_reset_dist",
+            "escape_reset_dist",
+            "escape_reset_theta",
+            "escape_vel",
+            "heading_scoring_timestep",
+        }
+    )
+    acc_lim_x: float = param(2.5, "acceleration along x", unit="m/s²", ge=0.0, le=20.0)
+    acc_lim_y: float = param(2.5, "acceleration along y", unit="m/s²", ge=0.0, le=20.0)
+    acc_lim_theta: float = param(3.2, "turning acceleration", unit="rad/s²", ge=0.0, le=20.0)
+    max_vel_x: float = param(0.55, "highest forward speed", unit="m/s", ge=0.0, le=20.0)
+    min_vel_x: float = param(0.0, "lowest forward speed", unit="m/s", ge=0.0, le=20.0)
+    max_vel_theta: float = param(1.0, "highest turning speed, to the left", unit="rad/s", ge=0.0, le=20.0)
+    min_vel_theta: float = param(-1.0, "highest turning speed to the right, negative", unit="rad/s", ge=-20.0, le=0.0)
+    max_rotational_vel: float = param(1.0, "highest speed of the turn at the goal", unit="rad/s", ge=0.0)
+    min_in_place_vel_theta: float = param(0.4, "lowest speed of a turn in place", unit="rad/s", ge=0.0, le=20.0)
+    sim_time: float = param(1.7, "duration of the simulated trajectories", unit="s", gt=0.0, le=10.0)
+    sim_granularity: float = param(0.025, "distance between the points of a trajectory", unit="m", gt=0.0, le=5.0)
+    angular_sim_granularity: float = param(
+        0.025, "turn between the points of a trajectory", unit="rad", gt=0.0, le=math.pi / 2
+    )
+    vx_samples: int = param(20, "number of forward speeds", ge=1, le=300)
+    vtheta_samples: int = param(20, "number of turning speeds", ge=1, le=300)
+    path_distance_bias: float = param(0.6, "weight of the distance to the plan", ge=0.0, le=5.0)
+    goal_distance_bias: float = param(0.8, "weight of the distance to the local goal", ge=0.0, le=5.0)
+    occdist_scale: float = param(0.01, "weight of the obstacle cost", ge=0.0, le=5.0)
+    meter_scoring: bool = param(
+        False,
+        "measure distances in metres instead of cells",
+        ros_differs="if unset, it is an uninitialized bool there; here it is false",
+    )
+    heading_lookahead: float = param(
+        0.325, "distance ahead of the robot at which turns in place are compared", unit="m", ge=0.0, le=5.0
+    )
+    oscillation_reset_dist: float = param(
+        0.05, "motion that allows turning in the other direction", unit="m", ge=0.0, le=5.0
+    )
+    escape_reset_dist: float = param(
+        0.1,
+        "motion that ends an escape",
+        unit="m",
+        ge=0.0,
+        le=5.0,
+        ros_differs="there every escape ends after this distance, often forever between two poses; here each escape from the "
+        "same place leads twice as far as the one before, and only where it comes no nearer to an obstacle",
+    )
+    escape_reset_theta: float = param(math.pi / 2, "turn that ends an escape", unit="rad", ge=0.0, le=5.0)
+    escape_vel: float = param(-0.1, "speed of an escape backward, negative", unit="m/s", ge=-2.0, le=2.0)
+    holonomic_robot: bool = param(True, "sample sideways motion")
+    y_vels: str | list[float] = param(
+        "-0.3,-0.1,0.1,-0.3", "sideways speeds of a holonomic robot: a list, or a string with commas", unit="m/s"
+    )
+    dwa: bool = param(False, "sample velocities reachable within one period; otherwise within sim_time")
+    heading_scoring: bool = param(
+        False, "score the heading towards the plan, and distances at one point of the trajectory only"
+    )
+    heading_scoring_timestep: float = param(0.1, "time of that point along the trajectory", unit="s", ge=0.0, le=1.0)
+    simple_attractor: bool = param(False, "score the squared distance to the end of the local plan instead of grids")
+    prune_plan: bool = param(True, "drop poses of the plan behind the robot, more than 1 m away")
+    yaw_goal_tolerance: float = param(0.05, "angle at which the goal's heading is reached", unit="rad", ge=0.0)
+    xy_goal_tolerance: float = param(0.1, "distance at which the goal's position is reached", unit="m", ge=0.0)
+    latch_xy_goal_tolerance: bool = param(
+        False,
+        "once at the goal's position, only turn",
+        ros_differs="released by every replan",
+    )
+    controller_frequency: float = param(20.0, "control cycles per second; 0 counts as 20", unit="Hz", ge=0.0)
+    ros_distro: RosDistro = param(
+        "noetic",
+        "scoring scale of noetic, or of the releases before 2018, which also scaled obstacles with meter_scoring",
+    )
+
+    @field_validator("y_vels")
+    @classmethod
+    def _speeds(cls, value: str | list[float]) -> str | list[float]:
+        y_speeds(value)
+        return value
+
+    def check(self, context: CheckContext) -> Iterator[Issue]:
+        """Yield what keeps the robot from moving, from stopping or from reaching its goal."""
+        yield from self._check_scoring_scale(context)
+        yield from checks.window_too_small(context, self.sim_time, self.max_vel_x)
+        yield from checks.updates_too_slow(context, self.max_vel_x)
+        yield from checks.stopping_time(self.acc_lim_x, self.max_vel_x, self.sim_time)
+        yield from checks.minimum_over_maximum(
+            [
+                ("min_vel_x", self.min_vel_x, "max_vel_x", self.max_vel_x),
+                ("min_vel_theta", self.min_vel_theta, "max_vel_theta", self.max_vel_theta),
+            ]
+        )
+        yield from checks.goal_tolerances(context, self.xy_goal_tolerance, self.yaw_goal_tolerance, self.min_vel_theta)
+
+    def _check_scoring_scale(self, context: CheckContext) -> Iterator[Issue]:
+        resolution = context.local_costmap.resolution
+        obstacle = self.occdist_scale * checks.INSCRIBED_COST
+        # indigo scaled obstacles by the resolution with meter_scoring only; without it, distances count cells
+        if self.meter_scoring:
+            noetic, indigo = (self.goal_distance_bias, obstacle), (self.goal_distance_bias, obstacle * resolution)
+        else:
+            noetic = indigo = (self.goal_distance_bias / resolution, obstacle)
+        return checks.scoring_scale(
+            context,
+            horizon=self.sim_time * self.max_vel_x,
+            goal_distance_bias=self.goal_distance_bias,
+            occdist_scale=self.occdist_scale,
+            score=indigo if context.ros_distro == "indigo" else noetic,
+            indigo_score=indigo,
+            factor=1.0 / resolution,
+        )
+
+
+def y_speeds(value: str | Sequence[float]) -> list[float]:
+    """Parse `y_vels`: "-0.3,0.3" or [-0.3, 0.3]; raises ValueError."""
+    try:
+        speeds = [float(v) for v in (value.split(",") if isinstance(value, str) else value) if str(v).strip()]
+    except ValueError as exc:
+        raise ValueError(f"must be numbers separated by commas, not {value!r}") from exc
+    if not all(math.isfinite(v) for v in speeds):
+        raise ValueError("must be finite numbers")
+    return speeds
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Velocity samples of trajectory rollout, and their rollouts (TrajectoryPlanner::createTrajectories).
+
+
+# pyright: basic
+
+
+STRAFE = 0.1
+"""Speed (m/s) forward and to either side of the two strafing samples of a holonomic robot."""
+
+
+def accumulated(first: float, last: float, number: int) -> NDArray[np.float64]:
+    """`number` values from `first` to about `last`, each the one before plus the step: rounded as the loop of C++."""
+    values = np.full(number, (last - first) / max(number - 1, 1))
+    values[0] = first
+    return np.cumsum(values)  # adds from left to right
+
+
+class TrajectoryRolloutGenerator(TrajectoryGenerator):
+    """Samples forward speeds, each straight and with turns, then turns in place."""
+
+    def __init__(self, params: TrajectoryPlannerParams, period: float) -> None:
+        """`period`: the control period (s)."""
+        self._params = params
+        self._period = period
+
+    def samples(self, state: RobotState, plan: NDArray[np.float64], limits: VelocityLimits) -> NDArray[np.float64]:
+        """(K, 3) samples that drive forward, then turns in place."""
+        bottom, top, right, left = self.ranges(state, plan, limits)
+        turns = self.turns(right, left)
+        return np.vstack((self.forward(bottom, top, turns, limits), self.in_place(turns, limits)))
+
+    def ranges(
+        self, state: RobotState, plan: NDArray[np.float64], limits: VelocityLimits
+    ) -> tuple[float, float, float, float]:
+        """Lowest and highest vx, lowest and highest wz: reachable, and at most the speed that reaches the plan's end."""
+        p = self._params
+        distance = math.hypot(plan[-1, 0] - state.pose.x, plan[-1, 1] - state.pose.y)
+        horizon = self._period if p.dwa else p.sim_time
+        slowest = min(p.min_vel_x, limits.max_vel_x)
+        v, w = state.velocity.vx, state.velocity.wz
+        top = max(min(limits.max_vel_x, distance / p.sim_time, v + limits.acc_lim_x * horizon), slowest)
+        bottom = min(max(slowest, v - limits.acc_lim_x * horizon), limits.max_vel_x)
+        left = min(p.max_vel_theta, limits.max_vel_theta)
+        right = max(p.min_vel_theta, -limits.max_vel_theta)
+        change = limits.acc_lim_theta * horizon
+        return bottom, top, min(max(right, w - change), left), max(min(left, w + change), right)
+
+    def turns(self, right: float, left: float) -> NDArray[np.float64]:
+        """(vtheta_samples,) turning speeds, from right to left."""
+        return accumulated(right, left, self._params.vtheta_samples)
+
+    def forward(
+        self, bottom: float, top: float, turns: NDArray[np.float64], limits: VelocityLimits
+    ) -> NDArray[np.float64]:
+        """(n, 3) each forward speed straight, then with every turn but the last; for a holonomic robot two that strafe."""
+        p = self._params
+        samples = np.zeros((p.vx_samples, len(turns), 3))
+        samples[:, :, 0] = accumulated(bottom, top, p.vx_samples)[:, None]
+        samples[:, 1:, 2] = turns[:-1]
+        samples = samples.reshape(-1, 3)
+        strafe = min(STRAFE, limits.max_vel_x)
+        if p.holonomic_robot and math.hypot(strafe, STRAFE) <= limits.max_vel_trans:
+            samples = np.vstack((samples, [(strafe, STRAFE, 0.0), (strafe, -STRAFE, 0.0)]))
+        return samples
+
+    def in_place(self, turns: NDArray[np.float64], limits: VelocityLimits) -> NDArray[np.float64]:
+        """(n, 3) turns in place of at least the lowest turning speed."""
+        slowest = limits.min_vel_theta
+        samples = np.zeros((len(turns), 3))
+        samples[:, 2] = np.where(turns > 0.0, np.maximum(turns, slowest), np.minimum(turns, -slowest))
+        return samples
+
+    def simulate(self, samples: NDArray[np.float64], state: RobotState, limits: VelocityLimits) -> Rollouts:
+        """Rollouts of `samples` (K, 3), which accelerate towards their sample."""
+        p = self._params
+        counts = np.empty(len(samples), np.int64)
+        longest = count_points(
+            samples, p.sim_time, p.sim_granularity, p.angular_sim_granularity, p.heading_scoring, counts
+        )
+        check_points(len(samples), longest)
+        poses = np.empty((len(samples), longest, 3))
+        simulate_accelerating(
+            samples,
+            np.array(state.pose),
+            np.array(state.velocity),
+            np.array((limits.acc_lim_x, limits.acc_lim_y, limits.acc_lim_theta)),
+            p.sim_time,
+            counts,
+            poses,
+        )
+        return Rollouts(samples, poses, counts)
+
+
+# --- kernels --------------------------------------------------------------------------------------------------------
+
+HALF_PI = 0.5 * math.pi
+
+
+@kernel
+def count_points(samples, sim_time, granularity, angular_granularity, by_time, counts):
+    """Write the points per rollout, at least 1, to `counts` (K,). Returns the largest count.
+
+    `by_time`: as heading_scoring, the granularity is a time.
+    """
+    longest = 1
+    for k in range(len(samples)):
+        if by_time:
+            steps = sim_time / granularity
+        else:
+            along = math.hypot(samples[k, 0], samples[k, 1]) * sim_time / granularity
+            steps = max(along, abs(samples[k, 2]) / angular_granularity)
+        counts[k] = max(1, int(steps + 0.5))
+        longest = max(longest, counts[k])
+    return longest
+
+
+@kernel
+def simulate_accelerating(samples, pose, velocity, acceleration, sim_time, counts, poses):
+    """Write rollouts that accelerate towards their sample to `poses` (K, T, 3); the first point is `pose`.
+
+    `counts` (K,): points per rollout.
+    """
+    c, s, at = math.cos(pose[2]), math.sin(pose[2]), pose[2]
+    for k in range(len(samples)):
+        x, y, yaw = pose[0], pose[1], pose[2]
+        vx, vy, vw = velocity[0], velocity[1], velocity[2]
+        n = counts[k]
+        if n == 0:
+            continue
+        dt = sim_time / n
+        for i in range(n):
+            poses[k, i, 0] = x
+            poses[k, i, 1] = y
+            poses[k, i, 2] = yaw
+            vx = approach(vx, samples[k, 0], acceleration[0] * dt)
+            vy = approach(vy, samples[k, 1], acceleration[1] * dt)
+            vw = approach(vw, samples[k, 2], acceleration[2] * dt)
+            if yaw != at:
+                c, s, at = math.cos(yaw), math.sin(yaw), yaw
+            if vy == 0.0:
+                x += (vx * c) * dt
+                y += (vx * s) * dt
+            else:
+                left = HALF_PI + yaw
+                x += (vx * c + vy * math.cos(left)) * dt
+                y += (vx * s + vy * math.sin(left)) * dt
+            yaw += vw * dt
+
+
+@kernel
+def approach(value, target, change):
+    """`value` changed towards `target` by at most `change`."""
+    if value < target:
+        return min(target, value + change)
+    return max(target, value - change)
+
+
+# pyright: basic
+
 
 STOPPED = 1e-2
 """Speed (m/s, rad/s) up to which the robot counts as stopped: a constant in C++."""
@@ -332,3 +678,39 @@ def _lowest_legal(table: ScoreTable, number: int) -> int:
     """Index of the lowest total among the first `number` samples that are legal, -1 if none is."""
     legal = table.rejected_by[:number] == -1
     return int(np.where(legal, table.totals[:number], np.inf).argmin()) if legal.any() else -1
+
+
+# --- kernels --------------------------------------------------------------------------------------------------------
+
+
+@kernel
+def distances_ahead(grid, storage, poses, counts, first, ahead, out):
+    """Write the grid's value `ahead` metres in front of the last point of each rollout from `first` on to `out`; -1 off the map.
+
+    `grid`, `storage`: see `start_wavefront`.
+    """
+    nx, ny = grid[0].nx, grid[0].ny
+    width = nx + 2
+    end = STATE_SIZE + (ny + 2) * width + 1
+    state, distances, queue = storage[:STATE_SIZE], storage[STATE_SIZE:end], storage[end:]
+    for k in range(first, len(counts)):
+        last = counts[k] - 1
+        yaw = poses[k, last, 2]
+        fx = (poses[k, last, 0] + ahead * math.cos(yaw) - grid[0].origin_x) / grid[0].resolution
+        fy = (poses[k, last, 1] + ahead * math.sin(yaw) - grid[0].origin_y) / grid[0].resolution
+        out[k - first] = -1.0
+        if fx >= 0.0 and fy >= 0.0 and fx < nx and fy < ny:
+            cell = (int(fy) + 1) * width + int(fx) + 1
+            out[k - first] = grid_value(distances, queue, state, cell, width, nx * ny)
+
+
+@kernel
+def sum_in_order(costs, scales, order, rejected_by, totals):
+    """Write the totals of the legal rows, added up in the order of the columns `order`: C++'s rounding decides between equals."""
+    for k in range(len(totals)):
+        if rejected_by[k] == -1:
+            total = 0.0
+            for column in order:
+                if scales[column] != 0.0:
+                    total += costs[k, column] * scales[column]
+            totals[k] = total

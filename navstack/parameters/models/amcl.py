@@ -1,15 +1,13 @@
 """The parameters of amcl (noetic: amcl; Nav2: nav2_amcl)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
-from typing import Any, ClassVar, Final, Literal, get_args
+from typing import Any, ClassVar, Final, Literal, Self, get_args
 
 from pydantic import field_validator, model_validator
 
-from navstack.core.parameters import ParamModel, param
 from navstack.parameters.models.velocity_smoother import ROS2_NO_EFFECT
+from navstack.plugins import ParamModel, param
 
 Defect = Literal[
     "half_cell",
@@ -165,7 +163,7 @@ class AmclParams(ParamModel):
         return value.removeprefix("/")
 
     @model_validator(mode="after")
-    def _check_counts(self) -> AmclParams:
+    def _check_counts(self) -> Self:
         if self.min_particles > self.max_particles:
             raise ValueError(
                 f"min_particles is {self.min_particles}, above max_particles, {self.max_particles}; lower it or raise the other"

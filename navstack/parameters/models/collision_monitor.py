@@ -10,8 +10,8 @@ from typing import Any, ClassVar, Final, Literal
 import shapely
 from pydantic import field_validator, model_validator
 
-from navstack.core.parameters import ParamModel, param
 from navstack.parameters.models.velocity_smoother import ROS2_NO_EFFECT
+from navstack.plugins import ParamModel, param
 
 MIN_VERTICES: Final = 4
 """Fewest corners of a zone's polygon, as in Nav2."""

@@ -1,13 +1,11 @@
 """The parameters of the odometry filter (robot_localization: ekf_localization_node)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, ClassVar, Final, NamedTuple
 
 from pydantic import create_model, field_validator
 
-from navstack.core.parameters import ParamModel, param
+from navstack.plugins import ParamModel, param
 
 STATES: Final = ("x", "y", "z", "roll", "pitch", "yaw", "vx", "vy", "vz", "vroll", "vpitch", "vyaw", "ax", "ay", "az")
 """The order of robot_localization."""

@@ -1,10 +1,8 @@
 """Parameters of motions: the `navstack: motion:` section of the YAML."""
 
-from __future__ import annotations
-
 from typing import Literal
 
-from navstack.core.parameters import ParamModel, param
+from navstack.plugins import ParamModel, param
 
 
 class MotionParams(ParamModel):

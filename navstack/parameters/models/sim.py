@@ -1,16 +1,185 @@
 """Parameters of the simulator: the `navstack: sim:` section of the YAML."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
-from typing import Any, ClassVar, Literal, TypeVar
+from typing import Any, ClassVar, Literal, Self, TypeVar
 
 from pydantic import field_validator, model_validator
 
-from navstack.core.parameters import ParamModel, param
-from navstack.parameters.models.body import BodyParams
-from navstack.parameters.models.wheels import WheelParams
+from navstack.plugins import ParamModel, param
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Parameters of the body of the simulated robot: kinematics and limits.
+
+
+MAX_CAR_ANGLE = 0.5 * math.pi - 1e-6
+"""Steering angles above this (rad) count as a quarter turn: only a base driven at its steered wheel moves then."""
+
+
+class BodyParams(ParamModel):
+    """The body of the simulated robot: kinematics, and limits of velocity and steering."""
+
+    kinematics: Literal["differential", "holonomic", "ackermann", "tricycle"] = param(
+        "differential",
+        "differential: no sideways motion; holonomic: motion in every direction; ackermann: a car, driven at its rear axle, "
+        "which is its centre: the yaw rate of a command sets the steering angle, and it cannot turn in place; tricycle: "
+        "steered and driven at its single front wheel, its centre on the rear axle",
+    )
+    physics_frequency: float = param(
+        50.0, "frequency of the simulation steps of the body", unit="Hz", gt=0.0, le=10_000.0
+    )
+    acc_lim_x: float | None = param(
+        None, "maximum forward acceleration (tricycle: of the front wheel); none: unlimited", unit="m/s²", gt=0.0
+    )
+    acc_lim_y: float | None = param(None, "maximum sideways acceleration; none: unlimited", unit="m/s²", gt=0.0)
+    acc_lim_theta: float | None = param(None, "maximum angular acceleration; none: unlimited", unit="rad/s²", gt=0.0)
+    jerk_lim_x: float | None = param(
+        None,
+        "maximum forward jerk; none: unlimited. Observed where the command allows; the velocity does not overshoot a constant "
+        "command",
+        unit="m/s³",
+        gt=0.0,
+    )
+    jerk_lim_y: float | None = param(None, "maximum sideways jerk; none: unlimited", unit="m/s³", gt=0.0)
+    jerk_lim_theta: float | None = param(
+        None, "maximum angular jerk; none: unlimited; not used by ackermann and tricycle", unit="rad/s³", gt=0.0
+    )
+    wheelbase: float = param(
+        0.5, "ackermann, tricycle: distance from the rear axle to the front wheels", unit="m", gt=0.0
+    )
+    max_steering_angle: float = param(
+        0.6,
+        "ackermann, tricycle: maximum angle of the (centre) front wheel, in both directions; a tricycle whose wheel turns by "
+        "pi / 2 can turn in place",
+        unit="rad",
+        gt=0.0,
+        le=0.5 * math.pi,
+    )
+    max_steering_rate: float | None = param(
+        None, "ackermann, tricycle: maximum rate of the steering angle; none: unlimited", unit="rad/s", gt=0.0
+    )
+    steering_lag: float | None = param(
+        None,
+        "ackermann, tricycle: time constant of the controller of the steering angle; none: velocity_lag",
+        unit="s",
+        ge=0.0,
+    )
+    min_turning_radius: float = param(
+        0.0,
+        "ackermann, tricycle: minimum turning radius of the rear axle's centre, if larger than wheelbase / "
+        "tan(max_steering_angle)",
+        unit="m",
+        ge=0.0,
+    )
+    steering_command: Literal["yaw_rate", "angle"] = param(
+        "yaw_rate",
+        "ackermann, tricycle: meaning of the angular part of a command. yaw_rate: the yaw rate w, which gives the steering "
+        "angle atan(wheelbase * w / v); a stopped base keeps its steering angle. angle: the steering angle; the "
+        "linear part is then the velocity of the driven wheels",
+    )
+
+    @model_validator(mode="after")
+    def _check_steering(self) -> Self:
+        if self.kinematics == "ackermann" and self.max_steering_angle > MAX_CAR_ANGLE:
+            raise ValueError(
+                f"max_steering_angle = {self.max_steering_angle:g} rad of kinematics ackermann must be less than pi / 2: a car "
+                "is driven at its rear axle; use tricycle for a base that is driven at its steered wheel"
+            )
+        return self
+
+    @property
+    def is_steered(self) -> bool:
+        """True for a base with a steering angle: `ackermann` and `tricycle`."""
+        return self.kinematics in ("ackermann", "tricycle")
+
+    @property
+    def steering_limit(self) -> float:
+        """Maximum steering angle of a steered base (rad), from `max_steering_angle` and `min_turning_radius`."""
+        if self.min_turning_radius <= 0.0:
+            return self.max_steering_angle
+        return min(self.max_steering_angle, math.atan(self.wheelbase / self.min_turning_radius))
+
+    @property
+    def turning_radius(self) -> float:
+        """Minimum turning radius of a steered base's rear axle (m); 0 for a base that can turn in place."""
+        limit = self.steering_limit
+        return self.wheelbase / math.tan(limit) if self.is_steered and limit <= MAX_CAR_ANGLE else 0.0
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Parameters of the wheels of the simulated robot: `navstack: sim: wheels:`.
+
+
+MAX_WHEELS = 4
+
+
+class WheelParams(ParamModel):
+    """The wheels of the base: their limits, their encoders, and the odometry made of them.
+
+    Without `drive`, the base has no wheels of its own: it executes velocities, and its odometry is continuous. The defaults are
+    those of a Kobuki.
+    """
+
+    drive: Literal["none", "differential", "omni", "mecanum"] = param(
+        "none",
+        "none: no wheels; differential: two on one axle (kinematics: differential); omni: on a circle; mecanum: four with "
+        "rollers at 45 degrees (both with kinematics: holonomic)",
+    )
+    separation: float = param(0.23, "differential, mecanum: distance between left and right wheels", unit="m", gt=0.0)
+    wheelbase: float = param(0.3, "mecanum: distance between the axles", unit="m", gt=0.0)
+    circle_radius: float = param(0.15, "omni: radius of the circle on which the wheels are", unit="m", gt=0.0)
+    angles: list[float] = param(
+        [1.0471975511965976, 3.141592653589793, -1.0471975511965976],
+        "omni: positions of the 3 or 4 wheels on that circle, from straight ahead",
+        unit="rad",
+    )
+    radius: float = param(0.035, "radius of the wheels", unit="m", gt=0.0)
+    max_speed: float | None = param(
+        None,
+        "maximum speed of a wheel; a faster command is slowed down on its arc; none: unlimited",
+        unit="rad/s",
+        gt=0.0,
+    )
+    max_acceleration: float | None = param(
+        None, "maximum acceleration of each wheel; none: unlimited", unit="rad/s²", gt=0.0
+    )
+    ticks_per_revolution: float | None = param(
+        None, "counts of the encoders per revolution (Kobuki: 2578.33); none: continuous", gt=0.0, le=1e9
+    )
+    integration: Literal["exact", "rk2", "euler"] = param(
+        "exact",
+        "how the odometry integrates: along the arc, the heading at half of the step, or the heading at its start",
+    )
+    radius_errors: list[float] = param(
+        [], "relative error of the true radius of each wheel (left, right; or in the order of the drive); none: 0"
+    )
+
+    @field_validator("angles")
+    @classmethod
+    def _check_angles(cls, value: list[float]) -> list[float]:
+        distinct = {round(math.remainder(angle, 2.0 * math.pi), 9) for angle in value}
+        if not 3 <= len(value) <= MAX_WHEELS or len(distinct) < len(value):
+            raise ValueError(f"angles = {value} must be 3 or 4 different positions of omni wheels")
+        return value
+
+    @field_validator("radius_errors")
+    @classmethod
+    def _check_errors(cls, value: list[float]) -> list[float]:
+        if len(value) > MAX_WHEELS or any(abs(error) > 0.5 for error in value):
+            raise ValueError(f"radius_errors = {value} must be at most {MAX_WHEELS} numbers from -0.5 to 0.5")
+        return value
+
+    @property
+    def count(self) -> int:
+        """Number of wheels."""
+        return {"none": 0, "differential": 2, "omni": len(self.angles), "mecanum": 4}[self.drive]
+
+    @property
+    def metres_per_tick(self) -> float:
+        """Way of the rim per count of the encoder (m); 0 for continuous encoders."""
+        ticks = self.ticks_per_revolution
+        return 0.0 if ticks is None else 2.0 * math.pi * self.radius / ticks
+
 
 S = TypeVar("S", bound=ParamModel)
 
@@ -57,7 +226,7 @@ class LidarParams(ParamModel):
     )
 
     @model_validator(mode="after")
-    def _check_ranges(self) -> LidarParams:
+    def _check_ranges(self) -> Self:
         _check_range(self.range_min, self.range_max)
         return self
 
@@ -140,7 +309,7 @@ class SonarParams(ParamModel):
     )
 
     @model_validator(mode="after")
-    def _check_ranges(self) -> SonarParams:
+    def _check_ranges(self) -> Self:
         _check_range(self.range_min, self.range_max)
         return self
 
@@ -290,7 +459,7 @@ class SimParams(BodyParams):
         return value
 
     @model_validator(mode="after")
-    def _check_one_kind_each(self) -> SimParams:
+    def _check_one_kind_each(self) -> Self:
         kinds = {"a lidar": self.lasers, "a bumper": self.bumpers, "a sonar": self.sonars, "an IMU": self.imus}
         for number, (kind, names) in enumerate(kinds.items()):
             for other, others in list(kinds.items())[number + 1 :]:
@@ -302,7 +471,7 @@ class SimParams(BodyParams):
         return self
 
     @model_validator(mode="after")
-    def _check_wheels(self) -> SimParams:
+    def _check_wheels(self) -> Self:
         needed = {"none": self.kinematics, "differential": "differential"}.get(self.wheels.drive, "holonomic")
         if self.kinematics != needed:
             raise ValueError(

@@ -1,10 +1,10 @@
 """The parameters of the supervision of a localizer: when the robot counts as lost, and how it finds itself."""
 
-from __future__ import annotations
+from typing import Self
 
 from pydantic import model_validator
 
-from navstack.core.parameters import ParamModel, param
+from navstack.plugins import ParamModel, param
 
 
 class LostParams(ParamModel):
@@ -29,7 +29,7 @@ class LostParams(ParamModel):
     lost_beams: int = param(60, "beams that are compared", ge=10, le=2000)
 
     @model_validator(mode="after")
-    def _check_shares(self) -> LostParams:
+    def _check_shares(self) -> Self:
         if self.lost_explained_then < self.lost_explained:
             raise ValueError(
                 f"lost_explained_then {self.lost_explained_then:g} is below lost_explained {self.lost_explained:g}: a robot that "

@@ -1,14 +1,12 @@
 """The parameters of the command multiplexer (ROS: twist_mux)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, ClassVar, Final
 
 from pydantic import Field, field_validator
 
-from navstack.core.parameters import ParamModel, param
 from navstack.parameters.models.velocity_smoother import ROS2_NO_EFFECT
+from navstack.plugins import ParamModel, param
 
 ALIASES: Final[dict[str, tuple[str, ...]]] = {
     "navigation": ("navi", "nav", "nav_vel", "move_base", "cmd_vel_nav", "input/navi"),

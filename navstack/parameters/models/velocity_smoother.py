@@ -1,13 +1,11 @@
 """The parameters of the velocity smoother (Nav2: nav2_velocity_smoother)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
-from typing import ClassVar, Final, Literal
+from typing import ClassVar, Final, Literal, Self
 
 from pydantic import field_validator, model_validator
 
-from navstack.core.parameters import ParamModel, param
+from navstack.plugins import ParamModel, param
 
 ROS2_NO_EFFECT: Final[Mapping[str, str]] = {
     "use_sim_time": "navstack gets the time with every call",
@@ -63,7 +61,7 @@ class VelocitySmootherParams(ParamModel):
         return value
 
     @model_validator(mode="after")
-    def _check_lists(self) -> VelocitySmootherParams:
+    def _check_lists(self) -> Self:
         lengths = {name: len(getattr(self, name)) for name in _LISTS}
         if len(set(lengths.values())) > 1 or next(iter(lengths.values())) not in (3, 6):
             listed = ", ".join(f"{name} {length}" for name, length in lengths.items())

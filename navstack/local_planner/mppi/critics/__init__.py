@@ -5,8 +5,7 @@ from navstack.local_planner.mppi.critics.cost import CostCritic
 from navstack.local_planner.mppi.critics.goal import GoalCritic
 from navstack.local_planner.mppi.critics.goal_angle import GoalAngleCritic
 from navstack.local_planner.mppi.critics.obstacles import ObstaclesCritic
-from navstack.local_planner.mppi.critics.path_align import PathAlignCritic
-from navstack.local_planner.mppi.critics.path_align_legacy import PathAlignLegacyCritic
+from navstack.local_planner.mppi.critics.path_align import PathAlignCritic, PathAlignLegacyCritic
 from navstack.local_planner.mppi.critics.path_angle import PathAngleCritic
 from navstack.local_planner.mppi.critics.path_follow import PathFollowCritic
 from navstack.local_planner.mppi.critics.prefer_forward import PreferForwardCritic

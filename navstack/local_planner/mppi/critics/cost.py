@@ -6,13 +6,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from navstack.core.parameters import ParamModel, param
-from navstack.interfaces import RejectionDetail
-from navstack.local_planner.mppi._critic_kernels import add_powered
 from navstack.local_planner.mppi.batch import Batch, Floats
 from navstack.local_planner.mppi.collisions import CollisionTest, table
-from navstack.local_planner.mppi.trajectory_critic import TrajectoryCritic, TrajectoryCriticParams
-from navstack.plugins import CRITICS
+from navstack.local_planner.mppi.trajectory_critic import TrajectoryCritic, TrajectoryCriticParams, add_powered
+from navstack.plugins import CRITICS, ParamModel, RejectionDetail, param
 
 
 class CostCriticParams(TrajectoryCriticParams):

@@ -1,3 +1,4 @@
+# pyright: basic
 """Draws the robot to its goal."""
 
 from __future__ import annotations
@@ -6,11 +7,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from navstack.core.parameters import ParamModel, param
-from navstack.local_planner.mppi._critic_kernels import distance_scores
+from navstack.core import kernel
 from navstack.local_planner.mppi.batch import Batch, Floats
 from navstack.local_planner.mppi.trajectory_critic import TrajectoryCritic, TrajectoryCriticParams
-from navstack.plugins import CRITICS
+from navstack.plugins import CRITICS, ParamModel, param
 
 
 class GoalCriticParams(TrajectoryCriticParams):
@@ -34,3 +34,20 @@ class GoalCritic(TrajectoryCritic):
         x, y = context.target.x - batch.anchor[0], context.target.y - batch.anchor[1]
         distance_scores(batch.points, np.float32(x), np.float32(y), out)
         return True
+
+
+# --- kernels --------------------------------------------------------------------------------------------------------
+
+f32 = np.float32
+
+
+@kernel
+def distance_scores(points, x, y, out):
+    """Mean distance of the points to (x, y)."""
+    out[:] = f32(0.0)
+    scale = f32(1.0 / points.shape[1])
+    for t in range(points.shape[1]):
+        px, py = points[0, t], points[1, t]
+        for k in range(len(out)):
+            dx, dy = px[k] - x, py[k] - y
+            out[k] += np.sqrt(dx * dx + dy * dy) * scale

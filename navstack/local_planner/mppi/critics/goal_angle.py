@@ -1,16 +1,17 @@
+# pyright: basic
 """Turns the robot to its goal's heading."""
 
 from __future__ import annotations
 
+import math
 from typing import ClassVar
 
 import numpy as np
 
-from navstack.core.parameters import ParamModel, param
-from navstack.local_planner.mppi._critic_kernels import heading_scores
+from navstack.core import kernel
 from navstack.local_planner.mppi.batch import Batch, Floats
-from navstack.local_planner.mppi.trajectory_critic import TrajectoryCritic, TrajectoryCriticParams
-from navstack.plugins import CRITICS
+from navstack.local_planner.mppi.trajectory_critic import TrajectoryCritic, TrajectoryCriticParams, wrapped
+from navstack.plugins import CRITICS, ParamModel, param
 
 
 class GoalAngleCriticParams(TrajectoryCriticParams):
@@ -34,3 +35,22 @@ class GoalAngleCritic(TrajectoryCritic):
             return False
         heading_scores(batch.points, np.float32(context.target.yaw), p.symmetric_yaw_tolerance, out)
         return True
+
+
+# --- kernels --------------------------------------------------------------------------------------------------------
+
+f32 = np.float32
+
+
+@kernel
+def heading_scores(points, yaw, symmetric, out):
+    """Mean angle between the headings and `yaw`; with `symmetric` also its opposite counts."""
+    out[:] = f32(0.0)
+    scale = f32(1.0 / points.shape[1])
+    for t in range(points.shape[1]):
+        row = points[2, t]
+        for k in range(len(out)):
+            error = wrapped(row[k] - yaw)
+            if symmetric:
+                error = min(error, f32(math.pi) - error)
+            out[k] += error * scale

@@ -1,3 +1,4 @@
+# pyright: basic
 """Turns the robot to the path."""
 
 from __future__ import annotations
@@ -5,12 +6,12 @@ from __future__ import annotations
 import math
 from typing import ClassVar, Literal
 
-from navstack.core import Pose2D, angle_between
-from navstack.core.parameters import ParamModel, param
-from navstack.local_planner.mppi._critic_kernels import bearing_scores
+import numpy as np
+
+from navstack.core import Pose2D, angle_between, kernel
 from navstack.local_planner.mppi.batch import Batch, Floats
-from navstack.local_planner.mppi.trajectory_critic import TrajectoryCritic, TrajectoryCriticParams
-from navstack.plugins import CRITICS
+from navstack.local_planner.mppi.trajectory_critic import TrajectoryCritic, TrajectoryCriticParams, wrapped
+from navstack.plugins import CRITICS, ParamModel, param
 
 
 class PathAngleCriticParams(TrajectoryCriticParams):
@@ -56,3 +57,27 @@ def _angle(pose: Pose2D, x: float, y: float, yaw: float, mode: int) -> float:
         return min(error, math.pi - error)
     backward = mode == 2 and abs(angle_between(bearing, yaw)) > 0.5 * math.pi
     return math.pi - error if backward else error
+
+
+# --- kernels --------------------------------------------------------------------------------------------------------
+
+f32 = np.float32
+
+
+@kernel
+def bearing_scores(points, x, y, path_yaw, mode, out):
+    """Angle between the last heading and the bearing of (x, y) from the last point.
+
+    `mode` 0: forward; 1: the bearing or its opposite, whichever is nearer to the heading; 2: the one nearer to `path_yaw`.
+    """
+    last = points.shape[1] - 1
+    px, py, yaws = points[0, last], points[1, last], points[2, last]
+    for k in range(len(out)):
+        bearing = np.arctan2(y - py[k], x - px[k])
+        error = wrapped(yaws[k] - bearing)
+        opposite = f32(math.pi) - error
+        if mode == 1:
+            error = min(error, opposite)
+        elif mode == 2 and wrapped(bearing - path_yaw) > f32(0.5 * math.pi):
+            error = opposite
+        out[k] = error

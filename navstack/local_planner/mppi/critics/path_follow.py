@@ -1,14 +1,16 @@
+# pyright: basic
 """Draws the end of the trajectory along the path."""
 
 from __future__ import annotations
 
 from typing import ClassVar
 
-from navstack.core.parameters import ParamModel, param
-from navstack.local_planner.mppi._critic_kernels import endpoint_scores
+import numpy as np
+
+from navstack.core import kernel
 from navstack.local_planner.mppi.batch import Batch, Floats
 from navstack.local_planner.mppi.trajectory_critic import TrajectoryCritic, TrajectoryCriticParams
-from navstack.plugins import CRITICS
+from navstack.plugins import CRITICS, ParamModel, param
 
 
 class PathFollowCriticParams(TrajectoryCriticParams):
@@ -37,3 +39,17 @@ class PathFollowCritic(TrajectoryCritic):
             at += 1
         endpoint_scores(batch.points, context.path[0, at], context.path[1, at], out)
         return True
+
+
+# --- kernels --------------------------------------------------------------------------------------------------------
+
+f32 = np.float32
+
+
+@kernel
+def endpoint_scores(points, x, y, out):
+    """Distance of the last point to (x, y)."""
+    px, py = points[0, points.shape[1] - 1], points[1, points.shape[1] - 1]
+    for k in range(len(out)):
+        dx, dy = px[k] - x, py[k] - y
+        out[k] = np.sqrt(dx * dx + dy * dy)

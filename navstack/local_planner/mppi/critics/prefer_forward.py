@@ -1,3 +1,4 @@
+# pyright: basic
 """Penalizes driving backward."""
 
 from __future__ import annotations
@@ -6,11 +7,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from navstack.core.parameters import ParamModel, param
-from navstack.local_planner.mppi._critic_kernels import backward_scores
+from navstack.core import kernel
 from navstack.local_planner.mppi.batch import Batch, Floats
 from navstack.local_planner.mppi.trajectory_critic import TrajectoryCritic, TrajectoryCriticParams
-from navstack.plugins import CRITICS
+from navstack.plugins import CRITICS, ParamModel, param
 
 
 class PreferForwardCriticParams(TrajectoryCriticParams):
@@ -32,3 +32,18 @@ class PreferForwardCritic(TrajectoryCritic):
             return False
         backward_scores(batch.speeds, np.float32(batch.dt), out)
         return True
+
+
+# --- kernels --------------------------------------------------------------------------------------------------------
+
+f32 = np.float32
+
+
+@kernel
+def backward_scores(speeds, dt, out):
+    """Distance driven backward (m)."""
+    out[:] = f32(0.0)
+    for t in range(speeds.shape[1]):
+        row = speeds[0, t]
+        for k in range(len(out)):
+            out[k] += max(-row[k], f32(0.0)) * dt

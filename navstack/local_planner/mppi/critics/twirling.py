@@ -1,14 +1,16 @@
+# pyright: basic
 """Penalizes turning, which keeps holonomic robots from spinning on their way."""
 
 from __future__ import annotations
 
 from typing import ClassVar
 
-from navstack.core.parameters import ParamModel, param
-from navstack.local_planner.mppi._critic_kernels import turning_scores
+import numpy as np
+
+from navstack.core import kernel
 from navstack.local_planner.mppi.batch import Batch, Floats
 from navstack.local_planner.mppi.trajectory_critic import TrajectoryCritic, TrajectoryCriticParams
-from navstack.plugins import CRITICS
+from navstack.plugins import CRITICS, ParamModel, param
 
 
 class TwirlingCriticParams(TrajectoryCriticParams):
@@ -29,3 +31,19 @@ class TwirlingCritic(TrajectoryCritic):
             return False
         turning_scores(batch.speeds, out)
         return True
+
+
+# --- kernels --------------------------------------------------------------------------------------------------------
+
+f32 = np.float32
+
+
+@kernel
+def turning_scores(speeds, out):
+    """Mean absolute turning speed (rad/s)."""
+    out[:] = f32(0.0)
+    scale = f32(1.0 / speeds.shape[1])
+    for t in range(speeds.shape[1]):
+        row = speeds[2, t]
+        for k in range(len(out)):
+            out[k] += abs(row[k]) * scale

@@ -1,3 +1,4 @@
+# pyright: basic
 """Penalizes speeds too low for the motors."""
 
 from __future__ import annotations
@@ -7,11 +8,10 @@ from typing import ClassVar
 import numpy as np
 from pydantic import field_validator
 
-from navstack.core.parameters import ParamModel, param
-from navstack.local_planner.mppi._critic_kernels import deadband_scores
+from navstack.core import kernel
 from navstack.local_planner.mppi.batch import Batch, Floats
 from navstack.local_planner.mppi.trajectory_critic import TrajectoryCritic, TrajectoryCriticParams
-from navstack.plugins import CRITICS
+from navstack.plugins import CRITICS, ParamModel, param
 
 
 class VelocityDeadbandCriticParams(TrajectoryCriticParams):
@@ -41,3 +41,21 @@ class VelocityDeadbandCritic(TrajectoryCritic):
         bands = np.abs(np.array(self.params.deadband_velocities, np.float32))
         deadband_scores(batch.speeds, bands, self.context.motion.omni, np.float32(batch.dt), out)
         return True
+
+
+# --- kernels --------------------------------------------------------------------------------------------------------
+
+f32 = np.float32
+
+
+@kernel
+def deadband_scores(speeds, bands, omni, dt, out):
+    """How far the speeds are below `bands` (3,), times the duration."""
+    out[:] = f32(0.0)
+    for t in range(speeds.shape[1]):
+        for axis in range(3):
+            if axis == 1 and not omni:
+                continue
+            row, band = speeds[axis, t], bands[axis]
+            for k in range(len(out)):
+                out[k] += max(band - abs(row[k]), f32(0.0)) * dt

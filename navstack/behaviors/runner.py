@@ -1,0 +1,159 @@
+"""Runs one behavior step by step: recoveries and motions of the goal manager, tasks, and nodes that only move the robot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple, Protocol
+
+from navstack.core import InternalError, NavError, RobotState, Twist2D
+from navstack.plugins import Behavior, BehaviorContext, BehaviorStatus, BehaviorStep
+
+Guard = Callable[..., Any]
+"""Calls a method of a plugin: `guard(plugin, method, *arguments)`. Raises a NavError for whatever the method raises."""
+
+
+class Pace(Protocol):
+    """When steps are due."""
+
+    due: float
+    """Next due time (s); inf for never."""
+
+    def is_due(self, now: float) -> bool:
+        """Return True at and after the due time."""
+        ...
+
+    def advance(self, now: float) -> None:
+        """Set the next due time, for a step at `now` (s)."""
+        ...
+
+
+class BehaviorEnd(NamedTuple):
+    """The end of a behavior."""
+
+    behavior: Behavior
+    step: BehaviorStep | None
+    """The last step; None if it raised an error."""
+    error: NavError | None
+    """Reason of a failure."""
+
+    @property
+    def status(self) -> BehaviorStatus:
+        """DONE or FAILED."""
+        return BehaviorStatus.FAILED if self.step is None else self.step.status
+
+    @property
+    def text(self) -> str:
+        """What was done, or why it failed."""
+        if self.step is not None:
+            return self.step.text
+        return "" if self.error is None else self.error.message
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """The figures of the last step, or the error as JSON data."""
+        if self.step is not None:
+            return self.step.data
+        return {} if self.error is None else self.error.as_dict()
+
+
+def unguarded(plugin: object, method: Callable[..., Any], *arguments: Any) -> Any:
+    """Call a method of a behavior whose errors need no translation."""
+    del plugin
+    return method(*arguments)
+
+
+class BehaviorRunner:
+    """The running behavior, if any, and the pace of its steps.
+
+    The owner says when it starts, steps and drops one, and sends the commands: nothing here waits or reads a clock. Whatever a
+    behavior raises or returns under a guard, it goes on or has a `BehaviorEnd`.
+    """
+
+    def __init__(self, make_pace: Callable[[float, float], Pace], guard: Guard = unguarded) -> None:
+        """`make_pace` returns a pace for a frequency (Hz), whose first step is due at a time (s)."""
+        self.running: Behavior | None = None
+        self.started_at = 0.0
+        """s."""
+        self._make_pace = make_pace
+        self._guard = guard
+        self._pace: Pace | None = None
+
+    @property
+    def due(self) -> float:
+        """Time of the next step (s); inf without a behavior."""
+        return self._pace.due if self.running is not None and self._pace is not None else math.inf
+
+    def is_due(self, now: float) -> bool:
+        """Return True if a step is due at `now` (s)."""
+        return self.running is not None and self._pace is not None and self._pace.is_due(now)
+
+    def advance(self, now: float) -> None:
+        """Set the time of the next step, for one at `now` (s)."""
+        if self._pace is not None:
+            self._pace.advance(now)
+
+    def start(
+        self, behavior: Behavior, context: BehaviorContext, now: float, frequency: float, *, check: bool = False
+    ) -> BehaviorEnd | None:
+        """Start a behavior, whose first step is due at `now` (s); return its end if it fails to start.
+
+        `frequency` (Hz) is that of a behavior without its own. With `check`, its parameters are checked first.
+        """
+        self.running, self.started_at, self._pace = behavior, now, None
+        try:
+            if check:
+                self._guard(behavior, behavior.check, context)
+            self._guard(behavior, behavior.start, context, now)
+            own: float | None = self._guard(behavior, lambda: behavior.frequency)
+        except NavError as exc:
+            return self.failure(exc)
+        self._pace = self._make_pace(own or frequency, now)
+        return None
+
+    def step(self, state_at: Callable[[float], RobotState], now: float) -> BehaviorStep | BehaviorEnd:
+        """Execute one step at `now` (s), with the robot's state in the local costmap's frame; return it, or the end.
+
+        An error of `state_at` ends the behavior, too.
+        """
+        behavior = self.running
+        assert behavior is not None
+        try:
+            step = _valid_step(behavior, self._guard(behavior, behavior.step, state_at(now), now))
+        except NavError as exc:
+            return self.failure(exc)
+        if step.status is BehaviorStatus.RUNNING:
+            return step
+        error: NavError | None = None
+        if step.status is BehaviorStatus.FAILED:
+            error = NavError(step.text or f"{behavior.name} failed", recovery=behavior.name, **step.data)
+        return BehaviorEnd(behavior, step, error)
+
+    def failure(self, error: NavError) -> BehaviorEnd:
+        """Return the end of the running behavior by an error."""
+        assert self.running is not None
+        return BehaviorEnd(self.running, None, error)
+
+    def drop(self, now: float) -> None:
+        """Abandon the running behavior."""
+        del now
+        self.running = None
+
+
+def _valid_step(behavior: Behavior, step: Any) -> BehaviorStep:
+    """Return a step with a finite command. Raises InternalError."""
+    problem = ""
+    if not isinstance(step, BehaviorStep):
+        problem = f"returned a {type(step).__name__}, not a BehaviorStep"
+    elif not _is_command(step.twist):
+        problem = f"commands {step.twist}, which is not a Twist2D of three finite numbers"
+    if problem:
+        raise InternalError(f"{behavior.name} {problem}; please report this to its author", plugin=behavior.name)
+    return step
+
+
+def _is_command(twist: Any) -> bool:
+    try:
+        return isinstance(twist, Twist2D) and twist.is_finite()
+    except TypeError:  # a component is not a number
+        return False

@@ -1,0 +1,72 @@
+"""Groups of commands whose modules are imported when the command runs: `navstack --help` imports none of them."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any, ClassVar, Final, NamedTuple
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+from typer.main import get_command, get_group
+
+NEGATIVE_NUMBERS: Final[dict[str, Any]] = {"ignore_unknown_options": True}
+"""Settings of a command to which a negative distance, angle or coordinate is an argument, not an option."""
+
+
+class LazyCommand(NamedTuple):
+    """Where a command is, and its line in the help of its group: the first sentence of its own help."""
+
+    module: str
+    """Module with the command: below navstack.cli."""
+    attribute: str
+    """Its function, or the typer application of a group."""
+    help: str
+    settings: dict[str, Any] = {}
+
+    def load(self, name: str) -> Any:
+        """Import the module and return the command."""
+        found = getattr(importlib.import_module(f"navstack.cli.{self.module}"), self.attribute)
+        if isinstance(found, typer.Typer):
+            command: Any = get_group(found)
+        else:
+            application = typer.Typer(add_completion=False, rich_markup_mode="markdown", pretty_exceptions_enable=False)
+            application.command(name, context_settings=self.settings)(found)
+            command = get_command(application)
+        command.name = name
+        return command
+
+
+class LazyGroup(TyperGroup):
+    """A group that knows the names and the help of its commands, and loads a command when it runs."""
+
+    table: ClassVar[dict[str, LazyCommand]] = {}
+
+    def __init__(self, **attributes: Any) -> None:
+        super().__init__(**attributes)
+        for name, lazy in self.table.items():
+            self.commands[name] = TyperCommand(name, help=lazy.help, rich_markup_mode="markdown")
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
+        """Return the command of the arguments, loaded, and what is left of them."""
+        name, command, rest = super().resolve_command(ctx, args)
+        return name, self.loaded(name) if name in self.table else command, rest
+
+    def loaded(self, name: str | None) -> Any:
+        """Return one command, loaded."""
+        assert name is not None
+        if name not in self._done:
+            self._done[name] = self.table[name].load(name)
+        return self._done[name]
+
+    def load_all(self) -> LazyGroup:
+        """Load every command, and those of inner groups: for documentation and tests."""
+        for name in self.table:
+            self.commands[name] = self.loaded(name)
+            if isinstance(self.commands[name], LazyGroup):
+                self.commands[name].load_all()
+        return self
+
+
+def group_of(table: dict[str, LazyCommand]) -> type[LazyGroup]:
+    """Return a class of groups for `typer.Typer(cls=..)`."""
+    return type("LazyGroup", (LazyGroup,), {"table": table, "_done": {}})
