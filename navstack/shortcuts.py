@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 from rich.console import Console
 
 from navstack import bringup, parameters
-from navstack.bringup import PlannedPath, plan_on_map
+from navstack.bringup import PlannedPath, plan_on_map, pose_of
 from navstack.core import Footprint, InputError, OccupancyGrid, ParameterError, Pose2D, Values
 from navstack.explain import explain_goal, explain_goals, print_goal
 from navstack.map_io import load_map, map_names
@@ -119,7 +119,8 @@ def load_robot(robot: Robot = DEFAULT_ROBOT, *, strict: bool = False, **sections
             raise InputError("sections change a robot that is loaded here; give its name or files", argument="sections")
         return robot
     sources = _sources(robot)
-    for name, values in sections.items():
+    given_values: Mapping[str, Any] = sections
+    for name, values in given_values.items():
         if not isinstance(values, Mapping):
             raise InputError(f"{name}={values!r} is not a dictionary of parameters", argument=name)
     configuration = parameters.load_configuration([*sources, dict(sections)] if sections else sources)
@@ -309,7 +310,7 @@ def _pose(place: Any, places: Places | None, what: str) -> Pose2D:
         if place not in known:
             raise InputError(_unknown("place", place, list(known), "a pose (x, y, yaw)"), argument=what)
         return known[place]
-    return bringup.pose_of(what, place)
+    return pose_of(what, place)
 
 
 @dataclass(frozen=True, slots=True)
@@ -469,7 +470,7 @@ def plan(world: Any, *ends: Any, **options: Any) -> Plan:
 
     >>> import navstack as nav
     >>> round(nav.plan("office", "corridor_west", "kitchen", planner="astar").path.length)
-    12
+    23
 
     On a map, `plan(map, start, goal, robot="turtlebot", planner=None)` uses the robot's global costmap and its planner, or
     another one with the robot's parameters. On an array, `plan(array, resolution, start, goal, ..)` is

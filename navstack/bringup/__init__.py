@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from navstack.bringup.single_plan import costmap_on_map as costmap_on_map
     from navstack.bringup.single_plan import plan as plan
     from navstack.bringup.single_plan import plan_on_map as plan_on_map
+    from navstack.bringup.single_plan import pose_of as pose_of
 else:
     from navstack._lazy import lazy_face
 

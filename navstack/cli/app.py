@@ -236,7 +236,8 @@ def _group() -> None:
 
 def command_tree() -> Any:
     """Return the click command `navstack` with all commands loaded: for documentation and tests."""
-    return typer.main.get_group(app).load_all()
+    group: Any = typer.main.get_group(app)
+    return group.load_all()
 
 
 def _print_version(value: bool) -> None:

@@ -40,6 +40,8 @@ class LazyGroup(TyperGroup):
     """A group that knows the names and the help of its commands, and loads a command when it runs."""
 
     table: ClassVar[dict[str, LazyCommand]] = {}
+    _done: ClassVar[dict[str, Any]] = {}
+    """Commands that are loaded, by name."""
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
@@ -62,8 +64,9 @@ class LazyGroup(TyperGroup):
         """Load every command, and those of inner groups: for documentation and tests."""
         for name in self.table:
             self.commands[name] = self.loaded(name)
-            if isinstance(self.commands[name], LazyGroup):
-                self.commands[name].load_all()
+            group = self.commands[name]
+            if isinstance(group, LazyGroup):
+                group.load_all()
         return self
 
 

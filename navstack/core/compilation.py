@@ -17,7 +17,7 @@ from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import IO, Any, Final, cast
 
 from navstack.core.jit import Kernel, imported_kernels
 
@@ -47,7 +47,7 @@ class Specialization:
         from navstack.core.kernel_cache import cache_file, parse
 
         try:
-            file = cache_file(self.kernel, parse(self.types), inner=self.inner)
+            file = cache_file(cast("Any", self.kernel), parse(self.types), inner=self.inner)
         except Exception:  # types of another version of numba
             return None
         return None if file is None else file.exists()

@@ -58,7 +58,7 @@ class Kernel(Generic[P, R]):
 
             with _LOCK:
                 if self._compiled is None:
-                    self._compiled = cast("Callable[P, R]", KernelDispatcher(self))
+                    self._compiled = cast("Callable[P, R]", KernelDispatcher(cast("Any", self)))
         return self._compiled
 
     @property

@@ -4,6 +4,10 @@ A file holds one specialization: a checksum, then numba's compile result. Its na
 of the types. Processes that need the same specialization wait for the first one, which compiles it.
 """
 
+# pyright: reportAttributeAccessIssue=false, reportUnknownLambdaType=false, reportUnnecessaryIsInstance=false
+# pyright: reportGeneralTypeIssues=false
+# numba has no types
+
 from __future__ import annotations
 
 import contextlib

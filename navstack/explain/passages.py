@@ -23,7 +23,7 @@ from navstack.explain.crossing import VERDICT_TEXTS, ShapePassage, Verdict, shap
 from navstack.explain.narrow_places import NarrowPlace, narrow_places
 from navstack.map_io import load_map
 from navstack.parameters import Configuration, CostmapConfiguration
-from navstack.plugins import Plugin
+from navstack.plugins import Layer, Plugin
 
 Rating = Literal["free", "costly", "blocked"]
 RATINGS: tuple[Rating, ...] = ("free", "costly", "blocked")
@@ -270,10 +270,10 @@ def inflated_map(chosen: CostmapConfiguration, static_map: OccupancyGrid, name: 
         update={"global_frame": static_map.frame, "robot_base_frame": "base", "rolling_window": False}
     )
     kinds = (StaticLayer, KeepoutMaskLayer, InflationLayer)
-    specs = [Plugin(x.name, x.cls, x.params) for x in chosen.layers if issubclass(x.cls, kinds)]
+    specs = [Plugin[Layer[Any]](x.name, x.cls, x.params) for x in chosen.layers if issubclass(x.cls, kinds)]
     if not any(issubclass(spec.cls, StaticLayer) for spec in specs):
         # a costmap without a static layer observes the same walls with its sensors
-        specs.insert(0, Plugin("static_layer", StaticLayer, StaticLayer.Params()))
+        specs.insert(0, Plugin[Layer[Any]]("static_layer", StaticLayer, StaticLayer.Params()))
     costmap = LayeredCostmap(
         f"{name}_costmap",
         params,

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from navstack.logs.contents import first_odometry as first_odometry
     from navstack.logs.contents import first_parents as first_parents
     from navstack.logs.contents import log_info as log_info
-    from navstack.logs.formats import open_log as open
+    from navstack.logs.formats import open_log as open  # pyright: ignore[reportUnusedImport]
     from navstack.logs.formats import open_log as open_log
     from navstack.logs.log import Channel as Channel
     from navstack.logs.log import Log as Log

@@ -46,7 +46,7 @@ from navstack.costmap import (
     VoxelLayerParams,
 )
 from navstack.local_planner import DWAParams, DWAPlanner
-from navstack.plugins import ControlInput, Plugin
+from navstack.plugins import ControlInput, Layer, Plugin
 from navstack.scenario import Run, Scenario, run_scenario
 from navstack.studies.inputs import digest_of_scenario
 from navstack.studies.jobs import Job, JobResult
@@ -465,13 +465,13 @@ def rolling_costmap(
     )
     common: dict[str, Any] = {"observation_sources": "scan", "sources": {"scan": source}, "track_unknown_space": voxel}
     layers = [
-        Plugin("obstacle_layer", VoxelLayer, VoxelLayerParams(z_voxels=2, z_resolution=0.2, **common))
+        Plugin[Layer[Any]]("obstacle_layer", VoxelLayer, VoxelLayerParams(z_voxels=2, z_resolution=0.2, **common))
         if voxel
-        else Plugin("obstacle_layer", ObstacleLayer, ObstacleLayerParams(**common))
+        else Plugin[Layer[Any]]("obstacle_layer", ObstacleLayer, ObstacleLayerParams(**common))
     ]
     if inflate:
         params = InflationLayerParams(inflation_radius=0.5, cost_scaling_factor=5.0)
-        layers.append(Plugin("inflation_layer", InflationLayer, params))
+        layers.append(Plugin[Layer[Any]]("inflation_layer", InflationLayer, params))
     if frames is None:
         frames = frames_at_origin()
     return LayeredCostmap(

@@ -33,15 +33,13 @@ def test_a_signal_leaves_a_record(
     command: str, number: signal.Signals, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The signal arrives before the first cycle after the warm-up."""
-    from navstack import scenario as scenarios
+    from navstack.scenario import Scenario, warm_up
 
-    warm_up = scenarios.warm_up
-
-    def warm_up_and_signal(scenario: scenarios.Scenario) -> None:
+    def warm_up_and_signal(scenario: Scenario) -> None:
         warm_up(scenario)
         os.kill(os.getpid(), number)
 
-    monkeypatch.setattr(scenarios, "warm_up", warm_up_and_signal)
+    monkeypatch.setattr(f"navstack.cli.{command}.warm_up", warm_up_and_signal)
     handlers = [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
     assert run([command, "office", "--out", str(tmp_path)]) == 128 + number
     assert Record.load(tmp_path).results == []
@@ -64,7 +62,6 @@ def test_a_signal_leaves_no_part_of_a_film(
     number: signal.Signals, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The signal arrives while the frames are written."""
-    from navstack.cli import output
     from tests.record import synthetic
 
     folder = synthetic.record_run(3.0).save(tmp_path)["record"].parent
@@ -74,7 +71,7 @@ def test_a_signal_leaves_no_part_of_a_film(
     def signalling_bar(what: str, *, quiet: bool) -> Generator[Callable[[int, int], None]]:
         yield lambda done, total: os.kill(os.getpid(), number)
 
-    monkeypatch.setattr(output, "counting_bar", signalling_bar)
+    monkeypatch.setattr("navstack.cli.plot.counting_bar", signalling_bar)
     before = sorted(folder.iterdir())
     handlers = [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
     assert run(["plot", str(folder), "--animate", "--out", str(tmp_path / "run.png")]) == 128 + number
@@ -85,9 +82,7 @@ def test_a_signal_leaves_no_part_of_a_film(
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_a_plan(number: signal.Signals, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from navstack import bringup
-
-    monkeypatch.setattr(bringup, "plan_on_map", lambda *_, **__: os.kill(os.getpid(), number))
+    monkeypatch.setattr("navstack.cli.plan.plan_on_map", lambda *_, **__: os.kill(os.getpid(), number))
     assert run(["plan", "office", "--start", "1,7.45", "--goal", "3,7.45", "--out", str(tmp_path)]) == 128 + number
     assert list(tmp_path.iterdir()) == []
 

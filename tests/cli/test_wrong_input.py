@@ -312,7 +312,7 @@ def test_out_of_memory(navstack, monkeypatch: pytest.MonkeyPatch) -> None:
     def allocate(*_: object, **__: object) -> None:
         raise MemoryError("Unable to allocate 671. GiB")
 
-    monkeypatch.setattr("navstack.scenario.warm_up", allocate)
+    monkeypatch.setattr("navstack.cli.simulate.warm_up", allocate)
     outcome = navstack("simulate", "--out", "out")
     assert outcome.code == 2
     assert "out of memory: Unable to allocate 671. GiB" in outcome.err

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import pickle
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navstack.cli.app import run
+from navstack.cli.app import command_tree, run
 from navstack.cli.arguments import scenario_file
 from navstack.core import InputError, InternalError, Pose2D
 from navstack.map_io import map_path
@@ -299,8 +300,11 @@ def test_a_folder_of_the_same_name_does_not_hide_a_shipped_scenario(
     for name in ("narrow_door", "broken"):
         (tmp_path / "here" / name).mkdir(parents=True)
     (tmp_path / "broken.yaml").write_text("map: office\nstart: [1, 2\ngoals: x\n", encoding="utf-8")
+    command_tree()  # imports all commands
     shipped = {**shipped_scenarios(), "broken": tmp_path / "broken.yaml"}
-    monkeypatch.setattr("navstack.scenario.shipped_scenarios", lambda: shipped)
+    for module in [module for name, module in sys.modules.items() if name.startswith("navstack")]:
+        if vars(module).get("shipped_scenarios") is shipped_scenarios:
+            monkeypatch.setattr(module, "shipped_scenarios", lambda: shipped)
     monkeypatch.chdir(tmp_path / "here")
     assert scenario_file("narrow_door") == shipped["narrow_door"]
     assert [found.name for found in read_scenarios(["narrow_door"], None)] == ["narrow door"]
